@@ -1,0 +1,6 @@
+//! `tega-emg`.
+#![forbid(unsafe_code)]
+
+mod error;
+
+pub use error::EmgError;

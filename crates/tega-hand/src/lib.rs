@@ -1,0 +1,6 @@
+//! `tega-hand`.
+#![forbid(unsafe_code)]
+
+mod error;
+
+pub use error::HandError;

@@ -1,0 +1,6 @@
+//! `tega-haptics`.
+#![forbid(unsafe_code)]
+
+mod error;
+
+pub use error::HapticsError;

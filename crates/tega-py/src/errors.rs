@@ -1,0 +1,78 @@
+//! The one place where the core crates' errors become Python exceptions.
+//!
+//! To add an error: add the variant in its crate, then the arm here (the matches have no `_` arm, so the compiler
+//! asks for it). The Python classes live in `python/tega/errors.py`.
+
+use pyo3::import_exception;
+use pyo3::prelude::*;
+use tega_emg::EmgError;
+use tega_hand::HandError;
+use tega_haptics::HapticsError;
+use tega_tactile::TactileError;
+use tega_wire::WireError as CoreWireError;
+
+import_exception!(tega.errors, CalibrationError);
+import_exception!(tega.errors, DtypeError);
+import_exception!(tega.errors, InvalidValueError);
+import_exception!(tega.errors, ShapeError);
+import_exception!(tega.errors, WireError);
+
+/// A core error on its way to Python.
+pub(crate) struct BindError(PyErr);
+
+impl From<BindError> for PyErr {
+    fn from(e: BindError) -> Self {
+        e.0
+    }
+}
+
+impl From<PyErr> for BindError {
+    fn from(e: PyErr) -> Self {
+        Self(e)
+    }
+}
+
+impl From<TactileError> for BindError {
+    fn from(e: TactileError) -> Self {
+        let args = (e.to_string(), e.hint());
+        Self(match e {
+            TactileError::OutOfRange { .. } => InvalidValueError::new_err(args),
+        })
+    }
+}
+
+impl From<EmgError> for BindError {
+    fn from(e: EmgError) -> Self {
+        let args = (e.to_string(), e.hint());
+        Self(match e {
+            EmgError::OutOfRange { .. } => InvalidValueError::new_err(args),
+        })
+    }
+}
+
+impl From<HapticsError> for BindError {
+    fn from(e: HapticsError) -> Self {
+        let args = (e.to_string(), e.hint());
+        Self(match e {
+            HapticsError::OutOfRange { .. } => InvalidValueError::new_err(args),
+        })
+    }
+}
+
+impl From<HandError> for BindError {
+    fn from(e: HandError) -> Self {
+        let args = (e.to_string(), e.hint());
+        Self(match e {
+            HandError::OutOfRange { .. } => InvalidValueError::new_err(args),
+        })
+    }
+}
+
+impl From<CoreWireError> for BindError {
+    fn from(e: CoreWireError) -> Self {
+        let args = (e.to_string(), e.hint());
+        Self(match e {
+            CoreWireError::OutOfRange { .. } => WireError::new_err(args),
+        })
+    }
+}

@@ -1,0 +1,7 @@
+//! Bindings of `tega-haptics`.
+
+use pyo3::prelude::*;
+
+pub(crate) fn register(_m: &Bound<'_, PyModule>) -> PyResult<()> {
+    Ok(())
+}

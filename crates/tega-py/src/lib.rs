@@ -1,0 +1,23 @@
+//! `tega._native`: the thin layer between Python and the core crates.
+//!
+//! Each function checks, borrows, detaches where that pays, calls one core function and converts the answer. There
+//! is no arithmetic here, and the module is flat. Its types are written down in `python/tega/_native.pyi`.
+
+mod emg;
+mod errors;
+mod hand;
+mod haptics;
+mod tactile;
+mod wire;
+
+use pyo3::prelude::*;
+
+#[pymodule(gil_used = false)]
+fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    tactile::register(m)?;
+    haptics::register(m)?;
+    emg::register(m)?;
+    hand::register(m)?;
+    wire::register(m)
+}

@@ -1,0 +1,6 @@
+//! `tega-tactile`.
+#![forbid(unsafe_code)]
+
+mod error;
+
+pub use error::TactileError;

@@ -1,0 +1,6 @@
+//! `tega-wire`.
+#![forbid(unsafe_code)]
+
+mod error;
+
+pub use error::WireError;

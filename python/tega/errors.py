@@ -1,0 +1,86 @@
+"""Every error TEGA raises on purpose.
+
+::
+
+    TegaError
+    ├── InvalidValueError (ValueError)      a number out of range, not finite, or a bad choice
+    ├── ShapeError (ValueError)             an array of the wrong shape or size
+    ├── DtypeError (TypeError)              an array of the wrong element type
+    ├── CalibrationError (ValueError)       maxima or baselines that cannot be used
+    ├── ConfigError (ValueError)            a settings file: unknown key, wrong type, value out of range
+    ├── RecordingError (ValueError)         a recording that is missing, cut short or cannot be parsed
+    ├── WireError (ValueError)              a packet that cannot be encoded
+    └── DeviceUnavailableError (RuntimeError)
+        └── MissingExtraError (ImportError) a device needs a package that is not installed
+
+Each message names the thing, the value and its unit; ``hint`` is the next step to take.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "CalibrationError",
+    "ConfigError",
+    "DeviceUnavailableError",
+    "DtypeError",
+    "InvalidValueError",
+    "MissingExtraError",
+    "RecordingError",
+    "ShapeError",
+    "TegaError",
+    "WireError",
+]
+
+
+class TegaError(Exception):
+    """Base of all errors raised by TEGA.
+
+    Args:
+        message: What is wrong: the thing, its value, its unit.
+        hint: What to do next; empty where the message already says it.
+    """
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message, hint)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        """Return the message, followed by the hint where there is one."""
+        return f"{self.message}; {self.hint}" if self.hint else self.message
+
+
+class InvalidValueError(TegaError, ValueError):
+    """A number is out of its range or not finite, or a choice is not one of those offered."""
+
+
+class ShapeError(TegaError, ValueError):
+    """An array has the wrong number of dimensions, shape or size."""
+
+
+class DtypeError(TegaError, TypeError):
+    """An array has the wrong element type."""
+
+
+class CalibrationError(TegaError, ValueError):
+    """A maximum, baseline or calibration file cannot be used."""
+
+
+class ConfigError(TegaError, ValueError):
+    """A settings file has an unknown key, a wrong type or a value out of range."""
+
+
+class RecordingError(TegaError, ValueError):
+    """A recording is missing, cut short, or cannot be parsed."""
+
+
+class WireError(TegaError, ValueError):
+    """A packet cannot be encoded from the values given."""
+
+
+class DeviceUnavailableError(TegaError, RuntimeError):
+    """A device is not there, or does not answer."""
+
+
+class MissingExtraError(DeviceUnavailableError, ImportError):
+    """A device needs a package that is not installed; the hint names the extra that brings it."""
