@@ -12,8 +12,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
-from reference import tactile as reference
 
+from reference import tactile as reference
 from tega.tactile import ContactGate, ContactMetrics, contact_metrics, read_contact
 
 Image = NDArray[np.uint8]
@@ -22,9 +22,7 @@ DIFFERENCES = st.sampled_from(["signed", "rectified", "absolute"])
 SPREADS = st.sampled_from(["spatial", "intensity"])
 CENTROID_VALUES = st.sampled_from(["nearest", "bilinear"])
 ORDERS = st.sampled_from(["bgr", "rgb"])
-FACTORS = st.one_of(
-    st.just(1.28), st.floats(-4, 4), st.sampled_from([0.0, 1e-9, 0.1, 2.5, -1.0, 1e6])
-)
+FACTORS = st.one_of(st.just(1.28), st.floats(-4, 4), st.sampled_from([0.0, 1e-9, 0.1, 2.5, -1.0, 1e6]))
 
 
 @st.composite
@@ -34,12 +32,13 @@ def weight_triples(draw: st.DrawFn) -> tuple[float, float, float]:
     if kind == "luma":
         return (0.299, 0.587, 0.114)
     if kind == "thousandths":
-        r, g = draw(st.integers(-2000, 2000)), draw(st.integers(-2000, 2000))
-        return (r / 1000, g / 1000, (1000 - r - g) / 1000)
+        red, green = draw(st.integers(-2000, 2000)), draw(st.integers(-2000, 2000))
+        return (red / 1000, green / 1000, (1000 - red - green) / 1000)
     if kind == "long":
         r, g = draw(st.floats(-1, 1)), draw(st.floats(-1, 1))
         b = 1 - r - g
-        assume(abs(sum(map(reference.printed, (r, g, b))) - 1) <= Fraction(1, 10**9))
+        total = reference.printed(r) + reference.printed(g) + reference.printed(b)
+        assume(abs(total - 1) <= Fraction(1, 10**9))
         return (r, g, b)
     tiny = draw(st.sampled_from([1e-300, 5e-324, -1e-30, 1e-12]))
     return (tiny, 0.25, 0.75)
@@ -91,7 +90,7 @@ def test_every_reading_equals_the_fractions(
         factor=factor,
         centroid_value=centroid_value,
     )
-    grey = reference.grey_map(*pair, weights, order, difference)
+    grey = reference.grey_map(pair[0], pair[1], weights, order, difference)
     exact = reference.metrics_of_map(grey, spread=spread, factor=factor, centroid_value=centroid_value)
     assert_equals_exact(m, exact)
 
@@ -100,13 +99,15 @@ def test_every_reading_equals_the_fractions(
 def test_the_gate_counts_pixels_over_its_floor(pair, noise_floor, min_pixels, difference) -> None:
     gate = ContactGate(noise_floor, min_pixels)
     m = contact_metrics(*pair, difference=difference, gate=gate)
-    grey = reference.grey_map(*pair, difference=difference)
+    grey = reference.grey_map(pair[0], pair[1], difference=difference)
     assert_equals_exact(m, reference.metrics_of_map(grey, gate=gate))
 
 
 @given(pairs(max_side=9), ORDERS)
 def test_the_paper_reading_equals_the_fractions(pair, order) -> None:
-    assert_equals_exact(read_contact(*pair, reading="paper", order=order), reference.read_paper(*pair, order))
+    assert_equals_exact(
+        read_contact(*pair, reading="paper", order=order), reference.read_paper(pair[0], pair[1], order)
+    )
 
 
 @given(st.integers(1, 12), st.integers(1, 12), st.integers(0, 255), st.integers(0, 2**32 - 1))
@@ -126,9 +127,7 @@ def test_strides_and_read_only_memory_change_nothing(pair, difference, spread) -
     sparse.flags.writeable = False
     backward = baseline[::-1, ::-1, ::-1].copy()[::-1, ::-1, ::-1]
     for other in (twisted, sparse):
-        np.testing.assert_equal(
-            contact_metrics(other, backward, difference=difference, spread=spread), plain
-        )
+        np.testing.assert_equal(contact_metrics(other, backward, difference=difference, spread=spread), plain)
 
 
 @given(pairs(), DIFFERENCES)
@@ -140,8 +139,8 @@ def test_swapping_colour_order_with_the_bytes_changes_nothing(pair, difference) 
     )
 
 
-@given(pairs(), DIFFERENCES, SPREADS)
-def test_a_shift_of_the_picture_shifts_only_the_coordinates(pair, difference, spread) -> None:
+@given(pairs(), DIFFERENCES)
+def test_a_shift_of_the_picture_shifts_only_the_coordinates(pair, difference) -> None:
     frame, baseline = (np.pad(image, ((3, 0), (5, 0), (0, 0))) for image in pair)
     whole = contact_metrics(frame, baseline, difference=difference)
     part = contact_metrics(*pair, difference=difference)
@@ -150,7 +149,6 @@ def test_a_shift_of_the_picture_shifts_only_the_coordinates(pair, difference, sp
         assert whole.peak == part.peak
         assert np.allclose(np.subtract(whole.centroid_xy, part.centroid_xy), (5, 3), rtol=0, atol=1e-9)
         assert whole.spread == pytest.approx(part.spread, rel=1e-12)
-    del spread
 
 
 @given(pairs(), DIFFERENCES, SPREADS)
@@ -181,6 +179,4 @@ def test_swapping_the_roles_of_two_channels_with_their_weights_changes_nothing(p
 @given(pairs())
 def test_brightening_both_images_alike_changes_nothing(pair) -> None:
     frame, baseline = (image // 2 for image in pair)
-    np.testing.assert_equal(
-        contact_metrics(frame + 100, baseline + 100), contact_metrics(frame, baseline)
-    )
+    np.testing.assert_equal(contact_metrics(frame + 100, baseline + 100), contact_metrics(frame, baseline))

@@ -1,4 +1,4 @@
-"""Equations 1 to 6 and the `paper` reading in fractions: slow, exact, and written from the equations alone."""
+"""Equations 1 to 6 and the `paper` reading in fractions: slow, exact, written from the equations alone."""
 
 from __future__ import annotations
 
@@ -127,9 +127,7 @@ def metrics_of_map(
     else:
         value = bilinear(grey, mu_x, mu_y)
     f = printed(factor)
-    eda = sum(
-        above(n, value, f, variance) and (floor_value is None or n > floor_value) for _, _, n in cells
-    )
+    eda = sum(above(n, value, f, variance) and (floor_value is None or n > floor_value) for _, _, n in cells)
     with localcontext() as ctx:
         ctx.prec = 60
         threshold = Decimal(value.numerator) / Decimal(value.denominator) - Decimal(f.numerator) / Decimal(
@@ -151,7 +149,7 @@ def metrics_of_map(
 
 
 def read_paper(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], order: str = "bgr") -> Exact:
-    """Read the contact as the `paper` preset is described: absolute, 5×5 mean, noise floor 6, at least 30 pixels."""
+    """Read as the `paper` preset is described: absolute, 5×5 mean, noise floor 6, at least 30 pixels."""
     sharp = grey_map(frame, baseline, order=order, difference="absolute")
     height, width = len(sharp), len(sharp[0])
 

@@ -5,6 +5,7 @@ use num_integer::Integer;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 
 use crate::error::TactileError;
+use crate::exact::Exact;
 
 /// An exact decimal: `numerator / denominator`, in lowest terms, denominator positive.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -88,8 +89,8 @@ impl Weights {
         let denominator = parts.iter().fold(BigInt::one(), |acc, p| acc.lcm(&p.denominator));
         let numerators = parts.map(|p| p.numerator * (&denominator / p.denominator));
         let sum: BigInt = numerators.iter().sum();
-        if (sum - &denominator).abs() * 1_000_000_000_i64 > denominator {
-            return Err(TactileError::WeightSum { r, g, b, sum: r + g + b });
+        if (&sum - &denominator).abs() * 1_000_000_000_i64 > denominator {
+            return Err(TactileError::WeightSum { r, g, b, sum: BigInt::ratio(&sum, &denominator) });
         }
         let reach = numerators.iter().map(Signed::abs).fold(BigInt::zero(), |acc, n| acc + n) * 255;
         let narrow = (reach <= i32::MAX.into() && denominator <= i32::MAX.into())

@@ -6,8 +6,9 @@
 use num_bigint::BigInt;
 
 use crate::exact::{Exact, Sums, Threshold};
-use crate::frame::{Difference, Order, Pair};
+use crate::frame::{Order, Pair};
 use crate::metrics::ContactMetrics;
+use crate::simd;
 
 /// Noise floor, grey values: a still pair differs by 2.4 on average after weighting and blurring, and 99 % of the
 /// pixels far from a real press, drift included, by less than 5.7 (measured on a DIGIT at full light).
@@ -21,38 +22,30 @@ const LUMA: [i32; 3] = [299, 587, 114];
 const DENOMINATOR: i32 = 1000 * 25;
 const RADIUS: usize = 2;
 
-/// Buffers that are reused from frame to frame.
+/// Buffers that are reused from frame to frame; each is sized once.
 #[derive(Debug, Default)]
 pub struct PaperScratch {
-    grey: Vec<i32>,
-    columns: Vec<i32>,
-    padded: Vec<i32>,
-    blurred: Vec<i32>,
+    /// |frame − baseline|, interleaved bytes of the whole image.
+    difference: Vec<u8>,
+    /// Sums of five rows, interleaved, with `RADIUS` mirrored pixels on both sides.
+    columns: Vec<i16>,
+    /// Levels of the blurred, masked grey map.
+    map: Vec<i32>,
 }
 
 /// Equations 1 to 6 under the `paper` preset. Exact but for the final rounding of each number.
 pub fn read_paper(pair: &Pair<'_>, order: Order, scratch: &mut PaperScratch) -> ContactMetrics {
     let (width, height) = (pair.width(), pair.height());
-    weigh(pair, order, &mut scratch.grey);
-    blur(width, height, scratch);
-    let summary = mask_and_sum(width, &mut scratch.blurred);
-    let resolved = resolve::<i128>(&summary, width, height, &scratch.blurred);
-    resolved
-        .or_else(|| resolve::<BigInt>(&summary, width, height, &scratch.blurred))
-        .unwrap_or_else(|| ContactMetrics::none(f64::NAN, f64::NAN, summary.peak_xy))
-}
-
-/// Eq 1 on the absolute difference, in thousandths of a grey value.
-fn weigh(pair: &Pair<'_>, order: Order, grey: &mut Vec<i32>) {
-    let weights = order.arrange(LUMA);
-    grey.clear();
+    scratch.difference.clear();
     pair.for_each_row(|_, frame, baseline| {
-        let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
-        grey.extend(pixels.map(|(f, b)| {
-            let d = |c: usize| i32::from(Difference::Absolute.of(f[c], b[c]));
-            weights[0] * d(0) + weights[1] * d(1) + weights[2] * d(2)
-        }));
+        scratch.difference.extend(frame.iter().zip(baseline).map(|(f, b)| f.abs_diff(*b)));
     });
+    simd::blur_and_weigh(width, height, order.arrange(LUMA), scratch);
+    let summary = simd::mask_and_sum(width, &mut scratch.map);
+    let resolved = resolve::<i128>(&summary, width, height, &scratch.map);
+    resolved
+        .or_else(|| resolve::<BigInt>(&summary, width, height, &scratch.map))
+        .unwrap_or_else(|| ContactMetrics::none(f64::NAN, f64::NAN, summary.peak_xy))
 }
 
 /// Mirrors an index without repeating the border pixel (the usual image border).
@@ -65,35 +58,54 @@ fn mirror(i: isize, side: usize) -> usize {
     i.min(period as usize - i)
 }
 
-/// 5×5 box sums (not means: the division is left to the denominator).
-fn blur(width: usize, height: usize, scratch: &mut PaperScratch) {
-    let PaperScratch { grey, columns, padded, blurred } = scratch;
+/// 5×5 box sums per channel (no division: it is left to the denominator), then Eq 1 on them.
+///
+/// Sums of 25 bytes fit 16 bits, so the blur runs on interleaved bytes and only its result is weighted.
+#[inline(always)]
+pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scratch: &mut PaperScratch) {
+    let PaperScratch { difference, columns, map } = scratch;
     let row = |y: isize| {
-        let start = mirror(y, height) * width;
-        &grey[start..start + width]
+        let start = mirror(y, height) * width * 3;
+        &difference[start..start + width * 3]
     };
+    let margin = RADIUS * 3;
     columns.clear();
-    columns.resize(width, 0);
+    columns.resize(width * 3 + 2 * margin, 0);
     for y in -(RADIUS as isize)..=RADIUS as isize {
-        columns.iter_mut().zip(row(y)).for_each(|(sum, v)| *sum += v);
+        columns[margin..].iter_mut().zip(row(y)).for_each(|(sum, v)| *sum += i16::from(*v));
     }
-    blurred.clear();
-    blurred.reserve(width * height);
-    for y in 0..height as isize {
-        padded.clear();
-        let left = (1..=RADIUS as isize).rev().map(|x| columns[mirror(-x, width)]);
-        padded.extend(left);
-        padded.extend_from_slice(columns);
-        padded.extend((0..RADIUS).map(|x| columns[mirror((width + x) as isize, width)]));
-        blurred.extend(padded.windows(2 * RADIUS + 1).map(|w| w.iter().sum::<i32>()));
+    map.resize(width * height, 0);
+    for (y, levels) in map.chunks_exact_mut(width).enumerate() {
+        for i in 1..=RADIUS as isize {
+            for (outside, inside) in
+                [(-i, mirror(-i, width)), (width as isize + i - 1, mirror(width as isize + i - 1, width))]
+            {
+                let to = (outside + RADIUS as isize) as usize * 3;
+                columns.copy_within((inside + RADIUS) * 3..(inside + RADIUS + 1) * 3, to);
+            }
+        }
+        weigh_boxes(columns, weights, levels);
+        let y = y as isize;
         let (leaving, entering) = (row(y - RADIUS as isize), row(y + RADIUS as isize + 1));
-        for ((sum, old), new) in columns.iter_mut().zip(leaving).zip(entering) {
-            *sum += new - old;
+        for ((sum, old), new) in columns[margin..].iter_mut().zip(leaving).zip(entering) {
+            *sum += i16::from(*new) - i16::from(*old);
         }
     }
 }
 
-struct Summary {
+/// Sums of five neighbours in a row of column sums, weighted per channel.
+#[inline(always)]
+fn weigh_boxes(columns: &[i16], weights: [i32; 3], levels: &mut [i32]) {
+    let pixels = columns.as_chunks::<3>().0;
+    let boxes = pixels.iter().zip(&pixels[1..]).zip(&pixels[2..]).zip(&pixels[3..]).zip(&pixels[4..]);
+    for (level, ((((a, b), c), d), e)) in levels.iter_mut().zip(boxes) {
+        let sum = |i: usize| i32::from(a[i] + b[i] + c[i] + d[i] + e[i]);
+        *level = weights[0] * sum(0) + weights[1] * sum(1) + weights[2] * sum(2);
+    }
+}
+
+/// Sums over the masked map.
+pub(crate) struct Summary {
     sums: Sums<i128>,
     above_floor: u32,
     peak: i32,
@@ -101,18 +113,24 @@ struct Summary {
 }
 
 /// Sets levels under the noise floor to 0 and sums what is left.
-fn mask_and_sum(width: usize, blurred: &mut [i32]) -> Summary {
+#[inline(always)]
+pub(crate) fn mask_and_sum(width: usize, map: &mut [i32]) -> Summary {
     const FLOOR: i32 = NOISE_FLOOR * DENOMINATOR;
     let (mut mass, mut first, mut second) = (0_i128, [0_i128; 2], 0_i128);
-    let (mut above_floor, mut peak, mut peak_row) = (0, i32::MIN, 0);
-    for (y, row) in blurred.chunks_exact_mut(width).enumerate() {
-        let (mut m, mut mx, mut mxx, mut largest) = (0_i64, 0_i64, 0_i64, 0);
-        for (x, level) in row.iter_mut().enumerate() {
+    let (mut above_floor, mut peak, mut peak_row) = (0, 0, 0);
+    for (y, row) in map.chunks_exact_mut(width).enumerate() {
+        let mut largest = 0;
+        for level in row.iter_mut() {
             above_floor += u32::from(*level > FLOOR);
-            let kept = if *level < FLOOR { 0 } else { *level };
-            *level = kept;
-            largest = largest.max(kept);
-            let (x, n) = (x as i64, i64::from(kept));
+            *level = if *level < FLOOR { 0 } else { *level };
+            largest = largest.max(*level);
+        }
+        if largest == 0 {
+            continue;
+        }
+        let (mut m, mut mx, mut mxx) = (0_i64, 0_i64, 0_i64);
+        for (x, level) in row.iter().enumerate() {
+            let (x, n) = (x as i64, i64::from(*level));
             m += n;
             mx += x * n;
             mxx += x * x * n;
@@ -126,10 +144,16 @@ fn mask_and_sum(width: usize, blurred: &mut [i32]) -> Summary {
         first[1] += y * m;
         second += i128::from(mxx) + y * y * m;
     }
-    let row = blurred.chunks_exact(width).nth(peak_row).unwrap_or_default();
+    let row = map.chunks_exact(width).nth(peak_row).unwrap_or_default();
     let peak_xy = (row.iter().position(|&n| n == peak).unwrap_or_default(), peak_row);
     let denominator = i128::from(DENOMINATOR);
     Summary { sums: Sums { mass, first, second, squares: None, denominator }, above_floor, peak, peak_xy }
+}
+
+/// Number of levels at or above `first`.
+#[inline(always)]
+pub(crate) fn count_from(map: &[i32], first: i32) -> u32 {
+    map.iter().map(|&n| u32::from(n >= first)).sum()
 }
 
 /// Equations 2 to 6 on the masked map; `None` on overflow of `I`.
@@ -168,7 +192,7 @@ where
     let first_above_floor = NOISE_FLOOR * DENOMINATOR + 1;
     let first =
         i32::try_from(threshold.first_level_above()?).map_or(first_above_floor, |n| n.max(first_above_floor));
-    let eda = map.iter().map(|&n| u32::from(n >= first)).sum();
+    let eda = simd::count_from(map, first);
     let cci = if eda == 0 { 0.0 } else { I::ratio(&peak, &denominator.checked_mul(&I::from_u32(eda)?)?) };
     Some(ContactMetrics {
         centroid_xy: (x, y),
