@@ -31,6 +31,20 @@ pub struct PaperScratch {
     columns: Vec<i16>,
     /// Levels of the blurred, masked grey map.
     map: Vec<i32>,
+    /// Lowest level that counts as contact.
+    first_counted: i32,
+}
+
+impl PaperScratch {
+    /// The pressure map of the last frame read: grey values, row by row, after blur and noise floor.
+    pub fn pressure_map(&self) -> impl Iterator<Item = f32> {
+        self.map.iter().map(|&level| level as f32 / DENOMINATOR as f32)
+    }
+
+    /// The pixels that the last frame's EDA counts, row by row.
+    pub fn mask(&self) -> impl Iterator<Item = bool> {
+        self.map.iter().map(|&level| level >= self.first_counted)
+    }
 }
 
 /// Equations 1 to 6 under the `paper` preset. Exact but for the final rounding of each number.
@@ -42,10 +56,13 @@ pub fn read_paper(pair: &Pair<'_>, order: Order, scratch: &mut PaperScratch) -> 
     });
     simd::blur_and_weigh(width, height, order.arrange(LUMA), scratch);
     let summary = simd::mask_and_sum(width, &mut scratch.map);
-    let resolved = resolve::<i128>(&summary, width, height, &scratch.map);
-    resolved
-        .or_else(|| resolve::<BigInt>(&summary, width, height, &scratch.map))
-        .unwrap_or_else(|| ContactMetrics::none(f64::NAN, f64::NAN, summary.peak_xy))
+    let resolved = resolve::<i128>(&summary, width, height, &scratch.map)
+        .or_else(|| resolve::<BigInt>(&summary, width, height, &scratch.map));
+    // Big integers do not overflow; kept total so that no input can panic.
+    let (metrics, first_counted) =
+        resolved.unwrap_or_else(|| (ContactMetrics::none(f64::NAN, f64::NAN, summary.peak_xy), i32::MAX));
+    scratch.first_counted = first_counted;
+    metrics
 }
 
 /// Mirrors an index without repeating the border pixel (the usual image border).
@@ -63,7 +80,7 @@ fn mirror(i: isize, side: usize) -> usize {
 /// Sums of 25 bytes fit 16 bits, so the blur runs on interleaved bytes and only its result is weighted.
 #[inline(always)]
 pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scratch: &mut PaperScratch) {
-    let PaperScratch { difference, columns, map } = scratch;
+    let PaperScratch { difference, columns, map, .. } = scratch;
     let row = |y: isize| {
         let start = mirror(y, height) * width * 3;
         &difference[start..start + width * 3]
@@ -156,8 +173,8 @@ pub(crate) fn count_from(map: &[i32], first: i32) -> u32 {
     map.iter().map(|&n| u32::from(n >= first)).sum()
 }
 
-/// Equations 2 to 6 on the masked map; `None` on overflow of `I`.
-fn resolve<I>(summary: &Summary, width: usize, height: usize, map: &[i32]) -> Option<ContactMetrics>
+/// Equations 2 to 6 on the masked map, and the lowest level that counts; `None` on overflow of `I`.
+fn resolve<I>(summary: &Summary, width: usize, height: usize, map: &[i32]) -> Option<(ContactMetrics, i32)>
 where
     I: Exact + From<i32>,
     i32: TryFrom<I>,
@@ -179,7 +196,7 @@ where
         summary.peak_xy,
     );
     let (true, Some([x, y])) = (summary.above_floor >= MIN_PIXELS, sums.centroid()) else {
-        return Some(none);
+        return Some((none, i32::MAX));
     };
     let (column, row) = sums.nearest_pixel(width, height)?;
     let threshold = Threshold {
@@ -194,7 +211,7 @@ where
         i32::try_from(threshold.first_level_above()?).map_or(first_above_floor, |n| n.max(first_above_floor));
     let eda = simd::count_from(map, first);
     let cci = if eda == 0 { 0.0 } else { I::ratio(&peak, &denominator.checked_mul(&I::from_u32(eda)?)?) };
-    Some(ContactMetrics {
+    let metrics = ContactMetrics {
         centroid_xy: (x, y),
         spread: threshold.spread(),
         threshold: threshold.to_f64()?.max(f64::from(NOISE_FLOOR)),
@@ -202,7 +219,8 @@ where
         cci,
         in_contact: true,
         ..none
-    })
+    };
+    Some((metrics, first))
 }
 
 #[cfg(test)]
