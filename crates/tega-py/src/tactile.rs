@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use tega_tactile::{
-    CentroidValue, ContactMetrics, Decimal, Difference, Gate, Options, Order, Pair, PaperScratch, Spread,
-    Weights, read_paper,
+    CentroidValue, ContactMetrics, Decimal, Difference, Gate, Options, Order, Pair, PaperScratch, Scratch,
+    Spread, Weights, read_paper,
 };
 
 use crate::arguments::{choice, image};
@@ -63,11 +63,13 @@ fn contact_metrics(
     };
     let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
     let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-    Ok(fields(compute(py, &pair, || tega_tactile::contact_metrics(&pair, &options))))
+    let work = |scratch: &mut Scratch| tega_tactile::contact_metrics(&pair, &options, scratch);
+    Ok(fields(compute(py, &pair, || SCRATCH.with_borrow_mut(work))))
 }
 
 thread_local! {
-    /// Buffers of the presets' readings: sized by the first frame, then reused.
+    /// Buffers, sized by the first frame, then reused.
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
     static PAPER: RefCell<PaperScratch> = RefCell::default();
 }
 
