@@ -30,6 +30,8 @@ pub struct PaperScratch {
     difference: Vec<u8>,
     /// Sums of five rows, interleaved, with `RADIUS` mirrored pixels on both sides.
     columns: Vec<i16>,
+    /// Sums of five of those side by side.
+    boxes: Vec<i16>,
     /// Levels of the blurred, masked grey map.
     map: Vec<i32>,
     /// Sums of the map's columns since the last flush, and in all.
@@ -86,7 +88,7 @@ fn mirror(i: isize, side: usize) -> usize {
 /// Sums of 25 bytes fit 16 bits, so the blur runs on interleaved bytes and only its result is weighted.
 #[inline(always)]
 pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scratch: &mut PaperScratch) {
-    let PaperScratch { difference, columns, map, .. } = scratch;
+    let PaperScratch { difference, columns, boxes, map, .. } = scratch;
     let row = |y: isize| {
         let start = mirror(y, height) * width * 3;
         &difference[start..start + width * 3]
@@ -97,6 +99,7 @@ pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scr
     for y in -(RADIUS as isize)..=RADIUS as isize {
         columns[margin..].iter_mut().zip(row(y)).for_each(|(sum, v)| *sum += i16::from(*v));
     }
+    boxes.resize(width * 3, 0);
     map.resize(width * height, 0);
     for (y, levels) in map.chunks_exact_mut(width).enumerate() {
         for i in 1..=RADIUS as isize {
@@ -107,7 +110,7 @@ pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scr
                 columns.copy_within((inside + RADIUS) * 3..(inside + RADIUS + 1) * 3, to);
             }
         }
-        weigh_boxes(columns, weights, levels);
+        weigh_boxes(columns, boxes, weights, levels);
         let y = y as isize;
         let (leaving, entering) = (row(y - RADIUS as isize), row(y + RADIUS as isize + 1));
         for ((sum, old), new) in columns[margin..].iter_mut().zip(leaving).zip(entering) {
@@ -116,14 +119,17 @@ pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scr
     }
 }
 
-/// Sums of five neighbours in a row of column sums, weighted per channel.
+/// Sums of five neighbouring pixels in a row of column sums, weighted per channel.
 #[inline(always)]
-fn weigh_boxes(columns: &[i16], weights: [i32; 3], levels: &mut [i32]) {
-    let pixels = columns.as_chunks::<3>().0;
-    let boxes = pixels.iter().zip(&pixels[1..]).zip(&pixels[2..]).zip(&pixels[3..]).zip(&pixels[4..]);
-    for (level, ((((a, b), c), d), e)) in levels.iter_mut().zip(boxes) {
-        let sum = |i: usize| i32::from(a[i] + b[i] + c[i] + d[i] + e[i]);
-        *level = weights[0] * sum(0) + weights[1] * sum(1) + weights[2] * sum(2);
+fn weigh_boxes(columns: &[i16], boxes: &mut [i16], weights: [i32; 3], levels: &mut [i32]) {
+    let shifted = |pixels: usize| &columns[3 * pixels..3 * pixels + boxes.len()];
+    let (a, b, c, d, e) = (shifted(0), shifted(1), shifted(2), shifted(3), shifted(4));
+    for (i, sum) in boxes.iter_mut().enumerate() {
+        *sum = a[i] + b[i] + c[i] + d[i] + e[i];
+    }
+    for (level, sums) in levels.iter_mut().zip(boxes.as_chunks::<3>().0) {
+        let part = |c: usize| weights[c] * i32::from(sums[c]);
+        *level = part(0) + part(1) + part(2);
     }
 }
 
