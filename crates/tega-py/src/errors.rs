@@ -54,7 +54,11 @@ impl From<HapticsError> for BindError {
     fn from(e: HapticsError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HapticsError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            HapticsError::OutOfRange { .. }
+            | HapticsError::Intensity { .. }
+            | HapticsError::MotorIntensity { .. }
+            | HapticsError::UnknownChoice { .. } => InvalidValueError::new_err(args),
+            HapticsError::MotorCount { .. } => ShapeError::new_err(args),
         })
     }
 }
