@@ -77,7 +77,7 @@ def intensity(
     The logistic law is ``100 / (1 + exp(-k (value - maximum/2)))`` with ``k = 2 ln((1 - e)/e) / maximum``, ``e`` being
     ``end_value``: the printed ``2 ln 99 / maximum``. The same law serves CCI (front) and EDA (back). It gives exactly
     1, 50 and 99 at 0, half of the maximum and the maximum; larger values pass through it. The relative error is below
-    1e-14 for results above 1e-290, and the result never decreases with ``value``.
+    3e-15 for results above 1e-290, and the result never decreases with ``value``.
 
     Args:
         value: The metric, in its own unit; any finite number.

@@ -18,7 +18,7 @@ const ZERO_BELOW: f64 = -1e6;
 /// is exact at value = 0, maximum/2 and maximum. Values beyond the maximum pass through the law, as the paper has
 /// no other rule for them.
 ///
-/// For ε = 0.01 the relative error is below 1e-14 wherever the result is above 1e-290, and the result is
+/// For ε = 0.01 the relative error is below 3e-15 wherever the result is above 1e-290, and the result is
 /// non-decreasing in `value`. Results under 1e-306 are 0.
 ///
 /// # Errors
