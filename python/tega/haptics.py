@@ -1,7 +1,7 @@
 """Contact metrics to vest intensities (Eq 7 to 9) and the vest's finger columns.
 
-Per finger, CCI and EDA go through :func:`intensity` with that finger's calibrated maximum. :func:`vest_frame` then
-writes CCI into the front and EDA into the back, one column a finger, from the wearer's left.
+Per finger, CCI and EDA go through :func:`intensity` with that finger's calibrated maximum. :func:`vest_frame`
+then writes CCI into the front and EDA into the back, one column a finger, from the wearer's left.
 
 Example:
     >>> from tega import haptics
@@ -74,10 +74,11 @@ def intensity(
 ) -> float:
     """Return the motor intensity in percent for a metric's value (Eq 7 to 9).
 
-    The logistic law is ``100 / (1 + exp(-k (value - maximum/2)))`` with ``k = 2 ln((1 - e)/e) / maximum``, ``e`` being
-    ``end_value``: the printed ``2 ln 99 / maximum``. The same law serves CCI (front) and EDA (back). It gives exactly
-    1, 50 and 99 at 0, half of the maximum and the maximum; larger values pass through it. The relative error is below
-    3e-15 for results above 1e-290, and the result never decreases with ``value``.
+    The logistic law is ``100 / (1 + exp(-k (value - maximum/2)))`` with ``k = 2 ln((1 - e)/e) / maximum``,
+    ``e`` being ``end_value``: the printed ``2 ln 99 / maximum``. The same law serves CCI (front) and EDA
+    (back). It gives exactly 1, 50 and 99 at 0, half of the maximum and the maximum; larger values pass
+    through it. The relative error is below 3e-15 for results above 1e-290, and the result never decreases
+    with ``value``.
 
     Args:
         value: The metric, in its own unit; any finite number.
@@ -93,7 +94,7 @@ def intensity(
 
     Example:
         >>> round(intensity(0.5, 2.0), 6)
-        9.132951
+        9.132525
     """
     if law == "logistic":
         return _native.logistic_intensity(value, maximum, end_value=end_value)
@@ -108,8 +109,8 @@ class VestFrame:
 
     Attributes:
         layout: ``"paper32"`` (rows 0 to 3 of each face), ``"x40"`` or ``"x16"``.
-        intensities: uint8, shape (32,), (40,) or (16,), percent: front row by row from the top, each row from the
-            wearer's left, then the back likewise. Made by :func:`vest_frame` it is read-only.
+        intensities: uint8, shape (32,), (40,) or (16,), percent: front row by row from the top, each row from
+            the wearer's left, then the back likewise. Made by :func:`vest_frame` it is read-only.
 
     Raises:
         DtypeError: ``intensities`` is not a uint8 array.
@@ -142,21 +143,24 @@ class VestFrame:
     def motors(self) -> NDArray[np.uint8]:
         """Index of each motor in the vendor's numbering, uint8 (n,), read-only.
 
-        The front is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is addressed through
-        the rows 0 and 2.
+        The front is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is addressed
+        through the rows 0 and 2.
         """
         return _MOTORS[self.layout]
 
     @property
     def levels(self) -> NDArray[np.uint8]:
-        """Step of each motor, uint8 (n,), 0 to 15: the four bits that reach it, ``(15 * percent + 50) // 100``."""
+        """Step of each motor, uint8 (n,), 0 to 15: the four bits that reach it.
+
+        ``(15 * percent + 50) // 100`` in integers.
+        """
         return _native.vest_levels(self.layout, self.intensities)
 
     def x40(self) -> NDArray[np.uint8]:
         """Return the frame of a 40-motor vest, uint8 (40,), percent, in wearer order (front, then back).
 
-        ``paper32`` leaves the bottom row of each face at 0. ``x16`` writes its upper motors into rows 0 and 1 and its
-        lower ones into rows 2 to 4: the rows a 16-motor vest combines into each.
+        ``paper32`` leaves the bottom row of each face at 0. ``x16`` writes its upper motors into rows 0 and 1
+        and its lower ones into rows 2 to 4: the rows a 16-motor vest combines into each.
         """
         return _native.vest_x40(self.layout, self.intensities)
 
@@ -175,9 +179,10 @@ def vest_frame(
     Args:
         front: Thumb, index, middle, ring in percent (CCI in the paper).
         back: The same fingers in percent (EDA in the paper).
-        layout: ``"paper32"``: 4 × 4 on each face; ``"x40"``: the fifth row repeats the fourth; ``"x16"``: two rows.
-        mirror: ``"none"``: thumb at the wearer's left on both faces; ``"back"``: the back reversed; ``"all"``: both
-            reversed, as for a left hand.
+        layout: ``"paper32"``: 4 × 4 on each face; ``"x40"``: the fifth row repeats the fourth; ``"x16"``: two
+            rows.
+        mirror: ``"none"``: thumb at the wearer's left on both faces; ``"back"``: the back reversed;
+            ``"all"``: both reversed, as for a left hand.
 
     Returns:
         The frame; its intensities are read-only.
@@ -201,9 +206,9 @@ def vest_frame(
 def contact_type(cci_norm: float, eda_norm: float) -> ContactType:
     """Name a contact by the paper's reading rule.
 
-    High is :data:`HIGH_SHARE` of the maximum or more. High CCI with low EDA is ``"focal"``, low CCI with high EDA is
-    ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. :data:`CONTACT_RULES` says what each
-    means.
+    High is :data:`HIGH_SHARE` of the maximum or more. High CCI with low EDA is ``"focal"``, low CCI with high
+    EDA is ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. :data:`CONTACT_RULES`
+    says what each means.
 
     Args:
         cci_norm: CCI divided by the finger's maximum, 0 or more.
@@ -216,7 +221,7 @@ def contact_type(cci_norm: float, eda_norm: float) -> ContactType:
         >>> contact_type(0.9, 0.2)
         'focal'
     """
-    return cast(ContactType, _native.contact_type(cci_norm, eda_norm))
+    return cast("ContactType", _native.contact_type(cci_norm, eda_norm))
 
 
 def _four(face: str, values: Iterable[float]) -> tuple[float, float, float, float]:

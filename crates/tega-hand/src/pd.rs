@@ -132,6 +132,16 @@ mod tests {
     }
 
     #[test]
+    fn the_filter_answers_a_step_as_a_30_hz_low_pass() {
+        let mut velocity = Velocity::default();
+        velocity.update(&[0.0; 16]);
+        let first = velocity.update(&[0.003; 16])[0];
+        assert!((first - 0.431_916).abs() < 1e-5, "{first}"); // 1 − exp(−2π · 30 Hz · 3 ms)
+        let second = velocity.update(&[0.003; 16])[0];
+        assert!((second - first * (1.0 - first)).abs() < 1e-12, "{second}");
+    }
+
+    #[test]
     fn gains_are_checked_by_name() {
         Gains::default().check().unwrap();
         let mut gains = Gains::default();

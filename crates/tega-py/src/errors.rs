@@ -67,7 +67,11 @@ impl From<HandError> for BindError {
     fn from(e: HandError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HandError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            HandError::OutOfRange { .. }
+            | HandError::Level { .. }
+            | HandError::Joint { .. }
+            | HandError::Pose { .. } => InvalidValueError::new_err(args),
+            HandError::Count { .. } => ShapeError::new_err(args),
         })
     }
 }

@@ -1,4 +1,5 @@
 //! Bindings of `tega-haptics`.
+#![allow(clippy::needless_pass_by_value, reason = "arguments arrive from Python as owned borrows")]
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
