@@ -59,7 +59,11 @@ impl From<HapticsError> for BindError {
     fn from(e: HapticsError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HapticsError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            HapticsError::OutOfRange { .. }
+            | HapticsError::Intensity { .. }
+            | HapticsError::MotorIntensity { .. }
+            | HapticsError::UnknownChoice { .. } => InvalidValueError::new_err(args),
+            HapticsError::MotorCount { .. } => ShapeError::new_err(args),
         })
     }
 }
@@ -68,7 +72,11 @@ impl From<HandError> for BindError {
     fn from(e: HandError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HandError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            HandError::OutOfRange { .. }
+            | HandError::Level { .. }
+            | HandError::Joint { .. }
+            | HandError::Pose { .. } => InvalidValueError::new_err(args),
+            HandError::Count { .. } => ShapeError::new_err(args),
         })
     }
 }
