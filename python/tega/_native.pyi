@@ -5,9 +5,7 @@ from typing import Final, Self, final
 import numpy as np
 from numpy.typing import NDArray
 
-import numpy as np
-from numpy.typing import NDArray
-
+__all__: list[str]
 __version__: Final[str]
 
 # --- tactile ---
@@ -29,6 +27,12 @@ def contact_metrics(
 def read_contact(
     frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str
 ) -> _Contact: ...
+def contact_mask(
+    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str
+) -> NDArray[np.bool_]: ...
+def pressure_map(
+    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str
+) -> NDArray[np.float32]: ...
 
 # --- haptics ---
 
