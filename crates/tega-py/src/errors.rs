@@ -50,7 +50,14 @@ impl From<EmgError> for BindError {
     fn from(e: EmgError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            EmgError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            EmgError::OutOfRange { .. }
+            | EmgError::Cutoff { .. }
+            | EmgError::UnknownChoice { .. }
+            | EmgError::NoLevels => InvalidValueError::new_err(args),
+            EmgError::Channels { .. } | EmgError::Ragged { .. } => ShapeError::new_err(args),
+            EmgError::BadCalibrationSample { .. }
+            | EmgError::CalibrationTooShort { .. }
+            | EmgError::UnusableMaximum { .. } => CalibrationError::new_err(args),
         })
     }
 }
