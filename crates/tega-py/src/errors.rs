@@ -36,7 +36,12 @@ impl From<TactileError> for BindError {
     fn from(e: TactileError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            TactileError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            TactileError::ShapeMismatch { .. }
+            | TactileError::Channels { .. }
+            | TactileError::Size { .. } => ShapeError::new_err(args),
+            TactileError::WeightSum { .. } | TactileError::OutOfRange { .. } | TactileError::NoFrames => {
+                InvalidValueError::new_err(args)
+            }
         })
     }
 }

@@ -3,6 +3,7 @@
 //! Each function checks, borrows, detaches where that pays, calls one core function and converts the answer. There
 //! is no arithmetic here, and the module is flat. Its types are written down in `python/tega/_native.pyi`.
 
+mod arguments;
 mod emg;
 mod errors;
 mod hand;

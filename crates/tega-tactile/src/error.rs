@@ -1,27 +1,81 @@
-//! What can be wrong with the input.
+//! What can be wrong with a frame, a baseline or an option.
 
-/// An input that cannot be used; the message names the argument, its value and its unit.
+/// An input that the contact metrics cannot be computed from.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TactileError {
+    /// Frame and baseline are not the same size.
+    #[error("baseline is {baseline_h}x{baseline_w} pixels, frame is {frame_h}x{frame_w} (height x width)")]
+    ShapeMismatch {
+        /// Frame height in pixels.
+        frame_h: usize,
+        /// Frame width in pixels.
+        frame_w: usize,
+        /// Baseline height in pixels.
+        baseline_h: usize,
+        /// Baseline width in pixels.
+        baseline_w: usize,
+    },
+    /// The last axis does not hold three colour channels.
+    #[error("{name} has {channels} channels per pixel, wanted 3")]
+    Channels {
+        /// The argument.
+        name: &'static str,
+        /// Channels found.
+        channels: usize,
+    },
+    /// A side is empty or longer than the exact sums allow.
+    #[error("frame is {height}x{width} pixels (height x width), wanted 1 to {max} on each side")]
+    Size {
+        /// Frame height in pixels.
+        height: usize,
+        /// Frame width in pixels.
+        width: usize,
+        /// Longest side accepted.
+        max: usize,
+    },
+    /// Grey weights do not add up to one.
+    #[error("weights ({r}, {g}, {b}) add up to {sum}, wanted 1 within 1e-9")]
+    WeightSum {
+        /// Red weight.
+        r: f64,
+        /// Green weight.
+        g: f64,
+        /// Blue weight.
+        b: f64,
+        /// Their sum.
+        sum: f64,
+    },
     /// A number is out of its range or not finite.
-    #[error("{name} = {value} {unit} is out of range: {wanted}")]
+    #[error("{name} = {value}{unit} is out of range: {wanted}")]
     OutOfRange {
         /// The argument.
         name: &'static str,
         /// The value given.
         value: f64,
-        /// Its unit, or empty.
+        /// Its unit with a leading space, or empty.
         unit: &'static str,
         /// What would be accepted.
         wanted: &'static str,
     },
+    /// A baseline cannot be estimated from no frames.
+    #[error("no frames were given to estimate a baseline from")]
+    NoFrames,
 }
 
 impl TactileError {
     /// The next step for the person who reads the message; empty where the message says it all.
     pub fn hint(&self) -> &'static str {
         match self {
+            Self::ShapeMismatch { .. } => {
+                "use a baseline taken by the same sensor in the same mode and orientation"
+            }
+            Self::Channels { .. } => "pass colour images of shape (height, width, 3)",
+            Self::Size { .. } => "crop or scale the image",
+            Self::WeightSum { .. } => {
+                "give weights for (red, green, blue) that add up to 1; they are not renormalised"
+            }
             Self::OutOfRange { .. } => "",
+            Self::NoFrames => "give at least one frame",
         }
     }
 }

@@ -1,6 +1,31 @@
-//! `tega-tactile`.
-#![forbid(unsafe_code)]
+//! Touch: a fingertip camera's frame and its baseline to two numbers, CCI and EDA (equations 1 to 6).
+//!
+//! Frames are 8-bit colour images, borrowed as `ndarray` views of shape (height, width, 3). Sums are exact integers;
+//! lengths are in pixels, grey values in counts of 0 to 255.
+//!
+//! ```
+//! use ndarray::Array3;
+//! use tega_tactile::{Options, Pair, contact_metrics};
+//!
+//! let baseline = Array3::<u8>::from_elem((240, 320, 3), 90);
+//! let frame = Array3::<u8>::from_elem((240, 320, 3), 100);
+//! let metrics = contact_metrics(&Pair::new(frame.view(), baseline.view())?, &Options::default());
+//! assert_eq!(metrics.peak, 10.0);
+//! # Ok::<(), tega_tactile::TactileError>(())
+//! ```
+#![deny(unsafe_code)] // allowed in `simd` alone
 
+mod decimal;
 mod error;
+mod exact;
+mod frame;
+mod metrics;
+mod paper;
+mod simd;
+mod sums;
 
+pub use decimal::{Decimal, Weights};
 pub use error::TactileError;
+pub use frame::{Difference, MAX_SIDE, Order, Pair};
+pub use metrics::{CentroidValue, ContactMetrics, Gate, Options, Spread, contact_metrics};
+pub use paper::{MIN_PIXELS, NOISE_FLOOR, PaperScratch, read_paper};

@@ -1,0 +1,53 @@
+# Every developer verb; `make help` lists them. The gates of .ci/run are `make test` and `make lint`.
+VENV ?= .venv
+BIN := $(VENV)/bin
+PYTHON ?= python3
+.DEFAULT_GOAL := help
+.PHONY: help setup build test lint fmt deep fuzz wheel clean
+
+help: ## print this
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+setup: $(BIN)/python ## virtual environment with everything a developer needs
+	$(BIN)/pip install --quiet maturin '.[lint]'
+	$(MAKE) build
+
+build: ## release build of the extension into the virtual environment, editable
+	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
+
+test: ## pytest, Rust tests included
+	$(BIN)/python -m pytest
+
+lint: ## formatting, clippy, ruff, mypy, stub against extension
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked --quiet
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest tega._native
+
+fmt: ## rustfmt, ruff format, ruff --fix
+	cargo fmt --all
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+deep: ## the long-running properties
+	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'deep or not deep' tests/property
+
+fuzz: ## one fuzz target for five minutes: make fuzz T=name (needs cargo-fuzz)
+	cd fuzz && RUSTC_BOOTSTRAP=1 cargo fuzz run $(T) -- -max_total_time=300
+
+wheel: ## build a wheel, install it in a fresh environment, try it
+	rm -rf dist target/wheel-venv
+	$(BIN)/maturin build --release --out dist
+	$(PYTHON) -m venv target/wheel-venv
+	target/wheel-venv/bin/pip install --quiet dist/*.whl
+	target/wheel-venv/bin/python -c "import tega; print(tega.__version__, tega.emg.fuse_levels([2, 2, 5]))"
+	target/wheel-venv/bin/tega-teleop --help
+
+clean: ## remove build output
+	rm -rf target fuzz/target dist $(VENV)

@@ -1,0 +1,55 @@
+//! Arguments shared by the bindings: byte images and named choices, refused with a message that helps.
+
+use numpy::{PyArray3, PyArrayMethods, PyReadonlyArray3};
+use pyo3::prelude::*;
+
+use crate::errors::{BindError, DtypeError, InvalidValueError, ShapeError};
+
+/// Borrows an 8-bit colour image: uint8, three dimensions, any strides, writeable or not.
+pub(crate) fn image<'py>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+) -> Result<PyReadonlyArray3<'py, u8>, BindError> {
+    match value.cast::<PyArray3<u8>>() {
+        Ok(array) => {
+            Ok(array.try_readonly().map_err(|e| InvalidValueError::new_err((format!("{name}: {e}"), "")))?)
+        }
+        Err(_) => Err(why_not_an_image(name, value)),
+    }
+}
+
+fn why_not_an_image(name: &str, value: &Bound<'_, PyAny>) -> BindError {
+    let (Ok(dtype), Ok(shape)) = (value.getattr("dtype"), value.getattr("shape")) else {
+        let kind = value.get_type().name().map_or_else(|_| "object".to_owned(), |n| n.to_string());
+        return DtypeError::new_err((
+            format!("{name} is a {kind}, wanted a numpy array of uint8"),
+            "read the image with cv2.imread or convert it with numpy.asarray(image, numpy.uint8)",
+        ))
+        .into();
+    };
+    if dtype.to_string() == "uint8" {
+        ShapeError::new_err((
+            format!("{name} has shape {shape}, wanted (height, width, 3)"),
+            "pass one colour image",
+        ))
+        .into()
+    } else {
+        DtypeError::new_err((
+            format!("{name} has dtype {dtype}, wanted uint8"),
+            "pass the camera's 8-bit image; a float image has to be scaled to 0..255 and rounded by you",
+        ))
+        .into()
+    }
+}
+
+/// Looks a named choice up.
+pub(crate) fn choice<T: Copy>(name: &str, value: &str, choices: &[(&str, T)]) -> Result<T, BindError> {
+    choices.iter().find(|(known, _)| *known == value).map(|(_, choice)| *choice).ok_or_else(|| {
+        let known: Vec<_> = choices.iter().map(|(known, _)| format!("'{known}'")).collect();
+        InvalidValueError::new_err((
+            format!("{name} = '{value}' is not known"),
+            format!("use {}", known.join(" or ")),
+        ))
+        .into()
+    })
+}

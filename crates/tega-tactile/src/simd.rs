@@ -1,0 +1,76 @@
+//! The one place that picks an instruction set.
+//!
+//! Each kernel is written once, in plain Rust that the compiler vectorises, and compiled several times: for AVX-512,
+//! for AVX2 and for the target's baseline (SSE2 on x86-64, NEON on arm64). All of them compute on integers, or on
+//! floats in one fixed order without fused operations, so that every path gives the same bits.
+#![allow(unsafe_code)]
+
+use crate::paper::{self, PaperScratch, Summary};
+
+/// Compiles `$generic` for each instruction set and calls the best one this processor has.
+macro_rules! dispatched {
+    ($(#[$doc:meta])* $name:ident = $generic:path, ($($arg:ident: $type:ty),*) -> $result:ty) => {
+        $(#[$doc])*
+        pub(crate) fn $name($($arg: $type),*) -> $result {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq")]
+                fn avx512($($arg: $type),*) -> $result {
+                    $generic($($arg),*)
+                }
+                #[target_feature(enable = "avx2")]
+                fn avx2($($arg: $type),*) -> $result {
+                    $generic($($arg),*)
+                }
+                match level() {
+                    // SAFETY: `level` reports a set only after the processor itself said that it has it.
+                    Level::Avx512 => return unsafe { avx512($($arg),*) },
+                    // SAFETY: as above.
+                    Level::Avx2 => return unsafe { avx2($($arg),*) },
+                    Level::Baseline => {}
+                }
+            }
+            $generic($($arg),*)
+        }
+    };
+}
+
+/// Instruction sets that kernels are compiled for.
+#[cfg(target_arch = "x86_64")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+enum Level {
+    Baseline,
+    Avx2,
+    Avx512,
+}
+
+#[cfg(target_arch = "x86_64")]
+fn level() -> Level {
+    let avx512 = is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512dq");
+    if avx512 {
+        Level::Avx512
+    } else if is_x86_feature_detected!("avx2") {
+        Level::Avx2
+    } else {
+        Level::Baseline
+    }
+}
+
+dispatched! {
+    /// See [`paper::blur_and_weigh`].
+    blur_and_weigh = paper::blur_and_weigh,
+    (width: usize, height: usize, weights: [i32; 3], scratch: &mut PaperScratch) -> ()
+}
+
+dispatched! {
+    /// See [`paper::mask_and_sum`].
+    mask_and_sum = paper::mask_and_sum, (width: usize, map: &mut [i32]) -> Summary
+}
+
+dispatched! {
+    /// See [`paper::count_from`].
+    count_from = paper::count_from, (map: &[i32], first: i32) -> u32
+}

@@ -1,0 +1,148 @@
+"""Touch: a fingertip camera's frame and its baseline to contact metrics (equations 1 to 6).
+
+Images are uint8 arrays of shape (height, width, 3), 1 to 4096 pixels on each side, with any strides, writeable or
+not; they are borrowed, never copied. Any other dtype is refused: turning a float image into counts is a decision of
+the caller. Coordinates are (column, row), pixel centres counted from 0. Grey values are counts of 0 to 255.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from tega import _native
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["ContactGate", "ContactMetrics", "Order", "Reading", "contact_metrics", "read_contact"]
+
+Order = Literal["bgr", "rgb"]
+Reading = Literal["paper", "live"]
+
+
+class ContactMetrics(NamedTuple):
+    """What one frame says about the contact.
+
+    Where the equations have no value (the mass is not positive, or the variance of the chosen reading is negative),
+    and where a gate says there is no contact, ``in_contact`` is False, ``centroid_xy``, ``spread`` and ``threshold``
+    are NaN, and ``eda`` and ``cci`` are 0.
+    """
+
+    mass: float
+    """Sum of the grey map, grey values."""
+    centroid_xy: tuple[float, float]
+    """Eq 2, pixels."""
+    spread: float
+    """σ: pixels (Eq 3, spatial) or grey values (intensity)."""
+    threshold: float
+    """Eq 4: T, grey values."""
+    eda: int
+    """Eq 5: effective deformation area, pixels above T."""
+    cci: float
+    """Eq 6: contact concentration index, grey values per pixel; 0 where ``eda`` is 0."""
+    peak: float
+    """Largest grey value."""
+    peak_xy: tuple[int, int]
+    """Where it is; the first in row order."""
+    in_contact: bool
+    """False where there is nothing to report."""
+
+
+class ContactGate(NamedTuple):
+    """No contact unless ``min_pixels`` pixels exceed ``noise_floor`` grey values (0 to 255)."""
+
+    noise_floor: float
+    min_pixels: int = 30
+
+
+def contact_metrics(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    weights: tuple[float, float, float] = (0.299, 0.587, 0.114),
+    order: Order = "bgr",
+    difference: Literal["signed", "rectified", "absolute"] = "signed",
+    spread: Literal["spatial", "intensity"] = "spatial",
+    factor: float = 1.28,
+    centroid_value: Literal["nearest", "bilinear"] = "nearest",
+    gate: ContactGate | None = None,
+) -> ContactMetrics:
+    """Compute equations 1 to 6 on one frame; the defaults are the equations as printed.
+
+    The sums are exact integers: ``eda``, ``peak`` and ``peak_xy`` are exact, the other numbers are rounded once or
+    twice at the end. Weights and factor mean their printed decimals (0.299 is 299/1000).
+
+    Args:
+        frame: The image, uint8 (H, W, 3), borrowed.
+        baseline: The no-contact image, same shape.
+        weights: (ω_r, ω_g, ω_b) of Eq 1 whatever ``order`` is; their sum is 1 within 1e-9, never renormalised.
+        order: Order of the colour bytes in both images.
+        difference: ``frame - baseline`` as printed, or negative to 0, or absolute; the last two per channel and
+            before weighting.
+        spread: σ of Eq 4: Eq 3 in pixels as printed, or the population standard deviation of the grey map over all
+            pixels.
+        factor: The 1.28 of Eq 4.
+        centroid_value: I(μ) of Eq 4: the nearest pixel (ties upward), or bilinear between four; a centroid outside
+            the image is clamped into it.
+        gate: Report no contact below this; ``None`` as printed.
+
+    Returns:
+        The contact metrics.
+
+    Raises:
+        DtypeError: An image is not a uint8 array.
+        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
+        InvalidValueError: The weights do not add up to 1, a number is not finite, or an option is not known.
+
+    Example:
+        >>> import numpy as np
+        >>> baseline = np.full((240, 320, 3), 90, np.uint8)
+        >>> frame = baseline.copy()
+        >>> frame[100:120, 50:80] += 40
+        >>> m = contact_metrics(frame, baseline, spread="intensity")
+        >>> m.peak, m.eda, m.centroid_xy
+        (40.0, 600, (64.5, 109.5))
+    """
+    return ContactMetrics._make(
+        _native.contact_metrics(
+            frame,
+            baseline,
+            weights=weights,
+            order=order,
+            difference=difference,
+            spread=spread,
+            factor=factor,
+            centroid_value=centroid_value,
+            gate=gate,
+        )
+    )
+
+
+def read_contact(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    reading: Reading = "paper",
+    order: Order = "bgr",
+) -> ContactMetrics:
+    """Read the contact as a preset does: ``paper`` for the printed law, ``live`` for people.
+
+    ``paper``: absolute differences with the default weights, 5×5 box blur (mirrored border), values under the noise
+    floor of 6 grey values set to 0, then Eq 2 to 6 with T not below that floor; no contact under 30 pixels above it.
+
+    Args:
+        frame: The image, uint8 (H, W, 3), borrowed.
+        baseline: The no-contact image, same shape.
+        reading: The preset.
+        order: Order of the colour bytes in both images.
+
+    Returns:
+        The contact metrics.
+
+    Raises:
+        DtypeError: An image is not a uint8 array.
+        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
+        InvalidValueError: ``reading`` or ``order`` is not known.
+    """
+    return ContactMetrics._make(_native.read_contact(frame, baseline, reading=reading, order=order))
