@@ -50,7 +50,7 @@ class _Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     pass
 
 
-class SessionSection(_Section):
+class SessionSection(_Section, frozen=True):
     """The run as a whole.
 
     Attributes:
@@ -66,7 +66,7 @@ class SessionSection(_Section):
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
 
 
-class CalibrationConfig(_Section):
+class CalibrationConfig(_Section, frozen=True):
     """Where the maxima come from.
 
     Attributes:
@@ -76,7 +76,7 @@ class CalibrationConfig(_Section):
     file: Path | None = None
 
 
-class TactileConfig(_Section):
+class TactileConfig(_Section, frozen=True):
     """One fingertip.
 
     Attributes:
@@ -91,7 +91,7 @@ class TactileConfig(_Section):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class TactileSection(_Section):
+class TactileSection(_Section, frozen=True):
     """The fingertips in use; a finger that is not named has no sensor."""
 
     thumb: TactileConfig | None = None
@@ -104,7 +104,7 @@ class TactileSection(_Section):
         return {f: c for f in FINGERS if (c := getattr(self, f)) is not None}
 
 
-class EmgConfig(_Section):
+class EmgConfig(_Section, frozen=True):
     """The muscle signal.
 
     Attributes:
@@ -118,7 +118,7 @@ class EmgConfig(_Section):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class VestConfig(_Section):
+class VestConfig(_Section, frozen=True):
     """The vest.
 
     Attributes:
@@ -134,7 +134,7 @@ class VestConfig(_Section):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class HandConfig(_Section):
+class HandConfig(_Section, frozen=True):
     """The robot hand.
 
     Attributes:
@@ -148,7 +148,7 @@ class HandConfig(_Section):
     options: Any = msgspec.field(default_factory=dict)
 
 
-class SessionConfig(_Section):
+class SessionConfig(_Section, frozen=True):
     """Everything a session needs to know, checked, with absolute paths and typed driver options."""
 
     session: SessionSection = SessionSection()
@@ -202,7 +202,9 @@ def load_config(
     for item in sets:
         key, equals, text = item.partition("=")
         if not equals or not key.strip():
-            raise ConfigError(f"--set {item!r}: not of the form key=value", "for example --set session.preset=paper")
+            raise ConfigError(
+                f"--set {item!r}: not of the form key=value", "for example --set session.preset=paper"
+            )
         _override(tree, origins, key.strip(), text.strip(), "--set")
     base = path.absolute().parent if path is not None else Path.cwd()
     return check_tree(tree, origins, base=base)
@@ -225,7 +227,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     """
 
     def place(wanted: type, value: Any) -> Any:
-        if wanted is Path and isinstance(value, str):
+        if wanted is Path and isinstance(value, str | Path):
             return (Path.cwd() if isinstance(value, Overridden) else base) / Path(value).expanduser()
         raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
 
@@ -245,7 +247,9 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         try:
             wanted = driver_class(section.driver, kind).options_type
         except ConfigError as error:
-            raise ConfigError(f"{_where(origins, f'{key}.driver')}: {key}.driver: {error.message}", error.hint) from None
+            raise ConfigError(
+                f"{_where(origins, f'{key}.driver')}: {key}.driver: {error.message}", error.hint
+            ) from None
         options = convert(section.options, wanted, f"{key}.options")
         return msgspec.structs.replace(section, options=options)
 
@@ -272,7 +276,9 @@ def _read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ConfigError(f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}") from error
+        raise ConfigError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path.name}: not UTF-8 text: {error.reason}", "save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
@@ -292,7 +298,9 @@ def _override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str
     for i, table in enumerate(tables):
         node = node.setdefault(table, {})
         if not isinstance(node, dict):
-            raise ConfigError(f"{origin}: {key}: {'.'.join(tables[: i + 1])} is a value, not a table", "check the key")
+            raise ConfigError(
+                f"{origin}: {key}: {'.'.join(tables[: i + 1])} is a value, not a table", "check the key"
+            )
     node[last] = value
     origins[key] = origin
 

@@ -15,7 +15,14 @@ from tega.errors import ConfigError
 
 __all__ = ["Overridden", "explain"]
 
-_UNITS = {"hz": "hertz", "s": "seconds", "ms": "milliseconds", "ns": "nanoseconds", "rad": "radians", "n": "newtons"}
+_UNITS = {
+    "hz": "hertz",
+    "s": "seconds",
+    "ms": "milliseconds",
+    "ns": "nanoseconds",
+    "rad": "radians",
+    "n": "newtons",
+}
 _TYPES = {
     "float": "a number",
     "int": "a whole number",
@@ -64,7 +71,9 @@ def explain(
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)
     if (missing := re.match(r"Object missing required field `(.*)`", what)) is not None:
         full = f"{key}.{missing.group(1)}".lstrip(".")
-        return ConfigError(f"{_origin(origins, key)}: {full}: missing", _choices(_type_at(kind, missing.group(1))))
+        return ConfigError(
+            f"{_origin(origins, key)}: {full}: missing", _choices(_type_at(kind, missing.group(1)))
+        )
     shown = f"{value!r}" if not isinstance(value, str) else f"'{value}'"
     hint = _choices(kind)
     unit = _UNITS.get(key.rpartition("_")[2], "")
@@ -89,7 +98,9 @@ def _plain(what: str) -> str:
 
 
 def _choices(kind: Any) -> str:
-    options = [c for member in _members(kind) if typing.get_origin(member) is typing.Literal for c in member.__args__]
+    options = [
+        c for member in _members(kind) if typing.get_origin(member) is typing.Literal for c in member.__args__
+    ]
     return f"one of: {', '.join(map(str, options))}" if options else ""
 
 

@@ -22,6 +22,7 @@ Example of a file::
 from __future__ import annotations
 
 import json
+import sys
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -34,7 +35,7 @@ from tega.errors import CalibrationError, ConfigError
 
 __all__ = ["Calibration", "EmgMaxima", "TouchMaxima", "load_calibration", "save_calibration"]
 
-_Positive = Annotated[float, msgspec.Meta(gt=0, lt=float("inf"))]
+_Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
 
 
 class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -116,7 +117,9 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         for what in ("kind", "rate_hz", "tau", "channels"):
             mine, theirs = getattr(self.emg, what), getattr(emg, what)
             if mine != theirs:
-                raise CalibrationError(f"{name}: made for emg {what} = {mine!r}, the run has {theirs!r}", hint)
+                raise CalibrationError(
+                    f"{name}: made for emg {what} = {mine!r}, the run has {theirs!r}", hint
+                )
 
 
 def load_calibration(path: Path) -> Calibration:
@@ -134,7 +137,9 @@ def load_calibration(path: Path) -> Calibration:
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise CalibrationError(f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}") from error
+        raise CalibrationError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
     except ValueError as error:
         raise CalibrationError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
     try:

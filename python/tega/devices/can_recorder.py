@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["CanRecorder", "CanRecorderOptions"]
 
 
-class CanRecorderOptions(Options):
+class CanRecorderOptions(Options, frozen=True):
     """Settings of :class:`CanRecorder`.
 
     Attributes:
@@ -69,7 +69,9 @@ class CanRecorder(Opened):
             DeviceUnavailableError: The recorder is not open.
         """
         if self._csv is None:
-            raise DeviceUnavailableError(f"can-recorder {self._options.file.name!r} is not open", "open it first")
+            raise DeviceUnavailableError(
+                f"can-recorder {self._options.file.name!r} is not open", "open it first"
+            )
         t = time_text(t_ns)
         self._csv.write(*[f"{t},{f.id:03X},{'R' if f.remote else f.data.hex().upper()}\n" for f in frames])
         return frames

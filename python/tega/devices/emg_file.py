@@ -21,7 +21,7 @@ __all__ = ["EmgFile", "EmgFileOptions"]
 _CHUNK_S = 0.1
 
 
-class EmgFileOptions(Options):
+class EmgFileOptions(Options, frozen=True):
     """Settings of :class:`EmgFile`.
 
     Attributes:

@@ -75,7 +75,8 @@ def _read_mat(path: Path, variable: str) -> Any:
     if variable not in content:
         names = sorted(n for n, v in content.items() if isinstance(v, np.ndarray) and not n.startswith("__"))
         raise RecordingError(
-            f"{path.name}: has no variable {variable!r}", f"it has: {', '.join(names) or 'none'} (--emg-variable)"
+            f"{path.name}: has no variable {variable!r}",
+            f"it has: {', '.join(names) or 'none'} (--emg-variable)",
         )
     return content[variable]
 
@@ -84,14 +85,19 @@ def _columns(path: Path, array: Any, channels: Sequence[int]) -> NDArray[np.floa
     """Check an array and take the wanted columns of it."""
     array = np.asarray(array)
     if array.dtype.kind not in "iuf":
-        raise RecordingError(f"{path.name}: holds {array.dtype}, expected real numbers", "export the samples alone")
+        raise RecordingError(
+            f"{path.name}: holds {array.dtype}, expected real numbers", "export the samples alone"
+        )
     if array.ndim == 1:
         array = array[:, None]
     if array.ndim != 2:
         raise RecordingError(
-            f"{path.name}: an array of shape {array.shape}, expected (samples, channels)", "export it as a table"
+            f"{path.name}: an array of shape {array.shape}, expected (samples, channels)",
+            "export it as a table",
         )
-    if array.shape[0] < array.shape[1] and (array.shape[1] > _MOST_CHANNELS or max(channels, default=0) > array.shape[1]):
+    if array.shape[0] < array.shape[1] and (
+        array.shape[1] > _MOST_CHANNELS or max(channels, default=0) > array.shape[1]
+    ):
         raise RecordingError(
             f"{path.name}: {array.shape[0]} samples of {array.shape[1]} channels",
             "rows are samples; if this one has channels as rows, save it transposed",
@@ -109,7 +115,8 @@ def _check_channels(path: Path, channels: Sequence[int], n_columns: int) -> None
             )
     if len(set(channels)) != len(channels):
         raise RecordingError(
-            f"{path.name}: a channel is asked for twice in {', '.join(map(str, channels))}", "name each channel once"
+            f"{path.name}: a channel is asked for twice in {', '.join(map(str, channels))}",
+            "name each channel once",
         )
 
 

@@ -16,7 +16,7 @@ from tega.errors import DeviceUnavailableError, RecordingError
 __all__ = ["ImageFolder", "ImageFolderOptions"]
 
 
-class ImageFolderOptions(Options):
+class ImageFolderOptions(Options, frozen=True):
     """Settings of :class:`ImageFolder`.
 
     Attributes:
@@ -75,7 +75,8 @@ class ImageFolder(Opened):
         load_cv2("images")
         if not folder.is_dir():
             raise RecordingError(
-                f"{folder.name}: no such folder of pictures", f"looked for {folder}; give a folder or a video file"
+                f"{folder.name}: no such folder of pictures",
+                f"looked for {folder}; give a folder or a video file",
             )
         excluded = {path.resolve() for path in self._options.exclude}
         files = [

@@ -54,11 +54,15 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise RecordingError(f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}") from error
+        raise RecordingError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
     if path.suffix.lower() == ".npy":
         return _npy_image(path)
     if (fault := _fault(data)) is not None:
-        raise RecordingError(f"{path.name}: {fault}", "copy it again from its source, or take it out of the recording")
+        raise RecordingError(
+            f"{path.name}: {fault}", "copy it again from its source, or take it out of the recording"
+        )
     cv2 = load_cv2(driver)
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:

@@ -19,7 +19,7 @@ __all__ = ["PythonCan", "PythonCanOptions"]
 _NO_HARDWARE = frozenset({"virtual", "udp_multicast"})
 
 
-class PythonCanOptions(Options):
+class PythonCanOptions(Options, frozen=True):
     """Settings of :class:`PythonCan`.
 
     Attributes:
@@ -35,7 +35,7 @@ class PythonCanOptions(Options):
     interface: str = "virtual"
     channel: str | int = "tega"
     bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = 1_000_000
-    bus: dict[str, Any] = {}
+    bus: dict[str, Any] = msgspec.field(default_factory=dict)
     open_loop: bool = False
     send_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.01
 

@@ -76,7 +76,9 @@ def driver_class(name: str, kind: Kind | None = None) -> type[Device]:
         near = difflib.get_close_matches(name, entries, n=1)
         raise ConfigError(
             f"no driver is called {name!r}",
-            f"did you mean {near[0]!r}?" if near else f"installed drivers: {', '.join(sorted(entries)) or 'none'}",
+            f"did you mean {near[0]!r}?"
+            if near
+            else f"installed drivers: {', '.join(sorted(entries)) or 'none'}",
         )
     driver = _load(entry)
     if kind is not None and driver.kind != kind:
@@ -102,7 +104,9 @@ def _load(entry: EntryPoint) -> type[Device]:
             f"driver {entry.name!r} is registered as {entry.value!r}, which does not exist",
             f"reinstall {_package(entry)!r}",
         ) from error
-    if not isinstance(loaded, type) or not all(hasattr(loaded, a) for a in ("kind", "options_type", "open", "close")):
+    if not isinstance(loaded, type) or not all(
+        hasattr(loaded, a) for a in ("kind", "options_type", "open", "close")
+    ):
         raise DeviceUnavailableError(
             f"driver {entry.name!r} is registered as {entry.value!r}, which is not a driver class",
             "see tega.devices.base for the protocols",

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["VestRecorder", "VestRecorderOptions"]
 
 
-class VestRecorderOptions(Options):
+class VestRecorderOptions(Options, frozen=True):
     """Settings of :class:`VestRecorder`.
 
     Attributes:
@@ -70,7 +70,9 @@ class VestRecorder(Opened):
             DeviceUnavailableError: The recorder is not open, or the vest changed its motors.
         """
         if not self._is_open:
-            raise DeviceUnavailableError(f"vest-recorder {self._options.file.name!r} is not open", "open it first")
+            raise DeviceUnavailableError(
+                f"vest-recorder {self._options.file.name!r} is not open", "open it first"
+            )
         motors = tuple(int(m) for m in frame.motors)
         if self._csv is None:
             self._motors = motors

@@ -18,7 +18,7 @@ __all__ = ["VideoFile", "VideoFileOptions"]
 _INFERRED_COUNT_SUFFIXES = frozenset({".mkv", ".webm", ".ts", ".mpg", ".mpeg", ".flv"})
 
 
-class VideoFileOptions(Options):
+class VideoFileOptions(Options, frozen=True):
     """Settings of :class:`VideoFile`.
 
     Attributes:
@@ -158,7 +158,9 @@ class VideoFile(Opened):
             return False
         said = f"{path.name}: {self._decoded} frames decode, its header says {announced}: the video was cut short"
         if not self._options.allow_truncated:
-            raise RecordingError(said, "export it again, or allow it with --allow-truncated (allow_truncated = true)")
+            raise RecordingError(
+                said, "export it again, or allow it with --allow-truncated (allow_truncated = true)"
+            )
         used = max(self._decoded - 1, 0)
         self._notes = (f"{said}; {used} were used, the last one decoded may be incomplete",)
         self._announced = used

@@ -41,13 +41,16 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
         return read_image(given, driver=source.info.driver), given.name
     if source.info.live:
         raise CalibrationError(
-            f"finger {finger!r} has a live sensor and no baseline", "record the untouched gel and name the picture"
+            f"finger {finger!r} has a live sensor and no baseline",
+            "record the untouched gel and name the picture",
         )
     frames = _spread(source)
     n_items = source.info.n_items
     source.open()
     if not frames:
-        raise CalibrationError(f"finger {finger!r}: {source.info.label} holds no frame", "give a baseline picture")
+        raise CalibrationError(
+            f"finger {finger!r}: {source.info.label} holds no frame", "give a baseline picture"
+        )
     said = f"estimated from the quietest of {len(frames)} frames spread over the recording"
     if n_items is not None and n_items == len(frames):
         said = f"estimated from the quietest of the recording's {len(frames)} frames"

@@ -16,7 +16,7 @@ from tega.devices.base import HandDriver, VestSink
 from tega.teleop.hand import HAND_TICK_NS, ModelledHand
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
-from tega.teleop.streams import Stream
+from tega.teleop.streams import NEVER_NS, Stream
 from tega.teleop.touch import STALE_NS, Felt, TouchLoop
 
 if TYPE_CHECKING:
@@ -128,9 +128,10 @@ class DualLoop:
         self._recorder = recorder
         self._vest_rate_hz = vest_rate_hz
         self._observer = observer
-        self._heads: list[Contact | None] = [None] * len(self._contacts)
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
+        self._due_ns = 0
+        self._end_ns = NEVER_NS
         self.report = LoopReport(
             n_contacts=dict.fromkeys(contacts, 0),
             n_stale_ticks=dict.fromkeys(contacts, 0),
@@ -161,10 +162,10 @@ class DualLoop:
                     last_ns, report.ended = duration_ns, "duration"
                     break
                 in_time = self._pacer.wait(t_ns)
-                self._take_in(t_ns)
-                end_ns = self._end_ns()
-                if end_ns is not None and t_ns >= end_ns:
-                    last_ns, report.ended = end_ns, "complete"
+                if t_ns >= self._due_ns:
+                    self._take_in(t_ns)
+                if t_ns >= self._end_ns:
+                    last_ns, report.ended = self._end_ns, "complete"
                     break
                 last_ns = t_ns
                 if hand_ns == t_ns:
@@ -185,38 +186,33 @@ class DualLoop:
             raise problem
         return report
 
-    def _end_ns(self) -> int | None:
-        """Return when the last source ended, or ``None`` while one has not."""
-        streams: list[Stream[Contact] | Stream[Block]] = [s for _, s in self._contacts]
-        if self._levels is not None:
-            streams.append(self._levels)
-        if any(not s.ended for s in streams) or any(h is not None for h in self._heads):
-            return None
-        return max((s.end_ns for s in streams), default=0)
-
     def _take_in(self, t_ns: int) -> None:
         """Take in everything stamped up to a time, in the order of the stamps, thumb first among equals."""
-        heads = self._heads
+        heads: dict[str, Contact] = {}
         while True:
-            first = -1
-            for i, (_, stream) in enumerate(self._contacts):
-                head = heads[i]
-                if head is None:
-                    head = heads[i] = stream.next_until(t_ns)
-                if head is not None and (first < 0 or head[0] < heads[first][0]):  # type: ignore[index]
-                    first = i
-            if first < 0:
+            for finger, stream in self._contacts:
+                if finger not in heads and (head := stream.next_until(t_ns)) is not None:
+                    heads[finger] = head
+            if not heads:
                 break
-            item = heads[first]
-            heads[first] = None
-            if item is not None:
-                self._feel(self._contacts[first][0], item)
+            first = min((f for f, _ in self._contacts if f in heads), key=lambda f: heads[f][0])
+            self._feel(first, heads.pop(first))
         if self._levels is not None:
             while (block := self._levels.next_until(t_ns)) is not None:
                 self._block = block
                 self.report.n_blocks += 1
                 if self._recorder is not None:
                     self._recorder.levels(*block)
+        self._look_ahead()
+
+    def _look_ahead(self) -> None:
+        """Note when there is something to take in again, and when the last source ended once all have."""
+        streams: list[Stream[Contact] | Stream[Block]] = [s for _, s in self._contacts]
+        if self._levels is not None:
+            streams.append(self._levels)
+        self._due_ns = min((s.due_ns for s in streams), default=NEVER_NS)
+        if all(s.ended for s in streams):
+            self._end_ns = max((s.end_ns for s in streams), default=0)
 
     def _feel(self, finger: str, contact: Contact) -> None:
         t_ns, metrics = contact
@@ -257,11 +253,11 @@ class DualLoop:
         for hand in self._hands:
             try:
                 hand.write(t_ns, self._hand.limp())
-            except Exception as error:  # noqa: BLE001  # reported by the caller
+            except Exception as error:  # reported by the caller
                 problems.append(error)
         for vest in self._vests:
             try:
                 vest.write(t_ns, self._touch.silence())
-            except Exception as error:  # noqa: BLE001  # reported by the caller
+            except Exception as error:  # reported by the caller
                 problems.append(error)
         return problems

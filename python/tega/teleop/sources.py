@@ -34,7 +34,7 @@ class SourceReport(msgspec.Struct, kw_only=True):
 
     Attributes:
         n_items: Frames or samples used.
-        n_dropped: Items of a live source that could not be used.
+        n_dropped: Items of a live source that could not be used, or came faster than they were taken.
         n_missing: Items that never came, by the gaps in their numbers.
         lost: Why the source went away, if it did.
     """
@@ -43,6 +43,10 @@ class SourceReport(msgspec.Struct, kw_only=True):
     n_dropped: int = 0
     n_missing: int = 0
     lost: str = ""
+
+    def drop(self) -> None:
+        """Count an item that was not used."""
+        self.n_dropped += 1
 
 
 def measured_contacts(
@@ -93,7 +97,7 @@ def measured_contacts(
         except TegaError:
             if not live:
                 raise
-            report.n_dropped += 1
+            report.drop()
             continue
         report.n_items += 1
         report.n_missing += max(0, frame.seq - next_seq)
@@ -167,7 +171,7 @@ def grasp_blocks(
         except ShapeError:
             if not live:
                 raise
-            report.n_dropped += 1
+            report.drop()
             continue
         report.n_items += len(chunk.samples)
         report.n_missing += max(0, chunk.first_index - next_index)

@@ -12,18 +12,28 @@ import threading
 from collections.abc import Callable, Generator, Iterable
 from typing import Any, Generic, Protocol, TypeVar
 
-__all__ = ["Item", "PulledStream", "Stream", "ThreadedStream"]
+__all__ = ["NEVER_NS", "Item", "PulledStream", "Stream", "ThreadedStream"]
+
+NEVER_NS = 2**63 - 1
 
 Item = TypeVar("Item", bound=tuple[Any, ...])
+Item_co = TypeVar("Item_co", bound=tuple[Any, ...], covariant=True)
 
 
-class Stream(Protocol, Generic[Item]):
-    """What the loop takes its input from."""
+class Stream(Protocol[Item_co]):
+    """What the loop takes its input from.
+
+    Attributes:
+        ended: Whether nothing will come any more.
+        end_ns: When the stream ends, as far as is known.
+        due_ns: Before this time :meth:`next_until` has nothing to give.
+    """
 
     ended: bool
     end_ns: int
+    due_ns: int
 
-    def next_until(self, t_ns: int) -> Item | None:
+    def next_until(self, t_ns: int) -> Item_co | None:
         """Return the next item stamped at or before ``t_ns``, or ``None`` when there is none (yet)."""
         ...
 
@@ -45,17 +55,19 @@ class PulledStream(Generic[Item]):
         self._head: Item | None = None
         self.ended = False
         self.end_ns = end_ns
+        self.due_ns = 0
         self._advance()
 
     def _advance(self) -> None:
         try:
             self._head = next(self._items)
         except StopIteration as stop:
-            self._head, self.ended = None, True
+            self._head, self.ended, self.due_ns = None, True, NEVER_NS
             if stop.value is not None:
                 self.end_ns = max(self.end_ns, stop.value)
         else:
-            self.end_ns = max(self.end_ns, self._head[0])
+            self.due_ns = self._head[0]
+            self.end_ns = max(self.end_ns, self.due_ns)
 
     def next_until(self, t_ns: int) -> Item | None:
         """Return the next item stamped at or before ``t_ns``, or ``None``."""
@@ -87,6 +99,7 @@ class ThreadedStream(Generic[Item]):
         name: For the thread.
         produce: Makes the iterator; called in the thread with a function that tells when to stop.
         live: Whether the source runs on its own clock.
+        on_loss: Called in the thread for every item lost.
         capacity: Items held at most.
     """
 
@@ -96,16 +109,18 @@ class ThreadedStream(Generic[Item]):
         produce: Callable[[Callable[[], bool]], Iterable[Item]],
         *,
         live: bool,
+        on_loss: Callable[[], None] = lambda: None,
         capacity: int = 64,
     ) -> None:
         self._produce = produce
         self._live = live
+        self._on_loss = on_loss
         self._queue: queue.Queue[Item | _End] = queue.Queue(capacity)
         self._stop = threading.Event()
         self._head: Item | None = None
         self.ended = False
         self.end_ns = 0
-        self.n_lost = 0
+        self.due_ns = 0
         self._thread = threading.Thread(target=self._work, name=f"tega-{name}", daemon=True)
         self._thread.start()
 
@@ -120,7 +135,7 @@ class ThreadedStream(Generic[Item]):
                     end_ns = stop.value
                     break
                 self._put(item)
-        except BaseException as raised:  # noqa: BLE001  # carried to the loop, which raises it
+        except BaseException as raised:  # carried to the loop, which raises it
             error = raised
         self._put(_End(end_ns, error))
 
@@ -139,7 +154,7 @@ class ThreadedStream(Generic[Item]):
             self._queue.get_nowait()
         except queue.Empty:
             return
-        self.n_lost += 1
+        self._on_loss()
 
     def next_until(self, t_ns: int) -> Item | None:
         """Return the next item stamped at or before ``t_ns``, or ``None`` when there is none (yet).
@@ -164,13 +179,14 @@ class ThreadedStream(Generic[Item]):
         except queue.Empty:
             return
         if isinstance(got, _End):
-            self.ended = True
+            self.ended, self.due_ns = True, NEVER_NS
             if got.end_ns is not None:
                 self.end_ns = max(self.end_ns, got.end_ns)
             if got.error is not None:
                 raise got.error
         else:
             self._head = got
+            self.due_ns = 0 if self._live else got[0]
             self.end_ns = max(self.end_ns, got[0])
 
     def close(self) -> None:

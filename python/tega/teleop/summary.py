@@ -44,24 +44,24 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     if error is not None:
         summary["error"] = error.message if isinstance(error, TegaError) else type(error).__name__
     summary["calibration"] = {
-        "origin": state.calibration.origin,
-        "file": state.calibration_name or None,
-        "causal": bool(state.calibration_name),
+        "origin": state.prepared.calibration.origin,
+        "file": state.prepared.calibration_name or None,
+        "causal": bool(state.prepared.calibration_name),
     }
-    summary["tactile"] = {finger: _finger(state, finger) for finger in state.fingers}
+    summary["tactile"] = {finger: _finger(state, finger) for finger in state.prepared.fingers}
     summary["emg"] = _emg(state)
     summary["vest"] = {
         "layout": state.layout,
         "rate_hz": config.vest.rate_hz,
         "frames": loop.n_vest_ticks,
-        "sinks": [sink.info.driver for sink in state.vests],
+        "sinks": [sink.info.driver for sink in state.sinks.vests],
     }
     summary["hand"] = {
         "model": ModelledHand.label,
         "rate_hz": 1e9 / HAND_TICK_NS,
         "ticks": loop.n_hand_ticks,
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
-        "sinks": [sink.info.driver for sink in state.hands],
+        "sinks": [sink.info.driver for sink in state.sinks.hands],
     }
     if config.session.pace == "real":
         pacing = state.pacing
@@ -76,8 +76,8 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
 
 
 def _finger(state: RunState, name: str) -> dict[str, Any]:
-    finger, loop = state.fingers[name], state.loop
-    info, maxima = finger.source.info, state.calibration.tactile.get(name)
+    finger, loop = state.prepared.fingers[name], state.loop
+    info, maxima = finger.source.info, state.prepared.calibration.tactile.get(name)
     return {
         "driver": info.driver,
         "source": info.label,
@@ -93,7 +93,7 @@ def _finger(state: RunState, name: str) -> dict[str, Any]:
 
 
 def _emg(state: RunState) -> dict[str, Any] | None:
-    muscles = state.muscles
+    muscles = state.prepared.muscles
     if muscles is None:
         return None
     maxima = muscles.maxima
@@ -116,14 +116,16 @@ def _notes(state: RunState) -> list[str]:
     """Say in sentences what a reader of the tables has to know."""
     notes = []
     end_ns = state.loop.end_ns
-    if not state.calibration_name:
-        notes.append(f"maxima {state.calibration.origin}")
-    for name, finger in state.fingers.items():
-        maxima = state.calibration.tactile.get(name)
+    if not state.prepared.calibration_name:
+        notes.append(f"maxima {state.prepared.calibration.origin}")
+    for name, finger in state.prepared.fingers.items():
+        maxima = state.prepared.calibration.tactile.get(name)
         if maxima is None or maxima.eda_max is None:
             notes.append(f"{name}: no press was seen, so it has no maxima and its columns stay silent")
         elif maxima.cci_max is None:
-            notes.append(f"{name}: no contact was large enough for a CCI maximum, so its front column stays silent")
+            notes.append(
+                f"{name}: no contact was large enough for a CCI maximum, so its front column stays silent"
+            )
         notes += [f"{name}: {note}" for note in finger.source.info.notes]
         if finger.report.lost:
             notes.append(f"{name}: source lost: {finger.report.lost}; silent after {STALE_NS / 1e6:g} ms")
@@ -131,7 +133,7 @@ def _notes(state: RunState) -> list[str]:
             notes.append(
                 f"{name}: ended at {finger.measured_end_ns / 1e9:.3f} s, silent {STALE_NS / 1e6:g} ms later"
             )
-    if (muscles := state.muscles) is not None:
+    if (muscles := state.prepared.muscles) is not None:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
         emg_end_s = muscles.report.n_items / muscles.maxima.rate_hz
         if muscles.report.lost:
