@@ -2,10 +2,11 @@
 
 use std::cell::RefCell;
 
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use tega_tactile::{
-    CentroidValue, ContactMetrics, Decimal, Difference, Gate, Options, Order, Pair, PaperScratch, Spread,
-    Weights, read_paper,
+    CentroidValue, ContactMetrics, Decimal, Difference, Gate, Options, Order, Pair, PaperScratch, Scratch,
+    Spread, Weights, read_paper,
 };
 
 use crate::arguments::{choice, image};
@@ -62,7 +63,32 @@ fn contact_metrics(
     };
     let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
     let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-    Ok(fields(compute(py, &pair, || tega_tactile::contact_metrics(&pair, &options))))
+    let work = |scratch: &mut Scratch| tega_tactile::contact_metrics(&pair, &options, scratch);
+    Ok(fields(compute(py, &pair, || SCRATCH.with_borrow_mut(work))))
+}
+
+thread_local! {
+    /// Buffers, sized by the first frame, then reused.
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+    static PAPER: RefCell<PaperScratch> = RefCell::default();
+}
+
+/// Runs the `paper` reading and what `take` wants of its buffers.
+fn with_paper<T: Send>(
+    py: Python<'_>,
+    frame: &Bound<'_, PyAny>,
+    baseline: &Bound<'_, PyAny>,
+    order: &str,
+    take: impl FnOnce((usize, usize), ContactMetrics, &PaperScratch) -> T + Send,
+) -> Result<T, BindError> {
+    let order = choice("order", order, &ORDERS)?;
+    let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
+    let pair = Pair::new(frame.as_array(), baseline.as_array())?;
+    let read = |scratch: &mut PaperScratch| {
+        let metrics = read_paper(&pair, order, scratch);
+        take((pair.height(), pair.width()), metrics, scratch)
+    };
+    Ok(compute(py, &pair, || PAPER.with_borrow_mut(read)))
 }
 
 #[pyfunction]
@@ -74,17 +100,45 @@ fn read_contact(
     reading: &str,
     order: &str,
 ) -> Result<Fields, BindError> {
-    thread_local! {
-        static PAPER: RefCell<PaperScratch> = RefCell::default();
-    }
-    let order = choice("order", order, &ORDERS)?;
     choice("reading", reading, &[("paper", ())])?;
-    let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
-    let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-    Ok(fields(compute(py, &pair, || PAPER.with_borrow_mut(|scratch| read_paper(&pair, order, scratch)))))
+    with_paper(py, frame, baseline, order, |_, metrics, _| fields(metrics))
+}
+
+#[pyfunction]
+#[pyo3(signature = (frame, baseline, *, reading, order))]
+fn contact_mask<'py>(
+    py: Python<'py>,
+    frame: &Bound<'py, PyAny>,
+    baseline: &Bound<'py, PyAny>,
+    reading: &str,
+    order: &str,
+) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
+    choice("reading", reading, &[("paper", ())])?;
+    let (shape, mask) = with_paper(py, frame, baseline, order, |shape, _, scratch| {
+        (shape, scratch.mask().collect::<Vec<_>>())
+    })?;
+    Ok(mask.into_pyarray(py).reshape(shape)?)
+}
+
+#[pyfunction]
+#[pyo3(signature = (frame, baseline, *, reading, order))]
+fn pressure_map<'py>(
+    py: Python<'py>,
+    frame: &Bound<'py, PyAny>,
+    baseline: &Bound<'py, PyAny>,
+    reading: &str,
+    order: &str,
+) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
+    choice("reading", reading, &[("paper", ())])?;
+    let (shape, map) = with_paper(py, frame, baseline, order, |shape, _, scratch| {
+        (shape, scratch.pressure_map().collect::<Vec<_>>())
+    })?;
+    Ok(map.into_pyarray(py).reshape(shape)?)
 }
 
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(contact_metrics, m)?)?;
-    m.add_function(wrap_pyfunction!(read_contact, m)?)
+    m.add_function(wrap_pyfunction!(read_contact, m)?)?;
+    m.add_function(wrap_pyfunction!(contact_mask, m)?)?;
+    m.add_function(wrap_pyfunction!(pressure_map, m)?)
 }

@@ -2,16 +2,22 @@
 
 use num_bigint::BigInt;
 use num_integer::Integer;
-use num_traits::{One, Signed, ToPrimitive, Zero};
+use num_traits::{One, Signed, Zero};
 
+use crate::Order;
 use crate::error::TactileError;
 use crate::exact::Exact;
+use crate::levels::{MAX_WEIGHT, MAX_WEIGHT_SUM};
 
-/// An exact decimal: `numerator / denominator`, in lowest terms, denominator positive.
+/// An exact decimal in lowest terms.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Decimal {
-    pub(crate) numerator: BigInt,
-    pub(crate) denominator: BigInt,
+pub struct Decimal(Parts);
+
+/// Numerator and (positive) denominator; small where they fit, so that common options cost no allocation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Parts {
+    Small(i64, i64),
+    Big(BigInt, BigInt),
 }
 
 impl Decimal {
@@ -30,35 +36,55 @@ impl Decimal {
         if !value.is_finite() {
             return Err(TactileError::OutOfRange { name, value, unit: "", wanted: "a finite number" });
         }
+        // Four places or fewer, the usual case: no other decimal that short reads back as this value.
+        let scaled = (value * 1e4).round();
+        if value.abs() < 1e9 && scaled / 1e4 == value {
+            return Ok(Self::new(scaled as i64, 10_000));
+        }
         // Rust's `Display` for floats is the shortest decimal that round-trips, without an exponent.
         let text = format!("{value}");
         let digits: String = text.chars().filter(char::is_ascii_digit).collect();
         let places = text.split_once('.').map_or(0, |(_, fraction)| fraction.len());
         let magnitude = digits.parse::<BigInt>().unwrap_or_default();
         let numerator = if value < 0.0 { -magnitude } else { magnitude };
-        let mut d = Self { numerator, denominator: BigInt::from(10).pow(places as u32) };
-        d.reduce();
-        Ok(d)
+        Ok(Self::reduced(numerator, BigInt::from(10).pow(places as u32)))
     }
 
     /// `numerator / denominator`; a denominator below one is taken as one.
     pub fn new(numerator: i64, denominator: i64) -> Self {
-        let mut d = Self { numerator: numerator.into(), denominator: denominator.max(1).into() };
-        d.reduce();
-        d
+        let denominator = denominator.max(1);
+        let common = numerator.gcd(&denominator).max(1);
+        Self(Parts::Small(numerator / common, denominator / common))
     }
 
-    fn reduce(&mut self) {
-        let common = self.numerator.gcd(&self.denominator);
-        if common > BigInt::one() {
-            self.numerator /= &common;
-            self.denominator /= &common;
+    fn reduced(numerator: BigInt, denominator: BigInt) -> Self {
+        let common = numerator.gcd(&denominator);
+        let (n, d) = (numerator / &common, denominator / common);
+        match (i64::try_from(&n), i64::try_from(&d)) {
+            (Ok(n), Ok(d)) => Self(Parts::Small(n, d)),
+            _ => Self(Parts::Big(n, d)),
         }
     }
 
-    /// The smallest integer `n` with `n / scale > self`.
-    pub(crate) fn first_level_above(&self, scale: &BigInt) -> BigInt {
-        (&self.numerator * scale).div_floor(&self.denominator) + 1
+    /// Numerator and denominator; `None` where they do not fit.
+    pub(crate) fn parts<I: Exact>(&self) -> Option<[I; 2]> {
+        Some(match &self.0 {
+            Parts::Small(n, d) => [I::from_i64(*n)?, I::from_i64(*d)?],
+            Parts::Big(n, d) => [I::from_big(n)?, I::from_big(d)?],
+        })
+    }
+
+    fn big(&self) -> (BigInt, BigInt) {
+        match &self.0 {
+            Parts::Small(n, d) => ((*n).into(), (*d).into()),
+            Parts::Big(n, d) => (n.clone(), d.clone()),
+        }
+    }
+
+    /// The smallest integer `n` with `n / scale > self`; `None` on overflow.
+    pub(crate) fn first_level_above<I: Exact>(&self, scale: &I) -> Option<I> {
+        let [numerator, denominator] = self.parts::<I>()?;
+        numerator.checked_mul(scale)?.div_floor(&denominator).checked_add(&I::one())
     }
 }
 
@@ -66,12 +92,14 @@ impl Decimal {
 ///
 /// A grey value is then an integer, its *level*, over that denominator: sums, peaks and threshold counts are exact.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Weights {
-    /// Red, green, blue numerators.
-    numerators: [BigInt; 3],
-    denominator: BigInt,
-    /// The same where every level of an 8-bit difference fits an `i32`: the fast kernels' form.
-    narrow: Option<([i32; 3], i32)>,
+pub struct Weights(Form);
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// Red, green, blue and their denominator, small enough for the fast kernels.
+    Narrow([i32; 3], i32),
+    /// Of any size.
+    Wide([BigInt; 3], BigInt),
 }
 
 impl Weights {
@@ -81,44 +109,44 @@ impl Weights {
     /// [`TactileError::OutOfRange`] for a weight that is not finite, [`TactileError::WeightSum`] when the three do not
     /// add up to 1 within 1e-9. They are never renormalised.
     pub fn printed(r: f64, g: f64, b: f64) -> Result<Self, TactileError> {
+        if (r, g, b) == (0.299, 0.587, 0.114) {
+            return Ok(Self::luma());
+        }
         let parts = [
             Decimal::printed("weights", r)?,
             Decimal::printed("weights", g)?,
             Decimal::printed("weights", b)?,
-        ];
-        let denominator = parts.iter().fold(BigInt::one(), |acc, p| acc.lcm(&p.denominator));
-        let numerators = parts.map(|p| p.numerator * (&denominator / p.denominator));
+        ]
+        .map(|p| p.big());
+        let denominator = parts.iter().fold(BigInt::one(), |acc, (_, d)| acc.lcm(d));
+        let numerators = parts.map(|(n, d)| n * (&denominator / d));
         let sum: BigInt = numerators.iter().sum();
         if (&sum - &denominator).abs() * 1_000_000_000_i64 > denominator {
             return Err(TactileError::WeightSum { r, g, b, sum: BigInt::ratio(&sum, &denominator) });
         }
-        let reach = numerators.iter().map(Signed::abs).fold(BigInt::zero(), |acc, n| acc + n) * 255;
-        let narrow = (reach <= i32::MAX.into() && denominator <= i32::MAX.into())
-            .then(|| {
-                let [r, g, b] = &numerators;
-                Some(([r.to_i32()?, g.to_i32()?, b.to_i32()?], denominator.to_i32()?))
-            })
-            .flatten();
-        Ok(Self { numerators, denominator, narrow })
+        Ok(Self(narrow(&numerators, &denominator).unwrap_or(Form::Wide(numerators, denominator))))
     }
 
     /// The usual luma weights 0.299, 0.587, 0.114: the default.
-    pub fn luma() -> Self {
-        let numerators = [299, 587, 114];
-        Self {
-            numerators: numerators.map(BigInt::from),
-            denominator: BigInt::from(1000),
-            narrow: Some((numerators, 1000)),
+    pub const fn luma() -> Self {
+        Self(Form::Narrow([299, 587, 114], 1000))
+    }
+
+    /// The numerators as the bytes of a pixel lie, and the denominator.
+    pub(crate) fn arranged(&self, order: Order) -> Form {
+        match &self.0 {
+            Form::Narrow(n, d) => Form::Narrow(order.arrange(*n), *d),
+            Form::Wide(n, d) => Form::Wide(order.arrange(n.clone()), d.clone()),
         }
     }
+}
 
-    pub(crate) fn narrow(&self, order: crate::Order) -> Option<([i32; 3], i32)> {
-        self.narrow.map(|(n, d)| (order.arrange(n), d))
-    }
-
-    pub(crate) fn wide(&self, order: crate::Order) -> ([BigInt; 3], BigInt) {
-        (order.arrange(self.numerators.clone()), self.denominator.clone())
-    }
+fn narrow(numerators: &[BigInt; 3], denominator: &BigInt) -> Option<Form> {
+    let sum = numerators.iter().map(Signed::abs).fold(BigInt::zero(), |acc, n| acc + n);
+    let small = sum <= MAX_WEIGHT_SUM.into() && numerators.iter().all(|n| n.abs() <= MAX_WEIGHT.into());
+    let [r, g, b] = numerators;
+    let weights = [i32::try_from(r).ok()?, i32::try_from(g).ok()?, i32::try_from(b).ok()?];
+    small.then_some(Form::Narrow(weights, i32::try_from(denominator).ok()?))
 }
 
 #[cfg(test)]
@@ -141,8 +169,9 @@ mod tests {
     }
 
     #[test]
-    fn luma_is_what_its_decimals_give() {
-        assert_eq!(Weights::printed(0.299, 0.587, 0.114).unwrap(), Weights::luma());
+    fn common_weights_take_the_fast_form() {
+        assert_eq!(Weights::printed(0.587, 0.299, 0.114).unwrap().0, Form::Narrow([587, 299, 114], 1000));
+        assert_eq!(Weights::printed(0.25, 0.5, 0.25).unwrap().0, Form::Narrow([1, 2, 1], 4));
     }
 
     #[test]
@@ -151,13 +180,12 @@ mod tests {
         assert!(Weights::printed(0.3, 0.3, 0.4 + 0.9e-9).is_ok());
         assert!(Weights::printed(0.3, 0.3, 0.4 + 1.1e-9).is_err());
         assert!(Weights::printed(2.0, -0.5, -0.5).is_ok());
-        assert!(Weights::printed(1e-300, 0.5, 0.5).unwrap().narrow.is_none());
+        assert!(matches!(Weights::printed(1e-300, 0.5, 0.5).unwrap().0, Form::Wide(..)));
     }
 
     #[test]
     fn first_level_above_is_strict() {
-        let scale = BigInt::from(1000);
-        assert_eq!(Decimal::new(6, 1).first_level_above(&scale), BigInt::from(6001));
-        assert_eq!(Decimal::new(1, 3).first_level_above(&scale), BigInt::from(334));
+        assert_eq!(Decimal::new(6, 1).first_level_above(&1000_i128), Some(6001));
+        assert_eq!(Decimal::new(1, 3).first_level_above(&1000_i128), Some(334));
     }
 }

@@ -20,6 +20,8 @@ pub(crate) trait Exact:
     fn ratio(p: &Self, q: &Self) -> f64;
     /// The same integer, without a limit.
     fn to_big(&self) -> BigInt;
+    /// The same integer, where it fits.
+    fn from_big(n: &BigInt) -> Option<Self>;
 }
 
 impl Exact for i128 {
@@ -35,6 +37,10 @@ impl Exact for i128 {
     fn to_big(&self) -> BigInt {
         BigInt::from(*self)
     }
+
+    fn from_big(n: &BigInt) -> Option<Self> {
+        n.to_i128()
+    }
 }
 
 impl Exact for BigInt {
@@ -44,6 +50,10 @@ impl Exact for BigInt {
 
     fn to_big(&self) -> BigInt {
         self.clone()
+    }
+
+    fn from_big(n: &BigInt) -> Option<Self> {
+        Some(n.clone())
     }
 }
 
@@ -69,6 +79,19 @@ pub(crate) struct Variance<I> {
 }
 
 impl<I: Exact> Sums<I> {
+    /// The same sums in another integer type; `None` where they do not fit.
+    pub fn convert<J: Exact>(&self) -> Option<Sums<J>> {
+        let int = |n: &I| J::from_big(&n.to_big());
+        let [x, y] = &self.first;
+        Some(Sums {
+            mass: int(&self.mass)?,
+            first: [int(x)?, int(y)?],
+            second: int(&self.second)?,
+            squares: self.squares.as_ref().map(int).unwrap_or_default(),
+            denominator: int(&self.denominator)?,
+        })
+    }
+
     /// Centroid (x, y), pixels; `None` where the mass is not positive.
     pub fn centroid(&self) -> Option<[f64; 2]> {
         self.mass.is_positive().then(|| [0, 1].map(|axis| I::ratio(&self.first[axis], &self.mass)))

@@ -97,6 +97,14 @@ impl<'a> Pair<'a> {
         }
     }
 
+    /// Calls `visit(frame_row, baseline_row)` for row `y`; does nothing outside the image.
+    pub(crate) fn with_row(&self, y: usize, visit: impl FnOnce(&[u8], &[u8])) {
+        if y < self.height() {
+            let (frame, baseline) = (self.frame.index_axis(Axis(0), y), self.baseline.index_axis(Axis(0), y));
+            visit(row_bytes(&frame, &mut Vec::new()), row_bytes(&baseline, &mut Vec::new()));
+        }
+    }
+
     /// Signed channel differences of one pixel; `None` outside the image.
     pub(crate) fn difference_at(&self, x: usize, y: usize, difference: Difference) -> Option<[i16; 3]> {
         let mut out = [0; 3];

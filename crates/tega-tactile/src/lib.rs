@@ -5,11 +5,11 @@
 //!
 //! ```
 //! use ndarray::Array3;
-//! use tega_tactile::{Options, Pair, contact_metrics};
+//! use tega_tactile::{Options, Pair, Scratch, contact_metrics};
 //!
 //! let baseline = Array3::<u8>::from_elem((240, 320, 3), 90);
 //! let frame = Array3::<u8>::from_elem((240, 320, 3), 100);
-//! let metrics = contact_metrics(&Pair::new(frame.view(), baseline.view())?, &Options::default());
+//! let metrics = contact_metrics(&Pair::new(frame.view(), baseline.view())?, &Options::default(), &mut Scratch::default());
 //! assert_eq!(metrics.peak, 10.0);
 //! # Ok::<(), tega_tactile::TactileError>(())
 //! ```
@@ -19,6 +19,7 @@ mod decimal;
 mod error;
 mod exact;
 mod frame;
+mod levels;
 mod metrics;
 mod paper;
 mod simd;
@@ -27,5 +28,7 @@ mod sums;
 pub use decimal::{Decimal, Weights};
 pub use error::TactileError;
 pub use frame::{Difference, MAX_SIDE, Order, Pair};
+pub use levels::Scratch;
 pub use metrics::{CentroidValue, ContactMetrics, Gate, Options, Spread, contact_metrics};
 pub use paper::{MIN_PIXELS, NOISE_FLOOR, PaperScratch, read_paper};
+pub use simd::instruction_set;

@@ -1,12 +1,14 @@
 //! Equations 1 to 6 put together: frame and baseline to contact metrics.
 
 use num_bigint::BigInt;
+use num_traits::Signed;
 
-use crate::decimal::{Decimal, Weights};
+use crate::decimal::{Decimal, Form, Weights};
 use crate::error::TactileError;
 use crate::exact::{Exact, Sums, Threshold};
 use crate::frame::{Difference, Order, Pair};
-use crate::sums::{Level, Reading, count_from, read, weigh_sums};
+use crate::levels::{Kernel, Scratch};
+use crate::sums;
 
 /// What σ in Eq 4 is (readings A1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -134,89 +136,98 @@ impl ContactMetrics {
 /// # Examples
 /// ```
 /// use ndarray::Array3;
-/// use tega_tactile::{Options, Pair, contact_metrics};
+/// use tega_tactile::{Options, Pair, Scratch, contact_metrics};
 ///
 /// let baseline = Array3::<u8>::zeros((240, 320, 3));
 /// let mut frame = baseline.clone();
 /// frame[[100, 50, 0]] = 200;
-/// let m = contact_metrics(&Pair::new(frame.view(), baseline.view())?, &Options::default());
+/// let m = contact_metrics(&Pair::new(frame.view(), baseline.view())?, &Options::default(), &mut Scratch::default());
 /// // All mass in one pixel: σ is 0, so T is that pixel's own value and no pixel lies above it.
 /// assert_eq!((m.centroid_xy, m.spread, m.eda), ((50.0, 100.0), 0.0, 0));
 /// # Ok::<(), tega_tactile::TactileError>(())
 /// ```
-pub fn contact_metrics(pair: &Pair<'_>, options: &Options) -> ContactMetrics {
-    if let Some((weights, denominator)) = options.weights.narrow(options.order) {
-        metrics_with(pair, options, &weights, &BigInt::from(denominator))
-    } else {
-        let (weights, denominator) = options.weights.wide(options.order);
-        metrics_with(pair, options, &weights, &denominator)
-    }
+pub fn contact_metrics(pair: &Pair<'_>, options: &Options, scratch: &mut Scratch) -> ContactMetrics {
+    let squares = options.spread == Spread::Intensity;
+    let metrics = match options.weights.arranged(options.order) {
+        Form::Narrow(weights, denominator) => {
+            let kernel = Kernel { weights, difference: options.difference, squares };
+            let levels = kernel.read(pair, denominator, scratch);
+            let map = Map {
+                pair,
+                options,
+                weights: weights.map(i128::from),
+                sums: levels.sums.clone(),
+                peak: i128::from(levels.peak),
+                peak_xy: levels.peak_xy,
+            };
+            let count = |first: i32| levels.count_from(pair, &kernel, first);
+            // A level outside `i32` is beyond every pixel's.
+            let outside = |negative: bool| if negative { i32::MIN } else { i32::MAX };
+            map.resolve(&|first| count(i32::try_from(*first).unwrap_or(outside(first.is_negative()))))
+                .or_else(|| {
+                    map.widened()?.resolve(&|first: &BigInt| {
+                        count(i32::try_from(first).unwrap_or(outside(first.is_negative())))
+                    })
+                })
+        }
+        Form::Wide(weights, denominator) => {
+            let reading = sums::read(pair, options.difference, &weights, squares);
+            let map = Map {
+                pair,
+                options,
+                sums: sums::weigh_sums(&reading.channels, &weights, &denominator, squares),
+                weights: weights.clone(),
+                peak: reading.peak,
+                peak_xy: reading.peak_xy,
+            };
+            map.resolve(&|first| {
+                if *first > map.peak {
+                    0
+                } else {
+                    sums::count_from(pair, options.difference, &weights, first)
+                }
+            })
+        }
+    };
+    // Big integers do not overflow; kept total so that no input can panic.
+    metrics.unwrap_or_else(|| ContactMetrics::none(f64::NAN, f64::NAN, (0, 0)))
 }
 
-fn metrics_with<L: Level + Into<BigInt> + TryFrom<BigInt>>(
-    pair: &Pair<'_>,
-    options: &Options,
-    weights: &[L; 3],
-    denominator: &BigInt,
-) -> ContactMetrics {
-    let reading = read(pair, options.difference, weights, options.spread == Spread::Intensity);
-    let count = |first: BigInt| count_above(pair, options.difference, weights, &reading, first);
-    let gated = options
-        .gate
-        .as_ref()
-        .is_some_and(|gate| count(gate.noise_floor.first_level_above(denominator)) < gate.min_pixels);
-    let map = Map { pair, options, weights, denominator, reading: &reading };
-    map.resolve::<i128>(gated, &count).or_else(|| map.resolve::<BigInt>(gated, &count)).unwrap_or_else(|| {
-        // Big integers do not overflow; kept total so that no input can panic.
-        ContactMetrics::none(f64::NAN, f64::NAN, reading.peak_xy)
-    })
-}
-
-/// Pixels at or above level `first`, without reading the images where the peak already answers.
-fn count_above<L: Level + Into<BigInt> + TryFrom<BigInt>>(
-    pair: &Pair<'_>,
-    difference: Difference,
-    weights: &[L; 3],
-    reading: &Reading<L>,
-    first: BigInt,
-) -> u32 {
-    let all = (pair.width() * pair.height()) as u32;
-    if first > reading.peak.clone().into() {
-        return 0;
-    }
-    // A border that does not fit the level type lies below every level, since it is not above the peak.
-    L::try_from(first).map_or(all, |first| count_from(pair, difference, weights, &first))
-}
-
-struct Map<'m, 'p, L> {
+/// A grey map summed up in integers `I`, and where to look single pixels up.
+struct Map<'m, 'p, I> {
     pair: &'m Pair<'p>,
     options: &'m Options,
-    weights: &'m [L; 3],
-    denominator: &'m BigInt,
-    reading: &'m Reading<L>,
+    weights: [I; 3],
+    sums: Sums<I>,
+    peak: I,
+    peak_xy: (usize, usize),
 }
 
-impl<L: Level + Into<BigInt>> Map<'_, '_, L> {
-    /// Equations 2 to 6 in integers `I`; `None` on overflow.
-    fn resolve<I: Exact + TryFrom<BigInt>>(
-        &self,
-        gated: bool,
-        count: &dyn Fn(BigInt) -> u32,
-    ) -> Option<ContactMetrics>
-    where
-        BigInt: From<I>,
-    {
-        let int = |n: BigInt| I::try_from(n).ok();
-        let denominator = int(self.denominator.clone())?;
-        let [a, b, c] = self.weights.clone().map(|w| int(w.into()));
-        let weights = [a?, b?, c?];
-        let options = self.options;
-        let squares = options.spread == Spread::Intensity;
-        let sums = weigh_sums(&self.reading.channels, &weights, &denominator, squares)?;
-        let peak = int(self.reading.peak.clone().into())?;
-        let (mass, peak_value) = (I::ratio(&sums.mass, &denominator), I::ratio(&peak, &denominator));
-        let none = ContactMetrics::none(mass, peak_value, self.reading.peak_xy);
-        let (false, Some([x, y])) = (gated, sums.centroid()) else {
+impl<'p, I: Exact> Map<'_, 'p, I> {
+    /// The same map in integers without a limit.
+    fn widened(&self) -> Option<Map<'_, 'p, BigInt>> {
+        Some(Map {
+            pair: self.pair,
+            options: self.options,
+            weights: self.weights.each_ref().map(I::to_big),
+            sums: self.sums.convert()?,
+            peak: self.peak.to_big(),
+            peak_xy: self.peak_xy,
+        })
+    }
+
+    /// Equations 2 to 6; `count` tells how many pixels are at or above a level. `None` on overflow.
+    fn resolve(&self, count: &dyn Fn(&I) -> u32) -> Option<ContactMetrics> {
+        let (options, sums) = (self.options, &self.sums);
+        let denominator = &sums.denominator;
+        let mass = I::ratio(&sums.mass, denominator);
+        let none = ContactMetrics::none(mass, I::ratio(&self.peak, denominator), self.peak_xy);
+        if let Some(gate) = &options.gate
+            && count(&gate.noise_floor.first_level_above(denominator)?) < gate.min_pixels
+        {
+            return Some(none);
+        }
+        let Some([x, y]) = sums.centroid() else {
             return Some(none);
         };
         let variance = match options.spread {
@@ -226,14 +237,13 @@ impl<L: Level + Into<BigInt>> Map<'_, '_, L> {
         if variance.numerator.is_negative() {
             return Some(none);
         }
-        let (value, value_denominator) = self.value_at_centroid(&sums, &weights)?;
-        let factor = [int(options.factor.numerator.clone())?, int(options.factor.denominator.clone())?];
-        let threshold = Threshold { value, value_denominator, variance, factor, denominator };
-        let eda = count(BigInt::from(threshold.first_level_above()?));
-        let cci = match I::from_u32(eda) {
-            Some(area) if eda > 0 => I::ratio(&peak, &threshold.denominator.checked_mul(&area)?),
-            _ => 0.0,
-        };
+        let (value, value_denominator) = self.value_at_centroid()?;
+        let factor = options.factor.parts()?;
+        let threshold =
+            Threshold { value, value_denominator, variance, factor, denominator: denominator.clone() };
+        let eda = count(&threshold.first_level_above()?);
+        let cci =
+            if eda == 0 { 0.0 } else { I::ratio(&self.peak, &denominator.checked_mul(&I::from_u32(eda)?)?) };
         Some(ContactMetrics {
             centroid_xy: (x, y),
             spread: threshold.spread(),
@@ -246,15 +256,12 @@ impl<L: Level + Into<BigInt>> Map<'_, '_, L> {
     }
 
     /// I(μ) as a numerator and its denominator.
-    fn value_at_centroid<I: Exact + TryFrom<BigInt>>(
-        &self,
-        sums: &Sums<I>,
-        weights: &[I; 3],
-    ) -> Option<(I, I)> {
+    fn value_at_centroid(&self) -> Option<(I, I)> {
+        let sums = &self.sums;
         let level = |x: usize, y: usize| {
             let d = self.pair.difference_at(x, y, self.options.difference)?;
             d.iter()
-                .zip(weights)
+                .zip(&self.weights)
                 .try_fold(I::zero(), |total, (d, w)| total.checked_add(&w.checked_mul(&I::from_i16(*d)?)?))
         };
         let (width, height) = (self.pair.width(), self.pair.height());

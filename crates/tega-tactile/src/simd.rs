@@ -5,6 +5,12 @@
 //! floats in one fixed order without fused operations, so that every path gives the same bits.
 #![allow(unsafe_code)]
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+
+use std::sync::OnceLock;
+
+use crate::levels::{Kernel, Row};
 use crate::paper::{self, PaperScratch, Summary};
 
 /// Compiles `$generic` for each instruction set and calls the best one this processor has.
@@ -35,28 +41,72 @@ macro_rules! dispatched {
     };
 }
 
-/// Instruction sets that kernels are compiled for.
-#[cfg(target_arch = "x86_64")]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+/// Instruction sets that kernels are compiled for, weakest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
     Baseline,
     Avx2,
     Avx512,
 }
 
-#[cfg(target_arch = "x86_64")]
+/// The best set of this processor, lowered by `TEGA_SIMD=baseline|avx2` (to compare paths, or to rule one out).
 fn level() -> Level {
+    static LEVEL: OnceLock<Level> = OnceLock::new();
+    *LEVEL.get_or_init(|| {
+        let allowed = match std::env::var("TEGA_SIMD").as_deref() {
+            Ok("baseline") => Level::Baseline,
+            Ok("avx2") => Level::Avx2,
+            _ => Level::Avx512,
+        };
+        detect().min(allowed)
+    })
+}
+
+#[cfg(target_arch = "x86_64")]
+fn detect() -> Level {
     let avx512 = is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")
         && is_x86_feature_detected!("avx512vl")
         && is_x86_feature_detected!("avx512dq");
-    if avx512 {
-        Level::Avx512
-    } else if is_x86_feature_detected!("avx2") {
-        Level::Avx2
-    } else {
-        Level::Baseline
+    match (avx512, is_x86_feature_detected!("avx2")) {
+        (true, true) => Level::Avx512,
+        (false, true) => Level::Avx2,
+        _ => Level::Baseline,
     }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn detect() -> Level {
+    Level::Baseline
+}
+
+/// The instruction set in use: "baseline", "avx2" or "avx512".
+pub fn instruction_set() -> &'static str {
+    match level() {
+        Level::Baseline => "baseline",
+        Level::Avx2 => "avx2",
+        Level::Avx512 => "avx512",
+    }
+}
+
+/// See [`Kernel::row`].
+pub(crate) fn row(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32]) -> Row {
+    #[cfg(target_arch = "x86_64")]
+    if level() >= Level::Avx2 {
+        // SAFETY: `level` reports a set only after the processor itself said that it has it.
+        return unsafe { avx2::row(kernel, frame, baseline, columns) };
+    }
+    kernel.row(frame, baseline, columns)
+}
+
+/// See [`Kernel::count`].
+pub(crate) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
+    #[cfg(target_arch = "x86_64")]
+    if level() >= Level::Avx2 {
+        // SAFETY: as above.
+        return unsafe { avx2::count(kernel, frame, baseline, first) };
+    }
+    kernel.count(frame, baseline, first)
 }
 
 dispatched! {

@@ -1,30 +1,16 @@
-//! One reading of the images: exact integer sums per channel, and the brightest pixel.
+//! The way through the images for weights of any size: exact sums per channel, weights last.
 //!
-//! The moments are linear in the channels, so the weights come last and the sums are plain integers: no rounding, and
-//! a variance without cancellation.
+//! The moments are linear in the channels, so the sums are plain integers whatever the weights are; only the peak and
+//! the threshold count weigh every pixel, in big integers. Slow, exact, and rarely needed (see `levels`).
 
 use num_bigint::BigInt;
 
-use crate::exact::{Exact, Sums};
+use crate::exact::Sums;
 use crate::frame::{Difference, Pair};
 
-/// A grey level: the weighted difference of a pixel times the weights' denominator.
-pub(crate) trait Level: Clone + Ord {
-    /// `Σ weight·difference`.
-    fn weigh(weights: &[Self; 3], difference: [i16; 3]) -> Self;
-}
-
-impl Level for i32 {
-    #[inline]
-    fn weigh(weights: &[Self; 3], d: [i16; 3]) -> Self {
-        weights[0] * Self::from(d[0]) + weights[1] * Self::from(d[1]) + weights[2] * Self::from(d[2])
-    }
-}
-
-impl Level for BigInt {
-    fn weigh(weights: &[Self; 3], d: [i16; 3]) -> Self {
-        &weights[0] * d[0] + &weights[1] * d[1] + &weights[2] * d[2]
-    }
+/// The grey level of a pixel: `Σ weight·difference`.
+fn weigh(weights: &[BigInt; 3], d: [i16; 3]) -> BigInt {
+    &weights[0] * d[0] + &weights[1] * d[1] + &weights[2] * d[2]
 }
 
 /// Sums over all pixels of one channel's difference `d`.
@@ -41,22 +27,17 @@ pub(crate) struct ChannelSums {
 }
 
 /// What one reading of frame and baseline yields.
-pub(crate) struct Reading<L> {
+pub(crate) struct Reading {
     pub channels: [ChannelSums; 3],
     /// Largest grey level and its first place in row order.
-    pub peak: L,
+    pub peak: BigInt,
     pub peak_xy: (usize, usize),
 }
 
 /// Reads both images once. `squares` asks for the products that the intensity spread needs.
-pub(crate) fn read<L: Level>(
-    pair: &Pair<'_>,
-    difference: Difference,
-    weights: &[L; 3],
-    squares: bool,
-) -> Reading<L> {
+pub(crate) fn read(pair: &Pair<'_>, difference: Difference, weights: &[BigInt; 3], squares: bool) -> Reading {
     let mut channels = [ChannelSums::default(); 3];
-    let mut peak: Option<(L, (usize, usize))> = None;
+    let mut peak: Option<(BigInt, (usize, usize))> = None;
     pair.for_each_row(|y, frame, baseline| {
         let mut row = [ChannelSums::default(); 3];
         let y = y as i64;
@@ -73,7 +54,7 @@ pub(crate) fn read<L: Level>(
                     }
                 }
             }
-            let level = L::weigh(weights, d);
+            let level = weigh(weights, d);
             if peak.as_ref().is_none_or(|(best, _)| level > *best) {
                 peak = Some((level, (x, y as usize)));
             }
@@ -88,56 +69,46 @@ pub(crate) fn read<L: Level>(
             }
         }
     });
-    let (peak, peak_xy) = peak.unwrap_or_else(|| (L::weigh(weights, [0; 3]), (0, 0)));
+    let (peak, peak_xy) = peak.unwrap_or_else(|| (weigh(weights, [0; 3]), (0, 0)));
     Reading { channels, peak, peak_xy }
 }
 
 /// Number of pixels whose grey level is at least `first`.
-pub(crate) fn count_from<L: Level>(
+pub(crate) fn count_from(
     pair: &Pair<'_>,
     difference: Difference,
-    weights: &[L; 3],
-    first: &L,
+    weights: &[BigInt; 3],
+    first: &BigInt,
 ) -> u32 {
     let mut count = 0;
     pair.for_each_row(|_, frame, baseline| {
         for (f, b) in frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0) {
             let d = [difference.of(f[0], b[0]), difference.of(f[1], b[1]), difference.of(f[2], b[2])];
-            count += u32::from(L::weigh(weights, d) >= *first);
+            count += u32::from(weigh(weights, d) >= *first);
         }
     });
     count
 }
 
-/// The channels' sums put together with integer weights; `None` on overflow.
-pub(crate) fn weigh_sums<I: Exact>(
+/// The channels' sums put together with integer weights.
+pub(crate) fn weigh_sums(
     channels: &[ChannelSums; 3],
-    weights: &[I; 3],
-    denominator: &I,
+    weights: &[BigInt; 3],
+    denominator: &BigInt,
     squares: bool,
-) -> Option<Sums<I>> {
-    let combine = |part: &dyn Fn(&ChannelSums) -> i64| {
-        channels.iter().zip(weights).try_fold(I::zero(), |total, (sums, weight)| {
-            total.checked_add(&weight.checked_mul(&I::from_i64(part(sums))?)?)
-        })
+) -> Sums<BigInt> {
+    let combine = |part: &dyn Fn(&ChannelSums) -> i64| -> BigInt {
+        channels.iter().zip(weights).map(|(sums, weight)| weight * part(sums)).sum()
     };
-    let squares = if squares {
-        let per_channel = |c: usize| combine(&|sums: &ChannelSums| sums.products[c]);
-        let mut total = I::zero();
-        for (c, weight) in weights.iter().enumerate() {
-            total = total.checked_add(&weight.checked_mul(&per_channel(c)?)?)?;
-        }
-        Some(total)
-    } else {
-        None
-    };
-    Some(Sums {
-        mass: combine(&|s| s.mass)?,
-        first: [combine(&|s| s.first[0])?, combine(&|s| s.first[1])?],
-        second: combine(&|s| s.second)?,
+    let squares =
+        squares.then(|| (0..3).map(|c| &weights[c] * combine(&|sums: &ChannelSums| sums.products[c])).sum());
+    Sums {
+        mass: combine(&|s| s.mass),
+        first: [combine(&|s| s.first[0]), combine(&|s| s.first[1])],
+        second: combine(&|s| s.second),
         squares,
         denominator: denominator.clone(),
-    })
+    }
 }
 
 #[cfg(test)]
@@ -151,13 +122,14 @@ mod tests {
         let mut frame = baseline.clone();
         frame[[2, 3, 1]] = 10;
         let pair = Pair::new(frame.view(), baseline.view()).unwrap();
-        let reading = read(&pair, Difference::Signed, &[1, 2, 3], true);
+        let weights = [1, 2, 3].map(BigInt::from);
+        let reading = read(&pair, Difference::Signed, &weights, true);
         assert_eq!(
             reading.channels[1],
             ChannelSums { mass: 10, first: [30, 20], second: 130, products: [0, 100, 0] }
         );
-        assert_eq!((reading.peak, reading.peak_xy), (20, (3, 2)));
-        assert_eq!(count_from(&pair, Difference::Signed, &[1, 2, 3], &20), 1);
+        assert_eq!((reading.peak, reading.peak_xy), (20.into(), (3, 2)));
+        assert_eq!(count_from(&pair, Difference::Signed, &weights, &20.into()), 1);
     }
 
     #[test]
@@ -165,6 +137,7 @@ mod tests {
         let baseline = Array3::<u8>::zeros((2, 2, 3));
         let frame = Array3::<u8>::from_elem((2, 2, 3), 7);
         let pair = Pair::new(frame.view(), baseline.view()).unwrap();
-        assert_eq!(read(&pair, Difference::Signed, &[1, 1, 1], false).peak_xy, (0, 0));
+        let weights = [1, 1, 1].map(BigInt::from);
+        assert_eq!(read(&pair, Difference::Signed, &weights, false).peak_xy, (0, 0));
     }
 }

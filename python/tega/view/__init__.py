@@ -1,0 +1,1 @@
+"""Pictures of a session: figures from recordings and the terminal's live view."""

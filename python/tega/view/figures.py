@@ -1,0 +1,130 @@
+"""The paper's two pictures of a session, drawn from data: the touch map (Fig 3) and the course (Fig 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import MissingExtraError
+from tega.tactile import ContactMetrics
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+__all__ = ["Course", "TouchPicture", "draw_course", "draw_touch", "session_figure"]
+
+CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
+
+
+@dataclass(frozen=True)
+class TouchPicture:
+    """One finger's contact as Fig 3 shows it.
+
+    Args:
+        frame: The camera picture, uint8 (H, W, 3), BGR.
+        pressure: The pressure map, grey values, float32 (H, W).
+        mask: The pixels that EDA counts, bool (H, W).
+        metrics: The contact metrics of the frame.
+        cci_norm: CCI over its maximum, 0 to 1.
+        eda_norm: EDA over its maximum, 0 to 1.
+    """
+
+    frame: NDArray[np.uint8]
+    pressure: NDArray[np.float32]
+    mask: NDArray[np.bool_]
+    metrics: ContactMetrics
+    cci_norm: float
+    eda_norm: float
+
+
+@dataclass(frozen=True)
+class Course:
+    """How touch and intent went, as Fig 8 shows it.
+
+    Args:
+        touch_t_s: Times of the touch samples, seconds, float64 (n,).
+        cci_norm: Mean over the fingers in contact, 0 to 1, float64 (n,).
+        eda_norm: Likewise.
+        level_t_s: Times of the fused levels, seconds, float64 (m,).
+        level: Fused closure levels 1 to 5, int (m,); drawn as poses 0 to 4.
+    """
+
+    touch_t_s: NDArray[np.float64]
+    cci_norm: NDArray[np.float64]
+    eda_norm: NDArray[np.float64]
+    level_t_s: NDArray[np.float64]
+    level: NDArray[np.int64]
+
+
+def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None:
+    """Draw the camera picture into ``axes[0]`` and the pressure map with its marks into ``axes[1]``.
+
+    Green circle: the brightest pixel. Blue line: the border of the pixels that EDA counts.
+    """
+    for ax in axes:
+        ax.set_xticks([])
+        ax.set_yticks([])
+    camera, touch = axes
+    camera.imshow(picture.frame[..., ::-1])
+    camera.set_title(finger, fontsize=10, loc="left")
+    top = max(float(picture.pressure.max()), 1.0)
+    touch.imshow(picture.pressure / top, cmap="gray", vmin=0, vmax=1)
+    if picture.metrics.in_contact:
+        if picture.mask.any() and not picture.mask.all():
+            touch.contour(picture.mask, levels=[0.5], colors=["#3b8cff"], linewidths=1.4)
+        touch.plot(*picture.metrics.peak_xy, "o", ms=11, mfc="none", mec="#27d045", mew=1.8)
+        caption = f"CCI {picture.cci_norm:.2f}   EDA {picture.eda_norm:.2f}"
+    else:
+        caption = "no contact"
+    touch.set_title(caption, fontsize=9)
+
+
+def draw_course(ax: Axes, course: Course) -> None:
+    """Draw CCI (blue) and EDA (green) on the left axis, the pose (red, dashed) on the right one."""
+    ax.plot(course.touch_t_s, course.cci_norm, color=CCI_BLUE, lw=1.2, label="CCI")
+    ax.plot(course.touch_t_s, course.eda_norm, color=EDA_GREEN, lw=1.2, label="EDA")
+    ax.set_xlabel("time (s)")
+    ax.set_ylabel("share of maximum")
+    ax.set_ylim(-0.02, 1.05)
+    pose = ax.twinx()
+    pose.step(course.level_t_s, course.level - 1, where="post", color=POSE_RED, ls="--", lw=1.5, label="pose")
+    pose.set_ylabel("pose", color=POSE_RED)
+    pose.set_ylim(-0.1, 4.2)
+    pose.set_yticks(range(5))
+    lines = [*ax.get_lines(), *pose.get_lines()]
+    ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", ncols=3, frameon=False)
+
+
+def session_figure(path: Path, pictures: Mapping[str, TouchPicture], course: Course, title: str) -> None:
+    """Write both pictures into one PNG.
+
+    Args:
+        path: The file to write.
+        pictures: One picture per finger, in drawing order.
+        course: The course of the whole session.
+        title: Heading; says so where the data is simulated.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("matplotlib is not installed", "pip install 'tega[view]'") from error
+    figure: Figure = Figure(figsize=(11, 6.2), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=11)
+    halves: list[SubFigure] = list(figure.subfigures(2, 1, height_ratios=[1.1, 1], squeeze=False)[:, 0])
+    upper, lower = halves
+    axes = upper.subplots(1, 2 * max(len(pictures), 1), squeeze=False)[0]
+    for index, (finger, picture) in enumerate(pictures.items()):
+        draw_touch(axes[2 * index : 2 * index + 2], finger, picture)
+    draw_course(lower.subplots(), course)
+    figure.savefig(path, metadata={"Software": None})
