@@ -1,0 +1,188 @@
+"""Calibration files: TOML, readable by people, refused where they do not fit.
+
+Example of a file::
+
+    format = "tega-calibration"
+    version = 1
+    preset = "live"
+    origin = "self-calibrated from the recording, not causal"
+
+    [tactile.thumb]
+    cci_max = 1.31
+    eda_max = 9120.0
+
+    [emg]
+    kind = "raw"
+    rate_hz = 200.0
+    tau = 20
+    channels = ["ch3", "ch6", "ch8"]
+    maxima = [58.1, 21.7, 19.3]
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from tega.config_errors import explain
+from tega.errors import CalibrationError, ConfigError
+
+__all__ = ["Calibration", "EmgMaxima", "TouchMaxima", "load_calibration", "save_calibration"]
+
+_Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
+
+
+class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What counts as full on one finger.
+
+    Attributes:
+        cci_max: Largest CCI; ``None`` where no press was seen, which keeps the front column still.
+        eda_max: Largest EDA in pixels; ``None`` likewise, for the back column.
+    """
+
+    cci_max: _Positive | None = None
+    eda_max: _Positive | None = None
+
+
+class EmgMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What counts as full on each EMG channel, and the conditions under which that holds.
+
+    Attributes:
+        kind: ``raw``, ``rectified`` or ``envelope``.
+        rate_hz: Samples per second.
+        tau: Samples per block.
+        channels: Names of the channels, in order.
+        maxima: Largest block mean of each, in the source's unit.
+    """
+
+    kind: Literal["raw", "rectified", "envelope"]
+    rate_hz: _Positive
+    tau: Annotated[int, msgspec.Meta(ge=1)]
+    channels: tuple[str, ...]
+    maxima: tuple[_Positive, ...]
+
+
+class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A set of maxima.
+
+    Attributes:
+        preset: The preset they were taken with; the other one's readings have other scales.
+        origin: How they came about.
+        tactile: By finger.
+        emg: Of the muscle signal, where there is one.
+        format: Always ``tega-calibration``.
+        version: Of the file format.
+    """
+
+    preset: Literal["paper", "live"]
+    origin: str
+    tactile: dict[str, TouchMaxima] = {}
+    emg: EmgMaxima | None = None
+    format: Literal["tega-calibration"] = "tega-calibration"
+    version: Literal[1] = 1
+
+    def check_fits(self, *, preset: str, fingers: Iterable[str], emg: EmgMaxima | None, name: str) -> None:
+        """Refuse to be used for a run it was not made for.
+
+        Args:
+            preset: The run's preset.
+            fingers: The run's fingers.
+            emg: The run's EMG conditions (its ``maxima`` do not matter); ``None`` without EMG.
+            name: What to call this calibration in an error.
+
+        Raises:
+            CalibrationError: Something differs; the message names it and both values.
+        """
+        hint = "calibrate again under the conditions of this run, or run under those of the calibration"
+        if self.preset != preset:
+            raise CalibrationError(f"{name}: made with preset {self.preset!r}, the run uses {preset!r}", hint)
+        for finger in fingers:
+            if finger not in self.tactile:
+                raise CalibrationError(f"{name}: has no maxima for finger {finger!r}", hint)
+        if emg is None:
+            return
+        if self.emg is None:
+            raise CalibrationError(f"{name}: has no EMG maxima", hint)
+        if len(self.emg.maxima) != len(self.emg.channels):
+            raise CalibrationError(
+                f"{name}: emg has {len(self.emg.channels)} channels and {len(self.emg.maxima)} maxima",
+                "give one maximum per channel",
+            )
+        for what in ("kind", "rate_hz", "tau", "channels"):
+            mine, theirs = getattr(self.emg, what), getattr(emg, what)
+            if mine != theirs:
+                raise CalibrationError(
+                    f"{name}: made for emg {what} = {mine!r}, the run has {theirs!r}", hint
+                )
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Read a calibration file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its content.
+
+    Raises:
+        CalibrationError: It is missing, is not TOML, or a value in it is unknown, of a wrong type or out of range.
+    """
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CalibrationError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    except ValueError as error:
+        raise CalibrationError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
+    try:
+        return msgspec.convert(tree, Calibration)
+    except msgspec.ValidationError as error:
+        said: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
+        message = said.message.removeprefix("settings: ")
+        raise CalibrationError(f"{path.name}: {message}", said.hint or "calibrate again") from None
+
+
+def save_calibration(calibration: Calibration, path: Path) -> None:
+    """Write a calibration file; equal calibrations give equal bytes.
+
+    Args:
+        calibration: What to write.
+        path: The file; it is replaced.
+    """
+    lines = [
+        f'format = "{calibration.format}"',
+        f"version = {calibration.version}",
+        f'preset = "{calibration.preset}"',
+        f"origin = {_text(calibration.origin)}",
+    ]
+    for finger, touch in calibration.tactile.items():
+        lines += ["", f"[tactile.{finger}]"]
+        if touch.cci_max is None and touch.eda_max is None:
+            lines.append("# no press was seen: this finger's columns stay still")
+        for name in ("cci_max", "eda_max"):
+            if (value := getattr(touch, name)) is not None:
+                lines.append(f"{name} = {value!r}")
+    if (emg := calibration.emg) is not None:
+        lines += [
+            "",
+            "[emg]",
+            f'kind = "{emg.kind}"',
+            f"rate_hz = {emg.rate_hz!r}",
+            f"tau = {emg.tau}",
+            f"channels = [{', '.join(_text(c) for c in emg.channels)}]",
+            f"maxima = [{', '.join(repr(m) for m in emg.maxima)}]",
+        ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+
+def _text(value: str) -> str:
+    # A JSON string is a TOML basic string.
+    return json.dumps(value, ensure_ascii=False)

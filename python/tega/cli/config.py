@@ -1,0 +1,83 @@
+"""``tega-teleop config``: what the settings are and where each came from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tega.cli.options import debug_option, json_option
+
+__all__ = ["config"]
+
+_sets_option = click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
+)
+
+
+@click.group(epilog="Example: tega-teleop config check session.toml")
+def config() -> None:
+    """Show or check a session's settings."""
+
+
+@config.command(epilog="Example: tega-teleop config show session.toml --set session.preset=paper")
+@click.argument("file", type=click.Path(path_type=Path), required=False)
+@_sets_option
+@json_option
+@debug_option
+def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
+    """Print every setting, its value and where the value came from.
+
+    With --json: an object per setting, {"key", "value", "origin"}.
+    """
+    from tega.cli.options import echo_json
+    from tega.config import load_config
+
+    values = load_config(file, sets=sets).values
+    if as_json:
+        echo_json([{"key": k, "value": _plain(v.value), "origin": v.origin} for k, v in values.items()])
+        return
+    width = max(map(len, values))
+    for key, (value, origin) in values.items():
+        click.echo(f"{key:<{width}}  {_text(value):<24}  {origin}")
+
+
+@config.command(epilog="Example: tega-teleop config check session.toml")
+@click.argument("file", type=click.Path(path_type=Path))
+@_sets_option
+@json_option
+@debug_option
+def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
+    """Check a settings file, its drivers' options included; opens no device.
+
+    With --json: {"file", "ok", "error", "hint"}.
+    """
+    from tega.cli.options import echo_json
+    from tega.config import load_config
+    from tega.errors import TegaError
+
+    if not as_json:
+        load_config(file, sets=sets)
+        click.echo(f"{file.name}: ok")
+        return
+    try:
+        load_config(file, sets=sets)
+    except TegaError as error:
+        echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
+        raise
+    echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Path):
+        return str(value)
+    return [_plain(v) for v in value] if isinstance(value, tuple) else value
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "not set"
+    if isinstance(value, tuple):
+        return ", ".join(map(_text, value)) or "none"
+    return str(value).lower() if isinstance(value, bool) else str(value)

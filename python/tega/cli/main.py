@@ -1,0 +1,134 @@
+"""``tega-teleop``: the table of verbs, and how every failure is told."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import click
+
+from tega.errors import DeviceUnavailableError, TegaError
+
+__all__ = ["main"]
+
+EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
+
+
+class _Verb(NamedTuple):
+    group: str
+    module: str
+    function: str
+    summary: str
+
+
+# The summaries stand here so that `--help` imports no verb.
+_VERBS = {
+    "demo": _Verb("Run", "tega.cli.demo", "demo", "See the loop work on input made up here; needs nothing."),
+    "run": _Verb("Run", "tega.cli.run", "run", "Run a session from its settings."),
+    "replay": _Verb("Run", "tega.cli.replay", "replay", "Run the loop on recordings and write tables."),
+    "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List the drivers that are installed."),
+    "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
+}
+
+
+class _Verbs(click.Group):
+    """Verbs by name, imported when called, listed by the life cycle of a session."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  # click's signature
+        return list(_VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        verb = _VERBS.get(cmd_name)
+        if verb is None:
+            return None
+        command: click.Command = getattr(importlib.import_module(verb.module), verb.function)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        for group in dict.fromkeys(verb.group for verb in _VERBS.values()):
+            with formatter.section(group):
+                formatter.write_dl([(n, v.summary) for n, v in _VERBS.items() if v.group == group])
+
+
+def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:  # noqa: FBT001  # click's signature
+    if value:
+        from tega import __version__
+
+        click.echo(f"tega {__version__}")
+        ctx.exit()
+
+
+@click.group(
+    cls=_Verbs,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="Example: tega-teleop replay --tactile thumb=press.avi --out results",
+)
+@click.option("--debug", is_flag=True, help="Show where in the program an error arose.")
+@click.option(
+    "--version", is_flag=True, callback=_version, expose_value=False, is_eager=True, help="Show the version."
+)
+@click.pass_context
+def cli(ctx: click.Context, debug: bool) -> None:  # noqa: FBT001  # click's signature
+    """Tactile-enhanced grasping: muscle signals steer a robot hand, its fingertips are felt on a vest."""
+    ctx.obj = {"debug": debug}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command line and exit.
+
+    Exit codes: 0 ok, 1 failed, 2 usage, 3 device missing, 130 stopped.
+
+    Args:
+        arguments: The words after the program's name; those of this process when ``None``.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    try:
+        result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
+    except click.UsageError as error:
+        _usage(error)
+        sys.exit(EXIT_USAGE)
+    except click.ClickException as error:
+        _tell(error.format_message(), "", debug=debug)
+        sys.exit(EXIT_FAILED)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("stopped", err=True)
+        sys.exit(EXIT_STOPPED)
+    except DeviceUnavailableError as error:
+        _tell(error.message, error.hint, debug=debug)
+        sys.exit(EXIT_DEVICE)
+    except TegaError as error:
+        _tell(error.message, error.hint, debug=debug)
+        sys.exit(EXIT_FAILED)
+    except BrokenPipeError:
+        # The reader of our output went away; nothing of ours is wrong, and nothing can be told to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(EXIT_FAILED)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        _tell(f"{where}{error.strerror or error}", "", debug=debug)
+        sys.exit(EXIT_FAILED)
+    except Exception as error:  # the last resort: no traceback unless asked for
+        _tell(
+            f"unexpected {type(error).__name__}: {error}", "run again with --debug and report it", debug=debug
+        )
+        sys.exit(EXIT_FAILED)
+    sys.exit(result if isinstance(result, int) else 0)
+
+
+def _usage(error: click.UsageError) -> None:
+    click.echo(f"error: {error.format_message()}", err=True)
+    path = error.ctx.command_path if error.ctx is not None else "tega-teleop"
+    click.echo(f"hint: {path} --help", err=True)
+
+
+def _tell(message: str, hint: str, *, debug: bool) -> None:
+    if debug:
+        traceback.print_exc()
+    click.echo(f"error: {message}", err=True)
+    if hint:
+        click.echo(f"hint: {hint}", err=True)

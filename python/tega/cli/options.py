@@ -1,0 +1,89 @@
+"""Options and habits that verbs share: --json, --debug, Ctrl-C, progress."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, TypeVar
+
+import click
+
+__all__ = ["Stop", "debug_option", "echo_json", "json_option", "progress_bar"]
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
+
+
+def debug_option(function: _Function) -> _Function:
+    """Allow ``--debug`` after the verb as well as before it."""
+    return click.option(
+        "--debug", is_flag=True, expose_value=False, help="Show where in the program an error arose."
+    )(function)
+
+
+def echo_json(value: Any) -> None:
+    """Print a value as JSON on stdout."""
+    click.echo(json.dumps(value, indent=2, ensure_ascii=False))
+
+
+class Stop:
+    """Turns the first Ctrl-C (or a request to terminate) into a question the loop asks; the second one interrupts.
+
+    The loop then ends by itself, which leaves vest and hand silent.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._old: dict[int, Any] = {}
+
+    def __call__(self) -> bool:
+        """Tell whether the run should end."""
+        return self.asked
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+
+    def __enter__(self) -> Stop:
+        """Take over the signals."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._old[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Give the signals back."""
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], None]]:
+    """Show how long work goes on, on a terminal's stderr only.
+
+    Args:
+        enabled: Whether to show anything at all.
+
+    Yields:
+        A function to be told what is being done, how much is done, and how much there is.
+    """
+    if not enabled or not sys.stderr.isatty():
+        yield lambda _what, _done, _total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("preparing", total=None)
+
+        def show(what: str, done: int, total: int) -> None:
+            if done % 16 == 0 or done == total:
+                bar.update(task, description=what, completed=done, total=total or None)
+
+        yield show

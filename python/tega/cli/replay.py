@@ -1,0 +1,162 @@
+"""``tega-teleop replay``: the loop on recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tega.cli.options import debug_option, json_option
+
+__all__ = ["replay"]
+
+
+class _Finger(click.ParamType[tuple[str, Path]]):
+    """FINGER=PATH."""
+
+    name = "finger=path"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, Path]:
+        from tega.config import FINGERS
+
+        finger, equals, path = str(value).partition("=")
+        if not equals or not path or finger not in FINGERS:
+            self.fail(f"{value!r} is not FINGER=PATH with FINGER one of {', '.join(FINGERS)}", param, ctx)
+        return finger, Path(path).absolute()
+
+
+class _Channels(click.ParamType[list[int]]):
+    """Channel numbers, comma separated."""
+
+    name = "n,n,..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[int]:
+        if isinstance(value, list):
+            return value
+        try:
+            channels = [int(part) for part in str(value).split(",")]
+        except ValueError:
+            channels = []
+        if not channels or min(channels) < 1:
+            self.fail(f"{value!r} is not a list of channel numbers from 1, such as 3,6,8", param, ctx)
+        return channels
+
+
+@click.command(
+    epilog="Example: tega-teleop replay --tactile thumb=press.avi --emg squeeze.csv --emg-rate-hz 1000 "
+    "--emg-kind raw --emg-channels 1,2,3 --preset live --out results"
+)
+@click.option(
+    "--tactile", type=_Finger(), multiple=True, help="Recording of a finger: a folder of pictures or a video."
+)
+@click.option(
+    "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True), default=60.0, show_default=True,
+    help="Pictures per second of the folders; a video has its own rate.",
+)  # fmt: skip
+@click.option(
+    "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
+)
+@click.option("--allow-truncated", is_flag=True, help="Use a video that ends before its header says.")
+@click.option("--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy or .mat.")
+@click.option(
+    "--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second."
+)
+@click.option("--emg-kind", type=click.Choice(["raw", "rectified", "envelope"]), help="What the samples are.")
+@click.option("--emg-channels", type=_Channels(), help="Columns to use, counted from 1; else all.")
+@click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
+@click.option(
+    "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
+    help="The printed law, or the readings meant for people.",
+)  # fmt: skip
+@click.option(
+    "--calibration", type=click.Path(path_type=Path), help="Maxima; else taken from the recording itself."
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Folder for the tables: new, empty, or an earlier run's.",
+)
+@json_option
+@debug_option
+def replay(*, as_json: bool, **flags: Any) -> None:
+    """Run the loop on recordings as fast as possible and write tables.
+
+    Writes contacts.csv, levels.csv, vest.csv, can.csv, summary.json and calibration.toml. The same input gives the
+    same bytes. With --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
+    """
+    import time
+
+    from tega.cli.options import Stop, echo_json, progress_bar
+    from tega.cli.report import print_summary
+    from tega.config import check_tree
+    from tega.teleop import run_session
+
+    config = check_tree(_tree(flags), {}, base=Path.cwd()).config
+    started = time.perf_counter()
+    with Stop() as stop, progress_bar(enabled=not as_json) as progress:
+        summary = run_session(config, progress=progress, stop=stop)
+    wall_s = time.perf_counter() - started
+    measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
+    if as_json:
+        echo_json({**summary, "measured": measured})
+    else:
+        print_summary(summary, measured=measured)
+    if summary["ended"] == "stopped":
+        raise KeyboardInterrupt
+
+
+def _tree(flags: dict[str, Any]) -> dict[str, Any]:
+    """Say in the words of a settings file what the flags ask for."""
+    baselines = _by_finger("--baseline", flags["baseline"])
+    recordings = _by_finger("--tactile", flags["tactile"])
+    for finger in baselines:
+        if finger not in recordings:
+            raise click.UsageError(f"--baseline {finger}: there is no --tactile {finger}")
+    if not recordings and flags["emg"] is None:
+        raise click.UsageError("nothing to replay: give --tactile, --emg or both")
+    tactile: dict[str, Any] = {}
+    for finger, path in recordings.items():
+        options: dict[str, Any]
+        if path.is_dir() or not path.suffix:
+            options = {
+                "folder": path,
+                "rate_hz": flags["tactile_rate_hz"],
+                "exclude": list(baselines.values()),
+            }
+            tactile[finger] = {"driver": "images", "options": options}
+        else:
+            options = {"file": path, "allow_truncated": flags["allow_truncated"]}
+            tactile[finger] = {"driver": "video", "options": options}
+        if finger in baselines:
+            tactile[finger]["baseline"] = baselines[finger]
+    tree: dict[str, Any] = {
+        "session": {"preset": flags["preset"], "pace": "fast", "out_dir": flags["out"].absolute()},
+        "tactile": tactile,
+    }
+    if flags["calibration"] is not None:
+        tree["calibration"] = {"file": flags["calibration"].absolute()}
+    if flags["emg"] is not None:
+        for name in ("emg_rate_hz", "emg_kind"):
+            if flags[name] is None:
+                raise click.UsageError(f"--emg needs --{name.replace('_', '-')}")
+        options = {
+            "file": flags["emg"].absolute(),
+            "rate_hz": flags["emg_rate_hz"],
+            "channels": flags["emg_channels"] or [],
+            "variable": flags["emg_variable"],
+        }
+        tree["emg"] = {"driver": "emg-file", "kind": flags["emg_kind"], "options": options}
+    return tree
+
+
+def _by_finger(flag: str, pairs: tuple[tuple[str, Path], ...]) -> dict[str, Path]:
+    named: dict[str, Path] = {}
+    for finger, path in pairs:
+        if finger in named:
+            raise click.UsageError(f"{flag} {finger} is given twice")
+        named[finger] = path
+    return named

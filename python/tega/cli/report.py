@@ -1,0 +1,61 @@
+"""The summary of a run, for people."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["print_summary"]
+
+
+def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
+    """Print a run's summary and how fast it went.
+
+    Args:
+        summary: As ``run_session`` returns it.
+        measured: ``wall_s`` and ``real_time_factor`` of this run; they are in no file.
+    """
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    out = Console(highlight=False)
+    if summary["tactile"]:
+        table = Table(title="touch", title_justify="left", box=SIMPLE)
+        for name in ("finger", "source", "frames", "Hz", "CCI max", "EDA max", "baseline"):
+            table.add_column(name, justify="left" if name in {"finger", "source", "baseline"} else "right")
+        for finger, f in summary["tactile"].items():
+            table.add_row(
+                finger,
+                f["source"],
+                str(f["frames"]),
+                f"{f['rate_hz'] or 0:g}",
+                _short(f["cci_max"]),
+                _short(f["eda_max"]),
+                f["baseline"],
+            )
+        out.print(table)
+    if (emg := summary["emg"]) is not None:
+        table = Table(
+            title=f"intent from {emg['source']} ({emg['kind']}, {emg['rate_hz']:g} Hz)",
+            title_justify="left",
+            box=SIMPLE,
+        )
+        for name in emg["channels"]:
+            table.add_column(f"{name} max", justify="right")
+        for level in summary["hand"]["level_s"]:
+            table.add_column(f"level {level}", justify="right")
+        table.add_row(
+            *map(_short, emg["maxima"]), *(f"{s:.1f} s" for s in summary["hand"]["level_s"].values())
+        )
+        out.print(table)
+    out.print(
+        f"{summary['ended']}: {summary['duration_s']:.2f} s of input, {summary['vest']['frames']} vest frames "
+        f"({summary['vest']['layout']}), {4 * summary['hand']['ticks']} torque frames"
+    )
+    for note in summary["notes"]:
+        out.print(f"note: {note}", markup=False)
+    out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
+
+
+def _short(value: float | None) -> str:
+    return "none" if value is None else f"{value:.4g}"

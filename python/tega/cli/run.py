@@ -1,0 +1,43 @@
+"""``tega-teleop run``: a session from its settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tega.cli.options import debug_option, json_option
+
+__all__ = ["run"]
+
+
+@click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
+@click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml")
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@json_option
+@debug_option
+def run(*, config: Path, sets: tuple[str, ...], as_json: bool) -> None:
+    """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
+
+    On every way out the vest is sent zeros and the hand zero torque and SERVO OFF. With --json the summary is
+    printed, with a table "measured" of wall_s and real_time_factor.
+    """
+    import time
+
+    from tega.cli.options import Stop, echo_json, progress_bar
+    from tega.cli.report import print_summary
+    from tega.config import load_config
+    from tega.teleop import run_session
+
+    settings = load_config(config, sets=sets).config
+    started = time.perf_counter()
+    with Stop() as stop, progress_bar(enabled=not as_json) as progress:
+        summary = run_session(settings, progress=progress, stop=stop)
+    wall_s = time.perf_counter() - started
+    measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
+    if as_json:
+        echo_json({**summary, "measured": measured})
+    else:
+        print_summary(summary, measured=measured)
+    if summary["ended"] == "stopped":
+        raise KeyboardInterrupt

@@ -1,0 +1,61 @@
+"""Clocks: what the loop asks for the time, so that a test or a replay can answer instead of the machine.
+
+All times are integer nanoseconds on a monotonic scale. Nothing in TEGA's outputs is a time of day.
+
+Example:
+    >>> clock = ManualClock()
+    >>> clock.sleep_until(3_000_000)
+    >>> clock.now_ns()
+    3000000
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+__all__ = ["Clock", "ManualClock", "SystemClock"]
+
+
+class Clock(Protocol):
+    """A source of monotonic time that can also be waited on."""
+
+    def now_ns(self) -> int:
+        """Return the time in nanoseconds; never less than an earlier answer."""
+        ...
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Return when the clock has reached ``t_ns`` (at once if it already has)."""
+        ...
+
+
+class SystemClock:
+    """The machine's monotonic clock."""
+
+    def now_ns(self) -> int:
+        """Return the machine's monotonic time in nanoseconds."""
+        return time.monotonic_ns()
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Sleep until the monotonic clock shows ``t_ns``."""
+        while (left_ns := t_ns - time.monotonic_ns()) > 0:
+            time.sleep(left_ns * 1e-9)
+
+
+class ManualClock:
+    """A clock that stands still until it is told to move; waiting on it moves it and never sleeps.
+
+    Args:
+        t_ns: Where it starts, in nanoseconds.
+    """
+
+    def __init__(self, t_ns: int = 0) -> None:
+        self._t_ns = t_ns
+
+    def now_ns(self) -> int:
+        """Return the time it was last moved to, in nanoseconds."""
+        return self._t_ns
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Move to ``t_ns``, unless it is already later."""
+        self._t_ns = max(self._t_ns, t_ns)

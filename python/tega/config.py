@@ -1,0 +1,322 @@
+"""Settings of a session: one TOML file, checked key by key.
+
+A value is taken from, in rising order: the defaults here, the file, environment variables such as
+``TEGA_EMG__KIND`` (two underscores where the key has a dot), ``--set emg.kind=raw``. Every number's unit is the
+end of its key: ``_hz``, ``_s``, ``_ms``. Relative paths in a file are relative to the file; in a variable or
+on the command line, to the working directory.
+
+Example:
+    >>> loaded = load_config(None, environ={}, sets=["session.preset=paper"])
+    >>> loaded.config.session.preset, loaded.values["session.preset"].origin
+    ('paper', '--set')
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+
+from tega.config_errors import Overridden, explain
+from tega.devices.base import Kind, Options
+from tega.devices.registry import driver_class
+from tega.errors import ConfigError
+
+__all__ = [
+    "FINGERS",
+    "CalibrationConfig",
+    "EmgConfig",
+    "HandConfig",
+    "LoadedConfig",
+    "SessionConfig",
+    "SessionSection",
+    "TactileConfig",
+    "TactileSection",
+    "Value",
+    "VestConfig",
+    "check_tree",
+    "load_config",
+]
+
+FINGERS = ("thumb", "index", "middle", "ring")
+ENVIRONMENT_PREFIX = "TEGA_"
+
+
+class _Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    pass
+
+
+class SessionSection(_Section, frozen=True):
+    """The run as a whole.
+
+    Attributes:
+        preset: ``paper`` (the printed law and the least that keeps it from breaking) or ``live`` (for people).
+        pace: ``real`` waits for the clock, ``fast`` runs recordings as fast as they can be computed.
+        out_dir: Folder for the outputs; none means nothing is written.
+        duration_s: Stop after this long; none means when the last recording ends, or never.
+    """
+
+    preset: Literal["paper", "live"] = "live"
+    pace: Literal["real", "fast"] = "real"
+    out_dir: Path | None = None
+    duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
+
+
+class CalibrationConfig(_Section, frozen=True):
+    """Where the maxima come from.
+
+    Attributes:
+        file: A calibration file; none means they are taken from the recording itself, which is not causal.
+    """
+
+    file: Path | None = None
+
+
+class TactileConfig(_Section, frozen=True):
+    """One fingertip.
+
+    Attributes:
+        driver: Name of a tactile driver.
+        baseline: Picture of the untouched gel (an image or ``.npy``); none means it is estimated from the
+            recording's quietest frames.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    baseline: Path | None = None
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class TactileSection(_Section, frozen=True):
+    """The fingertips in use; a finger that is not named has no sensor."""
+
+    thumb: TactileConfig | None = None
+    index: TactileConfig | None = None
+    middle: TactileConfig | None = None
+    ring: TactileConfig | None = None
+
+    def in_use(self) -> dict[str, TactileConfig]:
+        """Return the fingers that have a sensor, thumb first."""
+        return {f: c for f in FINGERS if (c := getattr(self, f)) is not None}
+
+
+class EmgConfig(_Section, frozen=True):
+    """The muscle signal.
+
+    Attributes:
+        driver: Name of an EMG driver.
+        kind: What the samples are: ``raw`` (offset removed and rectified here), ``rectified`` or ``envelope``.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    kind: Literal["raw", "rectified", "envelope"]
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class VestConfig(_Section, frozen=True):
+    """The vest.
+
+    Attributes:
+        driver: Name of a vest driver; none means the frames are only recorded.
+        layout: Which motors: ``paper32``, ``x40`` or ``x16``; none means the preset's own.
+        rate_hz: Frames per second.
+        options: The driver's own settings.
+    """
+
+    driver: str | None = None
+    layout: Literal["paper32", "x40", "x16"] | None = None
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 30.0
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class HandConfig(_Section, frozen=True):
+    """The robot hand.
+
+    Attributes:
+        driver: Name of a hand driver; none means the frames are only recorded.
+        device_id: The hand's number on its bus.
+        options: The driver's own settings.
+    """
+
+    driver: str | None = None
+    device_id: Annotated[int, msgspec.Meta(ge=0, le=3)] = 0
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class SessionConfig(_Section, frozen=True):
+    """Everything a session needs to know, checked, with absolute paths and typed driver options."""
+
+    session: SessionSection = SessionSection()
+    calibration: CalibrationConfig = CalibrationConfig()
+    tactile: TactileSection = TactileSection()
+    emg: EmgConfig | None = None
+    vest: VestConfig = VestConfig()
+    hand: HandConfig = HandConfig()
+
+
+class Value(NamedTuple):
+    """A setting and where it came from: ``default``, a file's name, a variable's name, or ``--set``."""
+
+    value: Any
+    origin: str
+
+
+class LoadedConfig(NamedTuple):
+    """A checked configuration and the origin of every value in it, by dotted key."""
+
+    config: SessionConfig
+    values: dict[str, Value]
+
+
+def load_config(
+    path: Path | None, *, environ: Mapping[str, str] | None = None, sets: Sequence[str] = ()
+) -> LoadedConfig:
+    """Load and check a session's settings.
+
+    Args:
+        path: The TOML file; ``None`` for the defaults alone.
+        environ: Environment variables; the process's own when ``None``.
+        sets: Overrides as ``key=value``, the value in TOML or plain text.
+
+    Returns:
+        The configuration and the origin of every value.
+
+    Raises:
+        ConfigError: The file is missing or is not TOML, or a key is unknown, of a wrong type or out of range.
+        MissingExtraError: A driver it names needs a package that is not installed.
+    """
+    tree: dict[str, Any] = {}
+    origins: dict[str, str] = {}
+    if path is not None:
+        tree = _read_toml(path)
+        origins = {key: path.name for key, _ in _leaves(tree)}
+    for name, text in sorted((os.environ if environ is None else environ).items()):
+        if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
+            key = name.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", ".")
+            _override(tree, origins, key, text, name)
+    for item in sets:
+        key, equals, text = item.partition("=")
+        if not equals or not key.strip():
+            raise ConfigError(
+                f"--set {item!r}: not of the form key=value", "for example --set session.preset=paper"
+            )
+        _override(tree, origins, key.strip(), text.strip(), "--set")
+    base = path.absolute().parent if path is not None else Path.cwd()
+    return check_tree(tree, origins, base=base)
+
+
+def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
+    """Check a tree of settings against the schema and the drivers it names.
+
+    Args:
+        tree: Settings as nested tables.
+        origins: Where each dotted key came from.
+        base: Folder to which relative paths refer.
+
+    Returns:
+        The configuration and the origin of every value.
+
+    Raises:
+        ConfigError: A key is unknown, of a wrong type or out of range.
+        MissingExtraError: A driver it names needs a package that is not installed.
+    """
+
+    def place(wanted: type, value: Any) -> Any:
+        if wanted is Path and isinstance(value, str | Path):
+            return (Path.cwd() if isinstance(value, Overridden) else base) / Path(value).expanduser()
+        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
+
+    def convert(subtree: Any, wanted: Any, prefix: str) -> Any:
+        try:
+            return msgspec.convert(subtree, wanted, dec_hook=place)
+        except msgspec.ValidationError as error:
+            raise explain(error, subtree, wanted, prefix=prefix, origins=origins) from None
+
+    def with_options(section: Any, kind: Kind, key: str) -> Any:
+        if section is None:
+            return None
+        if section.driver is None:
+            if section.options:
+                raise ConfigError(f"{key}.options: given, but no driver is named", f"set {key}.driver")
+            return section
+        try:
+            wanted = driver_class(section.driver, kind).options_type
+        except ConfigError as error:
+            raise ConfigError(
+                f"{_where(origins, f'{key}.driver')}: {key}.driver: {error.message}", error.hint
+            ) from None
+        options = convert(section.options, wanted, f"{key}.options")
+        return msgspec.structs.replace(section, options=options)
+
+    config: SessionConfig = convert(tree, SessionConfig, "")
+    tactile = TactileSection(
+        **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}
+    )
+    config = msgspec.structs.replace(
+        config,
+        tactile=tactile,
+        emg=with_options(config.emg, "emg", "emg"),
+        vest=with_options(config.vest, "vest", "vest"),
+        hand=with_options(config.hand, "hand", "hand"),
+    )
+    values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
+    return LoadedConfig(config, values)
+
+
+def _where(origins: Mapping[str, str], key: str) -> str:
+    return origins.get(key, "settings")
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path.name}: not UTF-8 text: {error.reason}", "save it as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
+
+
+def _override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str, origin: str) -> None:
+    """Put one value given as text into the tree."""
+    try:
+        value: Any = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    if isinstance(value, str):
+        value = Overridden(value)
+    *tables, last = key.split(".")
+    node = tree
+    for i, table in enumerate(tables):
+        node = node.setdefault(table, {})
+        if not isinstance(node, dict):
+            raise ConfigError(
+                f"{origin}: {key}: {'.'.join(tables[: i + 1])} is a value, not a table", "check the key"
+            )
+    node[last] = value
+    origins[key] = origin
+
+
+def _leaves(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _fields(struct: msgspec.Struct, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name in struct.__struct_fields__:
+        value = getattr(struct, name)
+        if isinstance(value, msgspec.Struct):
+            yield from _fields(value, f"{prefix}{name}.")
+        elif not (name == "options" and not isinstance(value, Options)):
+            yield f"{prefix}{name}", value

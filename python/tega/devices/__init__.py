@@ -1,0 +1,34 @@
+"""Devices: the protocols drivers meet, and the registry that finds them by name."""
+
+from __future__ import annotations
+
+from tega.devices.base import (
+    Device,
+    DeviceInfo,
+    EmgChunk,
+    EmgSource,
+    HandDriver,
+    Options,
+    SkippingSource,
+    TactileFrame,
+    TactileSource,
+    VestSink,
+)
+from tega.devices.registry import DriverRecord, driver_class, driver_names, list_drivers
+
+__all__ = [
+    "Device",
+    "DeviceInfo",
+    "DriverRecord",
+    "EmgChunk",
+    "EmgSource",
+    "HandDriver",
+    "Options",
+    "SkippingSource",
+    "TactileFrame",
+    "TactileSource",
+    "VestSink",
+    "driver_class",
+    "driver_names",
+    "list_drivers",
+]

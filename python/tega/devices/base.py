@@ -1,0 +1,197 @@
+"""What a device driver is: four small protocols and the records that pass through them.
+
+A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
+:meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
+
+Times. A recorded source (``info.live`` is false) stamps items in nanoseconds from the start of its recording; a
+live one stamps them with the monotonic clock, and the loop subtracts the start of the session. What the loop
+gives to a sink is always counted from the start of the session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, Self, runtime_checkable
+
+import msgspec
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.haptics import VestFrame
+    from tega.wire import CanFrame
+
+__all__ = [
+    "Device",
+    "DeviceInfo",
+    "EmgChunk",
+    "EmgSource",
+    "HandDriver",
+    "Kind",
+    "Options",
+    "SkippingSource",
+    "TactileFrame",
+    "TactileSource",
+    "VestSink",
+]
+
+Kind = Literal["tactile", "emg", "vest", "hand"]
+
+
+class Options(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of every driver's options: one field per key of its ``options`` table, with the unit in its name."""
+
+
+class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """What a device says of itself.
+
+    Attributes:
+        driver: Name under which the driver is registered.
+        kind: Which of the four protocols it meets.
+        label: What the device or recording is called: a base name, a serial number, a bus; never a full path.
+        live: Whether it runs on the monotonic clock; false for a recording.
+        rate_hz: Frames or samples per second; ``None`` where only the open device knows, or for a sink.
+        channels: Names of an EMG source's channels, such as ``ch3``.
+        unit: Unit of the numbers it delivers or takes.
+        n_items: Frames or samples it will deliver, where that is known.
+        notes: Things a reader of the results must know, one sentence each.
+    """
+
+    driver: str
+    kind: Kind
+    label: str
+    live: bool
+    rate_hz: float | None = None
+    channels: tuple[str, ...] = ()
+    unit: str = ""
+    n_items: int | None = None
+    notes: tuple[str, ...] = ()
+
+
+class TactileFrame(NamedTuple):
+    """One picture of a fingertip.
+
+    Attributes:
+        t_ns: Time of the picture in nanoseconds.
+        seq: Its number, from 0; a gap is a lost frame.
+        image: uint8 (H, W, 3), blue, green, red.
+        name: What to call it in an error: a file name, or a video's name and the frame's number.
+    """
+
+    t_ns: int
+    seq: int
+    image: NDArray[np.uint8]
+    name: str
+
+
+class EmgChunk(NamedTuple):
+    """Consecutive EMG samples.
+
+    Attributes:
+        t_ns: Time at which the last of them was complete, in nanoseconds.
+        first_index: Number of the first of them, from 0; a gap is a loss.
+        samples: float64 (n, channels), in the source's unit.
+    """
+
+    t_ns: int
+    first_index: int
+    samples: NDArray[np.float64]
+
+
+@runtime_checkable
+class Device(Protocol):
+    """What all drivers share.
+
+    Class attributes describe the driver to ``tega-teleop devices`` without opening anything: ``kind``, ``summary``
+    (one line), ``extra`` (the optional dependency that brings its packages, or ``""``), ``requires`` (the
+    modules it imports when opened) and ``options_type`` (the type of its settings).
+    """
+
+    kind: ClassVar[Kind]
+    summary: ClassVar[str]
+    extra: ClassVar[str]
+    requires: ClassVar[tuple[str, ...]]
+    options_type: ClassVar[type[Options]]
+
+    def __init__(self, options: Any) -> None:
+        """Store the options; open nothing."""
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What the device says of itself; readable while closed."""
+        ...
+
+    def open(self) -> None:
+        """Open it. A recording starts again from its beginning."""
+        ...
+
+    def close(self) -> None:
+        """Close it; closing twice, or without opening, does nothing."""
+        ...
+
+    def __enter__(self) -> Self:
+        """Open it."""
+        ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+        ...
+
+
+@runtime_checkable
+class TactileSource(Device, Protocol):
+    """A camera behind a gel, or a recording of one."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether no frame will come any more."""
+        ...
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        """Return the next frame, or ``None`` when none came within ``timeout_s`` or the source has ended."""
+        ...
+
+
+@runtime_checkable
+class SkippingSource(TactileSource, Protocol):
+    """A recording that can pass over frames more cheaply than by reading them."""
+
+    def skip(self, n_frames: int) -> None:
+        """Pass over the next ``n_frames`` frames."""
+        ...
+
+
+@runtime_checkable
+class EmgSource(Device, Protocol):
+    """An EMG amplifier, or a recording of one."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether no sample will come any more."""
+        ...
+
+    def read(self, timeout_s: float) -> EmgChunk | None:
+        """Return the next samples, or ``None`` when none came within ``timeout_s`` or the source has ended."""
+        ...
+
+
+@runtime_checkable
+class VestSink(Device, Protocol):
+    """A vest, or what stands for one."""
+
+    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
+        """Send a frame and return what was really sent."""
+        ...
+
+
+@runtime_checkable
+class HandDriver(Device, Protocol):
+    """A robot hand's CAN bus, or what stands for one."""
+
+    def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
+        """Send CAN frames in order and return those really sent."""
+        ...

@@ -1,0 +1,77 @@
+"""A hand's CAN bus that writes down what it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.lifecycle import Opened
+from tega.errors import DeviceUnavailableError
+from tega.recording.csv import CsvWriter, time_text
+
+if TYPE_CHECKING:
+    from tega.wire import CanFrame
+
+__all__ = ["CanRecorder", "CanRecorderOptions"]
+
+
+class CanRecorderOptions(Options, frozen=True):
+    """Settings of :class:`CanRecorder`.
+
+    Attributes:
+        file: The table to write; it is replaced.
+    """
+
+    file: Path
+
+
+class CanRecorder(Opened):
+    """Writes every CAN frame as a row: time, identifier and data in hexadecimal (``R`` for a remote frame).
+
+    Args:
+        options: The settings.
+    """
+
+    kind: ClassVar[Kind] = "hand"
+    summary: ClassVar[str] = "writes a hand's CAN frames to a table instead of a bus"
+    extra: ClassVar[str] = ""
+    requires: ClassVar[tuple[str, ...]] = ()
+    options_type: ClassVar[type[Options]] = CanRecorderOptions
+
+    def __init__(self, options: CanRecorderOptions) -> None:
+        self._options = options
+        self._csv: CsvWriter | None = None
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Name and unit."""
+        return DeviceInfo(
+            driver="can-recorder", kind="hand", label=self._options.file.name, live=False, unit="CAN frames"
+        )
+
+    def open(self) -> None:
+        """Make the file."""
+        self.close()
+        self._csv = CsvWriter(self._options.file, ("t_s", "id", "data"))
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._csv is not None:
+            self._csv.close()
+        self._csv = None
+
+    def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
+        """Write frames down.
+
+        Raises:
+            DeviceUnavailableError: The recorder is not open.
+        """
+        if self._csv is None:
+            raise DeviceUnavailableError(
+                f"can-recorder {self._options.file.name!r} is not open", "open it first"
+            )
+        t = time_text(t_ns)
+        self._csv.write(*[f"{t},{f.id:03X},{'R' if f.remote else f.data.hex().upper()}\n" for f in frames])
+        return frames

@@ -1,0 +1,57 @@
+"""The part of a driver that is the same in all of them: the context manager and the missing package."""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType, TracebackType
+from typing import Any, Self
+
+from tega.errors import MissingExtraError
+
+__all__ = ["Opened", "require"]
+
+
+class Opened:
+    """Gives a driver its ``with`` block: open on entry, close on exit."""
+
+    def open(self) -> None:
+        """Open the device."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close the device."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        """Open the device."""
+        self.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the device."""
+        self.close()
+
+
+def require(module: str, *, driver: str, extra: str) -> Any | ModuleType:
+    """Import a package that an optional driver needs.
+
+    Args:
+        module: Name of the module to import.
+        driver: Who needs it, for the message.
+        extra: The optional dependency that brings it.
+
+    Returns:
+        The module.
+
+    Raises:
+        MissingExtraError: The package is not installed, or does not load on this machine.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{driver!r} needs the package {module!r}, which cannot be imported ({error})",
+            f"install it with: pip install 'tega[{extra}]'" if extra else f"install {module}",
+        ) from error

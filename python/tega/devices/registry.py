@@ -1,0 +1,149 @@
+"""Drivers by name, through the entry points of the group ``tega.devices``.
+
+Built-in drivers use the same door as anybody's: a package that declares ::
+
+    [project.entry-points."tega.devices"]
+    my-vest = "my_package.vest:MyVest"
+
+is found by that name as soon as it is installed. Listing names imports nothing; a driver's module is imported
+when the driver is asked for.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib.util
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+import msgspec
+
+from tega.devices.base import Device, Kind
+from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
+
+__all__ = ["DriverRecord", "driver_class", "driver_names", "list_drivers"]
+
+GROUP = "tega.devices"
+
+
+class DriverRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One line of ``tega-teleop devices``.
+
+    Attributes:
+        name: Name to use in a settings file.
+        kind: tactile, emg, vest or hand; ``""`` when the driver's module does not load.
+        summary: What it is, in one line.
+        package: The distribution that brings it.
+        ready: Whether the packages it needs are installed (nothing is opened to find out).
+        problem: What is missing, when it is not ready.
+    """
+
+    name: str
+    kind: str
+    summary: str
+    package: str
+    ready: bool
+    problem: str = ""
+
+
+def _entries() -> dict[str, EntryPoint]:
+    return {entry.name: entry for entry in entry_points(group=GROUP)}
+
+
+def driver_names() -> list[str]:
+    """Return the names of all installed drivers, sorted; imports none of them."""
+    return sorted(_entries())
+
+
+def driver_class(name: str, kind: Kind | None = None) -> type[Device]:
+    """Return the driver registered under a name.
+
+    Args:
+        name: Its name, such as ``"images"``.
+        kind: The kind it has to be; ``None`` for any.
+
+    Returns:
+        The driver's class.
+
+    Raises:
+        ConfigError: No driver has that name, or it is of another kind.
+        MissingExtraError: Its module needs a package that is not installed.
+        DeviceUnavailableError: Its module does not hold what its entry point says.
+    """
+    entries = _entries()
+    entry = entries.get(name)
+    if entry is None:
+        near = difflib.get_close_matches(name, entries, n=1)
+        raise ConfigError(
+            f"no driver is called {name!r}",
+            f"did you mean {near[0]!r}?"
+            if near
+            else f"installed drivers: {', '.join(sorted(entries)) or 'none'}",
+        )
+    driver = _load(entry)
+    if kind is not None and driver.kind != kind:
+        fitting = sorted(r.name for r in list_drivers() if r.kind == kind)
+        raise ConfigError(
+            f"driver {name!r} is of kind {driver.kind!r}, not {kind!r}",
+            f"drivers of kind {kind!r}: {', '.join(fitting) or 'none installed'}",
+        )
+    return driver
+
+
+def _load(entry: EntryPoint) -> type[Device]:
+    try:
+        loaded: Any = entry.load()
+    except ImportError as error:
+        missing = error.name or "a package"
+        hint = f"install the extra of {_package(entry)!r} that brings {missing!r}"
+        if _package(entry) == "tega":
+            hint = "install it with: pip install 'tega[lab]'"
+        raise MissingExtraError(f"driver {entry.name!r} needs {missing!r}: {error}", hint) from error
+    except AttributeError as error:
+        raise DeviceUnavailableError(
+            f"driver {entry.name!r} is registered as {entry.value!r}, which does not exist",
+            f"reinstall {_package(entry)!r}",
+        ) from error
+    if not isinstance(loaded, type) or not all(
+        hasattr(loaded, a) for a in ("kind", "options_type", "open", "close")
+    ):
+        raise DeviceUnavailableError(
+            f"driver {entry.name!r} is registered as {entry.value!r}, which is not a driver class",
+            "see tega.devices.base for the protocols",
+        )
+    return loaded
+
+
+def _package(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist is not None else "an unknown package"
+
+
+def list_drivers() -> list[DriverRecord]:
+    """Describe every installed driver; opens none of them.
+
+    Returns:
+        One record per driver, sorted by kind and name; a driver whose module does not load is listed as not ready.
+    """
+    records = []
+    for name, entry in _entries().items():
+        try:
+            driver = _load(entry)
+        except DeviceUnavailableError as error:
+            records.append(
+                DriverRecord(
+                    name=name, kind="", summary="", package=_package(entry), ready=False, problem=str(error)
+                )
+            )
+            continue
+        missing = [m for m in driver.requires if importlib.util.find_spec(m) is None]
+        records.append(
+            DriverRecord(
+                name=name,
+                kind=driver.kind,
+                summary=driver.summary,
+                package=_package(entry),
+                ready=not missing,
+                problem=f"needs {', '.join(missing)}: pip install 'tega[{driver.extra}]'" if missing else "",
+            )
+        )
+    return sorted(records, key=lambda r: (r.kind, r.name))

@@ -1,0 +1,9 @@
+"""What a run leaves behind: tables, a summary, and the folder they go to."""
+
+from __future__ import annotations
+
+from tega.recording.csv import CsvWriter, time_text
+from tega.recording.folder import OUTPUT_NAMES, prepare_folder
+from tega.recording.tables import RunRecorder
+
+__all__ = ["OUTPUT_NAMES", "CsvWriter", "RunRecorder", "prepare_folder", "time_text"]

@@ -1,0 +1,45 @@
+"""The output folder: never somebody else's."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tega.errors import ConfigError
+
+__all__ = ["OUTPUT_NAMES", "SUMMARY_FORMAT", "prepare_folder"]
+
+SUMMARY_FORMAT = "tega-run"
+OUTPUT_NAMES = ("contacts.csv", "levels.csv", "vest.csv", "can.csv", "summary.json", "calibration.toml")
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make a folder ready for a run's outputs.
+
+    It may be new, empty, or hold an earlier run (recognised by its ``summary.json``); an earlier run's own files
+    are then removed, anything else in the folder is left alone.
+
+    Args:
+        folder: The folder.
+
+    Raises:
+        ConfigError: It is a file, or holds something that is not an earlier run.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"output folder {folder.name!r} is a file", "name a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not _holds_a_run(folder):
+        raise ConfigError(
+            f"output folder {folder.name!r} is not empty and holds no earlier run",
+            "name a new or empty folder, or one whose summary.json was written by TEGA",
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in OUTPUT_NAMES:
+        (folder / name).unlink(missing_ok=True)
+
+
+def _holds_a_run(folder: Path) -> bool:
+    try:
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(summary, dict) and summary.get("format") == SUMMARY_FORMAT

@@ -1,0 +1,9 @@
+"""The two loops: touch back to the wearer, intent forward to the hand."""
+
+from __future__ import annotations
+
+from tega.teleop.loop import DualLoop, LoopReport, LoopView
+from tega.teleop.session import run_session
+from tega.teleop.touch import Felt, TouchLoop
+
+__all__ = ["DualLoop", "Felt", "LoopReport", "LoopView", "TouchLoop", "run_session"]

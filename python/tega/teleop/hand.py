@@ -1,0 +1,62 @@
+"""The hand's tick: a level becomes torques, torques become CAN frames."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.hand import HandController, JointModel
+from tega.wire import CanFrame, allegro_torque_frames
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["HAND_TICK_NS", "ModelledHand"]
+
+# The Allegro v4 reports its joints every 3 ms and wants one torque set for each.
+HAND_TICK_NS = 3_000_000
+
+_SERVO_OFF_ID = 0x104
+
+
+class ModelledHand:
+    """Closes the joint controller over an ideal joint model, for want of a hand that reports its angles.
+
+    The Allegro Hand v4 takes torques only, so something has to say where the joints are. Here that is a model:
+    frictionless, without contact, without load. Its frames show what would be sent, not what a hand would do.
+
+    Args:
+        device_id: The hand's number on its bus, 0 to 3.
+    """
+
+    label = "modelled: torques from an ideal joint model, no hand's angles were read"
+
+    def __init__(self, *, device_id: int = 0) -> None:
+        self._device_id = device_id
+        self._controller = HandController()
+        self._model = JointModel()
+        self._angles: NDArray[np.float64] = self._model.angles_rad
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The model's joint angles, float64 (16,), in radians."""
+        return self._angles
+
+    def step(self, level: int) -> list[CanFrame]:
+        """Go on by one tick of 3 ms.
+
+        Args:
+            level: Closure level, 1 to 5.
+
+        Returns:
+            The four SET TORQUE frames of this tick.
+        """
+        torques = self._controller.step(self._angles, level)
+        self._angles = self._model.step(torques)
+        return allegro_torque_frames(torques, device_id=self._device_id)
+
+    def limp(self) -> list[CanFrame]:
+        """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF."""
+        zero = allegro_torque_frames(np.zeros(16), device_id=self._device_id)
+        return [*zero, CanFrame(_SERVO_OFF_ID + self._device_id, b"")]

@@ -1,0 +1,263 @@
+"""The dual loop: touch back to the wearer, intent forward to the hand, on one clock.
+
+It knows no device by name. Inputs are streams of stamped items, outputs are sinks, time comes from a pacer, and
+ticks are taken in the order of their deadlines; what is stamped at or before a tick is taken in before it. With
+recorded input and a manual clock it is therefore a function: the same input gives the same output.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import msgspec
+
+from tega.devices.base import HandDriver, VestSink
+from tega.teleop.hand import HAND_TICK_NS, ModelledHand
+from tega.teleop.pacing import Pacer
+from tega.teleop.sources import Block, Contact
+from tega.teleop.streams import NEVER_NS, Stream
+from tega.teleop.touch import STALE_NS, Felt, TouchLoop
+
+if TYPE_CHECKING:
+    from tega.haptics import VestFrame
+    from tega.tactile import ContactMetrics
+
+__all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder"]
+
+# Before the first block is complete nothing is known of the muscles: the hand keeps its most open pose.
+FIRST_LEVEL = 1
+
+
+class Recorder(Protocol):
+    """Keeps what the loop took in."""
+
+    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
+        """Keep one measured frame."""
+        ...
+
+    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+        """Keep one EMG block."""
+        ...
+
+
+class LoopView(NamedTuple):
+    """What a display sees of the loop, once per vest tick.
+
+    Attributes:
+        t_ns: Time since the start of the session.
+        contacts: The newest metrics of each finger, with their time; a finger without a frame yet is missing.
+        felt: What each finger feels now, thumb first.
+        vest: The frame just sent; ``None`` without tactile sources.
+        block: The newest EMG block; ``None`` before the first.
+        angles_rad: The hand's 16 joint angles; ``None`` without a hand.
+    """
+
+    t_ns: int
+    contacts: Mapping[str, Contact]
+    felt: Sequence[Felt]
+    vest: VestFrame | None
+    block: Block | None
+    angles_rad: Sequence[float] | None
+
+
+class LoopReport(msgspec.Struct, kw_only=True):
+    """What the loop did.
+
+    Attributes:
+        end_ns: Time at which it ended.
+        ended: ``complete``, ``duration`` (the set time was over), ``stopped`` (asked to) or ``failed``.
+        n_contacts: Frames taken in, by finger.
+        n_blocks: EMG blocks taken in.
+        n_hand_ticks: Ticks of the hand.
+        n_vest_ticks: Frames sent to the vest by the ticks.
+        stale_s: Time each finger stood silent for want of a fresh frame, by finger, in seconds of vest ticks.
+        level_ticks: Hand ticks spent on each level, 1 to 5.
+    """
+
+    end_ns: int = 0
+    ended: str = "failed"
+    n_contacts: dict[str, int] = {}
+    n_blocks: int = 0
+    n_hand_ticks: int = 0
+    n_vest_ticks: int = 0
+    n_stale_ticks: dict[str, int] = {}
+    level_ticks: dict[int, int] = {}
+
+
+class DualLoop:
+    """Runs both loops until their sources end, the time is over, or it is told to stop.
+
+    On every way out, an exception included, each vest is sent a frame of zeros and each hand zero torque and
+    SERVO OFF.
+
+    Args:
+        pacer: Deadlines on the session's clock.
+        touch: The back loop; ``None`` without tactile sources.
+        contacts: Stream of measured frames, by finger, thumb first.
+        levels: Stream of EMG blocks; ``None`` without EMG.
+        hand: What turns levels into frames.
+        vests: Where vest frames go.
+        hands: Where CAN frames go.
+        recorder: Keeps what came in.
+        vest_rate_hz: Vest frames per second.
+        observer: Called once per vest tick with what a display may show.
+    """
+
+    def __init__(
+        self,
+        *,
+        pacer: Pacer,
+        touch: TouchLoop,
+        contacts: Mapping[str, Stream[Contact]],
+        levels: Stream[Block] | None,
+        hand: ModelledHand,
+        vests: Sequence[VestSink],
+        hands: Sequence[HandDriver],
+        recorder: Recorder | None,
+        vest_rate_hz: float = 30.0,
+        observer: Callable[[LoopView], None] | None = None,
+    ) -> None:
+        self._pacer = pacer
+        self._touch = touch
+        self._contacts = list(contacts.items())
+        self._levels = levels
+        self._hand = hand
+        self._vests = vests
+        self._hands = hands
+        self._recorder = recorder
+        self._vest_rate_hz = vest_rate_hz
+        self._observer = observer
+        self._newest: dict[str, Contact] = {}
+        self._block: Block | None = None
+        self._due_ns = 0
+        self._end_ns = NEVER_NS
+        self.report = LoopReport(
+            n_contacts=dict.fromkeys(contacts, 0),
+            n_stale_ticks=dict.fromkeys(contacts, 0),
+            level_ticks=dict.fromkeys(range(1, 6), 0),
+        )
+
+    def run(self, *, duration_ns: int | None = None, stop: Callable[[], bool] = lambda: False) -> LoopReport:
+        """Run.
+
+        Args:
+            duration_ns: End after this long; ``None`` when the last source ends.
+            stop: Asked before every tick; the loop ends when it says so.
+
+        Returns:
+            What was done; also in :attr:`report` when an exception ends the run.
+        """
+        report, last_ns = self.report, 0
+        try:
+            k_hand = k_vest = 0
+            while True:
+                hand_ns = k_hand * HAND_TICK_NS
+                vest_ns = round(k_vest * 1_000_000_000 / self._vest_rate_hz)
+                t_ns = min(hand_ns, vest_ns)
+                if stop():
+                    report.ended = "stopped"
+                    break
+                if duration_ns is not None and t_ns >= duration_ns:
+                    last_ns, report.ended = duration_ns, "duration"
+                    break
+                in_time = self._pacer.wait(t_ns)
+                if t_ns >= self._due_ns:
+                    self._take_in(t_ns)
+                if t_ns >= self._end_ns:
+                    last_ns, report.ended = self._end_ns, "complete"
+                    break
+                last_ns = t_ns
+                if hand_ns == t_ns:
+                    k_hand += 1
+                    if in_time and self._levels is not None:
+                        self._tick_hand(t_ns)
+                if vest_ns == t_ns:
+                    k_vest += 1
+                    if in_time:
+                        self._tick_vest(t_ns)
+        except BaseException as error:
+            report.end_ns = last_ns
+            for problem in self._leave(last_ns):
+                error.add_note(f"on the way out: {problem}")
+            raise
+        report.end_ns = last_ns
+        for problem in self._leave(last_ns):
+            raise problem
+        return report
+
+    def _take_in(self, t_ns: int) -> None:
+        """Take in everything stamped up to a time, in the order of the stamps, thumb first among equals."""
+        heads: dict[str, Contact] = {}
+        while True:
+            for finger, stream in self._contacts:
+                if finger not in heads and (head := stream.next_until(t_ns)) is not None:
+                    heads[finger] = head
+            if not heads:
+                break
+            first = min((f for f, _ in self._contacts if f in heads), key=lambda f: heads[f][0])
+            self._feel(first, heads.pop(first))
+        if self._levels is not None:
+            while (block := self._levels.next_until(t_ns)) is not None:
+                self._block = block
+                self.report.n_blocks += 1
+                if self._recorder is not None:
+                    self._recorder.levels(*block)
+        self._look_ahead()
+
+    def _look_ahead(self) -> None:
+        """Note when there is something to take in again, and when the last source ended once all have."""
+        streams: list[Stream[Contact] | Stream[Block]] = [s for _, s in self._contacts]
+        if self._levels is not None:
+            streams.append(self._levels)
+        self._due_ns = min((s.due_ns for s in streams), default=NEVER_NS)
+        if all(s.ended for s in streams):
+            self._end_ns = max((s.end_ns for s in streams), default=0)
+
+    def _feel(self, finger: str, contact: Contact) -> None:
+        t_ns, metrics = contact
+        felt = self._touch.update(finger, t_ns, metrics)
+        self._newest[finger] = contact
+        self.report.n_contacts[finger] += 1
+        if self._recorder is not None:
+            self._recorder.contact(t_ns, finger, metrics, felt)
+
+    def _tick_hand(self, t_ns: int) -> None:
+        level = FIRST_LEVEL if self._block is None else self._block[2]
+        frames = self._hand.step(level)
+        for sink in self._hands:
+            sink.write(t_ns, frames)
+        self.report.n_hand_ticks += 1
+        self.report.level_ticks[level] += 1
+
+    def _tick_vest(self, t_ns: int) -> None:
+        frame = None
+        if self._contacts:
+            frame = self._touch.frame(t_ns)
+            for sink in self._vests:
+                sink.write(t_ns, frame)
+            self.report.n_vest_ticks += 1
+            for finger, _ in self._contacts:
+                newest = self._newest.get(finger)
+                if newest is None or t_ns - newest[0] > STALE_NS:
+                    self.report.n_stale_ticks[finger] += 1
+        if self._observer is not None:
+            angles = None if self._levels is None else self._hand.angles_rad.tolist()
+            self._observer(
+                LoopView(t_ns, dict(self._newest), self._touch.fresh(t_ns), frame, self._block, angles)
+            )
+
+    def _leave(self, t_ns: int) -> list[Exception]:
+        """Silence every vest and let go of every hand; one that fails does not keep the others from it."""
+        problems: list[Exception] = []
+        for hand in self._hands:
+            try:
+                hand.write(t_ns, self._hand.limp())
+            except Exception as error:  # reported by the caller
+                problems.append(error)
+        for vest in self._vests:
+            try:
+                vest.write(t_ns, self._touch.silence())
+            except Exception as error:  # reported by the caller
+                problems.append(error)
+        return problems

@@ -1,0 +1,133 @@
+"""Maxima out of the recording itself: what a run falls back on where no calibration is given.
+
+They know the whole recording before its first moment, so a self-calibrated run is not causal and says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from tega.calibration import EmgMaxima, TouchMaxima
+from tega.devices.base import EmgSource
+from tega.emg import channel_maxima
+from tega.errors import CalibrationError, ConfigError
+from tega.teleop.sources import READ_TIMEOUT_S, Contact
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["SELF_CALIBRATED", "TAU_S", "block_length", "emg_conditions", "emg_maxima", "touch_maxima"]
+
+SELF_CALIBRATED = "self-calibrated from the recording, not causal"
+
+TAU_S = 0.1
+"""Length of an EMG block: 100 ms, as the presets have it."""
+
+TOUCH_PERCENTILE = 99.5
+"""One spike must not deaden the vest: the maximum is this percentile of the frames in contact."""
+
+LEAST_CONTACT_PX = 30
+"""A CCI from fewer pixels than this says nothing about how sharp a press can be."""
+
+EMG_PERCENTILE = {"paper": 100.0, "live": 95.0}
+"""Which percentile of the block means counts as the maximum, by preset."""
+
+
+def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
+    """Derive a finger's maxima from its measured frames.
+
+    Args:
+        contacts: All frames of the recording.
+
+    Returns:
+        The 99.5 percentiles over the frames in contact; CCI only from contacts of at least 30 pixels. ``None``
+        where there are none.
+    """
+    touching = [metrics for _, metrics in contacts if metrics.in_contact]
+    return TouchMaxima(
+        cci_max=_percentile([m.cci for m in touching if m.eda >= LEAST_CONTACT_PX]),
+        eda_max=_percentile([float(m.eda) for m in touching]),
+    )
+
+
+def _percentile(values: Sequence[float]) -> float | None:
+    if not values:
+        return None
+    maximum = float(np.percentile(values, TOUCH_PERCENTILE))
+    return maximum if maximum > 0 else None
+
+
+def block_length(rate_hz: float) -> int:
+    """Return the samples of a 100 ms block.
+
+    Raises:
+        ConfigError: The rate is too low for a block to hold one sample.
+    """
+    tau = round(TAU_S * rate_hz)
+    if tau < 1:
+        raise ConfigError(
+            f"EMG rate_hz = {rate_hz:g}: a block of {TAU_S * 1000:g} ms holds no sample",
+            "give the samples per second of one channel",
+        )
+    return tau
+
+
+def emg_conditions(source: EmgSource, kind: Literal["raw", "rectified", "envelope"]) -> EmgMaxima:
+    """Describe an EMG source as far as a calibration depends on it; the maxima are left empty."""
+    info = source.info
+    if info.rate_hz is None:
+        raise ConfigError(f"EMG source {info.label!r} states no rate", "set rate_hz in its options")
+    return EmgMaxima(
+        kind=kind, rate_hz=info.rate_hz, tau=block_length(info.rate_hz), channels=info.channels, maxima=()
+    )
+
+
+def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["paper", "live"]) -> EmgMaxima:
+    """Derive the channels' maxima from a whole recording, which is left at its beginning.
+
+    Args:
+        source: The open recording.
+        conditions: What :func:`emg_conditions` said of it.
+        preset: ``paper`` takes the largest block mean, ``live`` the 95th percentile.
+
+    Returns:
+        The conditions, with the maxima.
+
+    Raises:
+        CalibrationError: A channel never moves, or the recording is shorter than one block.
+    """
+    samples = _all_samples(source)
+    source.open()
+    maxima = channel_maxima(
+        samples,
+        conditions.rate_hz,
+        tau=conditions.tau,
+        kind=conditions.kind,
+        percentile=EMG_PERCENTILE[preset],
+    )
+    values = tuple(float(m) for m in maxima)
+    for name, value in zip(conditions.channels, values, strict=True):
+        if not value > 0:
+            raise CalibrationError(
+                f"EMG channel {name} of {source.info.label}: largest block mean {value:g}",
+                "leave the channel out with --emg-channels, or check --emg-kind",
+            )
+    return EmgMaxima(
+        kind=conditions.kind,
+        rate_hz=conditions.rate_hz,
+        tau=conditions.tau,
+        channels=conditions.channels,
+        maxima=values,
+    )
+
+
+def _all_samples(source: EmgSource) -> NDArray[np.float64]:
+    chunks = []
+    while not source.ended:
+        chunk = source.read(READ_TIMEOUT_S)
+        if chunk is not None:
+            chunks.append(chunk.samples)
+    return np.concatenate(chunks) if chunks else np.empty((0, len(source.info.channels)))

@@ -1,0 +1,83 @@
+"""Deadlines counted from the start, so that a late tick does not push the ones after it."""
+
+from __future__ import annotations
+
+import msgspec
+
+from tega.clock import Clock
+
+__all__ = ["Pacer", "PacingReport"]
+
+# A tick this late is made up for; beyond it, a burst of old commands would do more harm than a gap.
+CATCH_UP_NS = 100_000_000
+
+
+class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How well the clock was kept.
+
+    Attributes:
+        n_ticks: Deadlines waited for.
+        n_overruns: Of those, how many came later than one hand tick (3 ms).
+        n_skipped: Deadlines left out because the loop was more than 100 ms late.
+        worst_late_ms: The latest one, in milliseconds.
+    """
+
+    n_ticks: int
+    n_overruns: int
+    n_skipped: int
+    worst_late_ms: float
+
+
+class Pacer:
+    """Waits for absolute deadlines on a clock; with a manual clock it never sleeps.
+
+    Args:
+        clock: The clock.
+        overrun_ns: From which lateness on a tick counts as an overrun.
+    """
+
+    def __init__(self, clock: Clock, *, overrun_ns: int = 3_000_000) -> None:
+        self._clock = clock
+        self._overrun_ns = overrun_ns
+        self._start_ns = clock.now_ns()
+        self._n_ticks = self._n_overruns = self._n_skipped = 0
+        self._worst_ns = 0
+
+    def start(self) -> int:
+        """Begin counting now, and return the clock's time of this moment in nanoseconds."""
+        self._start_ns = self._clock.now_ns()
+        return self._start_ns
+
+    def elapsed_ns(self) -> int:
+        """Return the time since the start."""
+        return self._clock.now_ns() - self._start_ns
+
+    def wait(self, t_ns: int) -> bool:
+        """Wait for a deadline.
+
+        Args:
+            t_ns: The deadline, counted from the start.
+
+        Returns:
+            Whether the tick should be carried out; false when it is too late for it to make sense.
+        """
+        self._clock.sleep_until(self._start_ns + t_ns)
+        late_ns = self.elapsed_ns() - t_ns
+        if late_ns > CATCH_UP_NS:
+            self._n_skipped += 1
+            self._worst_ns = max(self._worst_ns, late_ns)
+            return False
+        self._n_ticks += 1
+        if late_ns > self._overrun_ns:
+            self._n_overruns += 1
+        self._worst_ns = max(self._worst_ns, late_ns)
+        return True
+
+    def report(self) -> PacingReport:
+        """Sum up how well the clock was kept."""
+        return PacingReport(
+            n_ticks=self._n_ticks,
+            n_overruns=self._n_overruns,
+            n_skipped=self._n_skipped,
+            worst_late_ms=self._worst_ns / 1e6,
+        )

@@ -1,0 +1,189 @@
+"""What a run needs before its first tick: baselines, and maxima given or taken from the recording."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, NamedTuple
+
+from tega.calibration import Calibration, EmgMaxima, load_calibration
+from tega.config import SessionConfig
+from tega.devices.base import EmgSource, TactileSource
+from tega.emg import GraspIntent
+from tega.errors import CalibrationError
+from tega.teleop.baseline import find_baseline
+from tega.teleop.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
+from tega.teleop.sources import Contact, SourceReport, measured_contacts
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Finger", "Muscles", "Prepared", "Progress", "prepare"]
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how much is done and how much there is (0 where unknown)."""
+
+
+class Finger(NamedTuple):
+    """One fingertip, ready to run.
+
+    Attributes:
+        source: Its open source.
+        baseline: Its untouched picture.
+        baseline_origin: Where that came from.
+        report: What becomes of the frames.
+        measured: All frames, where they had to be measured beforehand.
+        measured_end_ns: When they end.
+    """
+
+    source: TactileSource
+    baseline: NDArray[np.uint8]
+    baseline_origin: str
+    report: SourceReport
+    measured: list[Contact] | None = None
+    measured_end_ns: int = 0
+
+
+class Muscles(NamedTuple):
+    """The EMG side, ready to run.
+
+    Attributes:
+        source: Its open source.
+        maxima: Its maxima and the conditions they hold under.
+        intent: Samples to levels.
+        report: What becomes of the samples.
+    """
+
+    source: EmgSource
+    maxima: EmgMaxima
+    intent: GraspIntent
+    report: SourceReport
+
+
+class Prepared(NamedTuple):
+    """What a run starts with.
+
+    Attributes:
+        fingers: By name, thumb first.
+        muscles: The EMG side; ``None`` without EMG.
+        calibration: The maxima.
+        calibration_name: Base name of their file; ``""`` when they came from the recording.
+    """
+
+    fingers: Mapping[str, Finger]
+    muscles: Muscles | None
+    calibration: Calibration
+    calibration_name: str
+
+
+def prepare(
+    config: SessionConfig,
+    sources: Mapping[str, TactileSource],
+    emg: EmgSource | None,
+    *,
+    progress: Progress,
+    stop: Callable[[], bool],
+) -> Prepared:
+    """Find baselines and maxima.
+
+    Without a calibration file every frame is measured here, once, and the run uses what was measured.
+
+    Args:
+        config: The settings.
+        sources: The open tactile sources, by finger.
+        emg: The open EMG source, if any.
+        progress: Told how many frames are measured.
+        stop: Asked whether to give up.
+
+    Returns:
+        What the run starts with.
+
+    Raises:
+        RecordingError: A recording cannot be read.
+        CalibrationError: The calibration does not fit, or there is none and a source is live.
+        KeyboardInterrupt: ``stop`` said so.
+    """
+    preset, path = config.session.preset, config.calibration.file
+    conditions = None
+    if emg is not None and config.emg is not None:
+        conditions = emg_conditions(emg, config.emg.kind)
+    if path is not None:
+        calibration = load_calibration(path)
+        calibration.check_fits(preset=preset, fingers=sources, emg=conditions, name=path.name)
+    else:
+        for what, source in (*sources.items(), ("emg", emg)):
+            if source is not None and source.info.live:
+                raise CalibrationError(
+                    f"{what}: {source.info.label} is live and the run has no calibration",
+                    "set calibration.file",
+                )
+    fingers = _prepare_fingers(config, sources, measure=path is None, progress=progress, stop=stop)
+    if stop():
+        raise KeyboardInterrupt
+    if path is None:
+        calibration = Calibration(
+            preset=preset,
+            origin=SELF_CALIBRATED,
+            tactile={finger: touch_maxima(f.measured or []) for finger, f in fingers.items()},
+            emg=None if emg is None or conditions is None else emg_maxima(emg, conditions, preset=preset),
+        )
+    muscles = None
+    if emg is not None and (m := calibration.emg) is not None:
+        intent = GraspIntent(m.rate_hz, m.maxima, tau=m.tau, kind=m.kind, preset=preset)
+        muscles = Muscles(emg, m, intent, SourceReport())
+    return Prepared(fingers, muscles, calibration, "" if path is None else path.name)
+
+
+def _prepare_fingers(
+    config: SessionConfig,
+    sources: Mapping[str, TactileSource],
+    *,
+    measure: bool,
+    progress: Progress,
+    stop: Callable[[], bool],
+) -> dict[str, Finger]:
+    """Find every baseline and, if asked to, measure every frame: one thread per finger."""
+    total = sum(s.info.n_items or 0 for s in sources.values()) if measure else 0
+    lock, n_done = threading.Lock(), 0
+    failed = threading.Event()
+
+    def count() -> None:
+        nonlocal n_done
+        with lock:
+            n_done += 1
+            progress("measuring frames", n_done, total)
+
+    def prepare_finger(name: str) -> Finger:
+        source, report = sources[name], SourceReport()
+        baseline, origin = find_baseline(source, config.tactile.in_use()[name].baseline, finger=name)
+        if not measure:
+            return Finger(source, baseline, origin, report)
+        measured: list[Contact] = []
+        frames = measured_contacts(
+            source,
+            baseline,
+            config.session.preset,
+            report,
+            stopped=lambda: stop() or failed.is_set(),
+        )
+        while True:
+            try:
+                measured.append(next(frames))
+            except StopIteration as end:
+                return Finger(source, baseline, origin, report, measured, end.value)
+            count()
+
+    def job(name: str) -> Finger:
+        try:
+            return prepare_finger(name)
+        except BaseException:
+            failed.set()  # the run will not take place: the other fingers need not go on
+            raise
+
+    if not sources:
+        return {}
+    with ThreadPoolExecutor(max_workers=len(sources), thread_name_prefix="tega-measure") as pool:
+        jobs = {name: pool.submit(job, name) for name in sources}
+    return {name: done.result() for name, done in jobs.items()}

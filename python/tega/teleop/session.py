@@ -1,0 +1,227 @@
+"""A session: devices, baselines, maxima, the dual loop and its outputs, put together from settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from tega.calibration import TouchMaxima, save_calibration
+from tega.clock import Clock, ManualClock, SystemClock
+from tega.config import SessionConfig
+from tega.devices.base import EmgSource, HandDriver, Kind, TactileSource, VestSink
+from tega.devices.registry import driver_class
+from tega.errors import ConfigError
+from tega.recording import RunRecorder, prepare_folder
+from tega.teleop.hand import ModelledHand
+from tega.teleop.loop import DualLoop, LoopReport, LoopView
+from tega.teleop.pacing import Pacer, PacingReport
+from tega.teleop.prepare import Finger, Muscles, Prepared, Progress, prepare
+from tega.teleop.sources import Block, Contact, grasp_blocks, measured_contacts
+from tega.teleop.streams import PulledStream, Stream, ThreadedStream
+from tega.teleop.summary import summarise, write_summary
+from tega.teleop.touch import TouchLoop
+
+if TYPE_CHECKING:
+    from tega.haptics import Layout
+
+__all__ = ["RunState", "Sinks", "run_session"]
+
+DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
+
+
+class Sinks(NamedTuple):
+    """What a run writes to.
+
+    Attributes:
+        vests: The vest of the settings, the vest recorder.
+        hands: The hand of the settings, the CAN recorder.
+        recorder: Of contacts and levels; ``None`` without an output folder.
+    """
+
+    vests: list[VestSink]
+    hands: list[HandDriver]
+    recorder: RunRecorder | None
+
+
+class RunState(NamedTuple):
+    """Everything a summary is made of."""
+
+    config: SessionConfig
+    prepared: Prepared
+    sinks: Sinks
+    layout: Layout
+    loop: LoopReport
+    pacing: PacingReport
+
+
+def run_session(
+    config: SessionConfig,
+    *,
+    clock: Clock | None = None,
+    observer: Callable[[LoopView], None] | None = None,
+    progress: Progress = lambda _what, _done, _total: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> dict[str, Any]:
+    """Run a session from its settings.
+
+    Args:
+        config: The settings.
+        clock: The session's clock; ``None`` for the one its pace asks for.
+        observer: Called once per vest tick with what a display may show.
+        progress: Told how preparation goes.
+        stop: Asked all the time whether to end; whatever was sent to is then left silent.
+
+    Returns:
+        The summary, as it was written to ``summary.json`` where there is a folder for it.
+
+    Raises:
+        TegaError: Whatever is wrong with settings, recordings, calibration or devices.
+        KeyboardInterrupt: ``stop`` said so before the loop had begun.
+    """
+    session, fingers = config.session, config.tactile.in_use()
+    if not fingers and config.emg is None:
+        raise ConfigError(
+            "no input: neither a tactile source nor EMG is set",
+            "set at least one, such as [tactile.thumb] or [emg]",
+        )
+    if clock is None:
+        clock = SystemClock() if session.pace == "real" else ManualClock()
+    if session.out_dir is not None:
+        prepare_folder(session.out_dir)
+    with ExitStack() as stack:
+        sources: dict[str, TactileSource] = {
+            finger: stack.enter_context(_driver("tactile", c.driver, c.options))
+            for finger, c in fingers.items()
+        }
+        emg: EmgSource | None = None
+        if config.emg is not None:
+            emg = stack.enter_context(_driver("emg", config.emg.driver, config.emg.options))
+        if session.pace == "fast":
+            for source in (*sources.values(), *([] if emg is None else [emg])):
+                if source.info.live:
+                    raise ConfigError(
+                        f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
+                    )
+        prepared = prepare(config, sources, emg, progress=progress, stop=stop)
+        sinks = _sinks(stack, config, prepared)
+        progress("running", 0, 0)
+        return _run(stack, config, prepared, sinks, clock=clock, observer=observer, stop=stop)
+
+
+def _run(
+    stack: ExitStack,
+    config: SessionConfig,
+    prepared: Prepared,
+    sinks: Sinks,
+    *,
+    clock: Clock,
+    observer: Callable[[LoopView], None] | None,
+    stop: Callable[[], bool],
+) -> dict[str, Any]:
+    session, muscles = config.session, prepared.muscles
+    layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
+    pacer = Pacer(clock)
+    start_ns = pacer.start()
+    maxima = {finger: prepared.calibration.tactile.get(finger, TouchMaxima()) for finger in prepared.fingers}
+    loop = DualLoop(
+        pacer=pacer,
+        touch=TouchLoop(maxima, layout=layout),
+        contacts={
+            name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns)
+            for name, finger in prepared.fingers.items()
+        },
+        levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns),
+        hand=ModelledHand(device_id=config.hand.device_id),
+        vests=sinks.vests,
+        hands=sinks.hands,
+        recorder=sinks.recorder,
+        vest_rate_hz=config.vest.rate_hz,
+        observer=observer,
+    )
+
+    def conclude(error: BaseException | None) -> dict[str, Any]:
+        state = RunState(config, prepared, sinks, layout, loop.report, pacer.report())
+        summary = summarise(state, error=error)
+        if session.out_dir is not None:
+            stack.pop_all().close()  # the tables are complete before the summary says so
+            write_summary(summary, session.out_dir / "summary.json")
+        return summary
+
+    duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
+    try:
+        loop.run(duration_ns=duration_ns, stop=stop)
+    except BaseException as error:
+        conclude(error)
+        raise
+    return conclude(None)
+
+
+def _contacts(
+    stack: ExitStack, name: str, finger: Finger, *, reading: Literal["paper", "live"], start_ns: int
+) -> Stream[Contact]:
+    """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
+    if finger.measured is not None:
+        return PulledStream(finger.measured, end_ns=finger.measured_end_ns)
+
+    def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
+        return measured_contacts(
+            finger.source, finger.baseline, reading, finger.report, start_ns=start_ns, stopped=stopped
+        )
+
+    stream: ThreadedStream[Contact] = ThreadedStream(
+        name, produce, live=finger.source.info.live, on_loss=finger.report.drop
+    )
+    stack.callback(stream.close)
+    return stream
+
+
+def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Block]:
+    """Make the stream of EMG blocks; only a live source is worth a thread."""
+    produce = partial(
+        grasp_blocks,
+        muscles.source,
+        muscles.intent,
+        muscles.report,
+        rate_hz=muscles.maxima.rate_hz,
+        tau=muscles.maxima.tau,
+        start_ns=start_ns,
+    )
+    if not muscles.source.info.live:
+        return PulledStream(produce())
+    stream: ThreadedStream[Block] = ThreadedStream(
+        "emg", lambda stopped: produce(stopped=stopped), live=True, on_loss=muscles.report.drop
+    )
+    stack.callback(stream.close)
+    return stream
+
+
+def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks:
+    """Open what is written to: the devices of the settings, then the tables of the output folder."""
+    vests: list[VestSink] = []
+    hands: list[HandDriver] = []
+    if config.vest.driver is not None:
+        vests.append(stack.enter_context(_driver("vest", config.vest.driver, config.vest.options)))
+    if config.hand.driver is not None:
+        hands.append(stack.enter_context(_driver("hand", config.hand.driver, config.hand.options)))
+    folder = config.session.out_dir
+    if folder is None:
+        return Sinks(vests, hands, None)
+    vests.append(stack.enter_context(_table("vest", "vest-recorder", folder / "vest.csv")))
+    hands.append(stack.enter_context(_table("hand", "can-recorder", folder / "can.csv")))
+    recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
+    stack.callback(recorder.close)
+    save_calibration(prepared.calibration, folder / "calibration.toml")
+    return Sinks(vests, hands, recorder)
+
+
+def _driver(kind: Kind, name: str, options: Any) -> Any:
+    """Make a driver; the registry checks that it is of the kind its section asks for."""
+    return driver_class(name, kind)(options)
+
+
+def _table(kind: Kind, name: str, path: Path) -> Any:
+    options: Any = driver_class(name, kind).options_type
+    return _driver(kind, name, options(file=path))

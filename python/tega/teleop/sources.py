@@ -1,0 +1,184 @@
+"""From device to measurement: the generators the streams run on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+
+from tega.devices.base import EmgSource, TactileSource
+from tega.errors import DeviceUnavailableError, RecordingError, ShapeError, TegaError
+from tega.tactile import ContactMetrics, read_contact
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.emg import GraspIntent
+
+__all__ = ["Block", "Contact", "SourceReport", "grasp_blocks", "measured_contacts"]
+
+# How long a live source may keep its thread from noticing that the run is over.
+READ_TIMEOUT_S = 0.1
+
+Contact = tuple[int, ContactMetrics]
+"""Time in nanoseconds, what was measured."""
+
+Block = tuple[int, tuple[int, ...], int]
+"""Time in nanoseconds, the level of each channel, the fused level."""
+
+
+class SourceReport(msgspec.Struct, kw_only=True):
+    """What became of a source's items.
+
+    Attributes:
+        n_items: Frames or samples used.
+        n_dropped: Items of a live source that could not be used, or came faster than they were taken.
+        n_missing: Items that never came, by the gaps in their numbers.
+        lost: Why the source went away, if it did.
+    """
+
+    n_items: int = 0
+    n_dropped: int = 0
+    n_missing: int = 0
+    lost: str = ""
+
+    def drop(self) -> None:
+        """Count an item that was not used."""
+        self.n_dropped += 1
+
+
+def measured_contacts(
+    source: TactileSource,
+    baseline: NDArray[np.uint8],
+    reading: Literal["paper", "live"],
+    report: SourceReport,
+    *,
+    start_ns: int = 0,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Generator[Contact, None, int]:
+    """Measure the frames of a source.
+
+    In a recording a bad frame is an error. Of a live source it is dropped and counted, and when the source goes
+    away the stream ends: after 100 ms the finger falls silent.
+
+    Args:
+        source: An open source.
+        baseline: Its untouched picture, uint8 (H, W, 3).
+        reading: The preset's reading.
+        report: Counted up along the way.
+        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+        stopped: Tells when to give up.
+
+    Yields:
+        Time and metrics of each frame.
+
+    Returns:
+        When the source ended, in nanoseconds.
+
+    Raises:
+        RecordingError: A recorded frame is unreadable or not of the baseline's size.
+    """
+    live, end_ns, next_seq = source.info.live, 0, 0
+    while not stopped():
+        try:
+            frame = source.read(READ_TIMEOUT_S)
+            if frame is None:
+                if source.ended:
+                    break
+                continue
+            metrics = _measure(frame.image, baseline, reading, frame.name)
+        except DeviceUnavailableError as error:
+            if not live:
+                raise
+            report.lost = error.message
+            break
+        except TegaError:
+            if not live:
+                raise
+            report.drop()
+            continue
+        report.n_items += 1
+        report.n_missing += max(0, frame.seq - next_seq)
+        next_seq = frame.seq + 1
+        t_ns = frame.t_ns - start_ns if live else frame.t_ns
+        end_ns = t_ns
+        yield t_ns, metrics
+    rate_hz = source.info.rate_hz
+    return end_ns if live or not rate_hz else round(next_seq * 1_000_000_000 / rate_hz)
+
+
+def _measure(
+    image: NDArray[np.uint8], baseline: NDArray[np.uint8], reading: Literal["paper", "live"], name: str
+) -> ContactMetrics:
+    if image.shape != baseline.shape:
+        raise RecordingError(
+            f"{name}: {_size(image)} pixels, its baseline has {_size(baseline)}",
+            "give the baseline taken with the same sensor and mode",
+        )
+    return read_contact(image, baseline, reading=reading)
+
+
+def _size(image: NDArray[np.uint8]) -> str:
+    return "×".join(str(n) for n in (image.shape[1], image.shape[0], *image.shape[2:]))
+
+
+def grasp_blocks(
+    source: EmgSource,
+    intent: GraspIntent,
+    report: SourceReport,
+    *,
+    rate_hz: float,
+    tau: int,
+    start_ns: int = 0,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Generator[Block, None, int]:
+    """Turn the samples of a source into levels, one per block.
+
+    A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
+    samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed it.
+
+    Args:
+        source: An open source.
+        intent: Samples to levels.
+        report: Counted up along the way.
+        rate_hz: Samples per second.
+        tau: Samples per block.
+        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+        stopped: Tells when to give up.
+
+    Yields:
+        Time, level of each channel and fused level of each block.
+
+    Returns:
+        When the source ended, in nanoseconds.
+    """
+    live, end_ns, n_blocks, next_index = source.info.live, 0, 0, 0
+    while not stopped():
+        try:
+            chunk = source.read(READ_TIMEOUT_S)
+            if chunk is None:
+                if source.ended:
+                    break
+                continue
+            fused = intent.process(chunk.samples)
+        except DeviceUnavailableError as error:
+            if not live:
+                raise
+            report.lost = error.message
+            break
+        except ShapeError:
+            if not live:
+                raise
+            report.drop()
+            continue
+        report.n_items += len(chunk.samples)
+        report.n_missing += max(0, chunk.first_index - next_index)
+        next_index = chunk.first_index + len(chunk.samples)
+        end_ns = chunk.t_ns - start_ns if live else chunk.t_ns
+        for channels, level in zip(intent.levels.tolist(), fused.tolist(), strict=True):
+            n_blocks += 1
+            t_ns = end_ns if live else round(n_blocks * tau * 1_000_000_000 / rate_hz)
+            yield t_ns, tuple(channels), level
+    return end_ns

@@ -1,0 +1,148 @@
+"""What a run says of itself: counts, rates, maxima and their origin, and everything that was lost or modelled.
+
+No time of day, host or folder is in it, so that equal runs give equal bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tega.errors import TegaError
+from tega.recording.folder import SUMMARY_FORMAT
+from tega.teleop.hand import HAND_TICK_NS, ModelledHand
+from tega.teleop.touch import STALE_NS
+
+if TYPE_CHECKING:
+    from tega.teleop.session import RunState
+
+__all__ = ["summarise", "write_summary"]
+
+
+def summarise(state: RunState, *, error: BaseException | None = None) -> dict[str, Any]:
+    """Sum up a run.
+
+    Args:
+        state: Everything it was made of.
+        error: What ended it, if it failed.
+
+    Returns:
+        A tree of plain values, ready for JSON.
+    """
+    from tega import __version__
+
+    config, loop = state.config, state.loop
+    summary: dict[str, Any] = {
+        "format": SUMMARY_FORMAT,
+        "version": 1,
+        "tega": __version__,
+        "preset": config.session.preset,
+        "ended": loop.ended,
+        "duration_s": loop.end_ns / 1e9,
+    }
+    if error is not None:
+        summary["error"] = error.message if isinstance(error, TegaError) else type(error).__name__
+    summary["calibration"] = {
+        "origin": state.prepared.calibration.origin,
+        "file": state.prepared.calibration_name or None,
+        "causal": bool(state.prepared.calibration_name),
+    }
+    summary["tactile"] = {finger: _finger(state, finger) for finger in state.prepared.fingers}
+    summary["emg"] = _emg(state)
+    summary["vest"] = {
+        "layout": state.layout,
+        "rate_hz": config.vest.rate_hz,
+        "frames": loop.n_vest_ticks,
+        "sinks": [sink.info.driver for sink in state.sinks.vests],
+    }
+    summary["hand"] = {
+        "model": ModelledHand.label,
+        "rate_hz": 1e9 / HAND_TICK_NS,
+        "ticks": loop.n_hand_ticks,
+        "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
+        "sinks": [sink.info.driver for sink in state.sinks.hands],
+    }
+    if config.session.pace == "real":
+        pacing = state.pacing
+        summary["pacing"] = {
+            "ticks": pacing.n_ticks,
+            "overruns": pacing.n_overruns,
+            "skipped": pacing.n_skipped,
+            "worst_late_ms": pacing.worst_late_ms,
+        }
+    summary["notes"] = _notes(state)
+    return summary
+
+
+def _finger(state: RunState, name: str) -> dict[str, Any]:
+    finger, loop = state.prepared.fingers[name], state.loop
+    info, maxima = finger.source.info, state.prepared.calibration.tactile.get(name)
+    return {
+        "driver": info.driver,
+        "source": info.label,
+        "rate_hz": info.rate_hz,
+        "frames": loop.n_contacts[name],
+        "dropped": finger.report.n_dropped,
+        "missing": finger.report.n_missing,
+        "silent_s": loop.n_stale_ticks[name] / state.config.vest.rate_hz,
+        "baseline": finger.baseline_origin,
+        "cci_max": None if maxima is None else maxima.cci_max,
+        "eda_max": None if maxima is None else maxima.eda_max,
+    }
+
+
+def _emg(state: RunState) -> dict[str, Any] | None:
+    muscles = state.prepared.muscles
+    if muscles is None:
+        return None
+    maxima = muscles.maxima
+    return {
+        "driver": muscles.source.info.driver,
+        "source": muscles.source.info.label,
+        "kind": maxima.kind,
+        "rate_hz": maxima.rate_hz,
+        "tau": maxima.tau,
+        "channels": list(maxima.channels),
+        "maxima": list(maxima.maxima),
+        "samples": muscles.report.n_items,
+        "blocks": state.loop.n_blocks,
+        "dropped": muscles.report.n_dropped,
+        "missing": muscles.report.n_missing,
+    }
+
+
+def _notes(state: RunState) -> list[str]:
+    """Say in sentences what a reader of the tables has to know."""
+    notes = []
+    end_ns = state.loop.end_ns
+    if not state.prepared.calibration_name:
+        notes.append(f"maxima {state.prepared.calibration.origin}")
+    for name, finger in state.prepared.fingers.items():
+        maxima = state.prepared.calibration.tactile.get(name)
+        if maxima is None or maxima.eda_max is None:
+            notes.append(f"{name}: no press was seen, so it has no maxima and its columns stay silent")
+        elif maxima.cci_max is None:
+            notes.append(
+                f"{name}: no contact was large enough for a CCI maximum, so its front column stays silent"
+            )
+        notes += [f"{name}: {note}" for note in finger.source.info.notes]
+        if finger.report.lost:
+            notes.append(f"{name}: source lost: {finger.report.lost}; silent after {STALE_NS / 1e6:g} ms")
+        elif finger.measured_end_ns and finger.measured_end_ns + STALE_NS < end_ns:
+            notes.append(
+                f"{name}: ended at {finger.measured_end_ns / 1e9:.3f} s, silent {STALE_NS / 1e6:g} ms later"
+            )
+    if (muscles := state.prepared.muscles) is not None:
+        notes += [f"emg: {note}" for note in muscles.source.info.notes]
+        emg_end_s = muscles.report.n_items / muscles.maxima.rate_hz
+        if muscles.report.lost:
+            notes.append(f"emg: source lost: {muscles.report.lost}; the last level was held")
+        elif not muscles.source.info.live and state.loop.ended == "complete" and emg_end_s * 1e9 < end_ns:
+            notes.append(f"emg: ended at {emg_end_s:.3f} s, its last level was held to the end")
+    return notes
+
+
+def write_summary(summary: dict[str, Any], path: Path) -> None:
+    """Write a summary as JSON, keys in their order, one newline at the end."""
+    path.write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", newline="\n")
