@@ -136,6 +136,7 @@ pub(crate) fn check_rate(rate_hz: f64) -> Result<(), EmgError> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // Exact values are meant.
 mod tests {
     use super::*;
 
