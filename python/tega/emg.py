@@ -79,7 +79,7 @@ class ButterworthLowpass:
 
     Raises:
         InvalidValueError: The rate is not positive, the order not 1 to 8, or the cutoff not inside
-            (0, rate/2), or nearer to either end than 4e-6 of the rate, where rounding would spoil the filter.
+            (0, rate/2), or nearer to either end than 1e-6 of the rate, where rounding would spoil the filter.
 
     Example:
         >>> import numpy as np

@@ -34,11 +34,12 @@ level_lists = st.lists(st.integers(1, 5), min_size=1, max_size=9)
 
 @st.composite
 def signals(draw: st.DrawFn, *, channels: int | None = None, max_rows: int = 300) -> Samples:
-    """Rows of bursts, offsets and silence, as EMG has them: (n, channels)."""
+    """Rows of bursts, of all channels or of each by itself, on an offset or not: (n, channels)."""
     width = channels or draw(st.integers(1, 6))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     rows = draw(st.integers(0, max_rows))
-    effort = np.repeat(rng.choice([0.01, 0.3, 0.6, 1.5], size=rows // 20 + 1), 20)[:rows, np.newaxis]
+    muscles = draw(st.sampled_from([1, width]))
+    effort = rng.choice([0.01, 0.3, 0.6, 1.5], size=(rows // 20 + 1, muscles)).repeat(20, axis=0)[:rows]
     return draw(st.sampled_from([0.0, 2048.0])) + effort * rng.normal(size=(rows, width))
 
 

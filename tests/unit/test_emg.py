@@ -50,6 +50,17 @@ def test_design_agrees_with_fifty_digits(rate_hz: float, order: int) -> None:
         assert abs(gain - 1) < 5e-15 + 4e-20 * rate_hz**2
 
 
+@pytest.mark.parametrize("cutoff_hz", [1.0, 1e6 / 2 - 1])
+def test_the_corner_is_right_to_a_millionth_at_the_margins(cutoff_hz: float) -> None:
+    ours = ButterworthLowpass(1e6, cutoff_hz, channels=1).sos
+    exact = reference.butterworth_lowpass(1e6, cutoff_hz, 4)
+    end = 1 if cutoff_hz < 1e5 else -1
+    with mpmath.workdps(reference.DIGITS):
+        for row, section in zip(ours.tolist(), exact, strict=True):
+            place = (1 + end * mpmath.mpf(row[4]) + row[5]) / (1 + end * section[3] + section[4])
+            assert abs(mpmath.sqrt(place) - 1) < 1e-6
+
+
 @pytest.mark.parametrize(
     ("rate_hz", "bound"), [(200.0, 2e-15), (1e3, 5e-15), (1e4, 1e-13), (1e5, 2e-12), (1e6, 5e-11)]
 )
@@ -183,7 +194,15 @@ def test_a_wrong_type_is_refused(dtype: str) -> None:
 
 @pytest.mark.parametrize(
     ("rate_hz", "cutoff_hz"),
-    [(100.0, 50.0), (99.0, 50.0), (200.0, 0.0), (200.0, -5.0), (200.0, 99.9999), (1e6, 1.0), (200.0, np.nan)],
+    [
+        (100.0, 50.0),
+        (99.0, 50.0),
+        (200.0, 0.0),
+        (200.0, -5.0),
+        (200.0, 99.9999),
+        (1e6, 0.99),
+        (200.0, np.nan),
+    ],
 )
 def test_an_impossible_cutoff_is_refused(rate_hz: float, cutoff_hz: float) -> None:
     with pytest.raises(InvalidValueError, match=r"cutoff_hz = .* rate_hz = "):
