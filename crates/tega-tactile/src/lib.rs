@@ -16,6 +16,7 @@
 #![deny(unsafe_code)] // allowed in `simd` alone
 
 mod decimal;
+mod dent;
 mod error;
 mod exact;
 mod frame;
@@ -26,6 +27,7 @@ mod simd;
 mod sums;
 
 pub use decimal::{Decimal, Weights};
+pub use dent::{ContactPatch, LiveScratch, Outline, read_live};
 pub use error::TactileError;
 pub use frame::{Difference, MAX_SIDE, Order, Pair};
 pub use levels::Scratch;
