@@ -15,7 +15,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["ContactGate", "ContactMetrics", "Order", "Reading", "contact_metrics", "read_contact"]
+__all__ = [
+    "ContactGate",
+    "ContactMetrics",
+    "Order",
+    "Reading",
+    "contact_mask",
+    "contact_metrics",
+    "pressure_map",
+    "read_contact",
+]
 
 Order = Literal["bgr", "rgb"]
 Reading = Literal["paper", "live"]
@@ -146,3 +155,55 @@ def read_contact(
         InvalidValueError: ``reading`` or ``order`` is not known.
     """
     return ContactMetrics._make(_native.read_contact(frame, baseline, reading=reading, order=order))
+
+
+def contact_mask(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    reading: Reading = "paper",
+    order: Order = "bgr",
+) -> NDArray[np.bool_]:
+    """Return the pixels that :func:`read_contact` counts as contact: their number is its ``eda``.
+
+    Args:
+        frame: The image, uint8 (H, W, 3), borrowed.
+        baseline: The no-contact image, same shape.
+        reading: The preset.
+        order: Order of the colour bytes in both images.
+
+    Returns:
+        bool (H, W).
+
+    Raises:
+        DtypeError: An image is not a uint8 array.
+        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
+        InvalidValueError: ``reading`` or ``order`` is not known.
+    """
+    return _native.contact_mask(frame, baseline, reading=reading, order=order)
+
+
+def pressure_map(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    reading: Reading = "paper",
+    order: Order = "bgr",
+) -> NDArray[np.float32]:
+    """Return the map whose peak and area :func:`read_contact` reports, for display.
+
+    Args:
+        frame: The image, uint8 (H, W, 3), borrowed.
+        baseline: The no-contact image, same shape.
+        reading: The preset.
+        order: Order of the colour bytes in both images.
+
+    Returns:
+        float32 (H, W), grey values; 0 where there is only noise.
+
+    Raises:
+        DtypeError: An image is not a uint8 array.
+        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
+        InvalidValueError: ``reading`` or ``order`` is not known.
+    """
+    return _native.pressure_map(frame, baseline, reading=reading, order=order)

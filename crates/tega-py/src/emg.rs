@@ -1,7 +1,242 @@
 //! Bindings of `tega-emg`.
 
-use pyo3::prelude::*;
+// PyO3 hands extracted arguments over by value.
+#![allow(clippy::needless_pass_by_value)]
 
-pub(crate) fn register(_m: &Bound<'_, PyModule>) -> PyResult<()> {
-    Ok(())
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use tega_emg::{Blocks, EmgError, Kind, Preset};
+
+use crate::errors::{BindError, ShapeError};
+
+/// From this many values on, other threads may run meanwhile; below, letting them costs more than it gives.
+const DETACH_VALUES: usize = 4096;
+
+#[pyclass(module = "tega._native")]
+struct ButterworthLowpass(tega_emg::ButterworthLowpass);
+
+#[pymethods]
+impl ButterworthLowpass {
+    #[new]
+    #[pyo3(signature = (rate_hz, cutoff_hz, order, channels))]
+    fn new(rate_hz: f64, cutoff_hz: f64, order: i64, channels: i64) -> Result<Self, BindError> {
+        let (order, channels) = (count("order", order)?, count("channels", channels)?);
+        Ok(Self(tega_emg::ButterworthLowpass::new(rate_hz, cutoff_hz, order, channels)?))
+    }
+
+    fn process<'py>(
+        &mut self,
+        py: Python<'py>,
+        samples: PyReadonlyArray2<'py, f64>,
+    ) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
+        let (rows, mut out) = (rows(&samples, self.0.channels())?, Vec::new());
+        detached(py, rows.len(), || self.0.process(rows, &mut out))?;
+        matrix(py, out, self.0.channels())
+    }
+
+    #[getter]
+    fn channels(&self) -> usize {
+        self.0.channels()
+    }
+
+    #[getter]
+    fn sos<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
+        matrix(py, self.0.sos().rows().concat(), 6)
+    }
+
+    #[getter]
+    fn held_samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        self.0.held_samples().into_pyarray(py)
+    }
+}
+
+/// Its channels may be left to the first chunk.
+#[pyclass(module = "tega._native")]
+struct BlockMean {
+    tau: usize,
+    core: Option<tega_emg::BlockMean>,
+}
+
+#[pymethods]
+impl BlockMean {
+    #[new]
+    #[pyo3(signature = (tau, channels))]
+    fn new(tau: i64, channels: Option<i64>) -> Result<Self, BindError> {
+        let (tau, wanted) = (count("tau", tau)?, count("channels", channels.unwrap_or(1))?);
+        let core = tega_emg::BlockMean::new(tau, wanted)?;
+        Ok(Self { tau, core: channels.is_some().then_some(core) })
+    }
+
+    fn process<'py>(
+        &mut self,
+        py: Python<'py>,
+        samples: PyReadonlyArray2<'py, f64>,
+    ) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
+        let core = match &mut self.core {
+            Some(core) => core,
+            none => none.insert(tega_emg::BlockMean::new(self.tau, samples.shape()[1])?),
+        };
+        let (rows, mut out) = (rows(&samples, core.channels())?, Vec::new());
+        detached(py, rows.len(), || core.process(rows, &mut out))?;
+        matrix(py, out, core.channels())
+    }
+
+    #[getter]
+    fn channels(&self) -> Option<usize> {
+        self.core.as_ref().map(tega_emg::BlockMean::channels)
+    }
+
+    #[getter]
+    fn held_samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        let held = self.core.as_ref().map(tega_emg::BlockMean::held_samples);
+        held.unwrap_or_default().into_pyarray(py)
+    }
+}
+
+#[pyclass(module = "tega._native")]
+struct GraspIntent {
+    core: tega_emg::GraspIntent,
+    last: Blocks,
+}
+
+#[pymethods]
+impl GraspIntent {
+    #[new]
+    #[pyo3(signature = (rate_hz, maxima, tau, kind, preset))]
+    fn new(
+        rate_hz: f64,
+        maxima: PyReadonlyArray1<'_, f64>,
+        tau: i64,
+        kind: &str,
+        preset: &str,
+    ) -> Result<Self, BindError> {
+        let (kind, preset, tau) = (Kind::parse(kind)?, Preset::parse(preset)?, count("tau", tau)?);
+        let maxima = maxima.as_array().to_vec();
+        let core = tega_emg::GraspIntent::new(rate_hz, &maxima, tau, kind, preset)?;
+        Ok(Self { core, last: Blocks::default() })
+    }
+
+    fn process<'py>(
+        &mut self,
+        py: Python<'py>,
+        samples: PyReadonlyArray2<'py, f64>,
+    ) -> Result<Bound<'py, PyArray1<i64>>, BindError> {
+        let rows = rows(&samples, self.core.channels())?;
+        self.last = detached(py, rows.len(), || self.core.process(rows))?;
+        Ok(widened(&self.last.fused).into_pyarray(py))
+    }
+
+    #[getter]
+    fn channels(&self) -> usize {
+        self.core.channels()
+    }
+
+    #[getter]
+    fn levels<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<i64>>, BindError> {
+        matrix(py, widened(&self.last.levels), self.core.channels())
+    }
+
+    #[getter]
+    fn maxima<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.core.maxima().to_vec().into_pyarray(py)
+    }
+
+    #[getter]
+    fn bad_channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.core.bad_channels())
+    }
+
+    #[getter]
+    fn held_samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        self.core.held_samples().into_pyarray(py)
+    }
+
+    #[getter]
+    fn holding(&self) -> bool {
+        self.core.holding()
+    }
+}
+
+#[pyfunction]
+#[pyo3(signature = (value, maximum))]
+fn grasp_level(value: f64, maximum: f64) -> Result<u8, BindError> {
+    Ok(tega_emg::grasp_level(value, maximum)?)
+}
+
+#[pyfunction]
+#[pyo3(signature = (levels))]
+fn fuse_levels(levels: Vec<i64>) -> Result<u8, BindError> {
+    // What does not fit a byte is no level either, and is named by the value given.
+    let narrow = |level: i64| u8::try_from(level).map_err(|_| out_of_range("level", level, "1 to 5"));
+    let levels = levels.into_iter().map(narrow).collect::<Result<Vec<_>, _>>()?;
+    Ok(tega_emg::fuse_levels(&levels)?)
+}
+
+#[pyfunction]
+#[pyo3(signature = (samples, rate_hz, tau, kind, percentile))]
+fn channel_maxima<'py>(
+    py: Python<'py>,
+    samples: PyReadonlyArray2<'py, f64>,
+    rate_hz: f64,
+    tau: i64,
+    kind: &str,
+    percentile: f64,
+) -> Result<Bound<'py, PyArray1<f64>>, BindError> {
+    let (channels, kind, tau) = (samples.shape()[1], Kind::parse(kind)?, count("tau", tau)?);
+    let rows = rows(&samples, channels)?;
+    let maxima = detached(py, rows.len(), || {
+        tega_emg::channel_maxima(rows, channels, rate_hz, tau, kind, percentile)
+    })?;
+    Ok(maxima.into_pyarray(py))
+}
+
+fn rows<'a>(samples: &'a PyReadonlyArray2<'_, f64>, wanted: usize) -> Result<&'a [f64], BindError> {
+    let got = samples.shape()[1];
+    if got != wanted {
+        return Err(EmgError::Channels { got, wanted }.into());
+    }
+    let scattered = |_| ShapeError::new_err(("samples are not C-contiguous", "copy them first"));
+    Ok(samples.as_slice().map_err(scattered)?)
+}
+
+fn detached<T: Send>(
+    py: Python<'_>,
+    values: usize,
+    work: impl FnOnce() -> Result<T, EmgError> + Send,
+) -> Result<T, EmgError> {
+    if values < DETACH_VALUES { work() } else { py.detach(work) }
+}
+
+fn matrix<T: numpy::Element>(
+    py: Python<'_>,
+    values: Vec<T>,
+    columns: usize,
+) -> Result<Bound<'_, PyArray2<T>>, BindError> {
+    let shape = (values.len() / columns, columns);
+    let array =
+        Array2::from_shape_vec(shape, values).map_err(|e| ShapeError::new_err((e.to_string(), "")))?;
+    Ok(array.into_pyarray(py))
+}
+
+fn widened(levels: &[u8]) -> Vec<i64> {
+    levels.iter().map(|l| i64::from(*l)).collect()
+}
+
+fn count(name: &'static str, value: i64) -> Result<usize, EmgError> {
+    usize::try_from(value).map_err(|_| out_of_range(name, value, "a whole number greater than 0"))
+}
+
+fn out_of_range(name: &'static str, value: i64, wanted: &'static str) -> EmgError {
+    EmgError::OutOfRange { name, value: value as f64, unit: "", wanted }
+}
+
+pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_class::<ButterworthLowpass>()?;
+    m.add_class::<BlockMean>()?;
+    m.add_class::<GraspIntent>()?;
+    m.add_function(wrap_pyfunction!(grasp_level, m)?)?;
+    m.add_function(wrap_pyfunction!(fuse_levels, m)?)?;
+    m.add_function(wrap_pyfunction!(channel_maxima, m)?)
 }

@@ -50,7 +50,14 @@ impl From<EmgError> for BindError {
     fn from(e: EmgError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            EmgError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            EmgError::OutOfRange { .. }
+            | EmgError::Cutoff { .. }
+            | EmgError::UnknownChoice { .. }
+            | EmgError::NoLevels => InvalidValueError::new_err(args),
+            EmgError::Channels { .. } | EmgError::Ragged { .. } => ShapeError::new_err(args),
+            EmgError::BadCalibrationSample { .. }
+            | EmgError::CalibrationTooShort { .. }
+            | EmgError::UnusableMaximum { .. } => CalibrationError::new_err(args),
         })
     }
 }
@@ -59,7 +66,11 @@ impl From<HapticsError> for BindError {
     fn from(e: HapticsError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HapticsError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            HapticsError::OutOfRange { .. }
+            | HapticsError::Intensity { .. }
+            | HapticsError::MotorIntensity { .. }
+            | HapticsError::UnknownChoice { .. } => InvalidValueError::new_err(args),
+            HapticsError::MotorCount { .. } => ShapeError::new_err(args),
         })
     }
 }
@@ -68,7 +79,11 @@ impl From<HandError> for BindError {
     fn from(e: HandError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HandError::OutOfRange { .. } => InvalidValueError::new_err(args),
+            HandError::OutOfRange { .. }
+            | HandError::Level { .. }
+            | HandError::Joint { .. }
+            | HandError::Pose { .. } => InvalidValueError::new_err(args),
+            HandError::Count { .. } => ShapeError::new_err(args),
         })
     }
 }

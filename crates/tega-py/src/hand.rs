@@ -1,7 +1,179 @@
 //! Bindings of `tega-hand`.
+#![allow(clippy::needless_pass_by_value, reason = "arguments arrive from Python as owned borrows")]
 
+use numpy::ndarray::arr2;
+use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1};
 use pyo3::prelude::*;
+use tega_hand::{Gains, HandError, Joints, LEVELS, PoseSet};
 
-pub(crate) fn register(_m: &Bound<'_, PyModule>) -> PyResult<()> {
-    Ok(())
+use crate::errors::{BindError, InvalidValueError};
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+
+#[pyclass(module = "tega._native")]
+struct HandController(tega_hand::HandController);
+
+#[pymethods]
+impl HandController {
+    #[new]
+    #[pyo3(signature = (*, poses_rad, kp, kd, error_limit_rad, torque_limits, level_factors, slew_per_tick))]
+    fn new(
+        poses_rad: PyReadonlyArray2<'_, f64>,
+        kp: PyReadonlyArray1<'_, f64>,
+        kd: PyReadonlyArray1<'_, f64>,
+        error_limit_rad: f64,
+        torque_limits: PyReadonlyArray1<'_, f64>,
+        level_factors: PyReadonlyArray1<'_, f64>,
+        slew_per_tick: f64,
+    ) -> Result<Self, BindError> {
+        let gains = Gains {
+            kp: numbers("kp", kp)?,
+            kd: numbers("kd", kd)?,
+            error_limit_rad,
+            torque_limits: numbers("torque_limits", torque_limits)?,
+            level_factors: numbers("level_factors", level_factors)?,
+            slew_per_tick,
+        };
+        Ok(Self(tega_hand::HandController::new(PoseSet::new(poses(poses_rad)?)?, gains)?))
+    }
+
+    #[pyo3(signature = (angles_rad, level, /, *, velocities_rad_s, out))]
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        angles_rad: PyReadonlyArray1<'py, f64>,
+        level: i64,
+        velocities_rad_s: Option<PyReadonlyArray1<'py, f64>>,
+        out: Option<Vector<'py>>,
+    ) -> Result<Vector<'py>, BindError> {
+        let angles_rad = numbers("angles_rad", angles_rad)?;
+        let velocities = velocities_rad_s.map(|v| numbers("velocities_rad_s", v)).transpose()?;
+        let Some(out) = out else {
+            return Ok(PyArray1::from_slice(py, &self.0.step(&angles_rad, level, velocities.as_ref())?));
+        };
+        let mut lent = borrow_out(&out)?;
+        let torques = self.0.step(&angles_rad, level, velocities.as_ref())?;
+        lent.as_array_mut().iter_mut().zip(torques).for_each(|(out, torque)| *out = torque);
+        drop(lent);
+        Ok(out)
+    }
+
+    #[pyo3(signature = (angles_rad, /))]
+    fn reset(&mut self, angles_rad: PyReadonlyArray1<'_, f64>) -> Result<(), BindError> {
+        Ok(self.0.reset(&numbers("angles_rad", angles_rad)?)?)
+    }
+
+    #[getter]
+    fn target_rad<'py>(&self, py: Python<'py>) -> Option<Vector<'py>> {
+        self.0.target_rad().map(|target| PyArray1::from_slice(py, &target))
+    }
+
+    #[getter]
+    fn level(&self) -> Option<usize> {
+        self.0.level()
+    }
+}
+
+#[pyclass(module = "tega._native")]
+struct JointModel(tega_hand::JointModel);
+
+#[pymethods]
+impl JointModel {
+    #[new]
+    #[pyo3(signature = (angles_rad, /, *, full_duty_speed_rad_s, time_constant_s))]
+    fn new(
+        angles_rad: PyReadonlyArray1<'_, f64>,
+        full_duty_speed_rad_s: f64,
+        time_constant_s: f64,
+    ) -> Result<Self, BindError> {
+        let angles_rad = numbers("angles_rad", angles_rad)?;
+        Ok(Self(tega_hand::JointModel::new(&angles_rad, full_duty_speed_rad_s, time_constant_s)?))
+    }
+
+    #[pyo3(signature = (torques, /))]
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        torques: PyReadonlyArray1<'py, f64>,
+    ) -> Result<Vector<'py>, BindError> {
+        Ok(PyArray1::from_slice(py, &self.0.step(&numbers("torques", torques)?)?))
+    }
+
+    #[getter]
+    fn angles_rad<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        PyArray1::from_slice(py, self.0.angles_rad())
+    }
+
+    #[getter]
+    fn velocities_rad_s<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        PyArray1::from_slice(py, self.0.velocities_rad_s())
+    }
+}
+
+#[pyfunction]
+#[pyo3(signature = (controller, model, level, /))]
+fn step_modelled<'py>(
+    py: Python<'py>,
+    mut controller: PyRefMut<'py, HandController>,
+    mut model: PyRefMut<'py, JointModel>,
+    level: i64,
+) -> Result<(Vector<'py>, Vector<'py>), BindError> {
+    let torques = controller.0.step(model.0.angles_rad(), level, None)?;
+    let angles = model.0.step(&torques)?;
+    Ok((PyArray1::from_slice(py, &angles), PyArray1::from_slice(py, &torques)))
+}
+
+/// Exactly `N` numbers of an array of any stride; its borrow ends here, so that `out` may be the same array.
+fn numbers<const N: usize>(
+    name: &'static str,
+    array: PyReadonlyArray1<'_, f64>,
+) -> Result<[f64; N], HandError> {
+    let view = array.as_array();
+    if view.len() != N {
+        return Err(HandError::Count { name, got: view.len(), wanted: N });
+    }
+    let mut out = [0.0; N];
+    out.iter_mut().zip(view).for_each(|(out, value)| *out = *value);
+    Ok(out)
+}
+
+fn poses(array: PyReadonlyArray2<'_, f64>) -> Result<[Joints; LEVELS], HandError> {
+    let view = array.as_array();
+    let (wanted, got) = (LEVELS * tega_hand::JOINTS, view.len());
+    if view.dim() != (LEVELS, tega_hand::JOINTS) {
+        return Err(HandError::Count { name: "poses_rad", got, wanted });
+    }
+    let mut out = [[0.0; tega_hand::JOINTS]; LEVELS];
+    out.as_flattened_mut().iter_mut().zip(view).for_each(|(out, value)| *out = *value);
+    Ok(out)
+}
+
+fn borrow_out<'py>(out: &Vector<'py>) -> Result<PyReadwriteArray1<'py, f64>, BindError> {
+    let lent = out
+        .try_readwrite()
+        .map_err(|e| InvalidValueError::new_err((format!("out cannot be written: {e}"), "")))?;
+    match lent.as_array().len() {
+        tega_hand::JOINTS => Ok(lent),
+        got => Err(HandError::Count { name: "out", got, wanted: tega_hand::JOINTS }.into()),
+    }
+}
+
+pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = m.py();
+    let gains = Gains::default();
+    m.add("JOINT_NAMES", tega_hand::JOINT_NAMES)?;
+    m.add("JOINT_LIMITS_RAD", tega_hand::JOINT_LIMITS_RAD)?;
+    m.add("TORQUE_LIMITS", PyArray1::from_slice(py, &tega_hand::TORQUE_LIMITS))?;
+    m.add("CLOSURE_POSES_RAD", arr2(&tega_hand::CLOSURE_POSES_RAD).into_pyarray(py))?;
+    m.add("DEFAULT_KP", PyArray1::from_slice(py, &gains.kp))?;
+    m.add("DEFAULT_KD", PyArray1::from_slice(py, &gains.kd))?;
+    m.add("DEFAULT_ERROR_LIMIT_RAD", gains.error_limit_rad)?;
+    m.add("DEFAULT_LEVEL_FACTORS", PyArray1::from_slice(py, &gains.level_factors))?;
+    m.add("DEFAULT_SLEW_PER_TICK", gains.slew_per_tick)?;
+    m.add("FULL_DUTY_SPEED_RAD_S", tega_hand::FULL_DUTY_SPEED_RAD_S)?;
+    m.add("TIME_CONSTANT_S", tega_hand::TIME_CONSTANT_S)?;
+    m.add("TICK_S", tega_hand::TICK_S)?;
+    m.add_class::<HandController>()?;
+    m.add_class::<JointModel>()?;
+    m.add_function(wrap_pyfunction!(step_modelled, m)?)
 }

@@ -116,14 +116,14 @@ impl Kernel {
     }
 }
 
-fn flush(columns: &mut [i32], totals: &mut [i64]) {
+pub(crate) fn flush(columns: &mut [i32], totals: &mut [i64]) {
     for (total, column) in totals.iter_mut().zip(columns) {
         *total += i64::from(std::mem::take(column));
     }
 }
 
 /// Moments from the sums of rows and columns: Σ x·n needs the columns only, Σ y·n the rows only.
-fn moments(rows: &[Row], columns: &[i64], squares: bool, denominator: i32) -> Sums<i128> {
+pub(crate) fn moments(rows: &[Row], columns: &[i64], squares: bool, denominator: i32) -> Sums<i128> {
     let weighed = |sums: &mut dyn Iterator<Item = i64>| {
         let (mut first, mut second) = (0_i128, 0_i128);
         for (position, sum) in sums.enumerate() {

@@ -7,6 +7,7 @@ use num_bigint::BigInt;
 
 use crate::exact::{Exact, Sums, Threshold};
 use crate::frame::{Order, Pair};
+use crate::levels::{Row, flush, moments};
 use crate::metrics::ContactMetrics;
 use crate::simd;
 
@@ -29,8 +30,15 @@ pub struct PaperScratch {
     difference: Vec<u8>,
     /// Sums of five rows, interleaved, with `RADIUS` mirrored pixels on both sides.
     columns: Vec<i16>,
+    /// Sums of five of those side by side.
+    boxes: Vec<i16>,
     /// Levels of the blurred, masked grey map.
     map: Vec<i32>,
+    /// Sums of the map's columns since the last flush, and in all.
+    column_sums: Vec<i32>,
+    totals: Vec<i64>,
+    /// Sums and ranges of the map's rows.
+    rows: Vec<Row>,
     /// Lowest level that counts as contact.
     first_counted: i32,
 }
@@ -55,9 +63,9 @@ pub fn read_paper(pair: &Pair<'_>, order: Order, scratch: &mut PaperScratch) -> 
         scratch.difference.extend(frame.iter().zip(baseline).map(|(f, b)| f.abs_diff(*b)));
     });
     simd::blur_and_weigh(width, height, order.arrange(LUMA), scratch);
-    let summary = simd::mask_and_sum(width, &mut scratch.map);
-    let resolved = resolve::<i128>(&summary, width, height, &scratch.map)
-        .or_else(|| resolve::<BigInt>(&summary, width, height, &scratch.map));
+    let summary = mask_and_sum(width, scratch);
+    let resolved = resolve::<i128>(&summary, width, height, scratch)
+        .or_else(|| resolve::<BigInt>(&summary, width, height, scratch));
     // Big integers do not overflow; kept total so that no input can panic.
     let (metrics, first_counted) =
         resolved.unwrap_or_else(|| (ContactMetrics::none(f64::NAN, f64::NAN, summary.peak_xy), i32::MAX));
@@ -80,7 +88,7 @@ fn mirror(i: isize, side: usize) -> usize {
 /// Sums of 25 bytes fit 16 bits, so the blur runs on interleaved bytes and only its result is weighted.
 #[inline(always)]
 pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scratch: &mut PaperScratch) {
-    let PaperScratch { difference, columns, map, .. } = scratch;
+    let PaperScratch { difference, columns, boxes, map, .. } = scratch;
     let row = |y: isize| {
         let start = mirror(y, height) * width * 3;
         &difference[start..start + width * 3]
@@ -91,6 +99,7 @@ pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scr
     for y in -(RADIUS as isize)..=RADIUS as isize {
         columns[margin..].iter_mut().zip(row(y)).for_each(|(sum, v)| *sum += i16::from(*v));
     }
+    boxes.resize(width * 3, 0);
     map.resize(width * height, 0);
     for (y, levels) in map.chunks_exact_mut(width).enumerate() {
         for i in 1..=RADIUS as isize {
@@ -101,7 +110,7 @@ pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scr
                 columns.copy_within((inside + RADIUS) * 3..(inside + RADIUS + 1) * 3, to);
             }
         }
-        weigh_boxes(columns, weights, levels);
+        weigh_boxes(columns, boxes, weights, levels);
         let y = y as isize;
         let (leaving, entering) = (row(y - RADIUS as isize), row(y + RADIUS as isize + 1));
         for ((sum, old), new) in columns[margin..].iter_mut().zip(leaving).zip(entering) {
@@ -110,85 +119,93 @@ pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scr
     }
 }
 
-/// Sums of five neighbours in a row of column sums, weighted per channel.
+/// Sums of five neighbouring pixels in a row of column sums, weighted per channel.
 #[inline(always)]
-fn weigh_boxes(columns: &[i16], weights: [i32; 3], levels: &mut [i32]) {
-    let pixels = columns.as_chunks::<3>().0;
-    let boxes = pixels.iter().zip(&pixels[1..]).zip(&pixels[2..]).zip(&pixels[3..]).zip(&pixels[4..]);
-    for (level, ((((a, b), c), d), e)) in levels.iter_mut().zip(boxes) {
-        let sum = |i: usize| i32::from(a[i] + b[i] + c[i] + d[i] + e[i]);
-        *level = weights[0] * sum(0) + weights[1] * sum(1) + weights[2] * sum(2);
+fn weigh_boxes(columns: &[i16], boxes: &mut [i16], weights: [i32; 3], levels: &mut [i32]) {
+    let shifted = |pixels: usize| &columns[3 * pixels..3 * pixels + boxes.len()];
+    let (a, b, c, d, e) = (shifted(0), shifted(1), shifted(2), shifted(3), shifted(4));
+    for (i, sum) in boxes.iter_mut().enumerate() {
+        *sum = a[i] + b[i] + c[i] + d[i] + e[i];
+    }
+    for (level, sums) in levels.iter_mut().zip(boxes.as_chunks::<3>().0) {
+        let part = |c: usize| weights[c] * i32::from(sums[c]);
+        *level = part(0) + part(1) + part(2);
     }
 }
 
 /// Sums over the masked map.
-pub(crate) struct Summary {
+struct Summary {
     sums: Sums<i128>,
     above_floor: u32,
     peak: i32,
     peak_xy: (usize, usize),
 }
 
+/// Rows after which a column sum of levels (at most 255 grey values each) could leave `i32`.
+const FLUSH_EVERY: usize = (i32::MAX / (255 * DENOMINATOR)) as usize;
+/// Pixels whose levels add up within `i32`.
+const RUN: usize = 256;
+
 /// Sets levels under the noise floor to 0 and sums what is left.
-#[inline(always)]
-pub(crate) fn mask_and_sum(width: usize, map: &mut [i32]) -> Summary {
-    const FLOOR: i32 = NOISE_FLOOR * DENOMINATOR;
-    let (mut mass, mut first, mut second) = (0_i128, [0_i128; 2], 0_i128);
-    let (mut above_floor, mut peak, mut peak_row) = (0, 0, 0);
-    for (y, row) in map.chunks_exact_mut(width).enumerate() {
-        let mut largest = 0;
-        for level in row.iter_mut() {
-            above_floor += u32::from(*level > FLOOR);
-            *level = if *level < FLOOR { 0 } else { *level };
-            largest = largest.max(*level);
+fn mask_and_sum(width: usize, scratch: &mut PaperScratch) -> Summary {
+    let PaperScratch { map, column_sums, totals, rows, .. } = scratch;
+    column_sums.clear();
+    column_sums.resize(width, 0);
+    totals.clear();
+    totals.resize(width, 0);
+    rows.clear();
+    let mut above_floor = 0;
+    for (y, levels) in map.chunks_exact_mut(width).enumerate() {
+        let (row, above) = simd::mask_row(levels, column_sums);
+        above_floor += above;
+        rows.push(row);
+        if (y + 1) % FLUSH_EVERY == 0 {
+            flush(column_sums, totals);
         }
-        if largest == 0 {
-            continue;
-        }
-        let (mut m, mut mx, mut mxx) = (0_i64, 0_i64, 0_i64);
-        for (x, level) in row.iter().enumerate() {
-            let (x, n) = (x as i64, i64::from(*level));
-            m += n;
-            mx += x * n;
-            mxx += x * x * n;
-        }
-        if largest > peak {
-            (peak, peak_row) = (largest, y);
-        }
-        let (y, m) = (y as i128, i128::from(m));
-        mass += m;
-        first[0] += i128::from(mx);
-        first[1] += y * m;
-        second += i128::from(mxx) + y * y * m;
     }
-    let row = map.chunks_exact(width).nth(peak_row).unwrap_or_default();
-    let peak_xy = (row.iter().position(|&n| n == peak).unwrap_or_default(), peak_row);
-    let denominator = i128::from(DENOMINATOR);
-    Summary { sums: Sums { mass, first, second, squares: None, denominator }, above_floor, peak, peak_xy }
+    flush(column_sums, totals);
+    let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
+    let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
+    let row = map.chunks_exact(width).nth(peak_y).unwrap_or_default();
+    let peak_x = row.iter().position(|&n| n == peak).unwrap_or_default();
+    let sums = moments(rows, totals, false, DENOMINATOR);
+    Summary { sums, above_floor, peak, peak_xy: (peak_x, peak_y) }
+}
+
+/// Masks one row and adds it to the columns; also the number of levels above the floor.
+#[inline(always)]
+pub(crate) fn mask_row(levels: &mut [i32], columns: &mut [i32]) -> (Row, u32) {
+    const FLOOR: i32 = NOISE_FLOOR * DENOMINATOR;
+    let (mut above_floor, mut max) = (0, 0);
+    for (level, column) in levels.iter_mut().zip(columns) {
+        above_floor += i32::from(*level > FLOOR);
+        *level = if *level < FLOOR { 0 } else { *level };
+        *column += *level;
+        max = max.max(*level);
+    }
+    let sum = levels.chunks(RUN).map(|run| i64::from(run.iter().sum::<i32>())).sum();
+    (Row { sum, squares: 0, min: 0, max }, above_floor as u32)
 }
 
 /// Number of levels at or above `first`.
 #[inline(always)]
-pub(crate) fn count_from(map: &[i32], first: i32) -> u32 {
-    map.iter().map(|&n| u32::from(n >= first)).sum()
+pub(crate) fn count_from(levels: &[i32], first: i32) -> u32 {
+    levels.iter().map(|&n| u32::from(n >= first)).sum()
 }
 
 /// Equations 2 to 6 on the masked map, and the lowest level that counts; `None` on overflow of `I`.
-fn resolve<I>(summary: &Summary, width: usize, height: usize, map: &[i32]) -> Option<(ContactMetrics, i32)>
+fn resolve<I>(
+    summary: &Summary,
+    width: usize,
+    height: usize,
+    scratch: &PaperScratch,
+) -> Option<(ContactMetrics, i32)>
 where
     I: Exact + From<i32>,
     i32: TryFrom<I>,
 {
-    let int = |n: i128| I::from_i128(n);
-    let exact = &summary.sums;
+    let sums = summary.sums.convert::<I>()?;
     let denominator = I::from(DENOMINATOR);
-    let sums = Sums {
-        mass: int(exact.mass)?,
-        first: [int(exact.first[0])?, int(exact.first[1])?],
-        second: int(exact.second)?,
-        squares: None,
-        denominator: denominator.clone(),
-    };
     let peak = I::from(summary.peak);
     let none = ContactMetrics::none(
         I::ratio(&sums.mass, &denominator),
@@ -200,7 +217,7 @@ where
     };
     let (column, row) = sums.nearest_pixel(width, height)?;
     let threshold = Threshold {
-        value: I::from(*map.get(row * width + column)?),
+        value: I::from(*scratch.map.get(row * width + column)?),
         value_denominator: denominator.clone(),
         variance: sums.spatial_variance()?,
         factor: [I::from(32), I::from(25)],
@@ -209,7 +226,9 @@ where
     let first_above_floor = NOISE_FLOOR * DENOMINATOR + 1;
     let first =
         i32::try_from(threshold.first_level_above()?).map_or(first_above_floor, |n| n.max(first_above_floor));
-    let eda = simd::count_from(map, first);
+    let rows = scratch.map.chunks_exact(width).zip(&scratch.rows);
+    let eda =
+        rows.filter(|(_, row)| row.max >= first).map(|(levels, _)| simd::count_from(levels, first)).sum();
     let cci = if eda == 0 { 0.0 } else { I::ratio(&peak, &denominator.checked_mul(&I::from_u32(eda)?)?) };
     let metrics = ContactMetrics {
         centroid_xy: (x, y),

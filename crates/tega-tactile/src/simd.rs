@@ -11,7 +11,7 @@ mod avx2;
 use std::sync::OnceLock;
 
 use crate::levels::{Kernel, Row};
-use crate::paper::{self, PaperScratch, Summary};
+use crate::paper::{self, PaperScratch};
 
 /// Compiles `$generic` for each instruction set and calls the best one this processor has.
 macro_rules! dispatched {
@@ -116,11 +116,11 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`paper::mask_and_sum`].
-    mask_and_sum = paper::mask_and_sum, (width: usize, map: &mut [i32]) -> Summary
+    /// See [`paper::mask_row`].
+    mask_row = paper::mask_row, (levels: &mut [i32], columns: &mut [i32]) -> (Row, u32)
 }
 
 dispatched! {
     /// See [`paper::count_from`].
-    count_from = paper::count_from, (map: &[i32], first: i32) -> u32
+    count_from = paper::count_from, (levels: &[i32], first: i32) -> u32
 }

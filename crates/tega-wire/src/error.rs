@@ -1,6 +1,7 @@
 //! What can be wrong with the input.
 
-/// An input that cannot be used; the message names the argument, its value and its unit.
+/// An input that cannot be encoded, or a packet that cannot be decoded; the message names the thing, its value and
+/// its unit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// A number is out of its range or not finite.
@@ -15,13 +16,104 @@ pub enum WireError {
         /// What would be accepted.
         wanted: &'static str,
     },
+    /// One element of an array is out of its range or not finite.
+    #[error("{name}[{index}] = {value} {unit} is out of range: {wanted}")]
+    Element {
+        /// The array.
+        name: &'static str,
+        /// Which element, from 0.
+        index: usize,
+        /// The value given.
+        value: f64,
+        /// Its unit, or empty.
+        unit: &'static str,
+        /// What would be accepted.
+        wanted: &'static str,
+    },
+    /// A decoder was asked for with a setting it does not have.
+    #[error("{name} = {value} is not possible: {wanted}")]
+    Setting {
+        /// The setting.
+        name: &'static str,
+        /// The value given.
+        value: f64,
+        /// What would be accepted.
+        wanted: &'static str,
+    },
+    /// An array or a packet has the wrong number of elements.
+    #[error("{name} has {got} elements, {wanted} are needed")]
+    Length {
+        /// The array or packet.
+        name: &'static str,
+        /// Its length.
+        got: usize,
+        /// What would be accepted.
+        wanted: &'static str,
+    },
+    /// Row 4 of a panel carries a level, and the 32-motor form has rows 0 to 3 only.
+    #[error("intensities[{index}] = {value} is in row 4, which the 32-motor form does not have")]
+    NoSuchRow {
+        /// Which element, from 0.
+        index: usize,
+        /// Its intensity.
+        value: u8,
+    },
+    /// A Player message would address nothing, or nothing that can be named.
+    #[error("{name} is empty")]
+    Empty {
+        /// The argument.
+        name: &'static str,
+    },
+    /// A field of a packet has a value the format does not have.
+    #[error("{packet}: {field} is {got:#x}, {wanted} is needed")]
+    Field {
+        /// The kind of packet.
+        packet: &'static str,
+        /// The field.
+        field: &'static str,
+        /// The value found.
+        got: u32,
+        /// What would be accepted.
+        wanted: &'static str,
+    },
+    /// The checksum in a packet is not that of its bytes.
+    #[error("{packet}: the checksum in the packet is {got:#010x}, its bytes give {computed:#010x}")]
+    Checksum {
+        /// The kind of packet.
+        packet: &'static str,
+        /// The checksum found.
+        got: u32,
+        /// The checksum computed.
+        computed: u32,
+    },
+    /// A text is not the JSON it should be.
+    #[error("{packet}: {reason}")]
+    Json {
+        /// The kind of message.
+        packet: &'static str,
+        /// What the parser met, and where.
+        reason: String,
+    },
 }
 
 impl WireError {
     /// The next step for the person who reads the message; empty where the message says it all.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::OutOfRange { .. } => "",
+            Self::Element { unit: "tau", .. } => {
+                "stop the controller and look for the NaN or overflow in its inputs; no torque is sent from it"
+            }
+            Self::NoSuchRow { .. } => "fill rows 0 to 3 only, or send the 40-motor form",
+            Self::Empty { name: "front_key and back_key" } => "name at least one panel",
+            Self::Checksum { .. } | Self::Field { .. } => {
+                "drop the packet and count it; if it repeats, the two ends speak different versions"
+            }
+            Self::OutOfRange { .. }
+            | Self::Element { .. }
+            | Self::Setting { .. }
+            | Self::Length { .. }
+            | Self::Empty { .. }
+            | Self::Json { .. } => "",
         }
     }
 }

@@ -1,0 +1,154 @@
+//! From raw rows to filtered rows: guard, offset removal and rectification as the input kind asks, low-pass.
+
+use crate::bank::BiquadBank;
+use crate::butterworth::Sos;
+use crate::error::EmgError;
+use crate::guard::Guard;
+
+/// Rows handled at a time: small enough to stay in the first-level cache.
+const ROWS: usize = 64;
+/// Order of the low-pass and of the offset filter.
+const ORDER: usize = 4;
+/// Cutoff of Eq 10's low-pass.
+pub const LOWPASS_HZ: f64 = 50.0;
+/// Corner of the offset filter of raw input, where movement artefacts end and EMG begins.
+pub const OFFSET_HZ: f64 = 20.0;
+
+/// What the samples of a source are; it decides what happens before the low-pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// EMG that swings about a constant offset: the offset is removed and the rest is full-wave rectified.
+    Raw,
+    /// EMG rectified by the sensor: filtered as it is.
+    Rectified,
+    /// An envelope made by the sensor: filtered as it is.
+    Envelope,
+}
+
+impl Kind {
+    /// Read a kind from its name.
+    ///
+    /// # Errors
+    /// [`EmgError::UnknownChoice`] unless it is `raw`, `rectified` or `envelope`.
+    ///
+    /// # Examples
+    /// ```
+    /// assert_eq!(tega_emg::Kind::parse("envelope")?, tega_emg::Kind::Envelope);
+    /// # Ok::<(), tega_emg::EmgError>(())
+    /// ```
+    pub fn parse(name: &str) -> Result<Self, EmgError> {
+        match name {
+            "raw" => Ok(Self::Raw),
+            "rectified" => Ok(Self::Rectified),
+            "envelope" => Ok(Self::Envelope),
+            _ => Err(EmgError::UnknownChoice {
+                name: "kind",
+                got: name.to_owned(),
+                wanted: "\"raw\", \"rectified\", \"envelope\"",
+            }),
+        }
+    }
+}
+
+/// Samples that make up 100 ms, after which a channel without a good sample is bad.
+fn patience(rate_hz: f64) -> usize {
+    (rate_hz / 10.0).ceil().max(1.0) as usize
+}
+
+/// Everything that happens to a sample before it is averaged, with all its state.
+#[derive(Debug, Clone)]
+pub(crate) struct Chain {
+    guard: Guard,
+    offset: Option<BiquadBank>,
+    lowpass: BiquadBank,
+    channels: usize,
+    buffer: Vec<f64>,
+}
+
+impl Chain {
+    /// The chain of Eq 10 for an input kind.
+    pub(crate) fn new(rate_hz: f64, channels: usize, kind: Kind) -> Result<Self, EmgError> {
+        let mut chain = Self::filter_only(rate_hz, channels, &Sos::lowpass(rate_hz, LOWPASS_HZ, ORDER)?)?;
+        if kind == Kind::Raw {
+            chain.offset = Some(BiquadBank::new(&Sos::highpass(rate_hz, OFFSET_HZ, ORDER)?, channels));
+        }
+        Ok(chain)
+    }
+
+    pub(crate) fn filter_only(rate_hz: f64, channels: usize, sos: &Sos) -> Result<Self, EmgError> {
+        check_channels(channels)?;
+        let guard = Guard::new(channels, patience(rate_hz));
+        let (lowpass, buffer) = (BiquadBank::new(sos, channels), vec![0.0; channels * ROWS]);
+        Ok(Self { guard, offset: None, lowpass, channels, buffer })
+    }
+
+    pub(crate) fn channels(&self) -> usize {
+        self.channels
+    }
+
+    pub(crate) fn guard(&self) -> &Guard {
+        &self.guard
+    }
+
+    pub(crate) fn guard_mut(&mut self) -> &mut Guard {
+        &mut self.guard
+    }
+
+    /// Filter the first rows of `samples`, at most `limit`, and return them; at least one if there is one.
+    pub(crate) fn advance(&mut self, samples: &[f64], limit: usize) -> &[f64] {
+        let offered = (samples.len() / self.channels).min(limit).min(ROWS) * self.channels;
+        let taken = self.guard.take(&samples[..offered], &mut self.buffer) * self.channels;
+        let rows = &mut self.buffer[..taken];
+        for channel in self.guard.restarts() {
+            let mut level = rows[channel];
+            if let Some(offset) = &mut self.offset {
+                level = offset.settle(channel, level).abs();
+            }
+            self.lowpass.settle(channel, level);
+        }
+        if let Some(offset) = &mut self.offset {
+            offset.process(rows);
+            for x in rows.iter_mut() {
+                *x = x.abs();
+            }
+        }
+        self.lowpass.process(rows);
+        rows
+    }
+}
+
+/// Refuse a slice that is not a whole number of rows.
+pub(crate) fn check_rows(samples: &[f64], channels: usize) -> Result<(), EmgError> {
+    if samples.len().is_multiple_of(channels) {
+        Ok(())
+    } else {
+        Err(EmgError::Ragged { len: samples.len(), channels })
+    }
+}
+
+pub(crate) fn check_channels(channels: usize) -> Result<(), EmgError> {
+    if (1..=1024).contains(&channels) {
+        return Ok(());
+    }
+    Err(EmgError::OutOfRange { name: "channels", value: channels as f64, unit: "", wanted: "1 to 1024" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mid_rail_counts_are_quiet_from_the_first_sample() -> Result<(), EmgError> {
+        for rate_hz in [200.0, 1000.0, 1e6] {
+            let mut chain = Chain::new(rate_hz, 2, Kind::Raw)?;
+            let out = chain.advance(&[2048.0, 512.0].repeat(50), usize::MAX);
+            assert!(out.len() == 100 && out.iter().all(|y| y.abs() < 1e-3), "{rate_hz}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_hundred_milliseconds_is_rounded_up_to_whole_samples() {
+        assert_eq!([200.0, 250.0, 1000.0, 3.0].map(patience), [20, 25, 100, 1]);
+    }
+}

@@ -1,0 +1,105 @@
+//! Samples that are no samples: hold the last good value, count, and say when a channel has gone bad.
+
+/// Magnitudes above this would overflow inside a filter and are treated like infinities.
+pub const LARGEST_SAMPLE: f64 = 1e300;
+
+/// Holds the last good value of each channel. A channel is bad once `patience` samples in a row were bad, and good
+/// again once as many in a row were good.
+#[derive(Debug, Clone)]
+pub(crate) struct Guard {
+    patience: usize,
+    channels: Vec<Channel>,
+    /// Every channel has had a good sample, is good, and its last sample was good: the usual case.
+    calm: bool,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Channel {
+    last: Option<f64>,
+    run: usize,
+    bad: bool,
+    restart: bool,
+    was_bad: bool,
+    held: u64,
+}
+
+fn is_good(x: f64) -> bool {
+    x.abs() <= LARGEST_SAMPLE
+}
+
+impl Guard {
+    /// `patience` is in samples; `usize::MAX` means a channel never goes bad.
+    pub(crate) fn new(channels: usize, patience: usize) -> Self {
+        Self { patience: patience.max(1), channels: vec![Channel::default(); channels], calm: false }
+    }
+
+    /// Copy rows into `out`, bad samples replaced, and say how many rows were taken.
+    ///
+    /// It stops before a row at which a channel has to start afresh (its first good sample, or the first good one
+    /// after it went bad), so that such a row is always the first of a call: [`Guard::restarts`] then names it.
+    /// Until its first good sample a channel reads 0.
+    pub(crate) fn take(&mut self, rows: &[f64], out: &mut [f64]) -> usize {
+        let width = self.channels.len();
+        self.channels.iter_mut().for_each(|c| c.restart = false);
+        if self.calm && rows.iter().all(|x| is_good(*x)) {
+            out[..rows.len()].copy_from_slice(rows);
+            if let Some(last) = rows.chunks_exact(width).last() {
+                self.channels.iter_mut().zip(last).for_each(|(c, x)| c.last = Some(*x));
+            }
+            return rows.len() / width;
+        }
+        for (index, (row, out)) in rows.chunks_exact(width).zip(out.chunks_exact_mut(width)).enumerate() {
+            if index > 0 && self.channels.iter().zip(row).any(|(c, x)| c.must_restart(*x)) {
+                return index;
+            }
+            for ((channel, x), y) in self.channels.iter_mut().zip(row).zip(out) {
+                *y = channel.take(*x, self.patience);
+            }
+        }
+        self.calm = self.channels.iter().all(|c| c.last.is_some() && !c.bad && c.run == 0);
+        rows.len() / width
+    }
+
+    /// Channels that start afresh with the first row of the last [`Guard::take`].
+    pub(crate) fn restarts(&self) -> impl Iterator<Item = usize> + '_ {
+        self.channels.iter().enumerate().filter(|(_, c)| c.restart).map(|(i, _)| i)
+    }
+
+    pub(crate) fn is_bad(&self, channel: usize) -> bool {
+        self.channels.get(channel).is_some_and(|c| c.bad)
+    }
+
+    /// Whether a channel was bad at any time since this was last asked.
+    pub(crate) fn take_was_bad(&mut self, channel: usize) -> bool {
+        self.channels.get_mut(channel).is_some_and(|c| std::mem::replace(&mut c.was_bad, c.bad))
+    }
+
+    /// Bad samples so far, by channel.
+    pub(crate) fn held(&self) -> Vec<u64> {
+        self.channels.iter().map(|c| c.held).collect()
+    }
+}
+
+impl Channel {
+    fn must_restart(&self, x: f64) -> bool {
+        // While bad, `run` counts good samples: the first of them is the restart.
+        is_good(x) && (self.last.is_none() || (self.bad && self.run == 0))
+    }
+
+    fn take(&mut self, x: f64, patience: usize) -> f64 {
+        self.restart = self.restart || self.must_restart(x);
+        let good = is_good(x);
+        // `run` counts the samples in a row that speak against the present verdict.
+        self.run = if good == self.bad { self.run.saturating_add(1) } else { 0 };
+        if self.run >= patience {
+            (self.bad, self.run) = (!self.bad, 0);
+        }
+        self.was_bad |= self.bad;
+        if good {
+            self.last = Some(x);
+        } else {
+            self.held += 1;
+        }
+        self.last.unwrap_or(0.0)
+    }
+}

@@ -1,0 +1,148 @@
+//! Eq 11: from a block mean to one of five closure levels, decided without rounding.
+
+use crate::error::EmgError;
+
+/// Number of closure levels; 1 is open, 5 is full closure.
+pub const LEVELS: u8 = 5;
+
+/// Parts a value may miss a border by and still count as on it: 1 of 10⁹.
+const TOLERANCE_PARTS: u128 = 1_000_000_000;
+/// Tenths of a level up to `maximum`: four intervals of ten.
+const TENTHS: u128 = 40;
+
+/// The level of a block mean: `⌊4 value / maximum + 1⌋`, clamped to 1..=5 (Eq 11).
+///
+/// A value that reaches a border within one part in 10⁹ counts as on it, so that 0.00225 of 0.003 is three quarters
+/// as its decimals say. Negative values and NaN are level 1, the open hand.
+///
+/// # Errors
+/// [`EmgError::OutOfRange`] unless the maximum is finite and greater than 0.
+///
+/// # Examples
+/// ```
+/// assert_eq!(tega_emg::grasp_level(0.00225, 0.003)?, 4);
+/// # Ok::<(), tega_emg::EmgError>(())
+/// ```
+pub fn grasp_level(value: f64, maximum: f64) -> Result<u8, EmgError> {
+    if !(maximum.is_finite() && maximum > 0.0) {
+        let wanted = "a finite number greater than 0";
+        return Err(EmgError::OutOfRange {
+            name: "maximum",
+            value: maximum,
+            unit: "(unit of value)",
+            wanted,
+        });
+    }
+    Ok(level_of(value, maximum))
+}
+
+/// [`grasp_level`] for a maximum that has been checked.
+pub(crate) fn level_of(value: f64, maximum: f64) -> u8 {
+    (1..LEVELS).fold(1, |level, k| level + u8::from(reaches(value, 10 * u32::from(k), maximum)))
+}
+
+/// [`level_of`] with a dead zone of a tenth of a level on either side of each border around the present level.
+pub(crate) fn level_with_hysteresis(value: f64, maximum: f64, present: u8) -> u8 {
+    let mut level = present;
+    while level < LEVELS && reaches(value, 10 * u32::from(level) + 1, maximum) {
+        level += 1;
+    }
+    if level == present {
+        while level > 1 && !reaches(value, 10 * u32::from(level - 1) - 1, maximum) {
+            level -= 1;
+        }
+    }
+    level
+}
+
+/// Whether `value ≥ (tenths / 40) · maximum · (1 − 10⁻⁹)`, in integers: both sides are a whole number times a power
+/// of two, of less than 90 bits.
+fn reaches(value: f64, tenths: u32, maximum: f64) -> bool {
+    if !value.is_finite() {
+        return value == f64::INFINITY;
+    }
+    if value <= 0.0 {
+        return false;
+    }
+    let ((v, v_exp), (m, m_exp)) = (decompose(value), decompose(maximum));
+    let left = v * TENTHS * TOLERANCE_PARTS;
+    let right = m * u128::from(tenths) * (TOLERANCE_PARTS - 1);
+    // A shift that does not fit makes that side larger than the other can be.
+    let shift = v_exp.abs_diff(m_exp);
+    if v_exp >= m_exp {
+        shift >= left.leading_zeros() || left << shift >= right
+    } else {
+        shift < right.leading_zeros() && left >= right << shift
+    }
+}
+
+/// A positive finite number as `mantissa · 2^exponent`.
+fn decompose(x: f64) -> (u128, i32) {
+    let bits = x.to_bits();
+    let (exponent, fraction) = ((bits >> 52) as i32 & 0x7ff, bits & ((1 << 52) - 1));
+    if exponent == 0 {
+        (u128::from(fraction), -1074)
+    } else {
+        (u128::from(fraction | 1 << 52), exponent - 1075)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quarters_given_as_decimals_are_on_the_border() {
+        for thousandths in 1..=3000 {
+            let maximum = f64::from(thousandths) / 1000.0;
+            for k in 1..=4u8 {
+                let value = f64::from(thousandths) * f64::from(k) / 4.0 / 1000.0;
+                assert_eq!(level_of(value, maximum), k + 1, "{value} of {maximum}");
+                assert_eq!(level_of(value * (1.0 - 2e-9), maximum), k, "{value} of {maximum}");
+            }
+        }
+    }
+
+    #[test]
+    fn values_outside_are_clamped() {
+        for (value, level) in [
+            (-1.0, 1),
+            (-0.0, 1),
+            (0.0, 1),
+            (f64::NAN, 1),
+            (f64::NEG_INFINITY, 1),
+            (f64::INFINITY, 5),
+            (7.5, 5),
+        ] {
+            assert_eq!(level_of(value, 1.0), level, "{value}");
+        }
+    }
+
+    #[test]
+    fn the_whole_range_of_numbers_works() {
+        let smallest = f64::from_bits(1);
+        assert_eq!(level_of(f64::MAX, f64::MAX), 5);
+        assert_eq!(level_of(f64::MAX, smallest), 5);
+        assert_eq!(level_of(smallest, f64::MAX), 1);
+        assert_eq!(level_of(smallest, smallest), 5);
+        assert_eq!(level_of(f64::MIN_POSITIVE / 2.0, f64::MIN_POSITIVE), 3);
+        assert_eq!(level_of(0.5e300, 1e300), 3);
+    }
+
+    #[test]
+    fn the_dead_zone_is_a_tenth_of_a_level() {
+        assert_eq!(level_with_hysteresis(0.27, 1.0, 1), 1);
+        assert_eq!(level_with_hysteresis(0.275, 1.0, 1), 2);
+        assert_eq!(level_with_hysteresis(0.23, 1.0, 2), 2);
+        assert_eq!(level_with_hysteresis(0.2249, 1.0, 2), 1);
+        assert_eq!(level_with_hysteresis(1.1, 1.0, 1), 5);
+        assert_eq!(level_with_hysteresis(0.0, 1.0, 5), 1);
+    }
+
+    #[test]
+    fn an_unusable_maximum_is_named() {
+        for maximum in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(matches!(grasp_level(1.0, maximum), Err(EmgError::OutOfRange { name: "maximum", .. })));
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! One call per control cycle: measured angles and a closure level in, torques out.
+
+use crate::HandError;
+use crate::joints::{ENCODER_RANGE_RAD, JOINTS, Joints, check_joints};
+use crate::pd::{Gains, Velocity};
+use crate::poses::{LEVELS, PoseSet};
+use crate::trajectory::Trajectory;
+
+/// Steers the hand to the closure level asked for, within the torque, slew and speed limits.
+///
+/// It holds no clock: each [`step`](Self::step) is one cycle of [`crate::TICK_S`], driven by the hand's own position
+/// messages.
+///
+/// # Examples
+/// ```
+/// use tega_hand::{CLOSURE_POSES_RAD, HandController};
+///
+/// let mut controller = HandController::default();
+/// let torques = controller.step(&CLOSURE_POSES_RAD[0], 3, None)?;
+/// assert_eq!(torques, [0.0; 16]); // the target starts where the hand is
+/// # Ok::<(), tega_hand::HandError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct HandController {
+    poses: PoseSet,
+    gains: Gains,
+    trajectory: Option<Trajectory>,
+    velocity: Velocity,
+    torques: Joints,
+    level: Option<usize>,
+}
+
+impl HandController {
+    /// A controller for these poses and gains; it adopts the first angles it is given.
+    ///
+    /// # Errors
+    /// Gains that do not pass [`Gains::check`].
+    pub fn new(poses: PoseSet, gains: Gains) -> Result<Self, HandError> {
+        gains.check()?;
+        Ok(Self { poses, gains, ..Self::default() })
+    }
+
+    /// One cycle. Velocities are estimated from the angles where they are not given (rad/s).
+    ///
+    /// # Errors
+    /// A level outside 1 to 5; an angle or velocity that is not finite, or an angle no encoder can report. There is
+    /// no torque then: send zero. The target stays where it was, and the next torque starts from zero.
+    pub fn step(
+        &mut self,
+        angles_rad: &Joints,
+        level: i64,
+        velocities_rad_s: Option<&Joints>,
+    ) -> Result<Joints, HandError> {
+        let checked = check_level(level).and_then(|level| {
+            check_angles(angles_rad)?;
+            if let Some(velocities) = velocities_rad_s {
+                check_joints("velocities_rad_s", "rad/s", velocities, -f64::MAX, f64::MAX)?;
+            }
+            Ok(level)
+        });
+        let level = checked.inspect_err(|_| self.stop())?;
+        let velocities = match velocities_rad_s {
+            Some(given) => self.velocity.adopt(angles_rad, given),
+            None => self.velocity.update(angles_rad),
+        };
+        let trajectory =
+            self.trajectory.get_or_insert_with(|| Trajectory::new(self.poses.clone(), angles_rad));
+        trajectory.advance(level);
+        // The torque factor moves with the pose, so that the limit has no jump either.
+        let factor = trajectory.shares().iter().zip(self.gains.level_factors).map(|(s, f)| s * f).sum();
+        let target = trajectory.target_rad();
+        self.torques = self.gains.torques(&target, angles_rad, &velocities, factor, &self.torques);
+        self.level = Some(level);
+        Ok(self.torques)
+    }
+
+    /// Adopt a measured pose: the target is there, at rest, and the torque starts from zero.
+    ///
+    /// # Errors
+    /// An angle that is not finite, or that no encoder can report.
+    pub fn reset(&mut self, angles_rad: &Joints) -> Result<(), HandError> {
+        self.stop();
+        check_angles(angles_rad)?;
+        self.trajectory = Some(Trajectory::new(self.poses.clone(), angles_rad));
+        self.level = None;
+        Ok(())
+    }
+
+    /// Joint targets of the last cycle; none before the first.
+    pub fn target_rad(&self) -> Option<Joints> {
+        self.trajectory.as_ref().map(Trajectory::target_rad)
+    }
+
+    /// The level asked for last, 1 to 5; none before the first cycle and after [`reset`](Self::reset).
+    pub const fn level(&self) -> Option<usize> {
+        self.level
+    }
+
+    fn stop(&mut self) {
+        self.torques = [0.0; JOINTS];
+        self.velocity = Velocity::default();
+    }
+}
+
+fn check_level(level: i64) -> Result<usize, HandError> {
+    match usize::try_from(level) {
+        Ok(known @ 1..=LEVELS) => Ok(known),
+        _ => Err(HandError::Level { value: level }),
+    }
+}
+
+pub(crate) fn check_angles(angles_rad: &Joints) -> Result<(), HandError> {
+    check_joints("angles_rad", "rad", angles_rad, -ENCODER_RANGE_RAD, ENCODER_RANGE_RAD)
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "an adopted pose is taken as it is")]
+mod tests {
+    use super::*;
+    use crate::CLOSURE_POSES_RAD;
+    use crate::joints::TORQUE_LIMITS;
+    use proptest::prelude::*;
+
+    #[test]
+    fn bad_input_gives_no_torque_and_the_next_starts_from_zero() {
+        let mut controller = HandController::default();
+        let open = CLOSURE_POSES_RAD[0];
+        for _ in 0..100 {
+            controller.step(&open, 5, None).unwrap();
+        }
+        let target = controller.target_rad();
+        let mut broken = open;
+        broken[7] = f64::NAN;
+        let error = controller.step(&broken, 5, None).unwrap_err();
+        assert!(error.to_string().starts_with("angles_rad of middle_j3 = NaN"), "{error}");
+        assert_eq!(controller.target_rad(), target);
+        assert!(controller.step(&open, 5, None).unwrap().iter().all(|tau| tau.abs() <= 0.05));
+        for level in [0, 6, -1, i64::MAX, i64::MIN] {
+            assert_eq!(controller.step(&open, level, None), Err(HandError::Level { value: level }));
+        }
+        assert!(controller.step(&[2.92; 16], 1, None).is_err());
+        assert!(controller.step(&open, 1, Some(&[f64::INFINITY; 16])).is_err());
+    }
+
+    #[test]
+    fn a_limp_hand_is_adopted_where_it_lies() {
+        let mut controller = HandController::default();
+        let limp = [0.3; JOINTS];
+        assert_eq!(controller.step(&limp, 5, None).unwrap(), [0.0; JOINTS]);
+        assert_eq!(controller.target_rad(), Some(limp));
+        controller.reset(&[0.5; JOINTS]).unwrap();
+        // Abduction goes no further than its limit of 0.47 rad.
+        let adopted = std::array::from_fn(|j| if [0, 4, 8].contains(&j) { 0.47 } else { 0.5 });
+        assert_eq!((controller.target_rad(), controller.level()), (Some(adopted), None));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+
+        #[test]
+        fn torque_never_exceeds_a_joints_limit(
+            cycles in prop::collection::vec((prop::array::uniform16(-2.9..2.9f64), 1..=5i64), 1..200),
+        ) {
+            let mut controller = HandController::default();
+            let mut last = [0.0; JOINTS];
+            for (angles, level) in cycles {
+                let torques = controller.step(&angles, level, None).unwrap();
+                for j in 0..JOINTS {
+                    prop_assert!(torques[j].abs() <= TORQUE_LIMITS[j]);
+                    prop_assert!((torques[j] - last[j]).abs() <= 0.05 + 1e-12);
+                }
+                last = torques;
+            }
+        }
+    }
+}

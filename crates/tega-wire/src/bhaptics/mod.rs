@@ -1,0 +1,89 @@
+//! bHaptics vests: one order of forty motors, and the forms in which it travels.
+//!
+//! Forty intensities are always given in the wearer's order: front then back, each panel row by row from the top,
+//! four columns from the wearer's left to the wearer's right on both panels. Motor `4 * row + column` of a panel.
+//!
+//! | form | function |
+//! |---|---|
+//! | Bluetooth LE, 20 bytes, 16 levels | [`ble_frame`] |
+//! | Player websocket, version 2 | [`player_v2_message`] |
+//! | Player websocket, version 3 | [`sdk3_dot_message`] |
+//! | Hub on the network, TCP lines | [`hub_line`] |
+
+mod ble;
+mod player;
+mod sdk;
+
+pub use ble::{BleFrame, ble_frame, ble_levels, x16_levels};
+pub use player::{
+    PlayerStatus, player_v2_message, player_v2_ping, player_v2_status, player_v2_stop, player_v2_stop_all,
+};
+pub use sdk::{Motors, hub_line, sdk3_dot_message, sdk3_stop_all};
+
+use crate::WireError;
+
+/// Motors in the wearer's order.
+pub const MOTORS: usize = 40;
+
+/// Forty checked intensities, 0 to 100, in the wearer's order.
+///
+/// ```
+/// use tega_wire::bhaptics::Intensities;
+/// assert!(Intensities::new(&[100; 40]).is_ok());
+/// assert!(Intensities::new(&[101; 40]).is_err());
+/// assert!(Intensities::new(&[0; 32]).is_err());
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Intensities([u8; MOTORS]);
+
+impl Intensities {
+    /// Check forty intensities.
+    ///
+    /// # Errors
+    /// [`WireError::Length`] for another number of them, [`WireError::Element`] for one above 100: what a vest makes
+    /// of more than full drive is not known.
+    pub fn new(values: &[u8]) -> Result<Self, WireError> {
+        let values: [u8; MOTORS] = values.try_into().map_err(|_| WireError::Length {
+            name: "intensities",
+            got: values.len(),
+            wanted: "40",
+        })?;
+        check(&values)?;
+        Ok(Self(values))
+    }
+
+    /// All forty.
+    pub fn values(&self) -> &[u8; MOTORS] {
+        &self.0
+    }
+
+    /// The front panel's twenty, then the back panel's.
+    pub fn panels(&self) -> (&[u8], &[u8]) {
+        self.0.split_at(MOTORS / 2)
+    }
+}
+
+/// Check that every intensity is within 0 to 100.
+pub(crate) fn check(values: &[u8]) -> Result<(), WireError> {
+    match values.iter().position(|&value| value > 100) {
+        None => Ok(()),
+        Some(index) => Err(WireError::Element {
+            name: "intensities",
+            index,
+            value: values.get(index).map_or(0.0, |&value| f64::from(value)),
+            unit: "%",
+            wanted: "0 to 100",
+        }),
+    }
+}
+
+/// The one of the sixteen levels of a vest that stands for an intensity of 0 to 100: `(15 i + 50) / 100`, in
+/// integers, so that every language gets the same.
+///
+/// ```
+/// use tega_wire::bhaptics::level;
+/// assert_eq!([0, 3, 4, 30, 70, 96, 97, 100].map(level), [0, 0, 1, 5, 11, 14, 15, 15]);
+/// ```
+pub fn level(intensity: u8) -> u8 {
+    ((15 * u16::from(intensity.min(100)) + 50) / 100) as u8
+}

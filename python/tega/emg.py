@@ -1,0 +1,350 @@
+"""From EMG samples to a closure level (Eq 10 to 13).
+
+`GraspIntent` is the whole forward chain: condition the samples as their kind asks, low-pass at 50 Hz, average every
+``tau`` samples, put each channel on a level from 1 (open) to 5 (full closure) of its maximum, let the channels vote.
+Its parts are here on their own as well. Everything streams: state is kept between calls, and a recording gives
+bit-identical results however it is cut into chunks.
+
+Samples are ``(n, channels)``, ``float64``, in any one unit. Other float and integer arrays are converted (one copy),
+as is an array that is not C-contiguous; booleans, complex numbers and objects are refused. One-dimensional samples
+are taken for one channel.
+
+Example:
+    >>> import numpy as np
+    >>> t_s = np.arange(2000) / 1000
+    >>> squeeze = 2048 + 300 * np.sign(np.sin(2 * np.pi * 100 * t_s))[:, None] * [1, 1, 1]
+    >>> maxima = channel_maxima(squeeze, 1000, tau=100)
+    >>> intent = GraspIntent(1000, maxima, tau=100)
+    >>> intent.process(np.full((200, 3), 2048.0))
+    array([1, 1])
+    >>> intent.process(squeeze)[-1]
+    np.int64(5)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tega import _native
+from tega.errors import DtypeError, ShapeError
+
+__all__ = [
+    "BlockMean",
+    "ButterworthLowpass",
+    "GraspIntent",
+    "InputKind",
+    "Preset",
+    "channel_maxima",
+    "fuse_levels",
+    "grasp_level",
+]
+
+InputKind = Literal["raw", "rectified", "envelope"]
+"""What a source delivers: EMG about an offset, EMG rectified by the sensor, or a sensor's envelope."""
+
+Preset = Literal["paper", "live"]
+"""The printed law, or the reading made for people."""
+
+
+def _rows(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
+    array = np.asarray(samples)
+    if array.dtype != np.float64 and (array.dtype.kind not in "fiu" or array.dtype.itemsize > 8):
+        raise DtypeError(
+            f"samples are {array.dtype}, expected float64",
+            "give real numbers: floats or integers of at most 64 bits",
+        )
+    if array.ndim == 1 and channels in {1, None}:
+        array = array[:, np.newaxis]
+    if array.ndim != 2:
+        raise ShapeError(f"samples have shape {array.shape}, expected (n, {channels or 'channels'})")
+    return np.ascontiguousarray(array, np.float64)
+
+
+class ButterworthLowpass:
+    """A causal Butterworth low-pass that keeps its state between calls.
+
+    Second-order sections in float64. Each channel starts settled on its first sample, so an offset makes no
+    transient. A sample that is NaN or infinite is replaced by the channel's last good one and counted; after 100 ms
+    of them the channel starts afresh, settled, at its next good sample.
+
+    Args:
+        rate_hz: Sample rate, Hz.
+        cutoff_hz: Frequency at which the gain is down by 3 dB, Hz.
+        order: 1 to 8.
+        channels: Number of channels, 1 to 1024.
+
+    Raises:
+        InvalidValueError: The rate is not positive, the order not 1 to 8, or the cutoff not inside (0, rate/2); a
+            cutoff within 4e-6 of the rate from either end is refused too, because rounding would spoil the filter.
+
+    Example:
+        >>> import numpy as np
+        >>> lowpass = ButterworthLowpass(1000, channels=1)
+        >>> bool(np.allclose(lowpass.process(np.full((5, 1), 2048.0)), 2048.0))
+        True
+    """
+
+    def __init__(self, rate_hz: float, cutoff_hz: float = 50.0, order: int = 4, channels: int = 3) -> None:
+        self._core = _native.ButterworthLowpass(rate_hz, cutoff_hz, order, channels)
+        self._channels = channels
+
+    def process(self, samples: ArrayLike) -> NDArray[np.float64]:
+        """Filter the next samples.
+
+        Args:
+            samples: ``(n, channels)``; a single channel may be ``(n,)``.
+
+        Returns:
+            Filtered samples, ``(n, channels)``, ``float64``, in the unit of ``samples``.
+
+        Raises:
+            ShapeError: The samples have another number of channels.
+            DtypeError: The samples are not real numbers.
+        """
+        return self._core.process(_rows(samples, self._channels))
+
+    @property
+    def channels(self) -> int:
+        """Number of channels."""
+        return self._channels
+
+    @property
+    def sos(self) -> NDArray[np.float64]:
+        """Sections in running order, ``(sections, 6)``: ``b0, b1, b2, 1, a1, a2``, as `scipy.signal` has them."""
+        return self._core.sos
+
+    @property
+    def held_samples(self) -> NDArray[np.uint64]:
+        """Samples replaced so far, ``(channels,)``."""
+        return self._core.held_samples
+
+
+class BlockMean:
+    """The mean of every ``tau`` samples of each channel (Eq 10); samples left over wait for the next call.
+
+    The mean is right to the last digit whatever cancels within a block. A sample that is NaN or infinite is replaced
+    by the channel's last good one (0 before the first) and counted.
+
+    Args:
+        tau: Samples per block, 1 to 10,000,000.
+        channels: Number of channels; left out, the first call decides.
+
+    Raises:
+        InvalidValueError: ``tau`` or ``channels`` is out of range.
+
+    Example:
+        >>> BlockMean(2).process([1.0, 3.0, 5.0])
+        array([[2.]])
+    """
+
+    def __init__(self, tau: int, channels: int | None = None) -> None:
+        self._core = _native.BlockMean(tau, channels)
+
+    def process(self, samples: ArrayLike) -> NDArray[np.float64]:
+        """Average the next samples.
+
+        Args:
+            samples: ``(n, channels)``; a single channel may be ``(n,)``.
+
+        Returns:
+            Means of the blocks completed, ``(k, channels)``, ``float64``.
+
+        Raises:
+            ShapeError: The samples have another number of channels.
+            DtypeError: The samples are not real numbers.
+            InvalidValueError: The first samples have no channel.
+        """
+        return self._core.process(_rows(samples, self._core.channels))
+
+    @property
+    def channels(self) -> int | None:
+        """Number of channels, or None before the first call where it was left out."""
+        return self._core.channels
+
+    @property
+    def held_samples(self) -> NDArray[np.uint64]:
+        """Samples replaced so far, ``(channels,)``."""
+        return self._core.held_samples
+
+
+class GraspIntent:
+    """EMG samples of several channels to one closure level per block of ``tau`` samples.
+
+    ``kind`` says what the samples are. "raw" swings about an offset: a 20 Hz high-pass, settled on the first sample,
+    removes it and the rest is full-wave rectified. "rectified" and "envelope" go straight into Eq 10's low-pass
+    (50 Hz, 4th order) and block mean.
+
+    ``preset`` "paper" is the printed law: Eq 11 clamped to 1..5, Eq 12 and 13. "live" scales the maxima by 0.8,
+    steadies the channels' drives where effort is constant, moves a level 0.1 beyond its border and passes a new
+    fused level once two blocks in a row agree on it.
+
+    A sample that is NaN or infinite is replaced by the channel's last good one and counted. After 100 ms of them the
+    channel is bad and has no vote in any block it is bad in; after 100 ms of good samples it is good again, its
+    filters having started afresh. With every channel bad the last fused level is held, 1 if there was none.
+
+    Args:
+        rate_hz: Sample rate, Hz; above 100 Hz, which the low-pass needs.
+        maxima: Block mean of each channel at maximum effort, ``(channels,)``, as `channel_maxima` gives it.
+        tau: Samples per block.
+        kind: "raw", "rectified" or "envelope".
+        preset: "paper" or "live".
+
+    Raises:
+        InvalidValueError: The rate, ``tau``, ``kind`` or ``preset`` cannot be used.
+        CalibrationError: A maximum is not finite or not greater than 0.
+        ShapeError: ``maxima`` is not one-dimensional.
+
+    Example:
+        >>> import numpy as np
+        >>> intent = GraspIntent(200, [1.0, 1.0, 2.0], tau=20, kind="envelope", preset="paper")
+        >>> intent.process(np.full((40, 3), 0.6))
+        array([3, 3])
+        >>> intent.levels
+        array([[3, 3, 2],
+               [3, 3, 2]])
+    """
+
+    def __init__(
+        self,
+        rate_hz: float,
+        maxima: ArrayLike,
+        *,
+        tau: int,
+        kind: InputKind = "raw",
+        preset: Preset = "live",
+    ) -> None:
+        values = np.atleast_1d(np.asarray(maxima, np.float64))
+        if values.ndim != 1:
+            raise ShapeError(f"maxima have shape {values.shape}, expected (channels,)")
+        self._core = _native.GraspIntent(rate_hz, values, tau, kind, preset)
+        self._channels = len(values)
+
+    def process(self, samples: ArrayLike) -> NDArray[np.int64]:
+        """Take the next samples.
+
+        Args:
+            samples: ``(n, channels)``; a single channel may be ``(n,)``.
+
+        Returns:
+            Fused level of each block completed, 1 to 5, ``(k,)``, ``int64``.
+
+        Raises:
+            ShapeError: The samples have another number of channels.
+            DtypeError: The samples are not real numbers.
+        """
+        return self._core.process(_rows(samples, self._channels))
+
+    @property
+    def channels(self) -> int:
+        """Number of channels."""
+        return self._channels
+
+    @property
+    def maxima(self) -> NDArray[np.float64]:
+        """Maxima in use, ``(channels,)``; "live" has scaled them."""
+        return self._core.maxima
+
+    @property
+    def levels(self) -> NDArray[np.int64]:
+        """Level of each channel in the blocks of the last call, ``(k, channels)``; 0 where it had no vote."""
+        return self._core.levels
+
+    @property
+    def bad_channels(self) -> tuple[int, ...]:
+        """Channels that are bad now, counted from 0."""
+        return self._core.bad_channels
+
+    @property
+    def held_samples(self) -> NDArray[np.uint64]:
+        """Samples replaced so far, ``(channels,)``."""
+        return self._core.held_samples
+
+    @property
+    def holding(self) -> bool:
+        """Whether the last block only repeated the level before it because no channel had a vote."""
+        return self._core.holding
+
+
+def grasp_level(value: float, maximum: float) -> int:
+    """Put a block mean on its level: ``⌊4 value / maximum + 1⌋`` clamped to 1..5 (Eq 11).
+
+    A value of at least a border times (1 - 1e-9) counts as on the border, so that decimals mean what they say.
+
+    Args:
+        value: Block mean; negative values and NaN are level 1, the open hand.
+        maximum: Block mean at maximum effort, in the same unit.
+
+    Returns:
+        The level, 1 to 5.
+
+    Raises:
+        InvalidValueError: The maximum is not finite or not greater than 0.
+
+    Example:
+        >>> grasp_level(0.00225, 0.003)
+        4
+    """
+    return _native.grasp_level(value, maximum)
+
+
+def fuse_levels(levels: Sequence[int] | NDArray[np.integer]) -> int:
+    """Fuse the channels' levels: the one most agree on (Eq 12), else their mean, rounded down (Eq 13).
+
+    For three channels this is the printed rule. For any number the level with the most votes wins; where several
+    share the most votes, the mean of all levels decides.
+
+    Args:
+        levels: Levels, 1 to 5, one a channel.
+
+    Returns:
+        The fused level.
+
+    Raises:
+        InvalidValueError: There is no level, or one is not 1 to 5.
+
+    Example:
+        >>> fuse_levels([1, 2, 5])
+        2
+    """
+    return _native.fuse_levels(list(levels))
+
+
+def channel_maxima(
+    samples: ArrayLike,
+    rate_hz: float,
+    *,
+    tau: int,
+    kind: InputKind = "raw",
+    percentile: float = 95.0,
+) -> NDArray[np.float64]:
+    """Calibrate each channel's maximum: a percentile of the block means of a strong contraction.
+
+    The samples run through the same chain as in `GraspIntent`. The paper's maximum is the 100th percentile; the
+    95th does not hang on one block.
+
+    Args:
+        samples: The contraction, ``(n, channels)``; a single channel may be ``(n,)``.
+        rate_hz: Sample rate, Hz.
+        tau: Samples per block.
+        kind: "raw", "rectified" or "envelope".
+        percentile: 0 to 100, linear between ranks.
+
+    Returns:
+        Maxima, ``(channels,)``, ``float64``, in the unit of ``samples``.
+
+    Raises:
+        InvalidValueError: The rate, ``tau``, ``kind`` or ``percentile`` cannot be used.
+        CalibrationError: A sample is not finite, there is no whole block, or a channel's maximum is not above 0.
+        ShapeError: The samples are not two-dimensional.
+        DtypeError: The samples are not real numbers.
+
+    Example:
+        >>> import numpy as np
+        >>> channel_maxima(np.full((400, 2), 0.5), 200, tau=20, kind="envelope").round(9)
+        array([0.5, 0.5])
+    """
+    return _native.channel_maxima(_rows(samples, None), rate_hz, tau, kind, percentile)

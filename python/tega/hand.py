@@ -1,0 +1,306 @@
+"""Closure levels to joint targets to torques, for an Allegro Hand v4.
+
+The hand sends its joint angles every 3 ms and takes torques only. :class:`HandController` is one call per
+such cycle; :class:`JointModel` stands in for a hand that is not attached, and :class:`ModelledHand` is both
+in one call.
+
+Angles are in rad; torques in units of full motor duty (1.0 = 1200 counts; the hand measures no torque).
+Joints are in the order of :data:`JOINT_NAMES`: index, middle, ring, thumb, four each from the palm outwards.
+
+Example:
+    >>> from tega import hand
+    >>> modelled = hand.ModelledHand()
+    >>> for _ in range(700):
+    ...     angles_rad, torques = modelled.step(3)
+    >>> bool(abs(angles_rad - hand.CLOSURE_POSES_RAD[2]).max() < 0.005)
+    True
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tega import _native
+from tega.errors import DtypeError, InvalidValueError, ShapeError
+
+__all__ = [
+    "CLOSURE_POSES_RAD",
+    "JOINT_LIMITS_RAD",
+    "JOINT_NAMES",
+    "LEVEL_TORQUE_FACTORS",
+    "TICK_S",
+    "TORQUE_LIMITS",
+    "HandController",
+    "JointModel",
+    "ModelledHand",
+]
+
+
+def _constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    array.flags.writeable = False
+    return array
+
+
+JOINT_NAMES: Final[tuple[str, ...]] = tuple(_native.JOINT_NAMES)
+"""The 16 joints. Joint 0 of a finger is abduction, of the thumb opposition; 1 to 3 bend."""
+
+JOINT_LIMITS_RAD: Final = _constant(np.array(_native.JOINT_LIMITS_RAD, np.float64))
+"""Lowest and highest angle, float64 (16, 2); the stops are taken to lie 0.1 rad outside."""
+
+TORQUE_LIMITS: Final = _constant(_native.TORQUE_LIMITS)
+"""The vendor's torque limit of each joint, float64 (16,), torque units."""
+
+CLOSURE_POSES_RAD: Final = _constant(_native.CLOSURE_POSES_RAD)
+"""Joint angles of the closure levels 1 (open) to 5 (tight), float64 (5, 16); read-only."""
+
+LEVEL_TORQUE_FACTORS: Final = _constant(_native.DEFAULT_LEVEL_FACTORS)
+"""Share of the torque limit allowed in each level, float64 (5,)."""
+
+TICK_S: Final[float] = _native.TICK_S
+"""One control cycle, 3 ms: 333 1/3 a second."""
+
+
+class HandController:
+    """Steer a hand to the closure level asked for, within its torque, slew and speed limits.
+
+    A change of level is a minimum-jerk move of 0.6 s from one level to its neighbour; the next step of a
+    longer way starts after a third of it, so 1 to 5 takes 1.2 s. A new level may come at any time: position,
+    velocity and acceleration of the target have no jump, its speed stays under 3 rad/s and it never leaves
+    the joint limits. The first cycle (or :meth:`reset`) adopts the measured pose and leaves it slowly, in 1.5
+    to 4 s.
+
+    The torque is ``kp · (target - angle) - kd · velocity``, limited per joint, per level and in its change.
+    Gravity is not compensated.
+
+    Args:
+        poses_rad: Closure poses, (5, 16), at least 0.04 rad inside the joint limits; None:
+            :data:`CLOSURE_POSES_RAD`. Poses that lie far apart get longer moves.
+        kp: Torque units per rad, one number or (16,); None: 1.5, thumb 2.0.
+        kd: Torque units per rad/s, one number or (16,); None: 0.08.
+        error_limit_rad: Position error above which the torque does not rise; None: 0.3.
+        torque_limits: Torque units, one number or (16,), 0 to 1; None: :data:`TORQUE_LIMITS`.
+        level_factors: Share of the torque limits in each level, (5,), 0 to 1; None:
+            :data:`LEVEL_TORQUE_FACTORS`.
+        slew_per_tick: Largest change of a torque in 3 ms; None: 0.05.
+
+    Raises:
+        InvalidValueError: A number is not finite or out of range; the message names the joint.
+        ShapeError: An argument has another shape.
+        DtypeError: An argument is not numeric.
+    """
+
+    def __init__(
+        self,
+        *,
+        poses_rad: ArrayLike | None = None,
+        kp: ArrayLike | None = None,
+        kd: ArrayLike | None = None,
+        error_limit_rad: float | None = None,
+        torque_limits: ArrayLike | None = None,
+        level_factors: ArrayLike | None = None,
+        slew_per_tick: float | None = None,
+    ) -> None:
+        """Check and store the settings; no pose is adopted yet."""
+        default_error, default_slew = _native.DEFAULT_ERROR_LIMIT_RAD, _native.DEFAULT_SLEW_PER_TICK
+        self._native = _native.HandController(
+            poses_rad=CLOSURE_POSES_RAD if poses_rad is None else _array("poses_rad", poses_rad, (5, 16)),
+            kp=_native.DEFAULT_KP if kp is None else _array("kp", kp, (16,), scalar=True),
+            kd=_native.DEFAULT_KD if kd is None else _array("kd", kd, (16,), scalar=True),
+            error_limit_rad=default_error if error_limit_rad is None else error_limit_rad,
+            torque_limits=TORQUE_LIMITS
+            if torque_limits is None
+            else _array("torque_limits", torque_limits, (16,), scalar=True),
+            level_factors=LEVEL_TORQUE_FACTORS
+            if level_factors is None
+            else _array("level_factors", level_factors, (5,)),
+            slew_per_tick=default_slew if slew_per_tick is None else slew_per_tick,
+        )
+
+    def step(
+        self,
+        angles_rad: ArrayLike,
+        level: int,
+        *,
+        velocities_rad_s: ArrayLike | None = None,
+        out: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Run one cycle of 3 ms.
+
+        Args:
+            angles_rad: Measured joint angles, (16,).
+            level: Closure level asked for, 1 to 5.
+            velocities_rad_s: Measured joint velocities, (16,); None: estimated from the angles.
+            out: Where to write the torques, float64 (16,); may be the array of the angles.
+
+        Returns:
+            Torques, float64 (16,), in torque units; ``out`` where it is given.
+
+        Raises:
+            InvalidValueError: The level is none of the five, a number is not finite, or no encoder can report
+                it. There is no torque then (``out`` holds zeros): send zero. The next torque starts from
+                zero.
+            ShapeError: An array is not (16,).
+            DtypeError: An array is not numeric, or ``out`` not float64.
+        """
+        if out is not None:
+            _check_out(out)
+        try:
+            if velocities_rad_s is not None:
+                velocities_rad_s = _array("velocities_rad_s", velocities_rad_s, (16,))
+            angles_rad = _array("angles_rad", angles_rad, (16,))
+            return self._native.step(angles_rad, level, velocities_rad_s=velocities_rad_s, out=out)
+        except Exception:
+            if out is not None:
+                out.fill(0.0)
+            raise
+
+    def reset(self, angles_rad: ArrayLike) -> None:
+        """Adopt a measured pose: the target is there and at rest, the torque starts from zero.
+
+        Args:
+            angles_rad: Measured joint angles, (16,). What lies outside the joint limits is adopted at the
+                limit.
+
+        Raises:
+            InvalidValueError: An angle is not finite, or no encoder can report it.
+            ShapeError: The array is not (16,).
+            DtypeError: The array is not numeric.
+        """
+        self._native.reset(_array("angles_rad", angles_rad, (16,)))
+
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last cycle, float64 (16,); None before a pose was adopted."""
+        return self._native.target_rad
+
+    @property
+    def level(self) -> int | None:
+        """The level asked for last; None before the first cycle and after :meth:`reset`."""
+        return self._native.level
+
+
+class JointModel:
+    """Sixteen ideal joints: each an inertia with viscous damping driven by motor duty, between two stops.
+
+    ``time_constant_s · dv/dt = full_duty_speed_rad_s · torque - v``. No gravity, no friction at rest, no
+    contact, no noise, no delay: what it shows is labelled modelled, and says nothing about forces on an
+    object.
+
+    Args:
+        angles_rad: Where the hand is at first, (16,); None: the open pose. A joint beyond a stop is put on
+            it.
+        full_duty_speed_rad_s: Speed at torque 1.0 without load; the default is the vendor's 60° in 0.11 s.
+        time_constant_s: Time to 63 % of the speed. The default is a choice; no source gives it.
+
+    Raises:
+        InvalidValueError: A number is not finite or out of range.
+        ShapeError: ``angles_rad`` is not (16,).
+        DtypeError: ``angles_rad`` is not numeric.
+    """
+
+    def __init__(
+        self,
+        angles_rad: ArrayLike | None = None,
+        *,
+        full_duty_speed_rad_s: float = _native.FULL_DUTY_SPEED_RAD_S,
+        time_constant_s: float = _native.TIME_CONSTANT_S,
+    ) -> None:
+        """Start at rest."""
+        start = CLOSURE_POSES_RAD[0] if angles_rad is None else _array("angles_rad", angles_rad, (16,))
+        self._native = _native.JointModel(
+            start, full_duty_speed_rad_s=full_duty_speed_rad_s, time_constant_s=time_constant_s
+        )
+
+    def step(self, torques: ArrayLike) -> NDArray[np.float64]:
+        """Apply torques for one cycle of 3 ms and return the joint angles after it.
+
+        Args:
+            torques: (16,), torque units; what exceeds ±1 (full duty) counts as ±1.
+
+        Returns:
+            Joint angles, float64 (16,), rad.
+
+        Raises:
+            InvalidValueError: A torque is not finite; nothing moves then.
+            ShapeError: The array is not (16,).
+            DtypeError: The array is not numeric.
+        """
+        return self._native.step(_array("torques", torques, (16,)))
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """Joint angles now, float64 (16,)."""
+        return self._native.angles_rad
+
+    @property
+    def velocities_rad_s(self) -> NDArray[np.float64]:
+        """Joint velocities now, float64 (16,)."""
+        return self._native.velocities_rad_s
+
+
+class ModelledHand:
+    """A controller and a joint model closed into a loop; one native call a cycle.
+
+    Args:
+        controller: None: one with its defaults.
+        model: None: one at rest in the controller's default open pose.
+
+    Attributes:
+        controller: The controller given.
+        model: The model given.
+    """
+
+    def __init__(self, controller: HandController | None = None, model: JointModel | None = None) -> None:
+        """Hold both; their state stays theirs."""
+        self.controller = HandController() if controller is None else controller
+        self.model = JointModel() if model is None else model
+
+    def step(self, level: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Run one cycle of 3 ms: torques from the angles before it, and the angles they lead to.
+
+        The same as ``torques = controller.step(model.angles_rad, level)`` and ``angles =
+        model.step(torques)``.
+
+        Args:
+            level: Closure level asked for, 1 to 5.
+
+        Returns:
+            Joint angles after the cycle (rad) and the torques applied in it, float64 (16,) each.
+
+        Raises:
+            InvalidValueError: The level is none of the five.
+        """
+        return _native.step_modelled(self.controller._native, self.model._native, level)  # noqa: SLF001
+
+
+def _array(
+    name: str, value: ArrayLike, shape: tuple[int, ...], *, scalar: bool = False
+) -> NDArray[np.float64]:
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiu":
+            raise DtypeError(f"{name} is {_kind(value)}, not real numbers")
+        array = array.astype(np.float64, copy=False)
+    except ValueError as error:
+        raise ShapeError(f"{name} is not an array of shape {shape}: {error}") from error
+    if scalar and array.ndim == 0:
+        return np.full(shape, array)
+    if array.shape != shape:
+        raise ShapeError(f"{name} has shape {array.shape}, not {shape}")
+    return array
+
+
+def _check_out(out: object) -> None:
+    if not (isinstance(out, np.ndarray) and out.dtype == np.float64):
+        raise DtypeError(f"out is {_kind(out)}, not an array of float64")
+    if out.shape != (16,):
+        raise ShapeError(f"out has shape {out.shape}, not (16,)")
+    if not out.flags.writeable:
+        raise InvalidValueError("out is a read-only array")
+
+
+def _kind(value: object) -> str:
+    return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else f"a {type(value).__name__}"

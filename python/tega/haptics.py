@@ -1,0 +1,247 @@
+"""Contact metrics to vest intensities (Eq 7 to 9) and the vest's finger columns.
+
+Per finger, CCI and EDA go through :func:`intensity` with that finger's calibrated maximum. :func:`vest_frame`
+then writes CCI into the front and EDA into the back, one column a finger, from the wearer's left.
+
+Example:
+    >>> from tega import haptics
+    >>> front = [haptics.intensity(cci, 0.04) for cci in (0.03, 0.0, 0.02, 0.04)]
+    >>> frame = haptics.vest_frame(front, [0, 0, 50, 100], layout="x16")
+    >>> frame.intensities.reshape(4, 4)
+    array([[ 91,   1,  50,  99],
+           [ 91,   1,  50,  99],
+           [  0,   0,  50, 100],
+           [  0,   0,  50, 100]], dtype=uint8)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Literal, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega import _native
+from tega.errors import DtypeError, InvalidValueError, ShapeError
+
+__all__ = [
+    "CONTACT_RULES",
+    "FINGERS",
+    "HIGH_SHARE",
+    "LAYOUTS",
+    "ContactType",
+    "Layout",
+    "Mirror",
+    "VestFrame",
+    "contact_type",
+    "intensity",
+    "vest_frame",
+]
+
+Layout: TypeAlias = Literal["paper32", "x40", "x16"]
+Mirror: TypeAlias = Literal["none", "back", "all"]
+ContactType: TypeAlias = Literal["none", "focal", "broad", "mixed"]
+
+FINGERS: Final[tuple[str, ...]] = tuple(_native.FINGERS)
+"""The four columns, from the wearer's left."""
+
+LAYOUTS: Final[tuple[Layout, ...]] = ("paper32", "x40", "x16")
+"""Names that :func:`vest_frame` takes."""
+
+HIGH_SHARE: Final[float] = _native.HIGH_SHARE
+"""Share of the maximum from which CCI or EDA counts as high: where the vest motor is at 50 %."""
+
+CONTACT_RULES: Final[Mapping[ContactType, str]] = MappingProxyType(
+    {
+        "none": "EDA is 0: no contact",
+        "focal": "high CCI, low EDA: small and sharp, go carefully",
+        "broad": "low CCI, high EDA: wide and gentle, tolerant",
+        "mixed": "CCI and EDA both high or both low: the rule says nothing",
+    }
+)
+"""The reading rule behind each answer of :func:`contact_type`, for display."""
+
+
+def intensity(
+    value: float,
+    maximum: float,
+    *,
+    end_value: float = 0.01,
+    law: Literal["logistic", "linear"] = "logistic",
+) -> float:
+    """Return the motor intensity in percent for a metric's value (Eq 7 to 9).
+
+    The logistic law is ``100 / (1 + exp(-k (value - maximum/2)))`` with ``k = 2 ln((1 - e)/e) / maximum``,
+    ``e`` being ``end_value``: the printed ``2 ln 99 / maximum``. The same law serves CCI (front) and EDA
+    (back). It gives exactly 1, 50 and 99 at 0, half of the maximum and the maximum; larger values pass
+    through it. The relative error is below 3e-15 for results above 1e-290, and the result never decreases
+    with ``value``.
+
+    Args:
+        value: The metric, in its own unit; any finite number.
+        maximum: The finger's calibrated maximum, same unit; finite and above 0.
+        end_value: Share of full intensity at value 0, above 0 and below 0.5.
+        law: ``"logistic"`` as printed, or ``"linear"``: 100 · value/maximum held within 0 to 100.
+
+    Returns:
+        0 to 100.
+
+    Raises:
+        InvalidValueError: An argument is not finite or out of its range, or the law is not known.
+
+    Example:
+        >>> round(intensity(0.5, 2.0), 6)
+        9.132525
+    """
+    if law == "logistic":
+        return _native.logistic_intensity(value, maximum, end_value=end_value)
+    if law == "linear":
+        return _native.linear_intensity(value, maximum)
+    raise InvalidValueError(f"law = {law!r} is not known: choose 'logistic' or 'linear'")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VestFrame:
+    """What the motors of one layout are told at one moment.
+
+    Attributes:
+        layout: ``"paper32"`` (rows 0 to 3 of each face), ``"x40"`` or ``"x16"``.
+        intensities: uint8, shape (32,), (40,) or (16,), percent: front row by row from the top, each row from
+            the wearer's left, then the back likewise. Made by :func:`vest_frame` it is read-only.
+
+    Raises:
+        DtypeError: ``intensities`` is not a uint8 array.
+        ShapeError: Its size is not the layout's.
+        InvalidValueError: The layout is not known, or an intensity is above 100.
+    """
+
+    layout: Layout
+    intensities: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        """Refuse what no vest could show."""
+        if getattr(self.intensities, "dtype", None) != np.uint8:
+            raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
+        if self.intensities.ndim != 1:
+            raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
+        _native.vest_levels(self.layout, self.intensities)
+
+    def __eq__(self, other: object) -> bool:
+        """Compare layout and every motor."""
+        if not isinstance(other, VestFrame):
+            return NotImplemented
+        return self.layout == other.layout and bool(np.array_equal(self.intensities, other.intensities))
+
+    def __hash__(self) -> int:
+        """Hash of layout and motors."""
+        return hash((self.layout, self.intensities.tobytes()))
+
+    @property
+    def motors(self) -> NDArray[np.uint8]:
+        """Index of each motor in the vendor's numbering, uint8 (n,), read-only.
+
+        The front is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is addressed
+        through the rows 0 and 2.
+        """
+        return _MOTORS[self.layout]
+
+    @property
+    def levels(self) -> NDArray[np.uint8]:
+        """Step of each motor, uint8 (n,), 0 to 15: the four bits that reach it.
+
+        ``(15 * percent + 50) // 100`` in integers.
+        """
+        return _native.vest_levels(self.layout, self.intensities)
+
+    def x40(self) -> NDArray[np.uint8]:
+        """Return the frame of a 40-motor vest, uint8 (40,), percent, in wearer order (front, then back).
+
+        ``paper32`` leaves the bottom row of each face at 0. ``x16`` writes its upper motors into rows 0 and 1
+        and its lower ones into rows 2 to 4: the rows a 16-motor vest combines into each.
+        """
+        return _native.vest_x40(self.layout, self.intensities)
+
+
+def vest_frame(
+    front: Iterable[float],
+    back: Iterable[float],
+    *,
+    layout: Layout = "paper32",
+    mirror: Mirror = "none",
+) -> VestFrame:
+    """Fill the finger columns of both faces.
+
+    Every row of a column shows the same value. Numbers are rounded half to even and held within 0 to 100.
+
+    Args:
+        front: Thumb, index, middle, ring in percent (CCI in the paper).
+        back: The same fingers in percent (EDA in the paper).
+        layout: ``"paper32"``: 4 × 4 on each face; ``"x40"``: the fifth row repeats the fourth; ``"x16"``: two
+            rows.
+        mirror: ``"none"``: thumb at the wearer's left on both faces; ``"back"``: the back reversed;
+            ``"all"``: both reversed, as for a left hand.
+
+    Returns:
+        The frame; its intensities are read-only.
+
+    Raises:
+        ShapeError: A face has not four numbers.
+        DtypeError: A face holds something that is not a number.
+        InvalidValueError: A number is not finite, or layout or mirror is not known.
+
+    Example:
+        >>> vest_frame([80, 60, 40, 20], [10, 0, 100, 55]).levels[:4]
+        array([12,  9,  6,  3], dtype=uint8)
+    """
+    intensities = _native.vest_intensities(
+        _four("front", front), _four("back", back), layout=layout, mirror=mirror
+    )
+    intensities.flags.writeable = False
+    return VestFrame(layout, intensities)
+
+
+def contact_type(cci_norm: float, eda_norm: float) -> ContactType:
+    """Name a contact by the paper's reading rule.
+
+    High is :data:`HIGH_SHARE` of the maximum or more. High CCI with low EDA is ``"focal"``, low CCI with high
+    EDA is ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. :data:`CONTACT_RULES`
+    says what each means.
+
+    Args:
+        cci_norm: CCI divided by the finger's maximum, 0 or more.
+        eda_norm: EDA divided by the finger's maximum, 0 or more.
+
+    Raises:
+        InvalidValueError: A share is negative or not finite.
+
+    Example:
+        >>> contact_type(0.9, 0.2)
+        'focal'
+    """
+    return cast("ContactType", _native.contact_type(cci_norm, eda_norm))
+
+
+def _four(face: str, values: Iterable[float]) -> tuple[float, float, float, float]:
+    try:
+        numbers = [float(value) for value in values]
+    except (TypeError, ValueError) as error:
+        raise DtypeError(f"{face} = {values!r} is not four numbers: {error}") from error
+    if len(numbers) != 4:
+        hint = "give thumb, index, middle and ring; 0 for a finger that is not there"
+        raise ShapeError(f"{face} has {len(numbers)} numbers, not 4", hint)
+    return numbers[0], numbers[1], numbers[2], numbers[3]
+
+
+def _kind(value: object) -> str:
+    return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else f"a {type(value).__name__}"
+
+
+def _read_only(array: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    array.flags.writeable = False
+    return array
+
+
+_MOTORS: Final = {layout: _read_only(_native.layout_motors(layout)) for layout in LAYOUTS}

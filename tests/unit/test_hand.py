@@ -1,0 +1,213 @@
+"""Examples, edges and bad input of controller and joint model."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tega.errors import DtypeError, InvalidValueError, ShapeError
+from tega.hand import (
+    CLOSURE_POSES_RAD,
+    JOINT_LIMITS_RAD,
+    JOINT_NAMES,
+    LEVEL_TORQUE_FACTORS,
+    TORQUE_LIMITS,
+    HandController,
+    JointModel,
+    ModelledHand,
+)
+
+OPEN = CLOSURE_POSES_RAD[0]
+
+
+def run(start: int, goal: int, ticks: int = 1500) -> NDArray[np.float64]:
+    modelled = ModelledHand(model=JointModel(CLOSURE_POSES_RAD[start - 1]))
+    return np.array([modelled.step(goal)[0] for _ in range(ticks)])
+
+
+def test_constants_have_the_hands_shape_and_cannot_be_changed() -> None:
+    assert CLOSURE_POSES_RAD.shape == (5, 16)
+    assert JOINT_LIMITS_RAD.shape == (16, 2)
+    assert TORQUE_LIMITS.tolist() == [0.3125, 0.5625, 0.375, 0.2375] * 3 + [0.4375, 0.3375, 0.225, 0.225]
+    assert LEVEL_TORQUE_FACTORS.tolist() == [0.3, 0.3, 0.5, 0.7, 1.0]
+    assert (JOINT_NAMES[0], JOINT_NAMES[5], JOINT_NAMES[15]) == ("index_j0", "middle_j1", "thumb_j3")
+    for constant in (CLOSURE_POSES_RAD, JOINT_LIMITS_RAD, TORQUE_LIMITS, LEVEL_TORQUE_FACTORS):
+        assert not constant.flags.writeable
+
+
+@pytest.mark.parametrize("start", range(1, 6))
+@pytest.mark.parametrize("goal", range(1, 6))
+def test_the_modelled_hand_settles_without_swinging(start: int, goal: int) -> None:
+    angles, pose, begin = run(start, goal), CLOSURE_POSES_RAD[goal - 1], CLOSURE_POSES_RAD[start - 1]
+    np.testing.assert_allclose(angles[500:], np.broadcast_to(pose, (1000, 16)), rtol=0, atol=0.005)
+    past = (angles - pose) * np.sign(pose - begin)
+    past[:, 14] = 0  # thumb joint 2 turns back between the poses
+    assert past.max() < 0.005
+    assert np.abs(np.diff(angles, axis=0)).max() < 3.0 * 0.003
+
+
+def test_two_runs_are_equal_bit_for_bit() -> None:
+    assert run(1, 5, 600).tobytes() == run(1, 5, 600).tobytes()
+
+
+def test_a_neighbour_takes_600_ms_and_the_whole_way_1200() -> None:
+    for goal, ticks in [(2, 200), (5, 401)]:
+        controller = HandController()
+        controller.step(OPEN, goal)
+        for _ in range(ticks - 1):
+            controller.step(OPEN, goal)
+        assert controller.target_rad is not None
+        assert not np.array_equal(controller.target_rad, CLOSURE_POSES_RAD[goal - 1])
+        controller.step(OPEN, goal)
+        np.testing.assert_array_equal(controller.target_rad, CLOSURE_POSES_RAD[goal - 1])
+
+
+def test_level_and_target_follow_the_calls() -> None:
+    controller = HandController()
+    assert controller.target_rad is None
+    assert controller.level is None
+    assert controller.step(OPEN, np.int64(4)).tolist() == [0.0] * 16  # type: ignore[arg-type]
+    assert controller.level == 4
+    np.testing.assert_array_equal(controller.target_rad, OPEN)
+    limp = np.full(16, 0.3)
+    controller.reset(limp)
+    assert controller.level is None
+    np.testing.assert_array_equal(controller.target_rad, limp)
+    assert controller.step(limp, 5).tolist() == [0.0] * 16
+
+
+def test_an_open_hand_reported_as_all_zero_is_adopted() -> None:
+    controller = HandController()
+    controller.step(np.zeros(16), 1)
+    assert controller.target_rad is not None
+    assert controller.target_rad.tolist() == [0.0] * 12 + [0.263, 0.0, 0.0, 0.0]
+
+
+def test_out_is_filled_and_may_be_the_angles() -> None:
+    plain, lent, shared = HandController(), HandController(), HandController()
+    out = np.empty(16)
+    for angle in np.linspace(0, 0.4, 50):
+        measured = OPEN + angle
+        wanted = plain.step(measured, 3)
+        assert lent.step(measured, 3, out=out) is out
+        np.testing.assert_array_equal(out, wanted)
+        np.testing.assert_array_equal(shared.step(measured, 3, out=measured), wanted)
+
+
+def test_any_stride_and_kind_of_numbers_is_taken() -> None:
+    wanted = HandController().step(OPEN, 3)
+    spread = np.zeros(32)
+    spread[::2] = OPEN
+    spread.flags.writeable = False
+    for angles in (spread[::2], OPEN.tolist(), OPEN.astype(">f8")):
+        np.testing.assert_array_equal(HandController().step(angles, 3), wanted)
+    assert HandController().step([0] * 16, 1).shape == (16,)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 2.92, -3.2])
+def test_an_impossible_angle_gives_no_torque(bad: float) -> None:
+    controller = HandController()
+    for _ in range(100):
+        moving = controller.step(OPEN, 5)
+    assert np.abs(moving).max() > 0.05
+    out = moving.copy()
+    broken = OPEN.copy()
+    broken[6] = bad
+    with pytest.raises(InvalidValueError, match="angles_rad of middle_j2 = ") as caught:
+        controller.step(broken, 5, out=out)
+    assert "zero torque" in caught.value.hint
+    assert out.tolist() == [0.0] * 16
+    assert np.abs(controller.step(OPEN, 5)).max() <= 0.05
+
+
+@pytest.mark.parametrize("level", [0, 6, -1, 2**40])
+def test_a_level_outside_the_five_is_refused(level: int) -> None:
+    with pytest.raises(InvalidValueError, match=f"level = {level} "):
+        HandController().step(OPEN, level)
+    with pytest.raises(InvalidValueError, match=f"level = {level} "):
+        ModelledHand().step(level)
+
+
+def test_arrays_of_the_wrong_kind_are_refused() -> None:
+    controller, anything = HandController(), np.zeros(16, np.float32)
+    untyped: Any = anything
+    out = np.ones(16)
+    with pytest.raises(ShapeError, match=r"angles_rad has shape \(15,\), not \(16,\)"):
+        controller.step(OPEN[:15], 1, out=out)
+    assert out.tolist() == [0.0] * 16
+    with pytest.raises(DtypeError, match="angles_rad is a str"):
+        controller.step("open", 1)
+    with pytest.raises(ShapeError, match="angles_rad"):
+        controller.step([[1.0], [2.0, 3.0]], 1)
+    with pytest.raises(DtypeError, match="out is an array of float32"):
+        controller.step(OPEN, 1, out=untyped)
+    with pytest.raises(ShapeError, match="out has shape"):
+        controller.step(OPEN, 1, out=np.zeros(17))
+    with pytest.raises(InvalidValueError, match="read-only"):
+        controller.step(OPEN, 1, out=OPEN)
+    with pytest.raises(InvalidValueError, match="velocities_rad_s of index_j0 = NaN"):
+        controller.step(OPEN, 1, velocities_rad_s=np.full(16, np.nan))
+
+
+def test_poses_of_ones_own_are_checked_and_used() -> None:
+    poses = np.clip(CLOSURE_POSES_RAD + 0.03, None, JOINT_LIMITS_RAD[:, 1] - 0.04)
+    controller = HandController(poses_rad=poses)
+    controller.reset(poses[0])
+    for _ in range(201):
+        controller.step(poses[0], 2)
+    np.testing.assert_array_equal(controller.target_rad, poses[1])
+    poses[3, 13] = 2.54
+    with pytest.raises(InvalidValueError, match=r"pose 4: thumb_j1 = 2\.54 rad"):
+        HandController(poses_rad=poses)
+    with pytest.raises(ShapeError, match="poses_rad has shape"):
+        HandController(poses_rad=poses[:4])
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"kp": -1}, "kp of index_j0"),
+        ({"kd": [0.1] * 15 + [math.inf]}, "kd of thumb_j3"),
+        ({"error_limit_rad": 0.0}, "error_limit_rad"),
+        ({"torque_limits": 1.1}, "torque_limits of index_j0"),
+        ({"level_factors": [0, 0.5, 0.5, 0.5, 2]}, "level_factors = 2.0"),
+        ({"slew_per_tick": math.nan}, "slew_per_tick"),
+    ],
+)
+def test_gains_no_hand_should_get_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(InvalidValueError, match=message):
+        HandController(**settings)
+
+
+def test_a_lower_torque_limit_holds() -> None:
+    controller = HandController(torque_limits=0.1, kp=5)
+    far = np.full(16, 1.0)
+    controller.reset(OPEN)
+    assert max(np.abs(controller.step(far, 5)).max() for _ in range(500)) == 0.1
+
+
+def test_the_model_stops_at_the_stops_and_refuses_nan() -> None:
+    model = JointModel(np.full(16, 2.9))
+    np.testing.assert_array_equal(model.angles_rad, JOINT_LIMITS_RAD[:, 1] + 0.1)
+    for _ in range(400):
+        angles = model.step(np.full(16, -1.0))
+    np.testing.assert_array_equal(angles, JOINT_LIMITS_RAD[:, 0] - 0.1)
+    assert not model.velocities_rad_s.any()
+    with pytest.raises(InvalidValueError, match="torques of index_j0 = NaN"):
+        model.step(np.full(16, np.nan))
+    np.testing.assert_array_equal(model.angles_rad, angles)
+    with pytest.raises(InvalidValueError, match="time_constant_s"):
+        JointModel(time_constant_s=0)
+    with pytest.raises(ShapeError, match="torques"):
+        model.step([0.0])
+
+
+def test_full_duty_without_load_leads_to_the_vendors_speed() -> None:
+    model = JointModel(JOINT_LIMITS_RAD[:, 0] - 0.1, time_constant_s=0.005)
+    for _ in range(30):
+        model.step(np.ones(16))
+    np.testing.assert_allclose(model.velocities_rad_s, math.radians(60) / 0.11, rtol=1e-5)

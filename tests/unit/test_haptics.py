@@ -1,0 +1,144 @@
+"""Examples, edges and bad input of the vest law and columns."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.errors import DtypeError, InvalidValueError, ShapeError
+from tega.haptics import CONTACT_RULES, FINGERS, VestFrame, contact_type, intensity, vest_frame
+
+CCI = [80, 60, 40, 20]
+EDA = [10, 0, 100, 55]
+
+
+@pytest.mark.parametrize("maximum", [5e-324, 1e-300, 0.04, 1.0, 22_600.0, 1e300, 1.7976931348623157e308])
+def test_ends_of_the_law_are_the_printed_ones(maximum: float) -> None:
+    assert intensity(0, maximum) == 1.0
+    assert intensity(maximum, maximum) == 99.0
+    if maximum > 5e-324:
+        assert intensity(maximum / 2, maximum) == 50.0
+
+
+def test_k_is_twice_ln_99_over_the_maximum() -> None:
+    step = 1e-6
+    slope = (intensity(0.5 + step, 1.0) - intensity(0.5 - step, 1.0)) / (2 * step)
+    assert math.isclose(slope, 100 * 2 * math.log(99) / 4, rel_tol=1e-8)
+
+
+def test_weak_touch_is_far_below_a_linear_law() -> None:
+    assert round(intensity(0.25, 1.0), 2) == 9.13
+    assert intensity(0.25, 1.0, law="linear") == 25.0
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("law", ["logistic", "linear"])
+def test_a_metric_that_is_not_finite_is_refused(value: float, law: Any) -> None:
+    with pytest.raises(InvalidValueError, match="value = "):
+        intensity(value, 1.0, law=law)
+
+
+@pytest.mark.parametrize("maximum", [0.0, -0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("law", ["logistic", "linear"])
+def test_a_maximum_that_is_not_positive_is_refused(maximum: float, law: Any) -> None:
+    with pytest.raises(InvalidValueError, match="maximum = ") as caught:
+        intensity(1.0, maximum, law=law)
+    assert "calibrate" in caught.value.hint
+
+
+@pytest.mark.parametrize("end_value", [0.0, 0.5, 1.0, -0.1, math.nan])
+def test_an_end_value_outside_its_range_is_refused(end_value: float) -> None:
+    with pytest.raises(InvalidValueError, match="end_value = "):
+        intensity(1.0, 1.0, end_value=end_value)
+
+
+def test_an_unknown_law_is_refused() -> None:
+    law: Any = "cubic"
+    with pytest.raises(InvalidValueError, match="law = 'cubic'"):
+        intensity(1.0, 1.0, law=law)
+
+
+def test_paper32_is_the_known_frame() -> None:
+    frame = vest_frame(CCI, EDA)
+    assert frame.layout == "paper32"
+    assert frame.intensities.tolist() == CCI * 4 + EDA * 4
+    assert frame.motors.tolist() == [*range(16), *range(20, 36)]
+    assert frame.levels.tolist() == [12, 9, 6, 3] * 4 + [2, 0, 15, 8] * 4
+    assert frame.x40().tolist() == CCI * 4 + [0] * 4 + EDA * 4 + [0] * 4
+
+
+def test_x16_is_two_rows_a_face_and_fills_the_rows_it_stands_for() -> None:
+    frame = vest_frame(CCI, EDA, layout="x16")
+    assert frame.intensities.tolist() == CCI * 2 + EDA * 2
+    assert frame.motors.tolist() == [0, 1, 2, 3, 8, 9, 10, 11, 20, 21, 22, 23, 28, 29, 30, 31]
+    assert frame.x40().tolist() == CCI * 5 + EDA * 5
+
+
+def test_halves_go_to_the_even_number() -> None:
+    frame = vest_frame([0.5, 1.5, 2.5, 98.5], [99.5, -3, 101, 49.5], layout="x16")
+    assert frame.intensities[:4].tolist() == [0, 2, 2, 98]
+    assert frame.intensities[8:12].tolist() == [100, 0, 100, 50]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_an_intensity_that_is_not_finite_names_face_and_finger(bad: float) -> None:
+    for finger, name in enumerate(FINGERS):
+        values = [1.0, 1.0, 1.0, 1.0]
+        values[finger] = bad
+        with pytest.raises(InvalidValueError, match=f"front intensity of the {name}"):
+            vest_frame(values, EDA)
+        with pytest.raises(InvalidValueError, match=f"back intensity of the {name}"):
+            vest_frame(CCI, np.array(values))
+
+
+def test_wrong_count_kind_and_choice_are_refused() -> None:
+    anything: Any = "x41"
+    with pytest.raises(ShapeError, match="front has 3 numbers"):
+        vest_frame([1, 2, 3], EDA)
+    with pytest.raises(DtypeError, match="back = "):
+        vest_frame(CCI, ["a", "b", "c", "d"])  # type: ignore[list-item]
+    with pytest.raises(InvalidValueError, match='layout = "x41"'):
+        vest_frame(CCI, EDA, layout=anything)
+    with pytest.raises(InvalidValueError, match='mirror = "x41"'):
+        vest_frame(CCI, EDA, mirror=anything)
+
+
+def test_a_frame_is_a_value() -> None:
+    frame = vest_frame(CCI, EDA)
+    assert frame == vest_frame(CCI, EDA)
+    assert hash(frame) == hash(vest_frame(CCI, EDA))
+    assert frame != vest_frame(EDA, CCI)
+    assert frame != "paper32"
+    with pytest.raises(AttributeError):
+        frame.layout = "x40"  # type: ignore[misc]
+    with pytest.raises(ValueError, match="read-only"):
+        frame.intensities[0] = 1
+    with pytest.raises(ValueError, match="read-only"):
+        frame.motors[0] = 1
+
+
+def test_a_frame_made_by_hand_is_checked() -> None:
+    anything: Any = [0] * 32
+    assert VestFrame("paper32", np.zeros(32, np.uint8)).levels.sum() == 0
+    with pytest.raises(DtypeError, match="a list"):
+        VestFrame("paper32", anything)
+    with pytest.raises(DtypeError, match="int64"):
+        VestFrame("paper32", np.zeros(32, np.int64))
+    with pytest.raises(ShapeError, match="16 motors, layout paper32 has 32"):
+        VestFrame("paper32", np.zeros(16, np.uint8))
+    with pytest.raises(ShapeError, match="one dimension"):
+        VestFrame("paper32", np.zeros((2, 16), np.uint8))
+    with pytest.raises(InvalidValueError, match=r"intensities\[3\] = 101"):
+        VestFrame("x16", np.array([100, 0, 0, 101] + [0] * 12, np.uint8))
+
+
+def test_every_contact_type_has_its_rule() -> None:
+    seen = {contact_type(c, e) for c, e in [(0, 0), (0.9, 0.1), (0.1, 0.9), (0.9, 0.9), (0.1, 0.1)]}
+    assert seen == set(CONTACT_RULES)
+    with pytest.raises(InvalidValueError, match="eda_norm = NaN"):
+        contact_type(0.5, math.nan)
+    with pytest.raises(InvalidValueError, match=r"cci_norm = -0\.5"):
+        contact_type(-0.5, 0.5)
