@@ -31,7 +31,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
                 f"{f['rate_hz'] or 0:g}",
                 _short(f["cci_max"]),
                 _short(f["eda_max"]),
-                f["baseline"],
+                "estimated" if f["baseline"].startswith("estimated") else f["baseline"],
             )
         out.print(table)
     if (emg := summary["emg"]) is not None:

@@ -35,7 +35,6 @@ class Finger(NamedTuple):
         baseline_origin: Where that came from.
         report: What becomes of the frames.
         measured: All frames, where they had to be measured beforehand.
-        measured_end_ns: When they end.
     """
 
     source: TactileSource
@@ -43,7 +42,6 @@ class Finger(NamedTuple):
     baseline_origin: str
     report: SourceReport
     measured: list[Contact] | None = None
-    measured_end_ns: int = 0
 
 
 class Muscles(NamedTuple):
@@ -161,19 +159,12 @@ def _prepare_fingers(
         if not measure:
             return Finger(source, baseline, origin, report)
         measured: list[Contact] = []
-        frames = measured_contacts(
-            source,
-            baseline,
-            config.session.preset,
-            report,
-            stopped=lambda: stop() or failed.is_set(),
-        )
-        while True:
-            try:
-                measured.append(next(frames))
-            except StopIteration as end:
-                return Finger(source, baseline, origin, report, measured, end.value)
+        for contact in measured_contacts(
+            source, baseline, config.session.preset, report, stopped=lambda: stop() or failed.is_set()
+        ):
+            measured.append(contact)
             count()
+        return Finger(source, baseline, origin, report, measured)
 
     def job(name: str) -> Finger:
         try:

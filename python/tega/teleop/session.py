@@ -164,7 +164,7 @@ def _contacts(
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
     if finger.measured is not None:
-        return PulledStream(finger.measured, end_ns=finger.measured_end_ns)
+        return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
     def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
         return measured_contacts(
