@@ -26,13 +26,13 @@ def contact_metrics(
     gate: tuple[float, int] | None,
 ) -> _Contact: ...
 def read_contact(
-    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str
+    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
 ) -> _Contact: ...
 def contact_mask(
-    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str
+    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
 ) -> NDArray[np.bool_]: ...
 def pressure_map(
-    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str
+    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
 ) -> NDArray[np.float32]: ...
 
 # --- haptics ---

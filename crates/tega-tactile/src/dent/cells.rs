@@ -147,7 +147,8 @@ mod tests {
     use ndarray::Array3;
 
     fn means(height: usize, width: usize) -> (Planes, Grid, Array3<u8>, Array3<u8>) {
-        let frame = Array3::from_shape_fn((height, width, 3), |(y, x, c)| ((y * 7 + x * 13 + c * 50) % 251) as u8);
+        let frame =
+            Array3::from_shape_fn((height, width, 3), |(y, x, c)| ((y * 7 + x * 13 + c * 50) % 251) as u8);
         let baseline = Array3::from_shape_fn((height, width, 3), |(y, x, c)| ((y * x + c * 31) % 241) as u8);
         let pair = Pair::new(frame.view(), baseline.view()).unwrap();
         let grid = Grid::of(height, width);
@@ -172,7 +173,10 @@ mod tests {
                         }
                         let wanted = f64::from(sum) * 16.0 / f64::from(n);
                         let got = f64::from(plane[row * grid.cols + col]);
-                        assert!((got - wanted).abs() <= 0.51, "{height}x{width} cell {row},{col}: {got} {wanted}");
+                        assert!(
+                            (got - wanted).abs() <= 0.51,
+                            "{height}x{width} cell {row},{col}: {got} {wanted}"
+                        );
                     }
                 }
             }

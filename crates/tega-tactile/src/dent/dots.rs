@@ -89,7 +89,8 @@ fn filter(
     }
     let last = grid.rows - 1;
     for (row, out) in out.chunks_exact_mut(cols).enumerate() {
-        let rows = [row.saturating_sub(2), row.saturating_sub(1), row, (row + 1).min(last), (row + 2).min(last)];
+        let rows =
+            [row.saturating_sub(2), row.saturating_sub(1), row, (row + 1).min(last), (row + 2).min(last)];
         extreme(rows.map(|r| across.get(r * cols..(r + 1) * cols).unwrap_or_default()), out);
     }
 }

@@ -101,10 +101,17 @@ impl LiveScratch {
         &self.patches
     }
 
-    /// The last frame's response per cell in counts, with the number of rows and columns of cells.
-    pub fn response(&self) -> (usize, usize, impl Iterator<Item = f32>) {
-        let counts = self.response.length.iter().map(|e| e * COUNTS_PER_UNIT);
-        (self.grid.rows, self.grid.cols, counts)
+    /// The last frame's response in counts at every pixel, row by row; one value a cell.
+    pub fn pressure_map(&self) -> impl Iterator<Item = f32> {
+        let Grid { height, width, rows, cols, side, .. } = self.grid;
+        let cell = move |pixel: usize, cells: usize| (pixel / side.max(1)).min(cells.saturating_sub(1));
+        (0..height).flat_map(move |y| {
+            let row = cell(y, rows) * cols;
+            (0..width).map(move |x| {
+                let response = self.response.length.get(row + cell(x, cols));
+                response.map_or(0.0, |e| e * COUNTS_PER_UNIT)
+            })
+        })
     }
 }
 
@@ -116,7 +123,12 @@ impl LiveScratch {
 /// - `centroid_xy`, `peak_xy`: mean position of the mask, of the highest patch. `spread`: root mean square distance of
 ///   the mask's pixels from its centroid, in pixels. `threshold`: mean response at the outlines, in counts. `mass`: sum of
 ///   the response over the contact, in counts times pixels.
-pub fn read_live(pair: &Pair<'_>, order: Order, outline: Outline, scratch: &mut LiveScratch) -> ContactMetrics {
+pub fn read_live(
+    pair: &Pair<'_>,
+    order: Order,
+    outline: Outline,
+    scratch: &mut LiveScratch,
+) -> ContactMetrics {
     let grid = Grid::of(pair.height(), pair.width());
     scratch.grid = grid;
     scratch.mask.clear();

@@ -193,7 +193,8 @@ mod tests {
     #[test]
     fn an_offset_and_a_gain_leave_nothing() {
         let grid = Grid::of(240, 320);
-        let base: Planes = [0, 1, 2].map(|c| (0..grid.cells()).map(|i| ((i * (7 + c)) % 3000) as i16).collect());
+        let base: Planes =
+            [0, 1, 2].map(|c| (0..grid.cells()).map(|i| ((i * (7 + c)) % 3000) as i16).collect());
         let diff: Planes = [0, 1, 2].map(|c| base[c].iter().map(|b| b / 16 + 100 * (c as i16 + 1)).collect());
         let (mut response, mut counts) = (Response::default(), Default::default());
         response.whiten(&diff, &grid, Order::Bgr);
