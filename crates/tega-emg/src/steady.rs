@@ -183,6 +183,15 @@ mod tests {
         assert_eq!(levels, [4, 1, 1]);
     }
 
+    #[test]
+    fn opposite_changes_of_two_channels_do_not_hide_each_other() {
+        let mut steady = Steady::new(0.1, 2);
+        let mut levels = [0; 2];
+        steady.levels(&[0.5; 2], &[1.0; 2], &[true; 2], &mut levels);
+        steady.levels(&[1.1, 0.0], &[1.0; 2], &[true; 2], &mut levels);
+        assert_eq!(levels, [4, 2]);
+    }
+
     fn passed(levels: &[u8]) -> Vec<u8> {
         let mut confirm = Confirm::default();
         levels.iter().map(|l| confirm.pass(*l)).collect()
