@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from tega import _native
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -23,6 +25,7 @@ __all__ = [
     "Reading",
     "contact_mask",
     "contact_metrics",
+    "estimate_baseline",
     "pressure_map",
     "read_contact",
 ]
@@ -203,3 +206,23 @@ def pressure_map(
         float32 (H, W).
     """
     return _native.pressure_map(frame, baseline, reading=reading, order=order, outline=outline)
+
+
+def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Estimate the untouched gel from a recording that comes without a baseline.
+
+    Contact adds shading: the baseline is the median of the frames with the least structure, wherever they lie in the
+    recording; frames of another brightness, as a camera gives just after its start, are left out.
+
+    Args:
+        frames: uint8 (H, W, 3) each, all of one size.
+
+    Returns:
+        uint8 (H, W, 3).
+
+    Raises:
+        DtypeError: A frame is not a uint8 array.
+        ShapeError: A frame is not (H, W, 3), or not of the size of the first.
+        InvalidValueError: There are no frames.
+    """
+    return _native.estimate_baseline(frames)[0]

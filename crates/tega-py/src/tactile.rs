@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
 use tega_tactile::{
     CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveScratch, Options, Order, Outline, Pair,
@@ -184,9 +184,21 @@ fn like_image<'py, T: numpy::Element>(
     Ok(values.into_pyarray(py).reshape((height, width))?)
 }
 
+#[pyfunction]
+fn estimate_baseline<'py>(
+    py: Python<'py>,
+    frames: Vec<Bound<'py, PyAny>>,
+) -> Result<(Bound<'py, PyArray3<u8>>, Vec<usize>), BindError> {
+    let frames = frames.iter().map(|frame| image("frame", frame)).collect::<Result<Vec<_>, _>>()?;
+    let views: Vec<_> = frames.iter().map(PyReadonlyArray3::as_array).collect();
+    let found = py.detach(|| tega_tactile::estimate_baseline(&views))?;
+    Ok((found.image.into_pyarray(py), found.chosen))
+}
+
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(contact_metrics, m)?)?;
     m.add_function(wrap_pyfunction!(read_contact, m)?)?;
     m.add_function(wrap_pyfunction!(contact_mask, m)?)?;
-    m.add_function(wrap_pyfunction!(pressure_map, m)?)
+    m.add_function(wrap_pyfunction!(pressure_map, m)?)?;
+    m.add_function(wrap_pyfunction!(estimate_baseline, m)?)
 }
