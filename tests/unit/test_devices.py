@@ -9,8 +9,8 @@ import can
 import cv2
 import numpy as np
 import pytest
-from reference.recordings import pressed, write_folder, write_video
 
+from reference.recordings import pressed, write_folder, write_video
 from tega.devices import driver_class, list_drivers
 from tega.devices.images import ImageFolder, ImageFolderOptions
 from tega.devices.python_can import PythonCan, PythonCanOptions

@@ -9,8 +9,8 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
-from reference.recordings import baseline, pressed
 
+from reference.recordings import baseline, pressed
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock, SystemClock
 from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame

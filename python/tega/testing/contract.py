@@ -154,7 +154,7 @@ def _check_frames(frames: list[Any]) -> None:
         _rule(image.shape == frames[0].image.shape, "all images have one size")
         _rule(bool(frame.name), "a frame has a name")
     numbers = [frame.seq for frame in frames]
-    _rule(all(b > a for a, b in zip(numbers, numbers[1:], strict=False)), "seq rises")
+    _rule(all(b > a for a, b in pairwise(numbers)), "seq rises")
 
 
 def _check_chunks(chunks: list[Any], n_channels: int) -> None:
