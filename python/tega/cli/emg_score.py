@@ -76,7 +76,7 @@ def _print(scores: dict[str, RecordingScore]) -> None:
     table.add_column("recording", no_wrap=True)
     for name in ("paper ρ", "changes/s", "live ρ", "changes/s", "live later by"):
         table.add_column(name, justify="right")
-    rows = [
+    rows: list[tuple[float, ...]] = [
         (
             s.paper.rank_correlation,
             s.paper.changes_per_s,

@@ -11,6 +11,7 @@ Example::
 
 from __future__ import annotations
 
+import itertools
 import hashlib
 from typing import Any
 
@@ -154,7 +155,7 @@ def _check_frames(frames: list[Any]) -> None:
         _rule(image.shape == frames[0].image.shape, "all images have one size")
         _rule(bool(frame.name), "a frame has a name")
     numbers = [frame.seq for frame in frames]
-    _rule(all(b > a for a, b in pairwise(numbers)), "seq rises")
+    _rule(all(b > a for a, b in itertools.pairwise(numbers)), "seq rises")
 
 
 def _check_chunks(chunks: list[Any], n_channels: int) -> None:
