@@ -9,8 +9,9 @@ import can
 import cv2
 import numpy as np
 import pytest
-from reference.recordings import pressed, write_folder, write_video
+from tega.wire import CanFrame
 
+from reference.recordings import pressed, write_folder, write_video
 from tega.devices import driver_class, list_drivers
 from tega.devices.images import ImageFolder, ImageFolderOptions
 from tega.devices.python_can import PythonCan, PythonCanOptions
@@ -18,7 +19,6 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.devices.video import VideoFile, VideoFileOptions
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError, RecordingError
 from tega.haptics import vest_frame
-from tega.wire import CanFrame
 
 
 def names_read(folder: Path, **options: object) -> list[str]:

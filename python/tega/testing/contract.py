@@ -12,6 +12,7 @@ Example::
 from __future__ import annotations
 
 import hashlib
+import itertools
 from typing import Any
 
 import numpy as np
@@ -143,7 +144,7 @@ def _read_all(source: TactileSource | EmgSource, most_items: int) -> list[Any]:
 
 def _content(item: Any) -> bytes:
     array = item.image if hasattr(item, "image") else item.samples
-    return bytes(hashlib.blake2b(np.ascontiguousarray(array)).digest())
+    return bytes(hashlib.blake2b(array.tobytes()).digest())
 
 
 def _check_frames(frames: list[Any]) -> None:
@@ -154,7 +155,7 @@ def _check_frames(frames: list[Any]) -> None:
         _rule(image.shape == frames[0].image.shape, "all images have one size")
         _rule(bool(frame.name), "a frame has a name")
     numbers = [frame.seq for frame in frames]
-    _rule(all(b > a for a, b in zip(numbers, numbers[1:], strict=False)), "seq rises")
+    _rule(all(b > a for a, b in itertools.pairwise(numbers)), "seq rises")
 
 
 def _check_chunks(chunks: list[Any], n_channels: int) -> None:
