@@ -92,7 +92,16 @@ impl From<CoreWireError> for BindError {
     fn from(e: CoreWireError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            CoreWireError::OutOfRange { .. } => WireError::new_err(args),
+            CoreWireError::Setting { .. } => InvalidValueError::new_err(args),
+            CoreWireError::Length { .. } => ShapeError::new_err(args),
+            CoreWireError::OutOfRange { .. }
+            | CoreWireError::Element { .. }
+            | CoreWireError::PacketLength { .. }
+            | CoreWireError::NoSuchRow { .. }
+            | CoreWireError::Empty { .. }
+            | CoreWireError::Field { .. }
+            | CoreWireError::Checksum { .. }
+            | CoreWireError::Json { .. } => WireError::new_err(args),
         })
     }
 }

@@ -15,7 +15,9 @@
 //! ```
 #![deny(unsafe_code)] // allowed in `simd` alone
 
+mod baseline;
 mod decimal;
+mod dent;
 mod error;
 mod exact;
 mod frame;
@@ -25,7 +27,9 @@ mod paper;
 mod simd;
 mod sums;
 
+pub use baseline::{EstimatedBaseline, estimate_baseline};
 pub use decimal::{Decimal, Weights};
+pub use dent::{ContactPatch, LiveScratch, Outline, read_live};
 pub use error::TactileError;
 pub use frame::{Difference, MAX_SIDE, Order, Pair};
 pub use levels::Scratch;

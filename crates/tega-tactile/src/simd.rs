@@ -10,6 +10,7 @@ mod avx2;
 
 use std::sync::OnceLock;
 
+use crate::dent;
 use crate::levels::{Kernel, Row};
 use crate::paper::{self, PaperScratch};
 
@@ -123,4 +124,49 @@ dispatched! {
 dispatched! {
     /// See [`paper::count_from`].
     count_from = paper::count_from, (levels: &[i32], first: i32) -> u32
+}
+
+dispatched! {
+    /// See [`dent::add_difference`].
+    add_difference = dent::add_difference, (sums: &mut [i16], frame: &[u8], baseline: &[u8]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::add_row`].
+    add_row = dent::add_row, (sums: &mut [i16], row: &[u8]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::fold_quads`].
+    fold_quads = dent::fold_quads, (sums: &[i16], pairs: &mut [i16], quads: &mut [i16]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::smooth_row`].
+    smooth_row = dent::smooth_row, (above: &[i16], here: &[i16], below: &[i16], middle: i32, scale: f32, sums: &mut [i16], out: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::median`].
+    median = dent::median, (plane: &[i16]) -> i16
+}
+
+dispatched! {
+    /// See [`dent::lengths`].
+    lengths = dent::lengths, (a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::quiet_sums`].
+    quiet_sums = dent::quiet_sums, (length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5]
+}
+
+dispatched! {
+    /// See [`dent::maximum_of_five`].
+    maximum_of_five = dent::maximum_of_five, (rows: [&[i16]; 5], out: &mut [i16]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::minimum_of_five`].
+    minimum_of_five = dent::minimum_of_five, (rows: [&[i16]; 5], out: &mut [i16]) -> ()
 }

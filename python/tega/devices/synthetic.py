@@ -6,6 +6,7 @@ not model stands in :mod:`tega.sim.press` and :mod:`tega.sim.muscle`.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -57,7 +58,7 @@ def effort_at(t_s: float, duration_s: float) -> float:
         True
     """
     share = min(max(t_s / duration_s, 0.0), 1.0)
-    for (start, low), (end, high) in zip(_GRASP, _GRASP[1:], strict=False):
+    for (start, low), (end, high) in itertools.pairwise(_GRASP):
         if share <= end:
             ease = 0.5 - 0.5 * math.cos(math.pi * (share - start) / (end - start))
             return low + (high - low) * ease

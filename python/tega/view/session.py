@@ -106,5 +106,7 @@ def _mean_over_contacts(contacts: list[dict[str, Any]]) -> NDArray[np.float64]:
         touching = at.setdefault(row["t_s"], [])
         if row["in_contact"] == "1":
             touching.append((float(row["cci_norm"]), float(row["eda_norm"])))
-    course = [(float(t), *(np.mean(touching, axis=0) if touching else (0.0, 0.0))) for t, touching in at.items()]
+    course = [
+        (float(t), *(np.mean(touching, axis=0) if touching else (0.0, 0.0))) for t, touching in at.items()
+    ]
     return np.array(course, np.float64).reshape(-1, 3)

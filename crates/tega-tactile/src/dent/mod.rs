@@ -1,0 +1,225 @@
+//! The `live` reading: where the gel is dented, from the shading of a fingertip camera's image.
+//!
+//! 1. Both images are averaged over about 5,000 cells ([`cells`]); a median per channel takes out a change of colour.
+//! 2. The difference is weighed by the sensor's noise ([`response`]). Where fewer than [`GATE_CELLS`] cells rise above
+//!    [`GATE`] noise units there is no contact and nothing further is done.
+//! 3. Printed dots are filled where the baseline has them ([`dots`]); offset and gain of the picture are fitted.
+//! 4. Cells are grouped around peaks ([`basins`]), pieces of one dent are joined ([`patches`]), each patch gets an
+//!    outline ([`outline`]) and is filled at full resolution ([`fill`]).
+//!
+//! All arithmetic is on integers, or on floats in one fixed order: the result is the same on every processor.
+
+mod basins;
+mod cells;
+mod dots;
+mod fill;
+mod outline;
+mod patches;
+mod response;
+
+pub(crate) use cells::{add_difference, add_row, fold_quads};
+pub(crate) use dots::{maximum_of_five, minimum_of_five};
+pub(crate) use response::{lengths, median, quiet_sums, smooth_row};
+
+use crate::frame::{Order, Pair};
+use crate::metrics::ContactMetrics;
+use basins::Basins;
+use cells::{Grid, Planes, Source, Strip};
+use dots::Closing;
+use fill::Filled;
+use outline::Rays;
+use patches::Patches;
+use response::{COUNTS_PER_UNIT, Response};
+
+/// Response, in noise units, that a cell without contact does not reach.
+const GATE: f32 = 8.0;
+/// Cells above [`GATE`] that make a contact.
+const GATE_CELLS: usize = 2;
+/// The length, as a share of the image's diagonal, that a dent's height is given over.
+const HEIGHT_SHARE: f64 = 0.125;
+
+/// What the mask of the `live` reading means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Outline {
+    /// The dent, as an eye marks it: out to where the response falls to 0.58 of each flank's own maximum.
+    #[default]
+    Dent,
+    /// The touching area of a curved object: to 0.9 of each flank's maximum. Fragile on faint contacts.
+    Contact,
+}
+
+impl Outline {
+    fn share(self) -> f32 {
+        match self {
+            Self::Dent => 0.58,
+            Self::Contact => 0.9,
+        }
+    }
+}
+
+/// One patch of contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactPatch {
+    /// Pixels of the mask that are of this patch and of none before it.
+    pub area: u32,
+    /// Mean position of those pixels (x, y).
+    pub centroid_xy: (f64, f64),
+    /// First column, first row, last column, last row of the patch.
+    pub bounds: (usize, usize, usize, usize),
+    /// Highest response, in counts.
+    pub response: f64,
+    /// How deep the dent is in the response's own terms, in counts; see [`read_live`].
+    pub height: f64,
+}
+
+/// Buffers that are reused from frame to frame, and the last frame's result; each is sized once.
+#[derive(Debug, Default)]
+pub struct LiveScratch {
+    grid: Grid,
+    strip: Strip,
+    difference: Planes,
+    baseline: Planes,
+    smooth_baseline: [Vec<f32>; 3],
+    row_sums: Vec<i16>,
+    closing: Closing,
+    response: Response,
+    basins: Basins,
+    joined: Patches,
+    rays: Rays,
+    mask: Vec<u8>,
+    patches: Vec<ContactPatch>,
+}
+
+impl LiveScratch {
+    /// The last frame's mask, row by row: 1 in contact, 0 elsewhere.
+    pub fn mask(&self) -> &[u8] {
+        &self.mask
+    }
+
+    /// The last frame's patches, in falling order of response.
+    pub fn patches(&self) -> &[ContactPatch] {
+        &self.patches
+    }
+
+    /// The last frame's response in counts at every pixel, row by row; one value a cell.
+    pub fn pressure_map(&self) -> impl Iterator<Item = f32> {
+        let Grid { height, width, rows, cols, side, .. } = self.grid;
+        let cell = move |pixel: usize, cells: usize| (pixel / side.max(1)).min(cells.saturating_sub(1));
+        (0..height).flat_map(move |y| {
+            let row = cell(y, rows) * cols;
+            (0..width).map(move |x| {
+                let response = self.response.length.get(row + cell(x, cols));
+                response.map_or(0.0, |e| e * COUNTS_PER_UNIT)
+            })
+        })
+    }
+}
+
+/// Contact metrics of the `live` reading: `eda` is the number of pixels of [`LiveScratch::mask`].
+///
+/// - `peak` is the height of the highest patch: its mean response times the root of its area, over an eighth of the
+///   image's diagonal. A gel answers to its slope, so slope times width goes with depth.
+/// - `cci` is `peak / sqrt(eda)`, and rises with the press.
+/// - `centroid_xy`, `peak_xy`: mean position of the mask, of the highest patch. `spread`: root mean square distance of
+///   the mask's pixels from its centroid, in pixels. `threshold`: mean response at the outlines, in counts. `mass`: sum of
+///   the response over the contact, in counts times pixels.
+pub fn read_live(
+    pair: &Pair<'_>,
+    order: Order,
+    outline: Outline,
+    scratch: &mut LiveScratch,
+) -> ContactMetrics {
+    let grid = Grid::of(pair.height(), pair.width());
+    scratch.grid = grid;
+    scratch.mask.clear();
+    scratch.mask.resize(grid.height * grid.width, 0);
+    scratch.patches.clear();
+    if !respond(pair, &grid, order, scratch) {
+        return ContactMetrics::none(f64::NAN, 0.0, (0, 0));
+    }
+    scratch.basins.find(&scratch.response.length, &grid);
+    scratch.joined.join(&scratch.basins, &scratch.response, &grid);
+    let mut sums = Sums::default();
+    let pixels = (grid.side * grid.side) as f64;
+    let reference = HEIGHT_SHARE * f64::from(grid.diagonal()) * grid.side as f64;
+    for (index, patch) in scratch.joined.contacts() {
+        let maps = (&scratch.response.length[..], &scratch.basins, &scratch.joined);
+        let Some(polygon) = scratch.rays.outline(index, patch, maps, &grid, outline) else { continue };
+        let filled = fill::fill(&polygon, &grid, &mut scratch.mask);
+        if filled.area == 0 {
+            continue;
+        }
+        let mass = patch.total * pixels * f64::from(COUNTS_PER_UNIT);
+        let height = mass / f64::from(filled.area).sqrt() / reference;
+        sums.add(&filled, f64::from(polygon.level * COUNTS_PER_UNIT), mass);
+        scratch.patches.push(ContactPatch {
+            area: filled.area,
+            centroid_xy: (filled.x / f64::from(filled.area), filled.y / f64::from(filled.area)),
+            bounds: (filled.left, filled.top, filled.right, filled.bottom),
+            response: f64::from(patch.peak * COUNTS_PER_UNIT),
+            height,
+        });
+    }
+    scratch.patches.sort_by(|a, b| b.response.total_cmp(&a.response));
+    sums.metrics(&scratch.patches)
+}
+
+/// Computes the response; false where nothing is in contact.
+fn respond(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch) -> bool {
+    cells::average(pair, grid, Source::Difference, &mut scratch.strip, &mut scratch.difference);
+    scratch.response.whiten(&scratch.difference, grid, order);
+    if scratch.response.count_above(GATE) < GATE_CELLS {
+        return false;
+    }
+    cells::average(pair, grid, Source::Baseline, &mut scratch.strip, &mut scratch.baseline);
+    let mut baseline = &scratch.baseline;
+    if scratch.closing.baseline_has_dots(baseline, grid) {
+        scratch.closing.without_dots(&scratch.difference, baseline, grid);
+        scratch.response.whiten(&scratch.closing.difference, grid, order);
+        baseline = &scratch.closing.baseline;
+    }
+    response::smooth_counts(baseline, grid, &mut scratch.row_sums, &mut scratch.smooth_baseline);
+    scratch.response.take_out_colour(&scratch.smooth_baseline, grid);
+    scratch.response.count_above(GATE) >= GATE_CELLS
+}
+
+/// Sums over all patches.
+#[derive(Debug, Default)]
+struct Sums {
+    area: u32,
+    x: f64,
+    y: f64,
+    square: f64,
+    level: f64,
+    mass: f64,
+}
+
+impl Sums {
+    fn add(&mut self, filled: &Filled, level: f64, mass: f64) {
+        self.area += filled.area;
+        self.x += filled.x;
+        self.y += filled.y;
+        self.square += filled.square;
+        self.level += level * f64::from(filled.area);
+        self.mass += mass;
+    }
+
+    fn metrics(&self, patches: &[ContactPatch]) -> ContactMetrics {
+        let highest = patches.iter().max_by(|a, b| a.height.total_cmp(&b.height));
+        let Some(highest) = highest else { return ContactMetrics::none(f64::NAN, 0.0, (0, 0)) };
+        let n = f64::from(self.area);
+        let (x, y) = (self.x / n, self.y / n);
+        let (peak_x, peak_y) = highest.centroid_xy;
+        ContactMetrics {
+            mass: self.mass,
+            centroid_xy: (x, y),
+            spread: (self.square / n - x * x - y * y).max(0.0).sqrt(),
+            threshold: self.level / n,
+            eda: self.area,
+            cci: highest.height / n.sqrt(),
+            peak: highest.height,
+            peak_xy: (peak_x.round() as usize, peak_y.round() as usize),
+            in_contact: true,
+        }
+    }
+}

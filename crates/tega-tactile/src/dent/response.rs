@@ -1,0 +1,206 @@
+//! How strongly each cell differs from the baseline, in standard deviations of the sensor's noise.
+//!
+//! A change of the whole picture's colour (an offset and a gain per channel) is not contact and is taken out.
+
+use super::cells::{Grid, Planes, UNITS_PER_COUNT};
+use crate::frame::Order;
+use crate::simd;
+
+/// Temporal noise of one pixel in counts, red, green, blue: measured on a DIGIT at full light. Weighing the channels
+/// by it keeps the noisiest one from deciding alone; other sensors of the kind are read with the same numbers.
+pub(super) const NOISE_RGB: [f32; 3] = [2.74, 1.65, 3.17];
+/// Root mean square of `NOISE_RGB`: turns a response in noise units into counts of an average channel.
+pub(super) const COUNTS_PER_UNIT: f32 = 2.598;
+
+/// Cells under this response carry no contact: the colour of the whole picture is fitted on them.
+const QUIET: f32 = 4.0;
+/// A fit needs this share of the cells to be quiet.
+const QUIET_SHARE: f32 = 0.1;
+const FITS: usize = 2;
+
+/// Whitened difference per channel and its length, per cell.
+#[derive(Debug, Default)]
+pub(super) struct Response {
+    /// Three planes, in noise units.
+    pub white: [Vec<f32>; 3],
+    /// Their length.
+    pub length: Vec<f32>,
+    smooth: Vec<i16>,
+}
+
+impl Response {
+    /// Smooths `planes` by 1-2-1 both ways, takes out each channel's median and scales by the noise.
+    pub fn whiten(&mut self, planes: &Planes, grid: &Grid, order: Order) {
+        let noise = order.arrange(NOISE_RGB);
+        for ((plane, white), noise) in planes.iter().zip(&mut self.white).zip(noise) {
+            white.resize(grid.cells(), 0.0);
+            let middle = simd::median(plane);
+            let scale = 1.0 / (16.0 * UNITS_PER_COUNT * noise);
+            smooth(plane, grid, 16 * i32::from(middle), scale, &mut self.smooth, white);
+        }
+        self.measure(grid);
+    }
+
+    fn measure(&mut self, grid: &Grid) {
+        self.length.resize(grid.cells(), 0.0);
+        let [a, b, c] = &self.white;
+        simd::lengths(a, b, c, &mut self.length);
+    }
+
+    /// Takes out an offset and a gain (against the smoothed baseline, in counts) per channel, fitted on quiet cells.
+    pub fn take_out_colour(&mut self, baseline: &[Vec<f32>; 3], grid: &Grid) {
+        for _ in 0..FITS {
+            for (white, base) in self.white.iter_mut().zip(baseline) {
+                let s = simd::quiet_sums(&self.length, base, white);
+                let [n, b, d, bb, bd] = s;
+                if n < QUIET_SHARE * grid.cells() as f32 || n < 1.0 {
+                    return;
+                }
+                let (mean_b, mean_d) = (b / n, d / n);
+                // A flat baseline says nothing about the gain: the second term keeps it at zero there.
+                let variance = (bb / n - mean_b * mean_b).max(0.0) + 1.0;
+                let gain = (bd / n - mean_b * mean_d) / variance;
+                let offset = mean_d - gain * mean_b;
+                for (w, b) in white.iter_mut().zip(base) {
+                    *w -= offset + gain * b;
+                }
+            }
+            self.measure(grid);
+        }
+    }
+
+    /// Cells with a response above `level`.
+    pub fn count_above(&self, level: f32) -> usize {
+        self.length.iter().filter(|&&e| e > level).count()
+    }
+}
+
+/// 1-2-1 both ways; the border cell repeats. `out = (16 * smoothed - middle) * scale`.
+fn smooth(plane: &[i16], grid: &Grid, middle: i32, scale: f32, row_sums: &mut Vec<i16>, out: &mut [f32]) {
+    let cols = grid.cols;
+    row_sums.resize(cols + 2, 0);
+    let row_of = |row: usize| plane.get(row * cols..(row + 1) * cols).unwrap_or_default();
+    for (row, out) in out.chunks_exact_mut(cols).enumerate() {
+        let above = row_of(row.saturating_sub(1));
+        let below = row_of((row + 1).min(grid.rows - 1));
+        simd::smooth_row(above, row_of(row), below, middle, scale, row_sums, out);
+    }
+}
+
+/// The same smoothing for the baseline, in counts.
+pub(super) fn smooth_counts(planes: &Planes, grid: &Grid, row_sums: &mut Vec<i16>, out: &mut [Vec<f32>; 3]) {
+    for (plane, out) in planes.iter().zip(out) {
+        out.resize(grid.cells(), 0.0);
+        smooth(plane, grid, 0, 1.0 / (16.0 * UNITS_PER_COUNT), row_sums, out);
+    }
+}
+
+/// One row of the 1-2-1 smoothing. Cell values are within 255 * 16, so four of them fit 16 bits.
+#[inline(always)]
+pub(crate) fn smooth_row(
+    above: &[i16],
+    here: &[i16],
+    below: &[i16],
+    middle: i32,
+    scale: f32,
+    sums: &mut [i16],
+    out: &mut [f32],
+) {
+    let cols = out.len();
+    for (((sum, a), h), b) in sums.iter_mut().skip(1).zip(above).zip(here).zip(below) {
+        *sum = a + 2 * h + b;
+    }
+    if let (Some(&first), Some(&last)) = (sums.get(1), sums.get(cols)) {
+        sums[0] = first;
+        sums[cols + 1] = last;
+    }
+    for (((out, &l), &h), &r) in out.iter_mut().zip(&sums[..]).zip(&sums[1..]).zip(&sums[2..]) {
+        let sum = i32::from(l) + 2 * i32::from(h) + i32::from(r);
+        *out = (sum - middle) as f32 * scale;
+    }
+}
+
+/// The lower median: the smallest value that at least half of the cells do not exceed.
+#[inline(always)]
+pub(crate) fn median(plane: &[i16]) -> i16 {
+    let (mut low, mut high) = (-4096i16, 4095i16);
+    let half = plane.len().div_ceil(2);
+    while low < high {
+        let middle = (low + high) >> 1;
+        let mut below = 0usize;
+        // 16-bit counters, so that the compiler compares and counts whole vectors.
+        for chunk in plane.chunks(1 << 14) {
+            below += usize::from(chunk.iter().map(|&v| u16::from(v <= middle)).sum::<u16>());
+        }
+        if below >= half {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    low
+}
+
+/// Length of the whitened difference.
+#[inline(always)]
+pub(crate) fn lengths(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
+    for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
+        *out = (a * a + b * b + c * c).sqrt();
+    }
+}
+
+/// Over quiet cells: their number, sums of baseline, difference, baseline squared and the product. Eight running sums
+/// in a fixed order, so that every instruction set gives the same bits.
+#[inline(always)]
+pub(crate) fn quiet_sums(length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5] {
+    const LANES: usize = 8;
+    let mut sums = [[0f32; LANES]; 5];
+    let chunks = length.chunks(LANES).zip(base.chunks(LANES)).zip(white.chunks(LANES));
+    for ((length, base), white) in chunks {
+        for (lane, ((&e, &b), &d)) in length.iter().zip(base).zip(white).enumerate() {
+            let on = if e < QUIET { 1.0 } else { 0.0 };
+            let (b_on, d_on) = (b * on, d * on);
+            sums[0][lane] += on;
+            sums[1][lane] += b_on;
+            sums[2][lane] += d_on;
+            sums[3][lane] += b_on * b;
+            sums[4][lane] += d_on * b;
+        }
+    }
+    sums.map(|lanes| lanes.iter().sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn median_is_the_middle_of_the_sorted_cells(mut cells in prop::collection::vec(-4080i16..=4080, 1..300)) {
+            let got = median(&cells);
+            cells.sort_unstable();
+            prop_assert_eq!(got, cells[(cells.len() - 1) / 2]);
+        }
+    }
+
+    #[test]
+    fn noise_in_counts_is_the_mean_of_the_channels() {
+        let square: f32 = NOISE_RGB.iter().map(|s| s * s).sum::<f32>() / 3.0;
+        assert!((square.sqrt() - COUNTS_PER_UNIT).abs() < 1e-3);
+    }
+
+    #[test]
+    fn an_offset_and_a_gain_leave_nothing() {
+        let grid = Grid::of(240, 320);
+        let base: Planes =
+            [0, 1, 2].map(|c| (0..grid.cells()).map(|i| ((i * (7 + c)) % 3000) as i16).collect());
+        let diff: Planes = [0, 1, 2].map(|c| base[c].iter().map(|b| b / 16 + 100 * (c as i16 + 1)).collect());
+        let (mut response, mut counts) = (Response::default(), Default::default());
+        response.whiten(&diff, &grid, Order::Bgr);
+        smooth_counts(&base, &grid, &mut Vec::new(), &mut counts);
+        response.take_out_colour(&counts, &grid);
+        let largest = response.length.iter().fold(0f32, |a, &b| a.max(b));
+        assert!(largest < 0.2, "{largest}");
+    }
+}
