@@ -36,14 +36,14 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         out.print(table)
     if (emg := summary["emg"]) is not None:
         table = Table(
-            title=f"intent from {emg['source']} ({emg['kind']}, {emg['rate_hz']:g} Hz)",
+            title=f"intent from {emg['source']} ({emg['kind']}, {emg['rate_hz']:g} Hz), time at each level",
             title_justify="left",
             box=SIMPLE,
         )
         for name in emg["channels"]:
             table.add_column(f"{name} max", justify="right")
         for level in summary["hand"]["level_s"]:
-            table.add_column(f"level {level}", justify="right")
+            table.add_column(f"at {level}", justify="right")
         table.add_row(
             *map(_short, emg["maxima"]), *(f"{s:.1f} s" for s in summary["hand"]["level_s"].values())
         )

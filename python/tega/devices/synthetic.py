@@ -146,6 +146,10 @@ class SyntheticTouch(Opened):
         centre = (WIDTH / 2 + 18 * math.sin(2.2 * squeeze), HEIGHT / 2 - 25 + 30 * squeeze)
         return Press(options.depth_mm * squeeze, centre, options.radius_mm)
 
+    def skip(self, n_frames: int) -> None:
+        """Pass over the next ``n_frames`` frames."""
+        self._next += n_frames
+
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # never keeps one waiting
         """Return the next frame.
 
@@ -159,7 +163,7 @@ class SyntheticTouch(Opened):
         seq = self._next
         self._next += 1
         t_s = seq / self._options.rate_hz
-        return TactileFrame(round(t_s * 1e9), seq, self._camera.frame(self.press_at(t_s)), f"frame {seq}")
+        return TactileFrame(round(t_s * 1e9), seq, self._camera.frame(self.press_at(t_s), seq), f"frame {seq}")
 
 
 class SyntheticEmgOptions(Options, frozen=True):

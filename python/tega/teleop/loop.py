@@ -51,7 +51,7 @@ class LoopView(NamedTuple):
         vest: The frame just sent; ``None`` without tactile sources.
         block: The newest EMG block; ``None`` before the first.
         angles_rad: The hand's 16 joint angles; ``None`` without a hand.
-        counts: Items so far: frames of each finger, ``emg`` blocks, ``vest`` frames, ``hand`` ticks.
+        counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
     """
 
     t_ns: int
@@ -244,24 +244,21 @@ class DualLoop:
                 if newest is None or t_ns - newest[0] > STALE_NS:
                     self.report.n_stale_ticks[finger] += 1
         if self._observer is not None:
-            self._observer(self._view(t_ns, frame))
+            angles = None if self._levels is None else self._hand.angles_rad.tolist()
+            felt = self._touch.fresh(t_ns)
+            self._observer(
+                LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
+            )
 
-    def _view(self, t_ns: int, frame: VestFrame | None) -> LoopView:
+    def _counts(self) -> dict[str, int]:
         report = self.report
-        return LoopView(
-            t_ns=t_ns,
-            contacts=dict(self._newest),
-            felt=self._touch.fresh(t_ns),
-            vest=frame,
-            block=self._block,
-            angles_rad=None if self._levels is None else self._hand.angles_rad.tolist(),
-            counts={
-                **report.n_contacts,
-                "emg": report.n_blocks,
-                "vest": report.n_vest_ticks,
-                "hand": report.n_hand_ticks,
-            },
-        )
+        frames = sum(report.n_contacts.values()) // max(len(report.n_contacts), 1)
+        return {
+            "touch": frames,
+            "levels": report.n_blocks,
+            "hand": report.n_hand_ticks,
+            "vest": report.n_vest_ticks,
+        }
 
     def _leave(self, t_ns: int) -> list[Exception]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""

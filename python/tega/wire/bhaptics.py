@@ -53,7 +53,7 @@ def vest_levels(intensities: ArrayLike) -> NDArray[np.uint8]:
         [0, 0, 1, 5, 11, 15]
     """
     values = integer_array("intensities", intensities, np.uint8, (0, 100))
-    return _native.vest_levels(values.ravel()).reshape(values.shape)
+    return _native.motor_levels(values.ravel()).reshape(values.shape)
 
 
 def x40_ble_frame(intensities: ArrayLike, *, front_mirror: bool = False) -> bytes:

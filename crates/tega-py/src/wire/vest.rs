@@ -15,7 +15,7 @@ use crate::errors::BindError;
 type Column<'py, T> = Bound<'py, PyArray1<T>>;
 
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_function(wrap_pyfunction!(vest_levels, m)?)?;
+    m.add_function(wrap_pyfunction!(motor_levels, m)?)?;
     m.add_function(wrap_pyfunction!(x40_ble_frame, m)?)?;
     m.add_function(wrap_pyfunction!(x40_ble_levels, m)?)?;
     m.add_function(wrap_pyfunction!(x16_levels, m)?)?;
@@ -49,7 +49,7 @@ fn ble(frame: &[u8]) -> Result<BleFrame, WireError> {
 
 #[pyfunction]
 #[pyo3(signature = (intensities, /))]
-fn vest_levels<'py>(py: Python<'py>, intensities: PyReadonlyArray1<'py, u8>) -> Column<'py, u8> {
+fn motor_levels<'py>(py: Python<'py>, intensities: PyReadonlyArray1<'py, u8>) -> Column<'py, u8> {
     PyArray1::from_vec(py, intensities.as_array().iter().map(|&value| bhaptics::level(value)).collect())
 }
 
