@@ -39,6 +39,8 @@ OPTIONS: dict[str, Callable[[Path], dict[str, Any]]] = {
     "emg-file": _emg,
     "images": _images,
     "python-can": lambda _folder: {"interface": "virtual", "channel": "contract"},
+    "synthetic-emg": lambda _folder: {"seed": 1, "duration_s": 1.0},
+    "synthetic-touch": lambda _folder: {"seed": 1, "duration_s": 0.2},
     "vest-recorder": lambda folder: {"file": folder / "vest.csv"},
     "video": _video,
 }

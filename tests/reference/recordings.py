@@ -24,7 +24,8 @@ def pressed(depth: float, *, noise: int, seed: int = 0) -> NDArray[np.uint8]:
     bump = depth * np.exp(-((y - HEIGHT / 2) ** 2 + (x - WIDTH / 2) ** 2) / (2 * 9.0**2))
     flicker = np.random.default_rng(1000 + noise).integers(-1, 2, (HEIGHT, WIDTH, 3))
     image = baseline(seed).astype(float) + bump[..., None] * (1.0, 0.8, 0.6) + flicker
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    frame: NDArray[np.uint8] = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    return frame
 
 
 def depths(n_frames: int) -> list[float]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import msgspec
 
 from tega.devices.base import HandDriver, VestSink
-from tega.teleop.hand import HAND_TICK_NS, ModelledHand
+from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
 from tega.teleop.streams import NEVER_NS, Stream
@@ -73,7 +73,7 @@ class LoopReport(msgspec.Struct, kw_only=True):
         n_blocks: EMG blocks taken in.
         n_hand_ticks: Ticks of the hand.
         n_vest_ticks: Frames sent to the vest by the ticks.
-        stale_s: Time each finger stood silent for want of a fresh frame, by finger, in seconds of vest ticks.
+        n_stale_ticks: Vest frames in which a finger was silent for want of a fresh frame, by finger.
         level_ticks: Hand ticks spent on each level, 1 to 5.
     """
 
@@ -113,7 +113,7 @@ class DualLoop:
         touch: TouchLoop,
         contacts: Mapping[str, Stream[Contact]],
         levels: Stream[Block] | None,
-        hand: ModelledHand,
+        hand: ModelledAllegro,
         vests: Sequence[VestSink],
         hands: Sequence[HandDriver],
         recorder: Recorder | None,

@@ -99,7 +99,7 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
     Raises:
         CalibrationError: A channel never moves, or the recording is shorter than one block.
     """
-    samples = _all_samples(source)
+    samples = _held(_all_samples(source))
     source.open()
     maxima = channel_maxima(
         samples,
@@ -131,3 +131,14 @@ def _all_samples(source: EmgSource) -> NDArray[np.float64]:
         if chunk is not None:
             chunks.append(chunk.samples)
     return np.concatenate(chunks) if chunks else np.empty((0, len(source.info.channels)))
+
+
+def _held(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Let a sample that is no number keep the value before it, as the running chain does."""
+    good = np.isfinite(samples)
+    if good.all():
+        return samples
+    rows = np.where(good, np.arange(len(samples))[:, None], -1)
+    last_good = np.maximum.accumulate(rows, axis=0)
+    first_good = np.argmax(good, axis=0)
+    return np.take_along_axis(samples, np.where(last_good < 0, first_good, last_good), axis=0)

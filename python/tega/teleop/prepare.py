@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
-from tega.calibration import Calibration, EmgMaxima, load_calibration
+from tega.calibration import Calibration, EmgMaxima, FingerMaxima, load_calibration
 from tega.config import SessionConfig
 from tega.devices.base import EmgSource, TactileSource
 from tega.emg import GraspIntent
@@ -124,7 +124,7 @@ def prepare(
         calibration = Calibration(
             preset=preset,
             origin=SELF_CALIBRATED,
-            tactile={finger: touch_maxima(f.measured or []) for finger, f in fingers.items()},
+            tactile=FingerMaxima(**{name: touch_maxima(f.measured or []) for name, f in fingers.items()}),
             emg=None if emg is None or conditions is None else emg_maxima(emg, conditions, preset=preset),
         )
     muscles = None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tega.errors import TegaError
 from tega.recording.folder import SUMMARY_FORMAT
-from tega.teleop.hand import HAND_TICK_NS, ModelledHand
+from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         "sinks": [sink.info.driver for sink in state.sinks.vests],
     }
     summary["hand"] = {
-        "model": ModelledHand.label,
+        "model": ModelledAllegro.label,
         "rate_hz": 1e9 / HAND_TICK_NS,
         "ticks": loop.n_hand_ticks,
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
@@ -78,7 +78,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
 
 def _finger(state: RunState, name: str) -> dict[str, Any]:
     finger, loop = state.prepared.fingers[name], state.loop
-    info, maxima = finger.source.info, state.prepared.calibration.tactile.get(name)
+    info, maxima = finger.source.info, state.prepared.calibration.touch(name)
     return {
         "driver": info.driver,
         "source": info.label,
@@ -110,6 +110,7 @@ def _emg(state: RunState) -> dict[str, Any] | None:
         "blocks": state.loop.n_blocks,
         "dropped": muscles.report.n_dropped,
         "missing": muscles.report.n_missing,
+        "held_samples": [int(n) for n in muscles.intent.held_samples],
     }
 
 
@@ -120,7 +121,7 @@ def _notes(state: RunState) -> list[str]:
     if not state.prepared.calibration_name:
         notes.append(f"maxima {state.prepared.calibration.origin}")
     for name, finger in state.prepared.fingers.items():
-        maxima = state.prepared.calibration.tactile.get(name)
+        maxima = state.prepared.calibration.touch(name)
         if maxima is None or maxima.eda_max is None:
             notes.append(f"{name}: no press was seen, so it has no maxima and its columns stay silent")
         elif maxima.cci_max is None:
@@ -131,6 +132,9 @@ def _notes(state: RunState) -> list[str]:
         notes += _ending(name, finger.report, end_ns, f"silent {STALE_NS / 1e6:g} ms later")
     if (muscles := state.prepared.muscles) is not None:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
+        for name, n_held in zip(muscles.maxima.channels, muscles.intent.held_samples, strict=True):
+            if n_held:
+                notes.append(f"emg: {name}: {n_held} samples were no numbers; the one before was held")
         notes += _ending("emg", muscles.report, end_ns, "its last level held to the end")
     return notes
 

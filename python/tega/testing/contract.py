@@ -11,8 +11,8 @@ Example::
 
 from __future__ import annotations
 
-import itertools
 import hashlib
+import itertools
 from typing import Any
 
 import numpy as np
@@ -144,7 +144,7 @@ def _read_all(source: TactileSource | EmgSource, most_items: int) -> list[Any]:
 
 def _content(item: Any) -> bytes:
     array = item.image if hasattr(item, "image") else item.samples
-    return bytes(hashlib.blake2b(np.ascontiguousarray(array)).digest())
+    return bytes(hashlib.blake2b(array.tobytes()).digest())
 
 
 def _check_frames(frames: list[Any]) -> None:
