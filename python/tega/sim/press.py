@@ -81,7 +81,8 @@ class PressCamera:
         image = self._still[self._order[number % self._order.size]].copy()
         if press.depth_mm > 0:
             self._press(image, press)
-        return np.clip(image, 0, 255).astype(np.uint8)
+        picture: NDArray[np.uint8] = np.clip(image, 0, 255).astype(np.uint8)
+        return picture
 
     def _noise(self) -> NDArray[np.float32]:
         """Noise whose neighbours along the columns share their value in pairs, as 4:2:2 chroma does."""
