@@ -5,7 +5,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {value} {unit} is out of range: {wanted}")]
+    #[error("{name} = {value}{} is out of range: {wanted}", spaced(unit))]
     OutOfRange {
         /// The argument.
         name: &'static str,
@@ -126,4 +126,9 @@ impl WireError {
             | Self::Json { .. } => "",
         }
     }
+}
+
+/// A unit set off from its number.
+fn spaced(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
