@@ -35,7 +35,8 @@ pub struct EstimatedBaseline {
 /// [`TactileError::NoFrames`], or the error of the first frame that is not like the others.
 pub fn estimate_baseline(frames: &[ArrayView3<'_, u8>]) -> Result<EstimatedBaseline, TactileError> {
     let first = frames.first().ok_or(TactileError::NoFrames)?;
-    let seen: Vec<Seen> = frames.iter().map(|f| look(&Pair::new(*f, *first)?)).collect::<Result<_, _>>()?;
+    let pairs: Vec<Pair<'_>> = frames.iter().map(|f| Pair::new(*f, *first)).collect::<Result<_, _>>()?;
+    let seen: Vec<Seen> = pairs.iter().map(look).collect();
     let middle = median_of(seen.iter().map(|s| s.brightness).collect());
     let mut order: Vec<usize> = (0..frames.len())
         .filter(|&i| (seen[i].brightness - middle).abs() <= SETTLED * middle.max(1.0))
@@ -52,7 +53,7 @@ struct Seen {
 }
 
 /// Brightness and structure of a frame, from its thumbnail (the pair's baseline is only there for the size check).
-fn look(frame: &Pair<'_>) -> Result<Seen, TactileError> {
+fn look(frame: &Pair<'_>) -> Seen {
     let (height, width) = (frame.height(), frame.width());
     let side = (height.min(width) / THUMBNAIL).max(1);
     let (rows, columns) = (height / side, width / side);
@@ -72,10 +73,10 @@ fn look(frame: &Pair<'_>) -> Result<Seen, TactileError> {
         rows.flat_map(|r| r.iter().zip(r.iter().skip(offset))).map(|(a, b)| f64::from(a.abs_diff(*b))).sum()
     };
     let scale = (side * side * cells.len()) as f64;
-    Ok(Seen {
+    Seen {
         brightness: cells.iter().map(|&v| f64::from(v)).sum::<f64>() / scale,
         structure: (steps(3, columns * 3) + steps(columns * 3, cells.len())) / scale,
-    })
+    }
 }
 
 fn median_of(mut values: Vec<f64>) -> f64 {

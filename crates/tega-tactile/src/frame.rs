@@ -97,6 +97,11 @@ impl<'a> Pair<'a> {
         }
     }
 
+    /// Frame and baseline as interleaved bytes, row by row, where both lie in memory like that.
+    pub(crate) fn contiguous(&self) -> Option<(&[u8], &[u8])> {
+        Some((self.frame.as_slice()?, self.baseline.as_slice()?))
+    }
+
     /// Calls `visit(frame_row, baseline_row)` for row `y`; does nothing outside the image.
     pub(crate) fn with_row(&self, y: usize, visit: impl FnOnce(&[u8], &[u8])) {
         if y < self.height() {

@@ -137,13 +137,23 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`dent::fold_quads`].
-    fold_quads = dent::fold_quads, (sums: &[i16], pairs: &mut [i16], quads: &mut [i16]) -> ()
+    /// See [`dent::add_four_differences`].
+    add_four_differences = dent::add_four_differences, (sums: &mut [i16], frame: &[u8], baseline: &[u8]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::smooth_row`].
-    smooth_row = dent::smooth_row, (above: &[i16], here: &[i16], below: &[i16], middle: i32, scale: f32, sums: &mut [i16], out: &mut [f32]) -> ()
+    /// See [`dent::add_four_rows`].
+    add_four_rows = dent::add_four_rows, (sums: &mut [i16], rows: &[u8]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::fold_octets`].
+    fold_octets = dent::fold_octets, (sums: &mut [i16], folded: &mut [i16]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::smooth`].
+    smooth = dent::smooth, (plane: &[i16], cols: usize, middle: i32, scale: f32, column: &mut [i16], out: &mut [f32]) -> ()
 }
 
 dispatched! {
@@ -162,11 +172,6 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`dent::maximum_of_five`].
-    maximum_of_five = dent::maximum_of_five, (rows: [&[i16]; 5], out: &mut [i16]) -> ()
-}
-
-dispatched! {
-    /// See [`dent::minimum_of_five`].
-    minimum_of_five = dent::minimum_of_five, (rows: [&[i16]; 5], out: &mut [i16]) -> ()
+    /// See [`dent::close`].
+    close = dent::close, (plane: &[i16], cols: usize, across: &mut [i16], dilated: &mut [i16], out: &mut [i16]) -> ()
 }

@@ -7,59 +7,60 @@ use super::cells::Grid;
 /// Cells under this response belong to nothing: the border between contact and noise.
 pub(super) const LOW: f32 = 6.0;
 /// Saddles above this share of the lower peak do not part two basins.
-const SADDLE: f32 = 0.55;
-/// Buckets of the sort, in eighths of a noise unit above `LOW`.
-const BUCKETS: usize = 2048;
-const BUCKETS_PER_UNIT: f32 = 8.0;
+const SADDLE: f32 = 0.65;
+/// Buckets of the sort, in quarters of a noise unit above `LOW`.
+const BUCKETS: usize = 512;
+const BUCKETS_PER_UNIT: f32 = 4.0;
 
 /// A local maximum and, after merging, the basin it leads.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Peak {
     pub height: f32,
-    /// Index of the cell.
-    pub cell: usize,
     parent: u16,
+}
+
+/// A cell above `LOW`.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Cell {
+    pub x: u16,
+    pub y: u16,
 }
 
 /// Which basin each cell belongs to.
 #[derive(Debug, Default)]
 pub(super) struct Basins {
     /// Cells above `LOW`, highest first.
-    pub cells: Vec<u32>,
+    pub cells: Vec<Cell>,
     /// Basin of every cell plus one, 0 for none, with a border of one cell around the grid.
     labels: Vec<u16>,
     pub peaks: Vec<Peak>,
     buckets: Vec<u32>,
-    stride: usize,
 }
 
 impl Basins {
     /// Groups the cells of `length`.
+    #[inline(never)]
     pub fn find(&mut self, length: &[f32], grid: &Grid) {
-        self.sort(length);
-        self.stride = grid.cols + 2;
+        self.sort(length, grid);
         self.labels.clear();
-        self.labels.resize(self.stride * (grid.rows + 2), 0);
+        self.labels.resize(grid.padded_cells(), 0);
         self.peaks.clear();
         for i in 0..self.cells.len() {
             let Some(&cell) = self.cells.get(i) else { return };
-            self.flood(cell as usize, length, grid);
+            let height = length.get(grid.index(cell)).copied().unwrap_or_default();
+            self.flood(grid.padded_index(cell), height, grid.stride());
         }
     }
 
     /// Basin of a cell, an index into `peaks`.
-    pub fn of(&self, cell: usize, grid: &Grid) -> Option<usize> {
-        let label = *self.labels.get(self.padded(cell, grid))?;
+    pub fn of(&self, cell: Cell, grid: &Grid) -> Option<usize> {
+        let label = *self.labels.get(grid.padded_index(cell))?;
         (label > 0).then(|| self.root(label))
     }
 
     /// Whether a peak leads a basin of its own.
     pub fn leads(&self, peak: usize) -> bool {
         self.peaks.get(peak).is_some_and(|p| usize::from(p.parent) == peak)
-    }
-
-    fn padded(&self, cell: usize, grid: &Grid) -> usize {
-        (cell / grid.cols + 1) * self.stride + cell % grid.cols + 1
     }
 
     fn root(&self, label: u16) -> usize {
@@ -74,54 +75,53 @@ impl Basins {
         at
     }
 
-    fn flood(&mut self, cell: usize, length: &[f32], grid: &Grid) {
-        let at = self.padded(cell, grid);
-        let height = length.get(cell).copied().unwrap_or_default();
-        let mut highest: Option<usize> = None;
-        let mut seen = [u16::MAX; 8];
-        let neighbours = [
-            at - self.stride - 1,
-            at - self.stride,
-            at - self.stride + 1,
-            at - 1,
-            at + 1,
-            at + self.stride - 1,
-            at + self.stride,
-            at + self.stride + 1,
-        ];
-        for (neighbour, seen) in neighbours.iter().zip(&mut seen) {
-            let label = self.labels.get(*neighbour).copied().unwrap_or_default();
-            if label == 0 {
-                continue;
-            }
-            let root = self.root(label);
-            *seen = root as u16;
-            if highest.is_none_or(|best| self.peak_of(root) > self.peak_of(best)) {
-                highest = Some(root);
-            }
-        }
-        let lead = highest.unwrap_or(self.peaks.len());
-        if highest.is_none() {
-            self.peaks.push(Peak { height, cell, parent: lead as u16 });
-        }
-        for root in seen.into_iter().filter(|&root| root != u16::MAX && usize::from(root) != lead) {
-            if height >= SADDLE * self.peak_of(usize::from(root))
-                && let Some(peak) = self.peaks.get_mut(usize::from(root))
-            {
-                peak.parent = lead as u16;
-            }
-        }
+    /// Gives the cell at `at` to a basin around it, or to one of its own.
+    fn flood(&mut self, at: usize, height: f32, stride: usize) {
+        let three = |from: usize| match self.labels.get(from..from + 3) {
+            Some(&[a, b, c]) => [a, b, c],
+            _ => [0; 3],
+        };
+        let ([a, b, c], [d, _, e], [f, g, h]) =
+            (three(at - stride - 1), three(at - 1), three(at + stride - 1));
+        let around = [a, b, c, d, e, f, g, h];
+        let any = around.into_iter().fold(0, u16::max);
+        let lead = if any == 0 {
+            let lead = self.peaks.len();
+            self.peaks.push(Peak { height, parent: lead as u16 });
+            lead
+        } else if around.into_iter().all(|label| label == 0 || label == any) {
+            self.root(any)
+        } else {
+            self.meet(around, height)
+        };
         if let Some(label) = self.labels.get_mut(at) {
             *label = lead as u16 + 1;
         }
     }
 
-    fn peak_of(&self, root: usize) -> f32 {
-        self.peaks.get(root).map_or(0.0, |peak| peak.height)
+    /// Several labels meet at a cell of this height: the highest basin takes it, and those with no saddle to speak of.
+    fn meet(&mut self, around: [u16; 8], height: f32) -> usize {
+        let roots = around.map(|label| if label == 0 { None } else { Some(self.root(label)) });
+        let peak = |root: usize| self.peaks.get(root).map_or(0.0, |peak| peak.height);
+        let mut lead = None;
+        for root in roots.into_iter().flatten() {
+            if lead.is_none_or(|best| peak(root) > peak(best)) {
+                lead = Some(root);
+            }
+        }
+        let lead = lead.unwrap_or_default();
+        for root in roots.into_iter().flatten().filter(|&root| root != lead) {
+            if let Some(peak) = self.peaks.get_mut(root)
+                && height >= SADDLE * peak.height
+            {
+                peak.parent = lead as u16;
+            }
+        }
+        lead
     }
 
-    /// Cells above `LOW` by falling height, to an eighth of a unit; equals in the order of the grid.
-    fn sort(&mut self, length: &[f32]) {
+    /// Cells above `LOW` by falling height, to a quarter of a unit; equals in the order of the grid.
+    fn sort(&mut self, length: &[f32], grid: &Grid) {
         let bucket = |e: f32| BUCKETS - 1 - (((e - LOW) * BUCKETS_PER_UNIT) as usize).min(BUCKETS - 1);
         self.buckets.clear();
         self.buckets.resize(BUCKETS + 1, 0);
@@ -136,13 +136,15 @@ impl Basins {
             *start = total;
         }
         self.cells.clear();
-        self.cells.resize(count, 0);
-        for (cell, &e) in length.iter().enumerate().filter(|(_, e)| **e >= LOW) {
-            let next = &mut self.buckets[bucket(e)];
-            if let Some(slot) = self.cells.get_mut(*next as usize) {
-                *slot = cell as u32;
+        self.cells.resize(count, Cell::default());
+        for (y, row) in length.chunks_exact(grid.cols).enumerate() {
+            for (x, &e) in row.iter().enumerate().filter(|(_, e)| **e >= LOW) {
+                let next = &mut self.buckets[bucket(e)];
+                if let Some(slot) = self.cells.get_mut(*next as usize) {
+                    *slot = Cell { x: x as u16, y: y as u16 };
+                }
+                *next += 1;
             }
-            *next += 1;
         }
     }
 }

@@ -1,12 +1,12 @@
 //! Printed marker dots: dark spots that move with the gel and would drown the shading.
 //!
-//! A grey closing fills dark spots narrower than five cells, in the baseline and in the frame alike, before they are
+//! A grey closing fills dark spots narrower than three cells, in the baseline and in the frame alike, before they are
 //! compared. Whether a sensor has dots is read from its baseline; without dots nothing is touched.
 
 use super::cells::{Grid, Planes, UNITS_PER_COUNT};
 use crate::simd;
 
-/// A cell is part of a dot where the closing lifts every channel by more than this many counts.
+/// A cell is part of a dot where the closing lifts the brightest channel by more than this many counts.
 const DEPTH: f32 = 15.0;
 /// A baseline with a greater share of such cells has dots.
 const SHARE: f64 = 0.01;
@@ -19,30 +19,28 @@ pub(super) struct Closing {
     /// The frame without its dots, then its difference to the baseline.
     pub difference: Planes,
     open: Vec<i16>,
-    work: Work,
-}
-
-/// Buffers of one plane: rows already filtered, and a row with its borders repeated.
-#[derive(Debug, Default)]
-struct Work {
+    closed: Vec<i16>,
     across: Vec<i16>,
     dilated: Vec<i16>,
-    padded: Vec<i16>,
 }
 
 impl Closing {
     /// Fills the baseline's dots; false where it has none.
     pub fn baseline_has_dots(&mut self, baseline: &Planes, grid: &Grid) -> bool {
-        for (plane, out) in baseline.iter().zip(&mut self.baseline) {
-            close(plane, grid, &mut self.work, out);
-        }
+        // Dots are dark in the brightest channel too: one plane tells.
+        let [b0, b1, b2] = baseline;
+        self.open.clear();
+        self.open.extend(b0.iter().zip(b1).zip(b2).map(|((a, b), c)| *a.max(b).max(c)));
+        closed(&self.open, grid, &mut self.across, &mut self.dilated, &mut self.closed);
         let depth = (DEPTH * UNITS_PER_COUNT) as i16;
-        let lifted = |c: usize, i: usize| match (self.baseline[c].get(i), baseline[c].get(i)) {
-            (Some(closed), Some(open)) => closed - open > depth,
-            _ => false,
-        };
-        let dots = (0..grid.cells()).filter(|&i| lifted(0, i) && lifted(1, i) && lifted(2, i)).count();
-        dots as f64 > SHARE * grid.cells() as f64
+        let dots: usize = self.closed.iter().zip(&self.open).map(|(c, o)| usize::from(c - o > depth)).sum();
+        if dots as f64 <= SHARE * grid.cells() as f64 {
+            return false;
+        }
+        for (plane, out) in baseline.iter().zip(&mut self.baseline) {
+            closed(plane, grid, &mut self.across, &mut self.dilated, out);
+        }
+        true
     }
 
     /// The difference of frame and baseline, both without dots; call after `baseline_has_dots`.
@@ -50,7 +48,7 @@ impl Closing {
         for c in 0..3 {
             self.open.clear();
             self.open.extend(difference[c].iter().zip(&baseline[c]).map(|(d, b)| d + b));
-            close(&self.open, grid, &mut self.work, &mut self.difference[c]);
+            closed(&self.open, grid, &mut self.across, &mut self.dilated, &mut self.difference[c]);
             for (d, b) in self.difference[c].iter_mut().zip(&self.baseline[c]) {
                 *d -= b;
             }
@@ -58,55 +56,83 @@ impl Closing {
     }
 }
 
-/// Grey closing by a square of five cells.
-fn close(plane: &[i16], grid: &Grid, work: &mut Work, out: &mut Vec<i16>) {
-    for buffer in [&mut work.across, &mut work.dilated, out] {
+/// Grey closing by a square of three cells; border cells repeat. `across` and `dilated` are buffers.
+fn closed(plane: &[i16], grid: &Grid, across: &mut Vec<i16>, dilated: &mut Vec<i16>, out: &mut Vec<i16>) {
+    for buffer in [&mut *across, &mut *dilated, out] {
         buffer.resize(grid.cells(), 0);
     }
-    work.padded.resize(grid.cols + 4, 0);
-    filter(plane, grid, simd::maximum_of_five, &mut work.padded, &mut work.across, &mut work.dilated);
-    filter(&work.dilated, grid, simd::minimum_of_five, &mut work.padded, &mut work.across, out);
+    simd::close(plane, grid.cols, across, dilated, out);
 }
 
-type Extreme = fn([&[i16]; 5], &mut [i16]);
+/// Largest of three by three, then smallest of three by three; all planes are of one length.
+#[inline(always)]
+pub(crate) fn close(plane: &[i16], cols: usize, across: &mut [i16], dilated: &mut [i16], out: &mut [i16]) {
+    filter(plane, cols, i16::max, across, dilated);
+    filter(dilated, cols, i16::min, across, out);
+}
 
-/// `extreme` of five cells across, then of five down; border cells repeat.
+#[inline(always)]
 fn filter(
     plane: &[i16],
-    grid: &Grid,
-    extreme: Extreme,
-    padded: &mut [i16],
+    cols: usize,
+    extreme: impl Fn(i16, i16) -> i16,
     across: &mut [i16],
     out: &mut [i16],
 ) {
-    let cols = grid.cols;
+    let (one, two) = (plane.get(1..).unwrap_or_default(), plane.get(2..).unwrap_or_default());
+    // One run over all rows; then the ends of the rows, which have a neighbour on one side only.
+    for (((out, &l), &h), &r) in across.iter_mut().skip(1).zip(plane).zip(one).zip(two) {
+        *out = extreme(extreme(l, h), r);
+    }
     for (row, out) in plane.chunks_exact(cols).zip(across.chunks_exact_mut(cols)) {
-        let (Some(&first), Some(&last)) = (row.first(), row.last()) else { return };
-        padded.fill(last);
-        padded.iter_mut().take(2).for_each(|p| *p = first);
-        padded.iter_mut().skip(2).zip(row).for_each(|(p, v)| *p = *v);
-        extreme([0, 1, 2, 3, 4].map(|shift| padded.get(shift..shift + cols).unwrap_or_default()), out);
+        let second = cols.min(2) - 1;
+        out[0] = extreme(row[0], row[second]);
+        out[cols - 1] = extreme(row[cols - 1 - second], row[cols - 1]);
     }
-    let last = grid.rows - 1;
-    for (row, out) in out.chunks_exact_mut(cols).enumerate() {
-        let rows =
-            [row.saturating_sub(2), row.saturating_sub(1), row, (row + 1).min(last), (row + 2).min(last)];
-        extreme(rows.map(|r| across.get(r * cols..(r + 1) * cols).unwrap_or_default()), out);
+    let last = across.len().saturating_sub(cols);
+    let (below, far) = (across.get(cols..).unwrap_or_default(), across.get(2 * cols..).unwrap_or_default());
+    for (((out, &a), &h), &b) in out.iter_mut().skip(cols).zip(&*across).zip(below).zip(far) {
+        *out = extreme(extreme(a, h), b);
+    }
+    let beside = cols.min(last);
+    for ((out, &h), &b) in
+        out.iter_mut().take(cols).zip(&*across).zip(across.get(beside..).unwrap_or_default())
+    {
+        *out = extreme(h, b);
+    }
+    let tail = across.get(last..).unwrap_or_default();
+    let before = across.get(last.saturating_sub(cols)..).unwrap_or_default();
+    for ((out, &h), &a) in out.iter_mut().skip(last).zip(tail).zip(before) {
+        *out = extreme(h, a);
     }
 }
 
-#[inline(always)]
-pub(crate) fn maximum_of_five(rows: [&[i16]; 5], out: &mut [i16]) {
-    let [a, b, c, d, e] = rows;
-    for (((((out, a), b), c), d), e) in out.iter_mut().zip(a).zip(b).zip(c).zip(d).zip(e) {
-        *out = *a.max(b).max(c).max(d).max(e);
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
 
-#[inline(always)]
-pub(crate) fn minimum_of_five(rows: [&[i16]; 5], out: &mut [i16]) {
-    let [a, b, c, d, e] = rows;
-    for (((((out, a), b), c), d), e) in out.iter_mut().zip(a).zip(b).zip(c).zip(d).zip(e) {
-        *out = *a.min(b).min(c).min(d).min(e);
+    fn slow(plane: &[i16], rows: usize, cols: usize, largest: bool) -> Vec<i16> {
+        let around = |at: usize, side: usize| at.saturating_sub(1)..(at + 2).min(side);
+        let mut out = Vec::new();
+        for y in 0..rows {
+            for x in 0..cols {
+                let cells = around(y, rows).flat_map(|y| around(x, cols).map(move |x| plane[y * cols + x]));
+                out.push(if largest { cells.max() } else { cells.min() }.unwrap());
+            }
+        }
+        out
+    }
+
+    proptest! {
+        #[test]
+        fn closing_is_the_largest_then_the_smallest_around(rows in 1usize..7, cols in 1usize..7, seed in any::<u64>()) {
+            let value = |i: usize| (seed.rotate_left(i as u32 * 7 % 64) % 4080) as i16;
+            let plane: Vec<i16> = (0..rows * cols).map(value).collect();
+            let (mut across, mut dilated, mut out) = (plane.clone(), plane.clone(), plane.clone());
+            close(&plane, cols, &mut across, &mut dilated, &mut out);
+            let wanted = slow(&slow(&plane, rows, cols, true), rows, cols, false);
+            prop_assert_eq!(out, wanted);
+        }
     }
 }

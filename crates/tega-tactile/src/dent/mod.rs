@@ -1,6 +1,6 @@
 //! The `live` reading: where the gel is dented, from the shading of a fingertip camera's image.
 //!
-//! 1. Both images are averaged over about 5,000 cells ([`cells`]); a median per channel takes out a change of colour.
+//! 1. Both images are averaged over some 1,200 cells ([`cells`]); a median per channel takes out a change of colour.
 //! 2. The difference is weighed by the sensor's noise ([`response`]). Where fewer than [`GATE_CELLS`] cells rise above
 //!    [`GATE`] noise units there is no contact and nothing further is done.
 //! 3. Printed dots are filled where the baseline has them ([`dots`]); offset and gain of the picture are fitted.
@@ -17,16 +17,16 @@ mod outline;
 mod patches;
 mod response;
 
-pub(crate) use cells::{add_difference, add_row, fold_quads};
-pub(crate) use dots::{maximum_of_five, minimum_of_five};
-pub(crate) use response::{lengths, median, quiet_sums, smooth_row};
+pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_octets};
+pub(crate) use dots::close;
+pub(crate) use response::{lengths, median, quiet_sums, smooth};
 
 use crate::frame::{Order, Pair};
 use crate::metrics::ContactMetrics;
 use basins::Basins;
 use cells::{Grid, Planes, Source, Strip};
 use dots::Closing;
-use fill::Filled;
+use fill::{Crossings, Filled};
 use outline::Rays;
 use patches::Patches;
 use response::{COUNTS_PER_UNIT, Response};
@@ -34,14 +34,14 @@ use response::{COUNTS_PER_UNIT, Response};
 /// Response, in noise units, that a cell without contact does not reach.
 const GATE: f32 = 8.0;
 /// Cells above [`GATE`] that make a contact.
-const GATE_CELLS: usize = 2;
+const GATE_CELLS: usize = 1;
 /// The length, as a share of the image's diagonal, that a dent's height is given over.
 const HEIGHT_SHARE: f64 = 0.125;
 
 /// What the mask of the `live` reading means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outline {
-    /// The dent, as an eye marks it: out to where the response falls to 0.58 of each flank's own maximum.
+    /// The dent, as an eye marks it: out to where the response falls to 0.61 of each flank's own maximum.
     #[default]
     Dent,
     /// The touching area of a curved object: to 0.9 of each flank's maximum. Fragile on faint contacts.
@@ -51,7 +51,7 @@ pub enum Outline {
 impl Outline {
     fn share(self) -> f32 {
         match self {
-            Self::Dent => 0.58,
+            Self::Dent => 0.61,
             Self::Contact => 0.9,
         }
     }
@@ -80,12 +80,13 @@ pub struct LiveScratch {
     difference: Planes,
     baseline: Planes,
     smooth_baseline: [Vec<f32>; 3],
-    row_sums: Vec<i16>,
+    column_sums: Vec<i16>,
     closing: Closing,
     response: Response,
     basins: Basins,
     joined: Patches,
     rays: Rays,
+    crossings: Vec<Crossings>,
     mask: Vec<u8>,
     patches: Vec<ContactPatch>,
 }
@@ -143,9 +144,9 @@ pub fn read_live(
     let pixels = (grid.side * grid.side) as f64;
     let reference = HEIGHT_SHARE * f64::from(grid.diagonal()) * grid.side as f64;
     for (index, patch) in scratch.joined.contacts() {
-        let maps = (&scratch.response.length[..], &scratch.basins, &scratch.joined);
+        let maps = (&scratch.response.length[..], scratch.joined.owners());
         let Some(polygon) = scratch.rays.outline(index, patch, maps, &grid, outline) else { continue };
-        let filled = fill::fill(&polygon, &grid, &mut scratch.mask);
+        let filled = fill::fill(&polygon, &grid, &mut scratch.crossings, &mut scratch.mask);
         if filled.area == 0 {
             continue;
         }
@@ -165,6 +166,7 @@ pub fn read_live(
 }
 
 /// Computes the response; false where nothing is in contact.
+#[inline(never)]
 fn respond(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch) -> bool {
     cells::average(pair, grid, Source::Difference, &mut scratch.strip, &mut scratch.difference);
     scratch.response.whiten(&scratch.difference, grid, order);
@@ -178,7 +180,7 @@ fn respond(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch
         scratch.response.whiten(&scratch.closing.difference, grid, order);
         baseline = &scratch.closing.baseline;
     }
-    response::smooth_counts(baseline, grid, &mut scratch.row_sums, &mut scratch.smooth_baseline);
+    response::smooth_counts(baseline, grid, &mut scratch.column_sums, &mut scratch.smooth_baseline);
     scratch.response.take_out_colour(&scratch.smooth_baseline, grid);
     scratch.response.count_above(GATE) >= GATE_CELLS
 }

@@ -4,9 +4,9 @@
 //! maximum does. Rays leave evenly in the patch's own proportions, so that a strip is followed as well as a disc.
 
 use super::Outline;
-use super::basins::{Basins, LOW};
+use super::basins::LOW;
 use super::cells::Grid;
-use super::patches::{Patch, Patches};
+use super::patches::{FREE, Patch};
 
 /// Rays of one patch; a multiple of four.
 pub(super) const RAYS: usize = 48;
@@ -29,7 +29,9 @@ const COSINES: [f32; RAYS / 4 + 1] = [
 /// Times the rays are cast, each from the centroid of the outline before.
 const CASTS: usize = 2;
 /// Distance between samples on a ray, in cells.
-const STEP: f32 = 0.5;
+const STEP: f32 = 1.0;
+/// Samples of the longest ray: images are at most 4096 pixels a side, about 50 cells across.
+const SAMPLES: usize = 80;
 /// Neighbours on either side in the median that steadies the outline.
 const NEIGHBOURS: usize = 3;
 
@@ -46,7 +48,6 @@ pub(super) struct Polygon {
 pub(super) struct Rays {
     /// The response of one patch alone, with its border cells repeated once around the grid.
     field: Vec<f32>,
-    samples: Vec<f32>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -61,15 +62,16 @@ struct Ray {
 
 impl Rays {
     /// The outline of patch `index`; `None` if it encloses nothing.
+    #[inline(never)]
     pub fn outline(
         &mut self,
         index: usize,
         patch: &Patch,
-        (length, basins, patches): (&[f32], &Basins, &Patches),
+        (length, owners): (&[f32], &[u8]),
         grid: &Grid,
         outline: Outline,
     ) -> Option<Polygon> {
-        self.single_out(index, length, basins, patches, grid);
+        self.single_out(index, length, owners, grid);
         let (mut centre, frame) = patch.frame();
         let mut polygon = None;
         for _ in 0..CASTS {
@@ -86,25 +88,18 @@ impl Rays {
     }
 
     /// Copies the response of the cells that are of this patch or of none.
-    fn single_out(&mut self, index: usize, length: &[f32], basins: &Basins, patches: &Patches, grid: &Grid) {
-        let cols = grid.cols;
-        let stride = cols + 2;
-        self.field.clear();
-        self.field.resize(stride * (grid.rows + 2), 0.0);
-        for (to, from) in self.field.chunks_exact_mut(stride).skip(1).zip(length.chunks_exact(cols)) {
-            to.iter_mut().skip(1).zip(from).for_each(|(t, f)| *t = *f);
-        }
-        for &cell in &basins.cells {
-            let cell = cell as usize;
-            if basins.of(cell, grid).and_then(|b| patches.of(b)) != Some(index)
-                && let Some(e) = self.field.get_mut((cell / cols + 1) * stride + cell % cols + 1)
-            {
-                *e = 0.0;
+    #[inline(never)]
+    fn single_out(&mut self, index: usize, length: &[f32], owners: &[u8], grid: &Grid) {
+        let (cols, stride) = (grid.cols, grid.stride());
+        self.field.resize(grid.padded_cells(), 0.0);
+        let owners = owners.chunks_exact(stride).skip(1);
+        let rows = self.field.chunks_exact_mut(stride).skip(1).zip(length.chunks_exact(cols)).zip(owners);
+        for ((to, from), owners) in rows {
+            for ((to, from), &owner) in to.iter_mut().skip(1).zip(from).zip(owners.iter().skip(1)) {
+                *to = if owner == FREE || usize::from(owner) == index { *from } else { 0.0 };
             }
-        }
-        for row in self.field.chunks_exact_mut(stride) {
-            row[0] = row[1];
-            row[cols + 1] = row[cols];
+            to[0] = to[1];
+            to[cols + 1] = to[cols];
         }
         self.field.copy_within(stride..2 * stride, 0);
         self.field.copy_within(grid.rows * stride..(grid.rows + 1) * stride, (grid.rows + 1) * stride);
@@ -117,20 +112,27 @@ impl Rays {
         let bounds = [left - 1.0, top - 1.0, right + 1.0, bottom + 1.0];
         let to_border = distance(centre, ray.direction, border);
         let limit = to_border.min(distance(centre, ray.direction, bounds));
-        self.samples.clear();
+        let mut samples = [0f32; SAMPLES];
+        let mut count = 0;
         let mut highest = 0f32;
-        let mut at = 0.0;
-        while at <= limit {
-            let e = self.sample([centre[0] + at * ray.direction[0], centre[1] + at * ray.direction[1]], grid);
-            self.samples.push(e);
-            highest = highest.max(e);
-            at += STEP;
+        // Fixed point: a 65,536th of a cell; the field's first cell is one further on for its border.
+        let fixed = |v: f32| (v * 65536.0) as i32;
+        let (mut x, mut y) = (fixed(centre[0] + 1.0), fixed(centre[1] + 1.0));
+        let (dx, dy) = (fixed(STEP * ray.direction[0]), fixed(STEP * ray.direction[1]));
+        let wanted = (limit / STEP) as usize + 1;
+        for sample in samples.iter_mut().take(wanted) {
+            *sample = self.sample(x, y, grid);
+            highest = highest.max(*sample);
+            count += 1;
+            x += dx;
+            y += dy;
         }
+        let samples = samples.get(..count).unwrap_or_default();
         ray.known = highest >= LOW;
         ray.level = (share * highest).max(LOW);
-        let last = self.samples.iter().rposition(|&e| e >= ray.level).unwrap_or(0);
-        let here = self.samples.get(last).copied().unwrap_or_default();
-        let past_last = match self.samples.get(last + 1) {
+        let last = samples.iter().rposition(|&e| e >= ray.level).unwrap_or(0);
+        let here = samples.get(last).copied().unwrap_or_default();
+        let past_last = match samples.get(last + 1) {
             // Straight between the two samples around the crossing.
             Some(&next) if here > next => STEP * ((here - ray.level) / (here - next)).clamp(0.0, 1.0),
             Some(_) => 0.0,
@@ -140,17 +142,18 @@ impl Rays {
     }
 
     /// The field between four cells.
-    fn sample(&self, [x, y]: [f32; 2], grid: &Grid) -> f32 {
-        // Positive within the border, so that truncation rounds down.
-        let (x, y) = ((x + 1.0).max(0.0), (y + 1.0).max(0.0));
-        let (col, row) = ((x as usize).min(grid.cols), (y as usize).min(grid.rows));
-        let (fx, fy) = (x - col as f32, y - row as f32);
-        let at = row * (grid.cols + 2) + col;
+    #[inline(always)]
+    fn sample(&self, x: i32, y: i32, grid: &Grid) -> f32 {
+        let (col, row) = ((x >> 16).max(0) as usize, (y >> 16).max(0) as usize);
+        let part = |v: i32| (v & 0xffff) as f32 * (1.0 / 65536.0);
+        let (fx, fy) = (part(x), part(y));
+        let at = row * grid.stride() + col;
         let pair = |at: usize| match self.field.get(at..at + 2) {
-            Some(&[a, b]) => a * (1.0 - fx) + b * fx,
+            Some(&[a, b]) => a + (b - a) * fx,
             _ => 0.0,
         };
-        pair(at) * (1.0 - fy) + pair(at + grid.cols + 2) * fy
+        let (above, below) = (pair(at), pair(at + grid.stride()));
+        above + (below - above) * fy
     }
 }
 

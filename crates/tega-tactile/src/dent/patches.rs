@@ -21,9 +21,9 @@ const OPPOSED: f64 = -0.5;
 /// And if together they are better balanced by at least this much.
 const BETTER: f64 = 0.1;
 /// Distance in cells within which a speck or a piece is joined to a whole patch.
-const NEAR: i32 = 5;
+const NEAR: i32 = 2;
 /// Basins of at most this many cells are specks.
-const SPECK: f64 = 6.0;
+const SPECK: f64 = 1.0;
 /// Strongest basins looked at.
 const MOST: usize = 32;
 
@@ -42,6 +42,11 @@ pub(super) struct Patch {
     /// Bounds of all its cells.
     pub reach: [i32; 4],
 }
+
+/// Owner of a cell under `LOW`.
+pub(super) const FREE: u8 = u8::MAX;
+/// Owner of a cell whose basin is no contact.
+const DROPPED: u8 = u8::MAX - 1;
 
 const NOWHERE: [i32; 4] = [i32::MAX, i32::MAX, i32::MIN, i32::MIN];
 
@@ -106,6 +111,7 @@ pub(super) struct Patches {
     pub all: Vec<Patch>,
     /// Patch of every basin, an index into `all`; `None` where its peak is too low.
     of_basin: Vec<Option<usize>>,
+    owners: Vec<u8>,
     /// Peak under which a patch is dropped.
     floor: f32,
 }
@@ -134,6 +140,19 @@ impl Patches {
         }
         let highest = self.all.iter().fold(0f32, |a, p| a.max(p.peak));
         self.floor = PEAK_SHARE * highest;
+        self.owners.clear();
+        self.owners.resize(grid.padded_cells(), FREE);
+        for &cell in &basins.cells {
+            let patch = basins.of(cell, grid).and_then(|b| self.of_basin.get(b).copied().flatten());
+            if let Some(owner) = self.owners.get_mut(grid.padded_index(cell)) {
+                *owner = patch.map_or(DROPPED, |patch| patch as u8);
+            }
+        }
+    }
+
+    /// Patch of every cell, with a border of one cell around the grid: an index, [`FREE`] or [`DROPPED`].
+    pub fn owners(&self) -> &[u8] {
+        &self.owners
     }
 
     /// The patches that are contact, with their index.
@@ -141,17 +160,12 @@ impl Patches {
         self.all.iter().enumerate().filter(|(_, patch)| patch.peak >= self.floor)
     }
 
-    /// Patch of a basin.
-    pub fn of(&self, basin: usize) -> Option<usize> {
-        self.of_basin.get(basin).copied().flatten()
-    }
-
     /// One patch for each basin whose peak is contact, the strongest only where there are many.
     fn open(&mut self, basins: &Basins) {
         self.all.clear();
         self.of_basin.clear();
         for (i, peak) in basins.peaks.iter().enumerate() {
-            // Peaks come in falling order, to an eighth of a unit.
+            // Peaks come in falling order, to a quarter of a unit.
             let leads = basins.leads(i) && peak.height >= PEAK && self.all.len() < MOST;
             self.of_basin.push(leads.then_some(self.all.len()));
             if leads {
@@ -163,10 +177,10 @@ impl Patches {
     fn sum(&mut self, basins: &Basins, response: &Response, grid: &Grid) {
         let [w0, w1, w2] = &response.white;
         for &cell in &basins.cells {
-            let cell = cell as usize;
             let patch = basins.of(cell, grid).and_then(|b| self.of_basin.get(b).copied().flatten());
             let Some(patch) = patch.and_then(|p| self.all.get_mut(p)) else { continue };
-            let (x, y) = ((cell % grid.cols) as i32, (cell / grid.cols) as i32);
+            let (x, y) = (i32::from(cell.x), i32::from(cell.y));
+            let cell = grid.index(cell);
             patch.reach = hull(patch.reach, [x, y, x, y]);
             let e = response.length.get(cell).copied().unwrap_or_default();
             if e < LOW.max(SEED * patch.peak) {

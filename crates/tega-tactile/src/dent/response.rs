@@ -16,7 +16,7 @@ pub(super) const COUNTS_PER_UNIT: f32 = 2.598;
 const QUIET: f32 = 4.0;
 /// A fit needs this share of the cells to be quiet.
 const QUIET_SHARE: f32 = 0.1;
-const FITS: usize = 2;
+const FITS: usize = 3;
 
 /// Whitened difference per channel and its length, per cell.
 #[derive(Debug, Default)]
@@ -36,7 +36,8 @@ impl Response {
             white.resize(grid.cells(), 0.0);
             let middle = simd::median(plane);
             let scale = 1.0 / (16.0 * UNITS_PER_COUNT * noise);
-            smooth(plane, grid, 16 * i32::from(middle), scale, &mut self.smooth, white);
+            self.smooth.resize(grid.cells(), 0);
+            simd::smooth(plane, grid.cols, 16 * i32::from(middle), scale, &mut self.smooth, white);
         }
         self.measure(grid);
     }
@@ -48,6 +49,7 @@ impl Response {
     }
 
     /// Takes out an offset and a gain (against the smoothed baseline, in counts) per channel, fitted on quiet cells.
+    #[inline(never)]
     pub fn take_out_colour(&mut self, baseline: &[Vec<f32>; 3], grid: &Grid) {
         for _ in 0..FITS {
             for (white, base) in self.white.iter_mut().zip(baseline) {
@@ -75,48 +77,60 @@ impl Response {
     }
 }
 
-/// 1-2-1 both ways; the border cell repeats. `out = (16 * smoothed - middle) * scale`.
-fn smooth(plane: &[i16], grid: &Grid, middle: i32, scale: f32, row_sums: &mut Vec<i16>, out: &mut [f32]) {
-    let cols = grid.cols;
-    row_sums.resize(cols + 2, 0);
-    let row_of = |row: usize| plane.get(row * cols..(row + 1) * cols).unwrap_or_default();
-    for (row, out) in out.chunks_exact_mut(cols).enumerate() {
-        let above = row_of(row.saturating_sub(1));
-        let below = row_of((row + 1).min(grid.rows - 1));
-        simd::smooth_row(above, row_of(row), below, middle, scale, row_sums, out);
-    }
-}
-
 /// The same smoothing for the baseline, in counts.
-pub(super) fn smooth_counts(planes: &Planes, grid: &Grid, row_sums: &mut Vec<i16>, out: &mut [Vec<f32>; 3]) {
+pub(super) fn smooth_counts(planes: &Planes, grid: &Grid, column: &mut Vec<i16>, out: &mut [Vec<f32>; 3]) {
+    column.resize(grid.cells(), 0);
     for (plane, out) in planes.iter().zip(out) {
         out.resize(grid.cells(), 0.0);
-        smooth(plane, grid, 0, 1.0 / (16.0 * UNITS_PER_COUNT), row_sums, out);
+        simd::smooth(plane, grid.cols, 0, 1.0 / (16.0 * UNITS_PER_COUNT), column, out);
     }
 }
 
-/// One row of the 1-2-1 smoothing. Cell values are within 255 * 16, so four of them fit 16 bits.
+/// 1-2-1 both ways, border cells repeated: `out = (16 * smoothed - middle) * scale`. Cell values are within 255 * 16,
+/// so four of them fit 16 bits. `column` holds the sums down the columns; all planes are of one length.
 #[inline(always)]
-pub(crate) fn smooth_row(
-    above: &[i16],
-    here: &[i16],
-    below: &[i16],
+pub(crate) fn smooth(
+    plane: &[i16],
+    cols: usize,
     middle: i32,
     scale: f32,
-    sums: &mut [i16],
+    column: &mut [i16],
     out: &mut [f32],
 ) {
-    let cols = out.len();
-    for (((sum, a), h), b) in sums.iter_mut().skip(1).zip(above).zip(here).zip(below) {
-        *sum = a + 2 * h + b;
+    let n = plane.len();
+    let down = |a: &[i16], h: &[i16], b: &[i16], out: &mut [i16]| {
+        for (((sum, a), h), b) in out.iter_mut().zip(a).zip(h).zip(b) {
+            *sum = a + 2 * h + b;
+        }
+    };
+    let (last, cut) = (n.saturating_sub(cols), n.saturating_sub(2 * cols));
+    // First row, rows between, last row: one long run each.
+    down(
+        plane,
+        plane,
+        plane.get(cols.min(last)..).unwrap_or_default(),
+        column.get_mut(..cols).unwrap_or_default(),
+    );
+    down(
+        plane,
+        plane.get(cols..).unwrap_or_default(),
+        plane.get(2 * cols..).unwrap_or_default(),
+        column.get_mut(cols..last).unwrap_or_default(),
+    );
+    if last > 0 {
+        let tail = plane.get(last..).unwrap_or_default();
+        down(plane.get(cut..).unwrap_or_default(), tail, tail, column.get_mut(last..).unwrap_or_default());
     }
-    if let (Some(&first), Some(&last)) = (sums.get(1), sums.get(cols)) {
-        sums[0] = first;
-        sums[cols + 1] = last;
+    let level =
+        |l: i16, h: i16, r: i16| (i32::from(l) + 2 * i32::from(h) + i32::from(r) - middle) as f32 * scale;
+    let (left, right) = (column.get(1..).unwrap_or_default(), column.get(2..).unwrap_or_default());
+    for (((out, &l), &h), &r) in out.iter_mut().skip(1).zip(&*column).zip(left).zip(right) {
+        *out = level(l, h, r);
     }
-    for (((out, &l), &h), &r) in out.iter_mut().zip(&sums[..]).zip(&sums[1..]).zip(&sums[2..]) {
-        let sum = i32::from(l) + 2 * i32::from(h) + i32::from(r);
-        *out = (sum - middle) as f32 * scale;
+    for (row, out) in column.chunks_exact(cols).zip(out.chunks_exact_mut(cols)) {
+        let second = cols.min(2) - 1;
+        out[0] = level(row[0], row[0], row[second]);
+        out[cols - 1] = level(row[cols - 1 - second], row[cols - 1], row[cols - 1]);
     }
 }
 
@@ -149,25 +163,33 @@ pub(crate) fn lengths(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     }
 }
 
+const LANES: usize = 8;
+
 /// Over quiet cells: their number, sums of baseline, difference, baseline squared and the product. Eight running sums
 /// in a fixed order, so that every instruction set gives the same bits.
 #[inline(always)]
 pub(crate) fn quiet_sums(length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5] {
-    const LANES: usize = 8;
-    let mut sums = [[0f32; LANES]; 5];
-    let chunks = length.chunks(LANES).zip(base.chunks(LANES)).zip(white.chunks(LANES));
-    for ((length, base), white) in chunks {
-        for (lane, ((&e, &b), &d)) in length.iter().zip(base).zip(white).enumerate() {
-            let on = if e < QUIET { 1.0 } else { 0.0 };
-            let (b_on, d_on) = (b * on, d * on);
-            sums[0][lane] += on;
-            sums[1][lane] += b_on;
-            sums[2][lane] += d_on;
-            sums[3][lane] += b_on * b;
-            sums[4][lane] += d_on * b;
+    let zero = [0f32; LANES];
+    let (mut n, mut sb, mut sd, mut sbb, mut sbd) = (zero, zero, zero, zero, zero);
+    let ((length, length_rest), (base, base_rest), (white, white_rest)) =
+        (length.as_chunks::<LANES>(), base.as_chunks::<LANES>(), white.as_chunks::<LANES>());
+    for ((length, base), white) in length.iter().zip(base).zip(white) {
+        for lane in 0..LANES {
+            let on = f32::from(u8::from(length[lane] < QUIET));
+            let (b, d) = (base[lane] * on, white[lane] * on);
+            n[lane] += on;
+            sb[lane] += b;
+            sd[lane] += d;
+            sbb[lane] += b * base[lane];
+            sbd[lane] += d * base[lane];
         }
     }
-    sums.map(|lanes| lanes.iter().sum())
+    let rest = length_rest.iter().zip(base_rest).zip(white_rest).filter(|((e, _), _)| **e < QUIET);
+    let mut sums = [n, sb, sd, sbb, sbd].map(|lanes| lanes.iter().sum::<f32>());
+    for ((_, &b), &d) in rest {
+        sums.iter_mut().zip([1.0, b, d, b * b, d * b]).for_each(|(sum, term)| *sum += term);
+    }
+    sums
 }
 
 #[cfg(test)]
