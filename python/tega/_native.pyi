@@ -34,7 +34,6 @@ def contact_mask(
 def pressure_map(
     frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
 ) -> NDArray[np.float32]: ...
-
 def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], list[int]]: ...
 
 # --- haptics ---

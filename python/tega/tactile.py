@@ -147,8 +147,8 @@ def read_contact(
     floor of 6 grey values set to 0, then Eq 2 to 6 with T not below that floor; no contact under 30 pixels above it.
 
     ``live``: the dent that the picture shows, found by its shading against the sensor's noise, one outline a patch.
-    ``eda`` is its area, ``peak`` its height in counts, ``cci`` is peak/√EDA, which rises with the press; ``centroid_xy``
-    and ``spread`` are the mask's, ``threshold`` is the mean response at the outlines.
+    ``eda`` is its area, ``peak`` its height in counts, ``cci`` is peak/√EDA, which rises with the press;
+    ``centroid_xy`` and ``spread`` are the mask's, ``threshold`` is the mean response at the outlines.
 
     Args:
         frame: The image, uint8 (H, W, 3), borrowed.

@@ -9,7 +9,6 @@ import can
 import cv2
 import numpy as np
 import pytest
-from tega.wire import CanFrame
 
 from reference.recordings import pressed, write_folder, write_video
 from tega.devices import driver_class, list_drivers
@@ -19,6 +18,7 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.devices.video import VideoFile, VideoFileOptions
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError, RecordingError
 from tega.haptics import vest_frame
+from tega.wire import CanFrame
 
 
 def names_read(folder: Path, **options: object) -> list[str]:

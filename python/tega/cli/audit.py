@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -75,7 +75,7 @@ def _source(recording: Path, exclude: list[Path]) -> TactileSource:
     from tega.devices.registry import driver_class
 
     name = "images" if recording.is_dir() else "video"
-    driver = driver_class(name, "tactile")
+    driver: Any = driver_class(name, "tactile")
     options = {"folder": recording, "exclude": tuple(exclude)} if recording.is_dir() else {"file": recording}
     source: TactileSource = driver(driver.options_type(**options))
     return source

@@ -35,10 +35,10 @@ _VERBS = {
         "Tooling",
         "tega.cli.audit",
         "audit",
-        "Compare the readings of the contact equations on recorded touch.",
+        "Compare readings of the contact equations.",
     ),
     "emg-score": _Verb(
-        "Tooling", "tega.cli.emg_score", "emg_score", "Score closure levels against a measured force."
+        "Tooling", "tega.cli.emg_score", "emg_score", "Score the levels against a measured force."
     ),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
 }

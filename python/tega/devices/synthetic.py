@@ -163,7 +163,9 @@ class SyntheticTouch(Opened):
         seq = self._next
         self._next += 1
         t_s = seq / self._options.rate_hz
-        return TactileFrame(round(t_s * 1e9), seq, self._camera.frame(self.press_at(t_s), seq), f"frame {seq}")
+        return TactileFrame(
+            round(t_s * 1e9), seq, self._camera.frame(self.press_at(t_s), seq), f"frame {seq}"
+        )
 
 
 class SyntheticEmgOptions(Options, frozen=True):

@@ -48,7 +48,8 @@ def write_figure(config: SessionConfig, folder: Path, path: Path, *, title: str)
     pictures = {}
     for finger, firmest in _firmest(contacts).items():
         section = config.tactile.in_use()[finger]
-        source: TactileSource = driver_class(section.driver, "tactile")(section.options)
+        driver: Any = driver_class(section.driver, "tactile")
+        source: TactileSource = driver(section.options)
         with source:
             baseline, _ = find_baseline(source, section.baseline, finger=finger)
             frame = _frame(source, firmest.seq)
