@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from tega.config import FINGERS, load_config
+from tega.devices import driver_names
 from tega.devices.images import ImageFolderOptions
 from tega.errors import ConfigError
 
@@ -132,3 +134,23 @@ def test_a_missing_file_and_broken_toml(tmp_path: Path) -> None:
     broken.write_bytes(b"\xff\xfe")
     with pytest.raises(ConfigError, match=r"^broken\.toml: not UTF-8"):
         load_config(broken, environ={})
+
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("name", ["session.toml", "simulated.toml"])
+def test_the_examples_are_valid(name: str) -> None:
+    loaded = load_config(PROJECT / "examples" / name, environ={})
+    assert loaded.config.emg is not None
+
+
+def test_the_docs_list_every_key_and_driver() -> None:
+    text = (PROJECT / "docs" / "config.md").read_text(encoding="utf-8")
+    loaded = load_config(PROJECT / "examples" / "session.toml", environ={})
+    keys = {re.sub(r"^tactile\.\w+", "tactile.FINGER", key) for key in loaded.values} - {"tactile.FINGER"}
+    for key in keys:
+        section, _, option = key.partition(".options.")
+        assert f"`{option or section}`" in text, key
+    for name in driver_names():
+        assert f"`{name}`" in text, name

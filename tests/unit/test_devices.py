@@ -142,6 +142,9 @@ def test_what_is_no_video_is_refused(tmp_path: Path, content: bytes) -> None:
         RecordingError, match=rf"v\.mp4: cannot be opened as a video \({len(content)} bytes\)"
     ):
         VideoFile(VideoFileOptions(file=path)).open()
+    picture = write_folder(tmp_path, 1) / "frame_0.png"
+    with pytest.raises(RecordingError, match=r"frame_0\.png: a picture, not a video; give the folder"):
+        VideoFile(VideoFileOptions(file=picture)).open()
     with pytest.raises(RecordingError, match=r"none\.mp4: no such video"):
         VideoFile(VideoFileOptions(file=tmp_path / "none.mp4")).open()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -368,3 +369,29 @@ def test_a_rate_too_low_for_a_block_says_so(replay: Replay, tmp_path: Path) -> N
     np.save(tmp_path / "e.npy", squeezes(60, 4.0))
     words = ["--emg", tmp_path / "e.npy", "--emg-rate-hz", 4, "--emg-kind", "raw", "--out", tmp_path / "out"]
     assert "EMG rate_hz = 4: a block of 100 ms holds no sample" in replay(*words, code=1)["stderr"]
+
+
+def test_a_channel_that_never_moves_is_named_by_its_number(replay: Replay, tmp_path: Path) -> None:
+    samples = squeezes(600, 200.0, channels=6)
+    samples[:, 5] = 0.0
+    np.save(tmp_path / "e.npy", samples)
+    words = [
+        "--emg",
+        tmp_path / "e.npy",
+        "--emg-rate-hz",
+        200,
+        "--emg-kind",
+        "envelope",
+        "--emg-channels",
+        "3,6",
+    ]
+    said = replay(*words, "--out", tmp_path / "out", code=1)["stderr"]
+    assert "error: EMG e.npy, channels ch3, ch6: maximum of channel 2" in said
+
+
+def test_the_docs_name_every_flag(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["replay", "--help"])
+    flags = set(re.findall(r"--[a-z-]+", capsys.readouterr().out)) - {"--debug", "--help", "--json"}
+    text = (Path(__file__).resolve().parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+    assert flags == {flag for flag in flags if flag in text}

@@ -102,7 +102,9 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
         task = bar.add_task("preparing", total=None)
 
         def show(what: str, done: int, total: int) -> None:
-            if done % 16 == 0 or done == total:
-                bar.update(task, description=what, completed=done, total=total or None)
+            if total == 0:
+                bar.reset(task, description=what, total=None)
+            elif done % 16 == 0 or done == total:
+                bar.update(task, description=what, completed=done, total=total)
 
         yield show

@@ -54,7 +54,13 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
     )
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)
-    out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
+    if (pacing := summary.get("pacing")) is not None:
+        out.print(
+            f"paced by the clock: {pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
+            f"(worst {pacing['worst_late_ms']:.1f} ms), {pacing['skipped']} left out"
+        )
+    else:
+        out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
 
 
 def _short(value: float | None) -> str:

@@ -101,20 +101,18 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
     """
     samples = _held(_all_samples(source))
     source.open()
-    maxima = channel_maxima(
-        samples,
-        conditions.rate_hz,
-        tau=conditions.tau,
-        kind=conditions.kind,
-        percentile=EMG_PERCENTILE[preset],
-    )
+    try:
+        maxima = channel_maxima(
+            samples,
+            conditions.rate_hz,
+            tau=conditions.tau,
+            kind=conditions.kind,
+            percentile=EMG_PERCENTILE[preset],
+        )
+    except CalibrationError as error:
+        said = f"EMG {source.info.label}, channels {', '.join(conditions.channels)}: {error.message}"
+        raise CalibrationError(said, error.hint) from error
     values = tuple(float(m) for m in maxima)
-    for name, value in zip(conditions.channels, values, strict=True):
-        if not value > 0:
-            raise CalibrationError(
-                f"EMG channel {name} of {source.info.label}: largest block mean {value:g}",
-                "leave the channel out with --emg-channels, or check --emg-kind",
-            )
     return EmgMaxima(
         kind=conditions.kind,
         rate_hz=conditions.rate_hz,
