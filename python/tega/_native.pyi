@@ -165,6 +165,10 @@ def step_modelled(
     controller: HandController, model: JointModel, level: int, /
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
+# --- image ---
+
+def decode_png(file: bytes, /) -> NDArray[np.uint8] | None: ...
+
 # --- wire ---
 
 ALLEGRO_RAD_PER_COUNT: Final[float]

@@ -10,7 +10,7 @@ use crate::simd;
 /// by it keeps the noisiest one from deciding alone; other sensors of the kind are read with the same numbers.
 pub(super) const NOISE_RGB: [f32; 3] = [2.74, 1.65, 3.17];
 /// Root mean square of `NOISE_RGB`: turns a response in noise units into counts of an average channel.
-pub(super) const COUNTS_PER_UNIT: f32 = 2.598;
+pub(super) const COUNTS_PER_UNIT: f32 = 2.6;
 
 /// Cells under this response carry no contact: the colour of the whole picture is fitted on them.
 const QUIET: f32 = 4.0;
