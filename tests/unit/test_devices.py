@@ -48,7 +48,7 @@ def test_frames_are_stamped_by_number_and_rate(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("suffix", "cut", "said"),
     [
-        (".png", 0.5, "PNG cut short: .* no IEND"),
+        (".png", 0.5, "PNG cut short or damaged"),
         (".png", 0.999, "PNG cut short"),
         (".jpg", 0.5, "JPEG cut short: .* no end-of-image"),
         (".bmp", 0.5, r"BMP cut short: \d+ bytes of \d+"),
@@ -71,9 +71,7 @@ def test_a_damaged_png_is_refused(tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
-    with pytest.raises(
-        RecordingError, match=r"frame_0\.png: PNG damaged: wrong checksum in the chunk at byte"
-    ):
+    with pytest.raises(RecordingError, match=r"frame_0\.png: PNG cut short or damaged: CRC error"):
         names_read(tmp_path)
 
 
