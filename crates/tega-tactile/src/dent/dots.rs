@@ -7,9 +7,9 @@ use super::cells::{Grid, Planes, UNITS_PER_COUNT};
 use crate::simd;
 
 /// A cell is part of a dot where the closing lifts the brightest channel by more than this many counts.
-const DEPTH: f32 = 15.0;
-/// A baseline with a greater share of such cells has dots.
-const SHARE: f64 = 0.01;
+const DEPTH: f32 = 20.0;
+/// A baseline with a greater share of such cells has dots: 0.1 to 0.2 of a dotted gel, under 0.01 of five plain ones.
+const SHARE: f64 = 0.04;
 
 /// Buffers of the closing.
 #[derive(Debug, Default)]
