@@ -106,9 +106,9 @@ impl Filled {
         if taken == 0 {
             span.fill(1);
             let (n, a, b) = ((end - first) as f64, first as f64, end as f64 - 1.0);
-            let sum_x = n * (a + b) / 2.0;
+            let mean = f64::midpoint(a, b);
+            let sum_x = n * mean;
             // Sum of squares of a run: n (mean² + (n² - 1) / 12).
-            let mean = (a + b) / 2.0;
             self.area += (end - first) as u32;
             self.x += sum_x;
             self.y += n * y;
