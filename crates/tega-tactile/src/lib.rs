@@ -15,6 +15,7 @@
 //! ```
 #![deny(unsafe_code)] // allowed in `simd` alone
 
+mod baseline;
 mod decimal;
 mod dent;
 mod error;
@@ -26,6 +27,9 @@ mod paper;
 mod simd;
 mod sums;
 
+pub use baseline::{
+    BaselineChoice, BaselineSource, BaselineSurvey, EstimatedBaseline, estimate_baseline, median_image,
+};
 pub use decimal::{Decimal, Weights};
 pub use dent::{ContactPatch, LiveScratch, Outline, read_live};
 pub use error::TactileError;

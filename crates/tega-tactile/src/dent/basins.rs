@@ -81,7 +81,8 @@ impl Basins {
             Some(&[a, b, c]) => [a, b, c],
             _ => [0; 3],
         };
-        let ([a, b, c], [d, _, e], [f, g, h]) = (three(at - stride - 1), three(at - 1), three(at + stride - 1));
+        let ([a, b, c], [d, _, e], [f, g, h]) =
+            (three(at - stride - 1), three(at - 1), three(at + stride - 1));
         let around = [a, b, c, d, e, f, g, h];
         let any = around.into_iter().fold(0, u16::max);
         let lead = if any == 0 {

@@ -148,7 +148,8 @@ fn average_rows(pair: &Pair<'_>, grid: &Grid, source: Source, strip: &mut Strip,
 #[inline(always)]
 pub(crate) fn add_four_differences(sums: &mut [i16], frame: &[u8], baseline: &[u8]) {
     let n = sums.len();
-    let (Some([f0, f1, f2, f3]), Some([b0, b1, b2, b3])) = (four_rows(frame, n), four_rows(baseline, n)) else {
+    let (Some([f0, f1, f2, f3]), Some([b0, b1, b2, b3])) = (four_rows(frame, n), four_rows(baseline, n))
+    else {
         return;
     };
     let frame = f0.iter().zip(f1).zip(f2).zip(f3);
@@ -229,7 +230,8 @@ mod tests {
     use ndarray::Array3;
 
     fn means(height: usize, width: usize) -> (Planes, Grid, Array3<u8>, Array3<u8>) {
-        let frame = Array3::from_shape_fn((height, width, 3), |(y, x, c)| ((y * 7 + x * 13 + c * 50) % 251) as u8);
+        let frame =
+            Array3::from_shape_fn((height, width, 3), |(y, x, c)| ((y * 7 + x * 13 + c * 50) % 251) as u8);
         let baseline = Array3::from_shape_fn((height, width, 3), |(y, x, c)| ((y * x + c * 31) % 241) as u8);
         let pair = Pair::new(frame.view(), baseline.view()).unwrap();
         let grid = Grid::of(height, width);
@@ -240,7 +242,9 @@ mod tests {
 
     #[test]
     fn cell_means_are_those_of_the_pixels() {
-        for (height, width) in [(1, 1), (1, 9), (7, 5), (120, 160), (320, 240), (240, 320), (239, 322), (430, 500)] {
+        for (height, width) in
+            [(1, 1), (1, 9), (7, 5), (120, 160), (320, 240), (240, 320), (239, 322), (430, 500)]
+        {
             let (planes, grid, frame, baseline) = means(height, width);
             for row in 0..grid.rows {
                 for col in 0..grid.cols {
@@ -254,7 +258,10 @@ mod tests {
                         }
                         let wanted = f64::from(sum) * 16.0 / f64::from(n);
                         let got = f64::from(plane[row * grid.cols + col]);
-                        assert!((got - wanted).abs() <= 0.51, "{height}x{width} cell {row},{col}: {got} {wanted}");
+                        assert!(
+                            (got - wanted).abs() <= 0.51,
+                            "{height}x{width} cell {row},{col}: {got} {wanted}"
+                        );
                     }
                 }
             }

@@ -72,7 +72,13 @@ pub(crate) fn close(plane: &[i16], cols: usize, across: &mut [i16], dilated: &mu
 }
 
 #[inline(always)]
-fn filter(plane: &[i16], cols: usize, extreme: impl Fn(i16, i16) -> i16, across: &mut [i16], out: &mut [i16]) {
+fn filter(
+    plane: &[i16],
+    cols: usize,
+    extreme: impl Fn(i16, i16) -> i16,
+    across: &mut [i16],
+    out: &mut [i16],
+) {
     let (one, two) = (plane.get(1..).unwrap_or_default(), plane.get(2..).unwrap_or_default());
     // One run over all rows; then the ends of the rows, which have a neighbour on one side only.
     for (((out, &l), &h), &r) in across.iter_mut().skip(1).zip(plane).zip(one).zip(two) {
@@ -89,7 +95,9 @@ fn filter(plane: &[i16], cols: usize, extreme: impl Fn(i16, i16) -> i16, across:
         *out = extreme(extreme(a, h), b);
     }
     let beside = cols.min(last);
-    for ((out, &h), &b) in out.iter_mut().take(cols).zip(&*across).zip(across.get(beside..).unwrap_or_default()) {
+    for ((out, &h), &b) in
+        out.iter_mut().take(cols).zip(&*across).zip(across.get(beside..).unwrap_or_default())
+    {
         *out = extreme(h, b);
     }
     let tail = across.get(last..).unwrap_or_default();

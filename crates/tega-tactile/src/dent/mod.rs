@@ -16,10 +16,12 @@ mod fill;
 mod outline;
 mod patches;
 mod response;
+mod thumbnail;
 
 pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_octets};
 pub(crate) use dots::close;
 pub(crate) use response::{lengths, median, quiet_sums, smooth};
+pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 
 use crate::frame::{Order, Pair};
 use crate::metrics::ContactMetrics;
@@ -117,7 +119,12 @@ impl LiveScratch {
 /// - `centroid_xy`, `peak_xy`: mean position of the mask, of the highest patch. `spread`: root mean square distance of
 ///   the mask's pixels from its centroid, in pixels. `threshold`: mean response at the outlines, in counts. `mass`: sum of
 ///   the response over the contact, in counts times pixels.
-pub fn read_live(pair: &Pair<'_>, order: Order, outline: Outline, scratch: &mut LiveScratch) -> ContactMetrics {
+pub fn read_live(
+    pair: &Pair<'_>,
+    order: Order,
+    outline: Outline,
+    scratch: &mut LiveScratch,
+) -> ContactMetrics {
     let grid = Grid::of(pair.height(), pair.width());
     scratch.grid = grid;
     scratch.mask.clear();
@@ -149,7 +156,7 @@ pub fn read_live(pair: &Pair<'_>, order: Order, outline: Outline, scratch: &mut 
             height,
         });
     }
-    scratch.patches.sort_by(|a, b| b.response.total_cmp(&a.response));
+    scratch.patches.sort_unstable_by(|a, b| b.response.total_cmp(&a.response));
     sums.metrics(&scratch.patches)
 }
 

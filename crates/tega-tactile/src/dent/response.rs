@@ -89,7 +89,14 @@ pub(super) fn smooth_counts(planes: &Planes, grid: &Grid, column: &mut Vec<i16>,
 /// 1-2-1 both ways, border cells repeated: `out = (16 * smoothed - middle) * scale`. Cell values are within 255 * 16,
 /// so four of them fit 16 bits. `column` holds the sums down the columns; all planes are of one length.
 #[inline(always)]
-pub(crate) fn smooth(plane: &[i16], cols: usize, middle: i32, scale: f32, column: &mut [i16], out: &mut [f32]) {
+pub(crate) fn smooth(
+    plane: &[i16],
+    cols: usize,
+    middle: i32,
+    scale: f32,
+    column: &mut [i16],
+    out: &mut [f32],
+) {
     let n = plane.len();
     let down = |a: &[i16], h: &[i16], b: &[i16], out: &mut [i16]| {
         for (((sum, a), h), b) in out.iter_mut().zip(a).zip(h).zip(b) {
@@ -98,7 +105,12 @@ pub(crate) fn smooth(plane: &[i16], cols: usize, middle: i32, scale: f32, column
     };
     let (last, cut) = (n.saturating_sub(cols), n.saturating_sub(2 * cols));
     // First row, rows between, last row: one long run each.
-    down(plane, plane, plane.get(cols.min(last)..).unwrap_or_default(), column.get_mut(..cols).unwrap_or_default());
+    down(
+        plane,
+        plane,
+        plane.get(cols.min(last)..).unwrap_or_default(),
+        column.get_mut(..cols).unwrap_or_default(),
+    );
     down(
         plane,
         plane.get(cols..).unwrap_or_default(),
@@ -109,7 +121,8 @@ pub(crate) fn smooth(plane: &[i16], cols: usize, middle: i32, scale: f32, column
         let tail = plane.get(last..).unwrap_or_default();
         down(plane.get(cut..).unwrap_or_default(), tail, tail, column.get_mut(last..).unwrap_or_default());
     }
-    let level = |l: i16, h: i16, r: i16| (i32::from(l) + 2 * i32::from(h) + i32::from(r) - middle) as f32 * scale;
+    let level =
+        |l: i16, h: i16, r: i16| (i32::from(l) + 2 * i32::from(h) + i32::from(r) - middle) as f32 * scale;
     let (left, right) = (column.get(1..).unwrap_or_default(), column.get(2..).unwrap_or_default());
     for (((out, &l), &h), &r) in out.iter_mut().skip(1).zip(&*column).zip(left).zip(right) {
         *out = level(l, h, r);
@@ -202,7 +215,8 @@ mod tests {
     #[test]
     fn an_offset_and_a_gain_leave_nothing() {
         let grid = Grid::of(240, 320);
-        let base: Planes = [0, 1, 2].map(|c| (0..grid.cells()).map(|i| ((i * (7 + c)) % 3000) as i16).collect());
+        let base: Planes =
+            [0, 1, 2].map(|c| (0..grid.cells()).map(|i| ((i * (7 + c)) % 3000) as i16).collect());
         let diff: Planes = [0, 1, 2].map(|c| base[c].iter().map(|b| b / 16 + 100 * (c as i16 + 1)).collect());
         let (mut response, mut counts) = (Response::default(), Default::default());
         response.whiten(&diff, &grid, Order::Bgr);
