@@ -192,7 +192,7 @@ fn estimate_baseline<'py>(
     let frames = frames.iter().map(|frame| image("frame", frame)).collect::<Result<Vec<_>, _>>()?;
     let views: Vec<_> = frames.iter().map(PyReadonlyArray3::as_array).collect();
     let found = py.detach(|| tega_tactile::estimate_baseline(&views))?;
-    Ok((found.image.into_pyarray(py), found.chosen))
+    Ok((found.image.into_pyarray(py), found.choice.frames))
 }
 
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {

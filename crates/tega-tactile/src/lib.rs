@@ -27,7 +27,9 @@ mod paper;
 mod simd;
 mod sums;
 
-pub use baseline::{EstimatedBaseline, estimate_baseline};
+pub use baseline::{
+    BaselineChoice, BaselineSource, BaselineSurvey, EstimatedBaseline, estimate_baseline, median_image,
+};
 pub use decimal::{Decimal, Weights};
 pub use dent::{ContactPatch, LiveScratch, Outline, read_live};
 pub use error::TactileError;

@@ -16,10 +16,12 @@ mod fill;
 mod outline;
 mod patches;
 mod response;
+mod thumbnail;
 
 pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_octets};
 pub(crate) use dots::close;
 pub(crate) use response::{lengths, median, quiet_sums, smooth};
+pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 
 use crate::frame::{Order, Pair};
 use crate::metrics::ContactMetrics;
@@ -161,7 +163,7 @@ pub fn read_live(
             height,
         });
     }
-    scratch.patches.sort_by(|a, b| b.response.total_cmp(&a.response));
+    scratch.patches.sort_unstable_by(|a, b| b.response.total_cmp(&a.response));
     sums.metrics(&scratch.patches)
 }
 

@@ -1,0 +1,97 @@
+//! Frames reduced to cells, to be compared with each other.
+
+use ndarray::ArrayView3;
+
+use super::cells::{self, Grid, Planes, Source, Strip, UNITS_PER_COUNT as UNITS};
+use super::response::NOISE_RGB;
+use crate::error::TactileError;
+use crate::frame::{Order, Pair};
+use crate::simd;
+
+/// One frame's cell means and what they say of it alone.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Thumbnail {
+    planes: Planes,
+    /// Mean over the picture, in counts.
+    pub brightness: f64,
+    /// Mean difference of neighbouring cells, in noise units.
+    pub roughness: f64,
+}
+
+/// Makes and compares thumbnails of frames of one size.
+#[derive(Debug, Default)]
+pub(crate) struct Thumbnails {
+    grid: Option<Grid>,
+    strip: Strip,
+}
+
+impl Thumbnails {
+    /// The thumbnail of a frame; all frames must be of the first one's size.
+    pub fn of(&mut self, frame: ArrayView3<'_, u8>) -> Result<Thumbnail, TactileError> {
+        let pair = Pair::new(frame, frame)?;
+        let grid = Grid::of(pair.height(), pair.width());
+        let first = *self.grid.get_or_insert(grid);
+        if first != grid {
+            return Err(TactileError::ShapeMismatch {
+                frame_h: grid.height,
+                frame_w: grid.width,
+                baseline_h: first.height,
+                baseline_w: first.width,
+            });
+        }
+        let mut planes = Planes::default();
+        cells::average(&pair, &grid, Source::Baseline, &mut self.strip, &mut planes);
+        Ok(self.judge(planes))
+    }
+
+    fn judge(&self, planes: Planes) -> Thumbnail {
+        let cols = self.grid.map_or(1, |grid| grid.cols);
+        let cells = planes[0].len().max(1) as f64;
+        let total: i64 = planes.iter().flatten().map(|&v| i64::from(v)).sum();
+        // The order of the channels does not matter for finding the smoothest of like frames; blue first.
+        let noise = Order::Bgr.arrange(NOISE_RGB);
+        let steps = |plane: &[i16]| {
+            let across = plane.chunks_exact(cols).flat_map(|row| row.iter().zip(row.iter().skip(1)));
+            let down = plane.iter().zip(plane.iter().skip(cols));
+            across.chain(down).map(|(a, b)| i64::from((a - b).unsigned_abs())).sum::<i64>()
+        };
+        let rough: f64 = planes.iter().zip(noise).map(|(plane, s)| steps(plane) as f64 / f64::from(s)).sum();
+        Thumbnail {
+            planes,
+            brightness: total as f64 / cells / 3.0 / f64::from(UNITS),
+            roughness: rough / cells / f64::from(UNITS),
+        }
+    }
+
+    /// Largest and mean difference over the cells, in noise units, after each channel's median is taken out.
+    pub fn distance(&self, a: &Thumbnail, b: &Thumbnail) -> (f32, f32) {
+        let noise = Order::Bgr.arrange(NOISE_RGB);
+        let mut difference = Vec::new();
+        let white: [Vec<f32>; 3] = std::array::from_fn(|c| {
+            difference.clear();
+            difference.extend(a.planes[c].iter().zip(&b.planes[c]).map(|(a, b)| a - b));
+            let middle = simd::median(&difference);
+            difference.iter().map(|d| f32::from(d - middle) / (UNITS * noise[c])).collect()
+        });
+        let mut length = vec![0.0; white[0].len()];
+        simd::lengths(&white[0], &white[1], &white[2], &mut length);
+        let largest = length.iter().fold(0f32, |a, &b| a.max(b));
+        (largest, length.iter().sum::<f32>() / length.len().max(1) as f32)
+    }
+
+    /// Per cell the median of several.
+    pub fn median(&self, of: &[&Thumbnail]) -> Thumbnail {
+        let cells = self.grid.map_or(0, |grid| grid.cells());
+        let mut column = Vec::with_capacity(of.len());
+        self.judge(std::array::from_fn(|c| {
+            (0..cells)
+                .map(|cell| {
+                    column.clear();
+                    column.extend(of.iter().filter_map(|thumbnail| thumbnail.planes[c].get(cell)));
+                    let middle = column.len() / 2;
+                    if column.is_empty() { 0 } else { *column.select_nth_unstable(middle).1 }
+                })
+                .collect()
+        }))
+    }
+}
