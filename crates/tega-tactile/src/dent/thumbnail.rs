@@ -25,6 +25,24 @@ pub(crate) struct Thumbnails {
     strip: Strip,
 }
 
+impl Thumbnail {
+    /// Largest and mean difference over the cells, in noise units, after each channel's median is taken out.
+    pub fn distance(&self, other: &Self) -> (f32, f32) {
+        let noise = Order::Bgr.arrange(NOISE_RGB);
+        let mut difference = Vec::new();
+        let white: [Vec<f32>; 3] = std::array::from_fn(|c| {
+            difference.clear();
+            difference.extend(self.planes[c].iter().zip(&other.planes[c]).map(|(a, b)| a - b));
+            let middle = simd::median(&difference);
+            difference.iter().map(|d| f32::from(d - middle) / (UNITS * noise[c])).collect()
+        });
+        let mut length = vec![0.0; white[0].len()];
+        simd::lengths(&white[0], &white[1], &white[2], &mut length);
+        let largest = length.iter().fold(0f32, |a, &b| a.max(b));
+        (largest, length.iter().sum::<f32>() / length.len().max(1) as f32)
+    }
+}
+
 impl Thumbnails {
     /// The thumbnail of a frame; all frames must be of the first one's size.
     pub fn of(&mut self, frame: ArrayView3<'_, u8>) -> Result<Thumbnail, TactileError> {
@@ -61,22 +79,6 @@ impl Thumbnails {
             brightness: total as f64 / cells / 3.0 / f64::from(UNITS),
             roughness: rough / cells / f64::from(UNITS),
         }
-    }
-
-    /// Largest and mean difference over the cells, in noise units, after each channel's median is taken out.
-    pub fn distance(&self, a: &Thumbnail, b: &Thumbnail) -> (f32, f32) {
-        let noise = Order::Bgr.arrange(NOISE_RGB);
-        let mut difference = Vec::new();
-        let white: [Vec<f32>; 3] = std::array::from_fn(|c| {
-            difference.clear();
-            difference.extend(a.planes[c].iter().zip(&b.planes[c]).map(|(a, b)| a - b));
-            let middle = simd::median(&difference);
-            difference.iter().map(|d| f32::from(d - middle) / (UNITS * noise[c])).collect()
-        });
-        let mut length = vec![0.0; white[0].len()];
-        simd::lengths(&white[0], &white[1], &white[2], &mut length);
-        let largest = length.iter().fold(0f32, |a, &b| a.max(b));
-        (largest, length.iter().sum::<f32>() / length.len().max(1) as f32)
     }
 
     /// Per cell the median of several.
