@@ -201,7 +201,7 @@ impl Patches {
 
     /// The next two to join, as (from, into): specks first, then pieces that complete each other, nearest first.
     fn best_pair(&self, grid: &Grid) -> Option<(usize, usize)> {
-        let mut best: Option<((u8, i32, f64), (usize, usize))> = None;
+        let mut best: Option<(Merit, (usize, usize))> = None;
         for (i, a) in self.all.iter().enumerate() {
             for (j, b) in self.all.iter().enumerate().filter(|(j, _)| *j != i) {
                 let Some(merit) = merit(a, b, grid) else { continue };
@@ -214,8 +214,11 @@ impl Patches {
     }
 }
 
+/// How much two patches belong together: the kind of reason, how near they are, how well they complete each other.
+type Merit = (u8, i32, f64);
+
 /// Why `a` should be joined to `b`, comparable; `None` if it should not.
-fn merit(a: &Patch, b: &Patch, grid: &Grid) -> Option<(u8, i32, f64)> {
+fn merit(a: &Patch, b: &Patch, grid: &Grid) -> Option<Merit> {
     let gap = a.gap(b);
     if a.count <= SPECK && gap <= NEAR {
         return Some((2, -gap, f64::from(b.peak)));
