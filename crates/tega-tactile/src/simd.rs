@@ -147,8 +147,8 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`dent::fold_octets`].
-    fold_octets = dent::fold_octets, (sums: &mut [i16], folded: &mut [i16]) -> ()
+    /// See [`dent::fold_quads`].
+    fold_quads = dent::fold_quads, (sums: &mut [i16], folded: &mut [i16]) -> ()
 }
 
 dispatched! {
@@ -168,7 +168,7 @@ dispatched! {
 
 dispatched! {
     /// See [`dent::quiet_sums`].
-    quiet_sums = dent::quiet_sums, (length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5]
+    quiet_sums = dent::quiet_sums, (level: f32, length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5]
 }
 
 dispatched! {

@@ -18,7 +18,7 @@ mod patches;
 mod response;
 mod thumbnail;
 
-pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_octets};
+pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_quads};
 pub(crate) use dots::close;
 pub(crate) use response::{lengths, median, quiet_sums, smooth};
 pub(crate) use thumbnail::{Thumbnail, Thumbnails};
@@ -182,7 +182,7 @@ fn respond(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch
         scratch.response.whiten(&scratch.closing.difference, grid, order);
         baseline = &scratch.closing.baseline;
     }
-    response::smooth_counts(baseline, grid, &mut scratch.column_sums, &mut scratch.smooth_baseline);
+    response::smooth_counts(baseline, grid, order, &mut scratch.column_sums, &mut scratch.smooth_baseline);
     scratch.response.take_out_colour(&scratch.smooth_baseline, grid);
     scratch.response.count_above(GATE) >= GATE_CELLS
 }
