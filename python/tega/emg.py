@@ -1,13 +1,13 @@
 """From EMG samples to a closure level (Eq 10 to 13).
 
-`GraspIntent` is the whole forward chain: condition the samples as their kind asks, low-pass at 50 Hz, average every
-``tau`` samples, put each channel on a level from 1 (open) to 5 (full closure) of its maximum, let the channels vote.
-Its parts are here on their own as well. Everything streams: state is kept between calls, and a recording gives
-bit-identical results however it is cut into chunks.
+`GraspIntent` is the whole forward chain: condition the samples as their kind asks, low-pass at 50 Hz, average
+every ``tau`` samples, put each channel on a level from 1 (open) to 5 (full closure) of its maximum, let the
+channels vote. Its parts are here on their own as well. Everything streams: state is kept between calls, and a
+recording gives bit-identical results however it is cut into chunks.
 
-Samples are ``(n, channels)``, ``float64``, in any one unit. Other float and integer arrays are converted (one copy),
-as is an array that is not C-contiguous; booleans, complex numbers and objects are refused. One-dimensional samples
-are taken for one channel.
+Samples are ``(n, channels)``, ``float64``, in any one unit. Other float and integer arrays are converted (one
+copy), as is an array that is not C-contiguous; booleans, complex numbers and objects are refused.
+One-dimensional samples are taken for one channel.
 
 Example:
     >>> import numpy as np
@@ -68,8 +68,8 @@ class ButterworthLowpass:
     """A causal Butterworth low-pass that keeps its state between calls.
 
     Second-order sections in float64. Each channel starts settled on its first sample, so an offset makes no
-    transient. A sample that is NaN or infinite is replaced by the channel's last good one and counted; after 100 ms
-    of them the channel starts afresh, settled, at its next good sample.
+    transient. A sample that is NaN or infinite is replaced by the channel's last good one and counted; after
+    100 ms of them the channel starts afresh, settled, at its next good sample.
 
     Args:
         rate_hz: Sample rate, Hz.
@@ -78,8 +78,8 @@ class ButterworthLowpass:
         channels: Number of channels, 1 to 1024.
 
     Raises:
-        InvalidValueError: The rate is not positive, the order not 1 to 8, or the cutoff not inside (0, rate/2); a
-            cutoff within 4e-6 of the rate from either end is refused too, because rounding would spoil the filter.
+        InvalidValueError: The rate is not positive, the order not 1 to 8, or the cutoff not inside
+            (0, rate/2), or nearer to either end than 1e-6 of the rate, where rounding would spoil the filter.
 
     Example:
         >>> import numpy as np
@@ -114,7 +114,7 @@ class ButterworthLowpass:
 
     @property
     def sos(self) -> NDArray[np.float64]:
-        """Sections in running order, ``(sections, 6)``: ``b0, b1, b2, 1, a1, a2``, as `scipy.signal` has them."""
+        """Sections as they run, ``(sections, 6)``: ``b0, b1, b2, 1, a1, a2``, as in `scipy.signal`."""
         return self._core.sos
 
     @property
@@ -126,8 +126,8 @@ class ButterworthLowpass:
 class BlockMean:
     """The mean of every ``tau`` samples of each channel (Eq 10); samples left over wait for the next call.
 
-    The mean is right to the last digit whatever cancels within a block. A sample that is NaN or infinite is replaced
-    by the channel's last good one (0 before the first) and counted.
+    The mean is right to the last digit whatever cancels within a block. A sample that is NaN or infinite is
+    replaced by the channel's last good one (0 before the first) and counted.
 
     Args:
         tau: Samples per block, 1 to 10,000,000.
@@ -174,17 +174,19 @@ class BlockMean:
 class GraspIntent:
     """EMG samples of several channels to one closure level per block of ``tau`` samples.
 
-    ``kind`` says what the samples are. "raw" swings about an offset: a 20 Hz high-pass, settled on the first sample,
-    removes it and the rest is full-wave rectified. "rectified" and "envelope" go straight into Eq 10's low-pass
-    (50 Hz, 4th order) and block mean.
+    ``kind`` says what the samples are. "raw" swings about an offset: a 20 Hz high-pass, settled on the first
+    sample, removes it and the rest is full-wave rectified. "rectified" and "envelope" go straight into
+    Eq 10's low-pass (50 Hz, 4th order) and block mean.
 
-    ``preset`` "paper" is the printed law: Eq 11 clamped to 1..5, Eq 12 and 13. "live" scales the maxima by 0.8,
-    steadies the channels' drives where effort is constant, moves a level 0.1 beyond its border and passes a new
-    fused level once two blocks in a row agree on it.
+    ``preset`` "paper" is the printed law: Eq 11 clamped to 1..5, Eq 12 and 13. "live" scales the maxima by
+    0.8, steadies the channels' drives where effort is constant, moves a level 0.1 beyond its border and lets
+    the fused level change once two blocks in a row are on the same side of it (four for a single step back
+    against the change before).
 
-    A sample that is NaN or infinite is replaced by the channel's last good one and counted. After 100 ms of them the
-    channel is bad and has no vote in any block it is bad in; after 100 ms of good samples it is good again, its
-    filters having started afresh. With every channel bad the last fused level is held, 1 if there was none.
+    A sample that is NaN or infinite is replaced by the channel's last good one and counted. After 100 ms of
+    them the channel is bad and has no vote in any block it is bad in; after 100 ms of good samples it is good
+    again, its filters having started afresh. With every channel bad the last fused level is held, 1 if there
+    was none.
 
     Args:
         rate_hz: Sample rate, Hz; above 100 Hz, which the low-pass needs.
@@ -272,7 +274,7 @@ class GraspIntent:
 def grasp_level(value: float, maximum: float) -> int:
     """Put a block mean on its level: ``⌊4 value / maximum + 1⌋`` clamped to 1..5 (Eq 11).
 
-    A value of at least a border times (1 - 1e-9) counts as on the border, so that decimals mean what they say.
+    A value of at least a border times (1 - 1e-9) counts as on it, so that decimals mean what they say.
 
     Args:
         value: Block mean; negative values and NaN are level 1, the open hand.
@@ -294,8 +296,8 @@ def grasp_level(value: float, maximum: float) -> int:
 def fuse_levels(levels: Sequence[int] | NDArray[np.integer]) -> int:
     """Fuse the channels' levels: the one most agree on (Eq 12), else their mean, rounded down (Eq 13).
 
-    For three channels this is the printed rule. For any number the level with the most votes wins; where several
-    share the most votes, the mean of all levels decides.
+    For three channels this is the printed rule. For any number the level with the most votes wins; where
+    several share the most votes, the mean of all levels decides.
 
     Args:
         levels: Levels, 1 to 5, one a channel.
@@ -323,8 +325,8 @@ def channel_maxima(
 ) -> NDArray[np.float64]:
     """Calibrate each channel's maximum: a percentile of the block means of a strong contraction.
 
-    The samples run through the same chain as in `GraspIntent`. The paper's maximum is the 100th percentile; the
-    95th does not hang on one block.
+    The samples run through the same chain as in `GraspIntent`. The paper's maximum is the 100th percentile;
+    the 95th does not hang on one block.
 
     Args:
         samples: The contraction, ``(n, channels)``; a single channel may be ``(n,)``.
@@ -338,7 +340,7 @@ def channel_maxima(
 
     Raises:
         InvalidValueError: The rate, ``tau``, ``kind`` or ``percentile`` cannot be used.
-        CalibrationError: A sample is not finite, there is no whole block, or a channel's maximum is not above 0.
+        CalibrationError: A sample is not finite, there is no whole block, or a maximum is not above 0.
         ShapeError: The samples are not two-dimensional.
         DtypeError: The samples are not real numbers.
 

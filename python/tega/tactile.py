@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from tega import _native
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -19,15 +21,18 @@ __all__ = [
     "ContactGate",
     "ContactMetrics",
     "Order",
+    "Outline",
     "Reading",
     "contact_mask",
     "contact_metrics",
+    "estimate_baseline",
     "pressure_map",
     "read_contact",
 ]
 
 Order = Literal["bgr", "rgb"]
 Reading = Literal["paper", "live"]
+Outline = Literal["dent", "contact"]
 
 
 class ContactMetrics(NamedTuple):
@@ -132,19 +137,26 @@ def read_contact(
     frame: NDArray[np.uint8],
     baseline: NDArray[np.uint8],
     *,
-    reading: Reading = "paper",
+    reading: Reading = "live",
     order: Order = "bgr",
+    outline: Outline = "dent",
 ) -> ContactMetrics:
     """Read the contact as a preset does: ``paper`` for the printed law, ``live`` for people.
 
     ``paper``: absolute differences with the default weights, 5×5 box blur (mirrored border), values under the noise
     floor of 6 grey values set to 0, then Eq 2 to 6 with T not below that floor; no contact under 30 pixels above it.
 
+    ``live``: the dent that the picture shows, found by its shading against the sensor's noise, one outline a patch.
+    ``eda`` is its area, ``peak`` its height in counts, ``cci`` is peak/√EDA, which rises with the press;
+    ``centroid_xy`` and ``spread`` are the mask's, ``threshold`` is the mean response at the outlines.
+
     Args:
         frame: The image, uint8 (H, W, 3), borrowed.
         baseline: The no-contact image, same shape.
         reading: The preset.
         order: Order of the colour bytes in both images.
+        outline: What ``live`` outlines: the dent, as an eye marks it, or the touching area of a curved object, which
+            is smaller and fragile on faint contacts. ``paper`` takes no notice of it.
 
     Returns:
         The contact metrics.
@@ -152,58 +164,65 @@ def read_contact(
     Raises:
         DtypeError: An image is not a uint8 array.
         ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
-        InvalidValueError: ``reading`` or ``order`` is not known.
+        InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
     """
-    return ContactMetrics._make(_native.read_contact(frame, baseline, reading=reading, order=order))
+    return ContactMetrics._make(
+        _native.read_contact(frame, baseline, reading=reading, order=order, outline=outline)
+    )
 
 
 def contact_mask(
     frame: NDArray[np.uint8],
     baseline: NDArray[np.uint8],
+    reading: Reading = "live",
     *,
-    reading: Reading = "paper",
     order: Order = "bgr",
+    outline: Outline = "dent",
 ) -> NDArray[np.bool_]:
     """Return the pixels that :func:`read_contact` counts as contact: their number is its ``eda``.
 
-    Args:
-        frame: The image, uint8 (H, W, 3), borrowed.
-        baseline: The no-contact image, same shape.
-        reading: The preset.
-        order: Order of the colour bytes in both images.
+    Args and errors are those of :func:`read_contact`.
 
     Returns:
         bool (H, W).
-
-    Raises:
-        DtypeError: An image is not a uint8 array.
-        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
-        InvalidValueError: ``reading`` or ``order`` is not known.
     """
-    return _native.contact_mask(frame, baseline, reading=reading, order=order)
+    return _native.contact_mask(frame, baseline, reading=reading, order=order, outline=outline)
 
 
 def pressure_map(
     frame: NDArray[np.uint8],
     baseline: NDArray[np.uint8],
+    reading: Reading = "live",
     *,
-    reading: Reading = "paper",
     order: Order = "bgr",
+    outline: Outline = "dent",
 ) -> NDArray[np.float32]:
-    """Return the map whose peak and area :func:`read_contact` reports, for display.
+    """Return the map that :func:`read_contact` measures on, for display.
 
-    Args:
-        frame: The image, uint8 (H, W, 3), borrowed.
-        baseline: The no-contact image, same shape.
-        reading: The preset.
-        order: Order of the colour bytes in both images.
+    ``paper``: grey values after blur and noise floor. ``live``: the response to the dent's slopes in counts, one
+    value a cell of a few pixels. Args and errors are those of :func:`read_contact`.
 
     Returns:
-        float32 (H, W), grey values; 0 where there is only noise.
+        float32 (H, W).
+    """
+    return _native.pressure_map(frame, baseline, reading=reading, order=order, outline=outline)
+
+
+def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Estimate the untouched gel from a recording that comes without a baseline.
+
+    Contact adds shading: the baseline is the median of the frames with the least structure, wherever they lie in the
+    recording; frames of another brightness, as a camera gives just after its start, are left out.
+
+    Args:
+        frames: uint8 (H, W, 3) each, all of one size.
+
+    Returns:
+        uint8 (H, W, 3).
 
     Raises:
-        DtypeError: An image is not a uint8 array.
-        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
-        InvalidValueError: ``reading`` or ``order`` is not known.
+        DtypeError: A frame is not a uint8 array.
+        ShapeError: A frame is not (H, W, 3), or not of the size of the first.
+        InvalidValueError: There are no frames.
     """
-    return _native.pressure_map(frame, baseline, reading=reading, order=order)
+    return _native.estimate_baseline(frames)[0]

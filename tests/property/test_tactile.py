@@ -115,7 +115,7 @@ def test_the_paper_reading_of_dense_frames_equals_the_fractions(height, width, l
     rng = np.random.default_rng(seed)
     frame = rng.integers(level // 2, level + 1, (height, width, 3), dtype=np.uint8)
     baseline = np.zeros_like(frame)
-    assert_equals_exact(read_contact(frame, baseline), reference.read_paper(frame, baseline))
+    assert_equals_exact(read_contact(frame, baseline, reading="paper"), reference.read_paper(frame, baseline))
 
 
 @given(pairs(), DIFFERENCES, SPREADS)

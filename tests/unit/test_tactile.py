@@ -67,7 +67,7 @@ def test_the_largest_frame_does_not_overflow() -> None:
     assert m.centroid_xy == (2047.5, 2047.5)
     assert m.spread == pytest.approx(math.sqrt((4096**2 - 1) / 6), rel=1e-15)
     assert m.eda == 4096**2
-    assert read_contact(frame, np.zeros_like(frame)).eda == 4096**2
+    assert read_contact(frame, np.zeros_like(frame), reading="paper").eda == 4096**2
 
 
 def test_frames_are_read_where_they_lie() -> None:
@@ -128,7 +128,7 @@ def test_options_out_of_range_are_refused_by_name(options, words) -> None:
 
 
 def test_an_unknown_reading_is_refused_by_name() -> None:
-    with pytest.raises(InvalidValueError, match="reading = 'best' is not known; use 'paper'"):
+    with pytest.raises(InvalidValueError, match="reading = 'best' is not known; use 'paper' or 'live'"):
         read_contact(FLAT, FLAT, reading="best")  # type: ignore[arg-type]
 
 
@@ -140,5 +140,5 @@ def test_on_real_presses_the_print_says_whole_image_and_the_paper_preset_does_no
     for frame in frames:
         for difference in ("absolute", "rectified"):
             assert contact_metrics(frame, baseline, difference=difference).eda == frame[..., 0].size
-    areas = [read_contact(frame, baseline).eda for frame in frames]
+    areas = [read_contact(frame, baseline, reading="paper").eda for frame in frames]
     assert 12_000 < min(areas) < max(areas) < 24_000

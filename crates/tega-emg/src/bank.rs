@@ -119,6 +119,7 @@ fn run<const S: usize, const WIDTH: usize>(
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // Exact values are meant.
 mod tests {
     use super::*;
     use crate::EmgError;

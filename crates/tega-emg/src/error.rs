@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EmgError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {value} {unit} is out of range: {wanted}")]
+    #[error("{name} = {value}{} is out of range: {wanted}", spaced(unit))]
     OutOfRange {
         /// The argument.
         name: &'static str,
@@ -100,4 +100,9 @@ impl EmgError {
             Self::OutOfRange { .. } | Self::UnknownChoice { .. } | Self::Ragged { .. } | Self::NoLevels => "",
         }
     }
+}
+
+/// A unit set off from its number.
+fn spaced(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" {unit}") }
 }

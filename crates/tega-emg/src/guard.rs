@@ -48,6 +48,7 @@ impl Guard {
             }
             return rows.len() / width;
         }
+        self.calm = false;
         for (index, (row, out)) in rows.chunks_exact(width).zip(out.chunks_exact_mut(width)).enumerate() {
             if index > 0 && self.channels.iter().zip(row).any(|(c, x)| c.must_restart(*x)) {
                 return index;
@@ -101,5 +102,46 @@ impl Channel {
             self.held += 1;
         }
         self.last.unwrap_or(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LOST: f64 = f64::NAN;
+
+    fn take(guard: &mut Guard, rows: &[f64]) -> (Vec<f64>, Vec<usize>) {
+        let mut out = vec![0.0; rows.len()];
+        let taken = guard.take(rows, &mut out);
+        out.truncate(taken);
+        (out, guard.restarts().collect())
+    }
+
+    #[test]
+    fn a_channel_restarts_at_its_first_good_sample_and_after_having_been_bad() {
+        let mut guard = Guard::new(1, 2);
+        assert_eq!(take(&mut guard, &[LOST, 1.0]), (vec![0.0], vec![]));
+        assert_eq!(take(&mut guard, &[1.0, 2.0]), (vec![1.0, 2.0], vec![0]));
+        assert_eq!(take(&mut guard, &[3.0, LOST, 4.0]), (vec![3.0, 3.0, 4.0], vec![]));
+        assert_eq!(take(&mut guard, &[LOST, LOST, 5.0]), (vec![4.0, 4.0], vec![]));
+        assert!(guard.is_bad(0));
+        // All good again, which alone must not be taken for business as usual.
+        assert_eq!(take(&mut guard, &[5.0, 6.0, 7.0]), (vec![5.0, 6.0, 7.0], vec![0]));
+        assert!(!guard.is_bad(0) && guard.take_was_bad(0) && !guard.take_was_bad(0));
+        assert_eq!(guard.held(), [4]);
+    }
+
+    #[test]
+    fn a_bad_channel_needs_an_unbroken_run_of_good_samples() {
+        let mut guard = Guard::new(1, 2);
+        take(&mut guard, &[1.0]);
+        take(&mut guard, &[f64::INFINITY, -2e300]);
+        for sample in [2.0, LOST, 3.0] {
+            take(&mut guard, &[sample]);
+            assert!(guard.is_bad(0));
+        }
+        take(&mut guard, &[4.0]);
+        assert!(!guard.is_bad(0));
     }
 }

@@ -15,7 +15,7 @@ pub const LIVE_SHARE: f64 = 0.8;
 pub enum Preset {
     /// The printed law: Eq 11 clamped, Eq 12 and 13, nothing else.
     Paper,
-    /// For people: maxima times 0.8, steadied drives, a dead zone about each border, two blocks for a new level.
+    /// For people: maxima times 0.8, steadied drives, a dead zone about each border, two blocks for a change.
     Live,
 }
 

@@ -8,7 +8,10 @@
 //!    joint deviation from their smoothed drives that decides; a single channel that leaves its own scatter far
 //!    behind moves by itself.
 //! 2. Levels change a tenth of a level beyond their borders.
-//! 3. A new fused level has to come out of two blocks in a row.
+//! 3. The fused level changes after two blocks in a row on the same side of it, a single step back against the
+//!    change before after four.
+
+use std::cmp::Ordering;
 
 use crate::level::{level_of, level_with_hysteresis};
 
@@ -18,7 +21,7 @@ const SCATTER: f64 = 0.28;
 /// Scatter at rest, as a share of the maximum: sensor noise and muscle tone.
 const SCATTER_AT_REST: f64 = 0.025;
 /// Joint deviation, in standard deviations, that moves the smoothed drives half way.
-const JOINT_SIGMA: f64 = 1.5;
+const JOINT_SIGMA: f64 = 1.4;
 /// Deviation of one channel alone, in standard deviations, that moves its smoothed drive half way.
 const SINGLE_SIGMA: f64 = 3.5;
 /// Time over which drives are averaged while nothing changes.
@@ -101,30 +104,45 @@ fn response(deviation: f64, half: f64) -> f64 {
     fourth / (fourth + 1.0)
 }
 
-/// Lets a new fused level pass once two blocks in a row agree on it.
+/// Blocks in a row beyond the present fused level, on one side, before it follows.
+const BLOCKS_TO_CHANGE: u32 = 2;
+/// The same for a single step back against the change before, which is what a flicker is made of.
+const BLOCKS_TO_STEP_BACK: u32 = 4;
+
+/// Lets the fused level change once enough blocks in a row ask for it; then the newest of them counts.
+///
+/// In a fast grip no two blocks need be alike, so blocks count together by the side they are on. Release to level 1
+/// is never held up as a step back.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Confirm {
     present: Option<u8>,
-    candidate: Option<u8>,
+    /// Side the last blocks were on, and how many of them there were.
+    asked: (Option<Ordering>, u32),
+    last_change: Option<Ordering>,
 }
 
 impl Confirm {
     pub(crate) fn pass(&mut self, level: u8) -> u8 {
         let present = *self.present.get_or_insert(level);
-        if level == present {
-            self.candidate = None;
-        } else if self.candidate == Some(level) {
-            (self.present, self.candidate) = (Some(level), None);
-            return level;
-        } else {
-            self.candidate = Some(level);
+        let side = level.cmp(&present);
+        if side == Ordering::Equal {
+            self.interrupt();
+            return present;
         }
-        present
+        let blocks = if self.asked.0 == Some(side) { self.asked.1 + 1 } else { 1 };
+        self.asked = (Some(side), blocks);
+        let step_back = self.last_change == Some(side.reverse()) && level.abs_diff(present) == 1 && level > 1;
+        if blocks < if step_back { BLOCKS_TO_STEP_BACK } else { BLOCKS_TO_CHANGE } {
+            return present;
+        }
+        (self.present, self.last_change) = (Some(level), Some(side));
+        self.interrupt();
+        level
     }
 
-    /// Forget a level that has been seen only once.
+    /// Forget what the last blocks asked for.
     pub(crate) fn interrupt(&mut self) {
-        self.candidate = None;
+        self.asked = (None, 0);
     }
 }
 
@@ -166,13 +184,39 @@ mod tests {
     }
 
     #[test]
-    fn a_level_needs_two_blocks_in_a_row() {
+    fn opposite_changes_of_two_channels_do_not_hide_each_other() {
+        let mut steady = Steady::new(0.1, 2);
+        let mut levels = [0; 2];
+        steady.levels(&[0.5; 2], &[1.0; 2], &[true; 2], &mut levels);
+        steady.levels(&[1.1, 0.0], &[1.0; 2], &[true; 2], &mut levels);
+        assert_eq!(levels, [4, 2]);
+    }
+
+    fn passed(levels: &[u8]) -> Vec<u8> {
         let mut confirm = Confirm::default();
-        let passed: Vec<u8> = [1, 2, 1, 3, 4, 4, 1, 1].iter().map(|l| confirm.pass(*l)).collect();
-        assert_eq!(passed, [1, 1, 1, 1, 1, 4, 4, 1]);
-        confirm.pass(2);
+        levels.iter().map(|l| confirm.pass(*l)).collect()
+    }
+
+    #[test]
+    fn a_change_needs_two_blocks_on_one_side() {
+        assert_eq!(passed(&[2, 3, 2, 3, 3]), [2, 2, 2, 2, 3]);
+        assert_eq!(passed(&[1, 2, 4, 5, 5]), [1, 1, 4, 4, 5]);
+        assert_eq!(passed(&[3, 5, 1, 5, 1, 1]), [3, 3, 3, 3, 3, 1]);
+    }
+
+    #[test]
+    fn a_step_back_needs_four_blocks_but_release_does_not() {
+        assert_eq!(passed(&[1, 4, 4, 3, 3, 3, 3]), [1, 1, 4, 4, 4, 4, 3]);
+        assert_eq!(passed(&[1, 4, 4, 2, 2]), [1, 1, 4, 4, 2]);
+        assert_eq!(passed(&[1, 2, 2, 1, 1]), [1, 1, 2, 2, 1]);
+    }
+
+    #[test]
+    fn an_interruption_starts_the_count_again() {
+        let mut confirm = Confirm::default();
+        assert_eq!([confirm.pass(1), confirm.pass(2)], [1, 1]);
         confirm.interrupt();
-        assert_eq!(confirm.pass(2), 1);
+        assert_eq!([confirm.pass(2), confirm.pass(2)], [1, 2]);
     }
 
     #[test]

@@ -8,12 +8,14 @@ use pyo3::prelude::*;
 use tega_emg::EmgError;
 use tega_hand::HandError;
 use tega_haptics::HapticsError;
+use tega_image::ImageError;
 use tega_tactile::TactileError;
 use tega_wire::WireError as CoreWireError;
 
 import_exception!(tega.errors, CalibrationError);
 import_exception!(tega.errors, DtypeError);
 import_exception!(tega.errors, InvalidValueError);
+import_exception!(tega.errors, RecordingError);
 import_exception!(tega.errors, ShapeError);
 import_exception!(tega.errors, WireError);
 
@@ -42,6 +44,15 @@ impl From<TactileError> for BindError {
             TactileError::WeightSum { .. } | TactileError::OutOfRange { .. } | TactileError::NoFrames => {
                 InvalidValueError::new_err(args)
             }
+        })
+    }
+}
+
+impl From<ImageError> for BindError {
+    fn from(e: ImageError) -> Self {
+        let args = (e.to_string(), "");
+        Self(match e {
+            ImageError::Png(_) | ImageError::TooLarge { .. } => RecordingError::new_err(args),
         })
     }
 }
@@ -92,7 +103,16 @@ impl From<CoreWireError> for BindError {
     fn from(e: CoreWireError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            CoreWireError::OutOfRange { .. } => WireError::new_err(args),
+            CoreWireError::Setting { .. } => InvalidValueError::new_err(args),
+            CoreWireError::Length { .. } => ShapeError::new_err(args),
+            CoreWireError::OutOfRange { .. }
+            | CoreWireError::Element { .. }
+            | CoreWireError::PacketLength { .. }
+            | CoreWireError::NoSuchRow { .. }
+            | CoreWireError::Empty { .. }
+            | CoreWireError::Field { .. }
+            | CoreWireError::Checksum { .. }
+            | CoreWireError::Json { .. } => WireError::new_err(args),
         })
     }
 }

@@ -8,6 +8,7 @@ mod emg;
 mod errors;
 mod hand;
 mod haptics;
+mod image;
 mod tactile;
 mod wire;
 
@@ -20,5 +21,8 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     haptics::register(m)?;
     emg::register(m)?;
     hand::register(m)?;
-    wire::register(m)
+    image::register(m)?;
+    wire::register(m)?;
+    // The stub lists the names; a second list would have to be kept equal by hand.
+    m.delattr("__all__")
 }

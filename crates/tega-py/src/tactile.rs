@@ -2,11 +2,11 @@
 
 use std::cell::RefCell;
 
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
 use tega_tactile::{
-    CentroidValue, ContactMetrics, Decimal, Difference, Gate, Options, Order, Pair, PaperScratch, Scratch,
-    Spread, Weights, read_paper,
+    CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveScratch, Options, Order, Outline, Pair,
+    PaperScratch, Scratch, Spread, Weights, read_live, read_paper,
 };
 
 use crate::arguments::{choice, image};
@@ -24,6 +24,16 @@ const DIFFERENCES: [(&str, Difference); 3] = [
 const SPREADS: [(&str, Spread); 2] = [("spatial", Spread::Spatial), ("intensity", Spread::Intensity)];
 const CENTROID_VALUES: [(&str, CentroidValue); 2] =
     [("nearest", CentroidValue::Nearest), ("bilinear", CentroidValue::Bilinear)];
+
+const OUTLINES: [(&str, Outline); 2] = [("dent", Outline::Dent), ("contact", Outline::Contact)];
+const READINGS: [(&str, Reading); 2] = [("paper", Reading::Paper), ("live", Reading::Live)];
+
+/// The presets' readings.
+#[derive(Clone, Copy)]
+enum Reading {
+    Paper,
+    Live,
+}
 
 /// The fields of `tega.tactile.ContactMetrics`, in order.
 type Fields = (f64, (f64, f64), f64, f64, u32, f64, f64, (usize, usize), bool);
@@ -70,75 +80,125 @@ fn contact_metrics(
 thread_local! {
     /// Buffers, sized by the first frame, then reused.
     static SCRATCH: RefCell<Scratch> = RefCell::default();
-    static PAPER: RefCell<PaperScratch> = RefCell::default();
+    static PRESETS: RefCell<Presets> = RefCell::default();
 }
 
-/// Runs the `paper` reading and what `take` wants of its buffers.
-fn with_paper<T: Send>(
-    py: Python<'_>,
-    frame: &Bound<'_, PyAny>,
-    baseline: &Bound<'_, PyAny>,
-    order: &str,
-    take: impl FnOnce((usize, usize), ContactMetrics, &PaperScratch) -> T + Send,
-) -> Result<T, BindError> {
-    let order = choice("order", order, &ORDERS)?;
-    let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
-    let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-    let read = |scratch: &mut PaperScratch| {
-        let metrics = read_paper(&pair, order, scratch);
-        take((pair.height(), pair.width()), metrics, scratch)
-    };
-    Ok(compute(py, &pair, || PAPER.with_borrow_mut(read)))
+#[derive(Default)]
+struct Presets {
+    paper: PaperScratch,
+    live: LiveScratch,
+}
+
+/// A preset's reading of one frame, and what `take` wants of its buffers.
+struct Preset {
+    reading: Reading,
+    order: Order,
+    outline: Outline,
+}
+
+impl Preset {
+    fn named(reading: &str, order: &str, outline: &str) -> Result<Self, BindError> {
+        Ok(Self {
+            reading: choice("reading", reading, &READINGS)?,
+            order: choice("order", order, &ORDERS)?,
+            outline: choice("outline", outline, &OUTLINES)?,
+        })
+    }
+
+    fn read<T: Send>(
+        &self,
+        py: Python<'_>,
+        frame: &Bound<'_, PyAny>,
+        baseline: &Bound<'_, PyAny>,
+        take: impl FnOnce(ContactMetrics, &Presets) -> T + Send,
+    ) -> Result<T, BindError> {
+        let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
+        let pair = Pair::new(frame.as_array(), baseline.as_array())?;
+        let work = |presets: &mut Presets| {
+            let metrics = match self.reading {
+                Reading::Paper => read_paper(&pair, self.order, &mut presets.paper),
+                Reading::Live => read_live(&pair, self.order, self.outline, &mut presets.live),
+            };
+            take(metrics, presets)
+        };
+        Ok(compute(py, &pair, || PRESETS.with_borrow_mut(work)))
+    }
 }
 
 #[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order))]
+#[pyo3(signature = (frame, baseline, *, reading, order, outline))]
 fn read_contact(
     py: Python<'_>,
     frame: &Bound<'_, PyAny>,
     baseline: &Bound<'_, PyAny>,
     reading: &str,
     order: &str,
+    outline: &str,
 ) -> Result<Fields, BindError> {
-    choice("reading", reading, &[("paper", ())])?;
-    with_paper(py, frame, baseline, order, |_, metrics, _| fields(metrics))
+    Preset::named(reading, order, outline)?.read(py, frame, baseline, |metrics, _| fields(metrics))
 }
 
 #[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order))]
+#[pyo3(signature = (frame, baseline, *, reading, order, outline))]
 fn contact_mask<'py>(
     py: Python<'py>,
     frame: &Bound<'py, PyAny>,
     baseline: &Bound<'py, PyAny>,
     reading: &str,
     order: &str,
+    outline: &str,
 ) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
-    choice("reading", reading, &[("paper", ())])?;
-    let (shape, mask) = with_paper(py, frame, baseline, order, |shape, _, scratch| {
-        (shape, scratch.mask().collect::<Vec<_>>())
+    let preset = Preset::named(reading, order, outline)?;
+    let mask = preset.read(py, frame, baseline, |_, presets| match preset.reading {
+        Reading::Paper => presets.paper.mask().collect::<Vec<_>>(),
+        Reading::Live => presets.live.mask().iter().map(|&m| m != 0).collect(),
     })?;
-    Ok(mask.into_pyarray(py).reshape(shape)?)
+    like_image(py, frame, mask)
 }
 
 #[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order))]
+#[pyo3(signature = (frame, baseline, *, reading, order, outline))]
 fn pressure_map<'py>(
     py: Python<'py>,
     frame: &Bound<'py, PyAny>,
     baseline: &Bound<'py, PyAny>,
     reading: &str,
     order: &str,
+    outline: &str,
 ) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
-    choice("reading", reading, &[("paper", ())])?;
-    let (shape, map) = with_paper(py, frame, baseline, order, |shape, _, scratch| {
-        (shape, scratch.pressure_map().collect::<Vec<_>>())
+    let preset = Preset::named(reading, order, outline)?;
+    let map = preset.read(py, frame, baseline, |_, presets| match preset.reading {
+        Reading::Paper => presets.paper.pressure_map().collect::<Vec<_>>(),
+        Reading::Live => presets.live.pressure_map().collect(),
     })?;
-    Ok(map.into_pyarray(py).reshape(shape)?)
+    like_image(py, frame, map)
+}
+
+/// The values of an image's pixels, row by row, as an array of its height and width.
+fn like_image<'py, T: numpy::Element>(
+    py: Python<'py>,
+    frame: &Bound<'py, PyAny>,
+    values: Vec<T>,
+) -> Result<Bound<'py, PyArray2<T>>, BindError> {
+    let (height, width, _) = image("frame", frame)?.as_array().dim();
+    Ok(values.into_pyarray(py).reshape((height, width))?)
+}
+
+#[pyfunction]
+fn estimate_baseline<'py>(
+    py: Python<'py>,
+    frames: Vec<Bound<'py, PyAny>>,
+) -> Result<(Bound<'py, PyArray3<u8>>, Vec<usize>), BindError> {
+    let frames = frames.iter().map(|frame| image("frame", frame)).collect::<Result<Vec<_>, _>>()?;
+    let views: Vec<_> = frames.iter().map(PyReadonlyArray3::as_array).collect();
+    let found = py.detach(|| tega_tactile::estimate_baseline(&views))?;
+    Ok((found.image.into_pyarray(py), found.choice.frames))
 }
 
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(contact_metrics, m)?)?;
     m.add_function(wrap_pyfunction!(read_contact, m)?)?;
     m.add_function(wrap_pyfunction!(contact_mask, m)?)?;
-    m.add_function(wrap_pyfunction!(pressure_map, m)?)
+    m.add_function(wrap_pyfunction!(pressure_map, m)?)?;
+    m.add_function(wrap_pyfunction!(estimate_baseline, m)?)
 }

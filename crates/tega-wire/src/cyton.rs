@@ -85,6 +85,22 @@ impl Packet {
             _ => Aux::User(self.aux_bytes),
         }
     }
+
+    /// Acceleration X, Y, Z in g; NaN where the packet holds no new reading.
+    pub fn acceleration_g(&self) -> [f64; 3] {
+        match self.aux() {
+            Aux::Acceleration(Some(axes)) => axes.map(acceleration_g),
+            Aux::Acceleration(None) | Aux::Raw(_) | Aux::User(_) | Aux::Stamped { .. } => [f64::NAN; 3],
+        }
+    }
+
+    /// The board's clock in ms, where the packet holds it.
+    pub fn time_ms(&self) -> Option<u32> {
+        match self.aux() {
+            Aux::Stamped { time_ms, .. } => Some(time_ms),
+            Aux::Acceleration(_) | Aux::Raw(_) | Aux::User(_) => None,
+        }
+    }
 }
 
 /// Counts to microvolts at a gain: 4.5 V over `gain * (2^23 - 1)` counts.

@@ -5,7 +5,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {value} {unit} is out of range: {wanted}")]
+    #[error("{name} = {value}{} is out of range: {wanted}", spaced(unit))]
     OutOfRange {
         /// The argument.
         name: &'static str,
@@ -40,11 +40,21 @@ pub enum WireError {
         /// What would be accepted.
         wanted: &'static str,
     },
-    /// An array or a packet has the wrong number of elements.
+    /// An array has the wrong number of elements.
     #[error("{name} has {got} elements, {wanted} are needed")]
     Length {
-        /// The array or packet.
+        /// The array.
         name: &'static str,
+        /// Its length.
+        got: usize,
+        /// What would be accepted.
+        wanted: &'static str,
+    },
+    /// A packet has the wrong number of bytes.
+    #[error("{packet} of {got} bytes, {wanted} are needed")]
+    PacketLength {
+        /// The kind of packet.
+        packet: &'static str,
         /// Its length.
         got: usize,
         /// What would be accepted.
@@ -105,7 +115,7 @@ impl WireError {
             }
             Self::NoSuchRow { .. } => "fill rows 0 to 3 only, or send the 40-motor form",
             Self::Empty { name: "front_key and back_key" } => "name at least one panel",
-            Self::Checksum { .. } | Self::Field { .. } => {
+            Self::Checksum { .. } | Self::Field { .. } | Self::PacketLength { .. } => {
                 "drop the packet and count it; if it repeats, the two ends speak different versions"
             }
             Self::OutOfRange { .. }
@@ -116,4 +126,9 @@ impl WireError {
             | Self::Json { .. } => "",
         }
     }
+}
+
+/// A unit set off from its number.
+fn spaced(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" {unit}") }
 }

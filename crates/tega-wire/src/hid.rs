@@ -59,11 +59,8 @@ fn seal(mut report: HidReport) -> HidReport {
 
 /// The bytes of a report whose length and checksum are right.
 fn open(packet: &'static str, bytes: &[u8], number: u8) -> Result<HidReport, WireError> {
-    let report: HidReport = bytes.try_into().map_err(|_| WireError::Length {
-        name: packet,
-        got: bytes.len(),
-        wanted: "64 bytes",
-    })?;
+    let report: HidReport =
+        bytes.try_into().map_err(|_| WireError::PacketLength { packet, got: bytes.len(), wanted: "64" })?;
     if report[0] != number {
         let wanted = if number == MOTOR_REPORT { "0x1" } else { "0x2" };
         return Err(WireError::Field { packet, field: "report number", got: u32::from(report[0]), wanted });
@@ -105,7 +102,7 @@ pub fn motor_report(sequence: u16, motor: &Motor) -> Result<HidReport, WireError
             };
             check(levels)?;
             if *ttl_ms == 0 {
-                let wanted = "1 to 65535; only a stop lasts 0";
+                let wanted = "1 to 65535; only a stop has 0";
                 return Err(WireError::OutOfRange { name: "ttl_ms", value: 0.0, unit: "ms", wanted });
             }
             (if *request_status { REQUEST_STATUS } else { 0 }, *ttl_ms, layout, levels)
@@ -121,7 +118,7 @@ pub fn motor_report(sequence: u16, motor: &Motor) -> Result<HidReport, WireError
 /// is refused, so that a device never guesses.
 ///
 /// # Errors
-/// [`WireError::Length`], [`WireError::Field`], [`WireError::Checksum`].
+/// [`WireError::PacketLength`], [`WireError::Field`], [`WireError::Checksum`].
 pub fn decode_motor(bytes: &[u8]) -> Result<(u16, Motor), WireError> {
     let packet = "motor report";
     let field = |field, got: u8, wanted| WireError::Field { packet, field, got: u32::from(got), wanted };
@@ -200,7 +197,7 @@ pub fn status_report(status: &Status) -> HidReport {
 /// Decode a status report. Bytes that version 1 leaves unused are ignored.
 ///
 /// # Errors
-/// [`WireError::Length`], [`WireError::Field`], [`WireError::Checksum`].
+/// [`WireError::PacketLength`], [`WireError::Field`], [`WireError::Checksum`].
 pub fn decode_status(bytes: &[u8]) -> Result<Status, WireError> {
     let packet = "status report";
     let r = open(packet, bytes, STATUS_REPORT)?;

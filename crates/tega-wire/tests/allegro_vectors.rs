@@ -119,12 +119,6 @@ fn captured_position_frames() {
 
 #[test]
 fn home_pose_as_position_frames() {
-    let degrees = [
-        [0.0, -10.0, 45.0, 45.0],
-        [0.0, -10.0, 45.0, 45.0],
-        [5.0, -5.0, 50.0, 45.0],
-        [60.0, 25.0, 15.0, 45.0],
-    ];
     let wanted = [
         "00 00 52 F8 90 22 90 22",
         "00 00 52 F8 90 22 90 22",

@@ -61,8 +61,8 @@ fn cyton_packets() {
         -999.994_695,
         9.991_23,
         -9.991_23,
-        2499.997_914,
-        -2499.997_914,
+        2_499.997_914,
+        -2_499.997_914,
     ];
     for (found, wanted) in decoder.microvolts(&packets[3]).into_iter().zip(wanted) {
         assert!((found - wanted).abs() < 1e-6);

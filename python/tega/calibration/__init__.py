@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
-from tega.calibration.store import Calibration, EmgMaxima, TouchMaxima, load_calibration, save_calibration
+from tega.calibration.store import (
+    Calibration,
+    EmgMaxima,
+    FingerMaxima,
+    TouchMaxima,
+    load_calibration,
+    save_calibration,
+)
 
-__all__ = ["Calibration", "EmgMaxima", "TouchMaxima", "load_calibration", "save_calibration"]
+__all__ = ["Calibration", "EmgMaxima", "FingerMaxima", "TouchMaxima", "load_calibration", "save_calibration"]

@@ -33,7 +33,7 @@ import msgspec
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 
-__all__ = ["Calibration", "EmgMaxima", "TouchMaxima", "load_calibration", "save_calibration"]
+__all__ = ["Calibration", "EmgMaxima", "FingerMaxima", "TouchMaxima", "load_calibration", "save_calibration"]
 
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
 
@@ -48,6 +48,15 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     cci_max: _Positive | None = None
     eda_max: _Positive | None = None
+
+
+class FingerMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The maxima of each finger; ``None`` for a finger that was not calibrated."""
+
+    thumb: TouchMaxima | None = None
+    index: TouchMaxima | None = None
+    middle: TouchMaxima | None = None
+    ring: TouchMaxima | None = None
 
 
 class EmgMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -82,10 +91,15 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     preset: Literal["paper", "live"]
     origin: str
-    tactile: dict[str, TouchMaxima] = {}
+    tactile: FingerMaxima = FingerMaxima()
     emg: EmgMaxima | None = None
     format: Literal["tega-calibration"] = "tega-calibration"
     version: Literal[1] = 1
+
+    def touch(self, finger: str) -> TouchMaxima | None:
+        """Return a finger's maxima; ``None`` if it was not calibrated."""
+        maxima: TouchMaxima | None = getattr(self.tactile, finger)
+        return maxima
 
     def check_fits(self, *, preset: str, fingers: Iterable[str], emg: EmgMaxima | None, name: str) -> None:
         """Refuse to be used for a run it was not made for.
@@ -103,7 +117,7 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         if self.preset != preset:
             raise CalibrationError(f"{name}: made with preset {self.preset!r}, the run uses {preset!r}", hint)
         for finger in fingers:
-            if finger not in self.tactile:
+            if self.touch(finger) is None:
                 raise CalibrationError(f"{name}: has no maxima for finger {finger!r}", hint)
         if emg is None:
             return
@@ -163,7 +177,9 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         f'preset = "{calibration.preset}"',
         f"origin = {_text(calibration.origin)}",
     ]
-    for finger, touch in calibration.tactile.items():
+    for finger in FingerMaxima.__struct_fields__:
+        if (touch := calibration.touch(finger)) is None:
+            continue
         lines += ["", f"[tactile.{finger}]"]
         if touch.cci_max is None and touch.eda_max is None:
             lines.append("# no press was seen: this finger's columns stay still")

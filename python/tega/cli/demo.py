@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +11,10 @@ from tega.cli.options import debug_option, json_option
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega.teleop.loop import LoopView
-    from tega.teleop.prepare import Progress
 
 __all__ = ["demo"]
 
+TITLE = "TEGA demo: simulated touch and EMG"
 # The object under each finger: its radius there, how deep the gel gives at full effort, and how late it is met.
 _TOUCH = {
     "thumb": {"radius_mm": 14.0, "depth_mm": 0.7, "delay_s": 0.0},
@@ -53,17 +50,18 @@ def demo(*, seconds: float, preset: str, seed: int, fast: bool, out_dir: Path, a
 
     from tega.cli.options import Stop, echo_json
     from tega.cli.report import print_summary
+    from tega.cli.stage import stage
     from tega.teleop import run_session
     from tega.view.session import write_figure
 
     settings = _settings(seconds, preset, seed, out_dir, pace="fast" if fast else "real")
     started = time.perf_counter()
-    with Stop() as stop, _stage(enabled=not as_json) as (progress, observer):
+    with Stop() as stop, stage(TITLE, enabled=not as_json) as (progress, observer):
         summary = run_session(settings, observer=observer, progress=progress, stop=stop)
     wall_s = time.perf_counter() - started
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     picture = out_dir / "demo.png"
-    write_figure(settings, out_dir, picture, title="TEGA demo: simulated touch and EMG")
+    write_figure(settings, out_dir, picture, title=TITLE)
     if as_json:
         echo_json({**summary, "measured": measured})
     else:
@@ -71,32 +69,6 @@ def demo(*, seconds: float, preset: str, seed: int, fast: bool, out_dir: Path, a
         click.echo(f"tables and {picture.name} are in {out_dir}")
     if summary["ended"] == "stopped":
         raise KeyboardInterrupt
-
-
-@contextmanager
-def _stage(*, enabled: bool) -> Iterator[tuple[Progress, Callable[[LoopView], None] | None]]:
-    """Show the preparation as a bar and then the loop as the live view, on a terminal."""
-    import sys
-
-    from tega.cli.options import progress_bar
-
-    if not enabled or not sys.stderr.isatty():
-        yield lambda _what, _done, _total: None, None
-        return
-    from tega.view.terminal import TerminalView
-
-    with ExitStack() as stack:
-        bar = stack.enter_context(progress_bar())
-        view = TerminalView("TEGA demo · simulated touch and EMG")
-
-        def progress(what: str, done: int, total: int) -> None:
-            if what == "running":
-                stack.close()
-                stack.enter_context(view)
-            else:
-                bar(what, done, total)
-
-        yield progress, view
 
 
 def _settings(seconds: float, preset: str, seed: int, out_dir: Path, *, pace: str) -> SessionConfig:

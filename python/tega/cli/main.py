@@ -31,6 +31,15 @@ _VERBS = {
     "run": _Verb("Run", "tega.cli.run", "run", "Run a session from its settings."),
     "replay": _Verb("Run", "tega.cli.replay", "replay", "Run the loop on recordings and write tables."),
     "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List the drivers that are installed."),
+    "audit": _Verb(
+        "Tooling",
+        "tega.cli.audit",
+        "audit",
+        "Compare readings of the contact equations.",
+    ),
+    "emg-score": _Verb(
+        "Tooling", "tega.cli.emg_score", "emg_score", "Score the levels against a measured force."
+    ),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
 }
 

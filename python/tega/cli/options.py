@@ -12,9 +12,28 @@ from typing import Any, TypeVar
 
 import click
 
-__all__ = ["Stop", "debug_option", "echo_json", "json_option", "progress_bar"]
+__all__ = ["ChannelList", "Stop", "debug_option", "echo_json", "json_option", "progress_bar"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+class ChannelList(click.ParamType[list[int]]):
+    """Channel numbers, comma separated."""
+
+    name = "n,n,..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[int]:
+        """Read the numbers, or fail with a usage error."""
+        if isinstance(value, list):
+            return value
+        try:
+            channels = [int(part) for part in str(value).split(",")]
+        except ValueError:
+            channels = []
+        if not channels or min(channels) < 1:
+            self.fail(f"{value!r} is not a list of channel numbers from 1, such as 3,6,8", param, ctx)
+        return channels
+
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
 
@@ -83,7 +102,9 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
         task = bar.add_task("preparing", total=None)
 
         def show(what: str, done: int, total: int) -> None:
-            if done % 16 == 0 or done == total:
-                bar.update(task, description=what, completed=done, total=total or None)
+            if total == 0:
+                bar.reset(task, description=what, total=None)
+            elif done % 16 == 0 or done == total:
+                bar.update(task, description=what, completed=done, total=total)
 
         yield show

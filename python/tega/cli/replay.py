@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import ChannelList, debug_option, json_option
 
 __all__ = ["replay"]
 
@@ -26,23 +26,6 @@ class _Finger(click.ParamType[tuple[str, Path]]):
         if not equals or not path or finger not in FINGERS:
             self.fail(f"{value!r} is not FINGER=PATH with FINGER one of {', '.join(FINGERS)}", param, ctx)
         return finger, Path(path).absolute()
-
-
-class _Channels(click.ParamType[list[int]]):
-    """Channel numbers, comma separated."""
-
-    name = "n,n,..."
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[int]:
-        if isinstance(value, list):
-            return value
-        try:
-            channels = [int(part) for part in str(value).split(",")]
-        except ValueError:
-            channels = []
-        if not channels or min(channels) < 1:
-            self.fail(f"{value!r} is not a list of channel numbers from 1, such as 3,6,8", param, ctx)
-        return channels
 
 
 @click.command(
@@ -65,7 +48,7 @@ class _Channels(click.ParamType[list[int]]):
     "--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second."
 )
 @click.option("--emg-kind", type=click.Choice(["raw", "rectified", "envelope"]), help="What the samples are.")
-@click.option("--emg-channels", type=_Channels(), help="Columns to use, counted from 1; else all.")
+@click.option("--emg-channels", type=ChannelList(), help="Columns to use, counted from 1; else all.")
 @click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,

@@ -31,19 +31,19 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
                 f"{f['rate_hz'] or 0:g}",
                 _short(f["cci_max"]),
                 _short(f["eda_max"]),
-                f["baseline"],
+                "estimated" if f["baseline"].startswith("estimated") else f["baseline"],
             )
         out.print(table)
     if (emg := summary["emg"]) is not None:
         table = Table(
-            title=f"intent from {emg['source']} ({emg['kind']}, {emg['rate_hz']:g} Hz)",
+            title=f"intent from {emg['source']} ({emg['kind']}, {emg['rate_hz']:g} Hz), time at each level",
             title_justify="left",
             box=SIMPLE,
         )
         for name in emg["channels"]:
             table.add_column(f"{name} max", justify="right")
         for level in summary["hand"]["level_s"]:
-            table.add_column(f"level {level}", justify="right")
+            table.add_column(f"at {level}", justify="right")
         table.add_row(
             *map(_short, emg["maxima"]), *(f"{s:.1f} s" for s in summary["hand"]["level_s"].values())
         )
@@ -54,7 +54,13 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
     )
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)
-    out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
+    if (pacing := summary.get("pacing")) is not None:
+        out.print(
+            f"paced by the clock: {pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
+            f"(worst {pacing['worst_late_ms']:.1f} ms), {pacing['skipped']} left out"
+        )
+    else:
+        out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
 
 
 def _short(value: float | None) -> str:

@@ -95,6 +95,8 @@ def _columns(path: Path, array: Any, channels: Sequence[int]) -> NDArray[np.floa
             f"{path.name}: an array of shape {array.shape}, expected (samples, channels)",
             "export it as a table",
         )
+    if array.shape[0] == 1 and array.shape[1] > _MOST_CHANNELS:
+        array = array.T  # a plain vector is one channel, however it was stored
     if array.shape[0] < array.shape[1] and (
         array.shape[1] > _MOST_CHANNELS or max(channels, default=0) > array.shape[1]
     ):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tega import _native
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 
@@ -20,6 +20,7 @@ __all__ = ["IMAGE_SUFFIXES", "load_cv2", "read_image"]
 
 IMAGE_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_AGAIN = "copy it again from its source, or take it out of the recording"
 
 
 def load_cv2(driver: str) -> Any:
@@ -59,10 +60,10 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
         ) from error
     if path.suffix.lower() == ".npy":
         return _npy_image(path)
+    if data.startswith(_PNG_SIGNATURE) and (image := _png(path, data)) is not None:
+        return image
     if (fault := _fault(data)) is not None:
-        raise RecordingError(
-            f"{path.name}: {fault}", "copy it again from its source, or take it out of the recording"
-        )
+        raise RecordingError(f"{path.name}: {fault}", _AGAIN)
     cv2 = load_cv2(driver)
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
@@ -72,10 +73,18 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
     if image is None:
         raise RecordingError(
             f"{path.name}: not a picture that can be decoded ({len(data)} bytes)",
-            "copy it again from its source, or take it out of the recording",
+            _AGAIN,
         )
     decoded: NDArray[np.uint8] = image
     return decoded
+
+
+def _png(path: Path, data: bytes) -> NDArray[np.uint8] | None:
+    """Decode a PNG file in the extension: faster than OpenCV, and it refuses what is not whole. 16 bits: ``None``."""
+    try:
+        return _native.decode_png(data)
+    except RecordingError as error:
+        raise RecordingError(f"{path.name}: PNG cut short or damaged: {error.message}", _AGAIN) from error
 
 
 def _npy_image(path: Path) -> NDArray[np.uint8]:
@@ -93,8 +102,6 @@ def _npy_image(path: Path) -> NDArray[np.uint8]:
 
 def _fault(data: bytes) -> str | None:
     """Say what is wrong with an encoded picture as far as its container tells, or ``None``."""
-    if data.startswith(_PNG_SIGNATURE):
-        return _png_fault(data)
     if data.startswith(b"\xff\xd8"):
         # Neither marker can occur inside entropy-coded data, so the picture's own end comes after its last scan.
         if data.rfind(b"\xff\xd9") <= data.rfind(b"\xff\xda"):
@@ -108,19 +115,3 @@ def _fault(data: bytes) -> str | None:
         if size + 8 > len(data):
             return f"WebP cut short: {len(data)} bytes of {size + 8}"
     return None
-
-
-def _png_fault(data: bytes) -> str | None:
-    at = len(_PNG_SIGNATURE)
-    while at + 12 <= len(data):
-        (length,) = struct.unpack_from(">I", data, at)
-        end = at + 12 + length
-        if end > len(data):
-            break
-        (crc,) = struct.unpack_from(">I", data, end - 4)
-        if zlib.crc32(memoryview(data)[at + 4 : end - 4]) != crc:
-            return f"PNG damaged: wrong checksum in the chunk at byte {at}"
-        if data[at + 4 : at + 8] == b"IEND":
-            return None
-        at = end
-    return f"PNG cut short: {len(data)} bytes and no IEND chunk"

@@ -14,11 +14,11 @@ from __future__ import annotations
 import difflib
 import importlib.util
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from typing import Any, Literal, overload
 
 import msgspec
 
-from tega.devices.base import Device, Kind
+from tega.devices.base import Device, EmgSource, HandDriver, Kind, TactileSource, VestSink
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
 
 __all__ = ["DriverRecord", "driver_class", "driver_names", "list_drivers"]
@@ -55,6 +55,16 @@ def driver_names() -> list[str]:
     return sorted(_entries())
 
 
+@overload
+def driver_class(name: str, kind: Literal["tactile"]) -> type[TactileSource]: ...
+@overload
+def driver_class(name: str, kind: Literal["emg"]) -> type[EmgSource]: ...
+@overload
+def driver_class(name: str, kind: Literal["vest"]) -> type[VestSink]: ...
+@overload
+def driver_class(name: str, kind: Literal["hand"]) -> type[HandDriver]: ...
+@overload
+def driver_class(name: str, kind: Kind | None = None) -> type[Device]: ...
 def driver_class(name: str, kind: Kind | None = None) -> type[Device]:
     """Return the driver registered under a name.
 

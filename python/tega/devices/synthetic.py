@@ -6,6 +6,7 @@ not model stands in :mod:`tega.sim.press` and :mod:`tega.sim.muscle`.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -57,7 +58,7 @@ def effort_at(t_s: float, duration_s: float) -> float:
         True
     """
     share = min(max(t_s / duration_s, 0.0), 1.0)
-    for (start, low), (end, high) in zip(_GRASP, _GRASP[1:], strict=False):
+    for (start, low), (end, high) in itertools.pairwise(_GRASP):
         if share <= end:
             ease = 0.5 - 0.5 * math.cos(math.pi * (share - start) / (end - start))
             return low + (high - low) * ease
@@ -145,6 +146,10 @@ class SyntheticTouch(Opened):
         centre = (WIDTH / 2 + 18 * math.sin(2.2 * squeeze), HEIGHT / 2 - 25 + 30 * squeeze)
         return Press(options.depth_mm * squeeze, centre, options.radius_mm)
 
+    def skip(self, n_frames: int) -> None:
+        """Pass over the next ``n_frames`` frames."""
+        self._next += n_frames
+
     def read(self, timeout_s: float) -> TactileFrame | None:  # noqa: ARG002  # never keeps one waiting
         """Return the next frame.
 
@@ -158,7 +163,9 @@ class SyntheticTouch(Opened):
         seq = self._next
         self._next += 1
         t_s = seq / self._options.rate_hz
-        return TactileFrame(round(t_s * 1e9), seq, self._camera.frame(self.press_at(t_s)), f"frame {seq}")
+        return TactileFrame(
+            round(t_s * 1e9), seq, self._camera.frame(self.press_at(t_s), seq), f"frame {seq}"
+        )
 
 
 class SyntheticEmgOptions(Options, frozen=True):

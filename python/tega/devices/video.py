@@ -9,7 +9,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
 from tega.devices.lifecycle import Opened
-from tega.devices.opencv import load_cv2
+from tega.devices.opencv import IMAGE_SUFFIXES, load_cv2
 from tega.errors import DeviceUnavailableError, RecordingError
 
 __all__ = ["VideoFile", "VideoFileOptions"]
@@ -81,6 +81,10 @@ class VideoFile(Opened):
         cv2 = load_cv2("video")
         if not path.is_file():
             raise RecordingError(f"{path.name}: no such video file", f"looked for {path}")
+        if path.suffix.lower() in IMAGE_SUFFIXES:
+            raise RecordingError(
+                f"{path.name}: a picture, not a video", "give the folder that holds the pictures"
+            )
         capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
         if not capture.isOpened():
             capture.release()

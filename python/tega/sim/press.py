@@ -69,18 +69,20 @@ class PressCamera:
         background = np.moveaxis(np.tensordot(np.array(BACKGROUND, np.float32) * tint, terms, 1), 0, -1)
         still = [background + self._noise() for _ in range(STILL_FRAMES)]
         self._still = np.rint(still).astype(np.int16)
+        self._order = self._rng.integers(STILL_FRAMES, size=4099)
 
     def baseline(self) -> NDArray[np.uint8]:
         """Return the mean of the still pictures, uint8 (320, 240, 3)."""
         mean: NDArray[np.uint8] = np.clip(np.rint(self._still.mean(axis=0)), 0, 255).astype(np.uint8)
         return mean
 
-    def frame(self, press: Press) -> NDArray[np.uint8]:
-        """Return one picture of ``press``, uint8 (320, 240, 3), BGR."""
-        image = self._still[self._rng.integers(STILL_FRAMES)].copy()
+    def frame(self, press: Press, number: int = 0) -> NDArray[np.uint8]:
+        """Return one picture of ``press``, uint8 (320, 240, 3), BGR; ``number`` picks its noise."""
+        image = self._still[self._order[number % self._order.size]].copy()
         if press.depth_mm > 0:
             self._press(image, press)
-        return np.clip(image, 0, 255).astype(np.uint8)
+        picture: NDArray[np.uint8] = np.clip(image, 0, 255).astype(np.uint8)
+        return picture
 
     def _noise(self) -> NDArray[np.float32]:
         """Noise whose neighbours along the columns share their value in pairs, as 4:2:2 chroma does."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["find_baseline"]
 
 # Enough frames to contain quiet ones, few enough to hold in memory whatever the picture's size.
-MOST_FRAMES = 256
+MOST_FRAMES = 96
 LEAST_FRAMES = 16
 MOST_BYTES = 512 * 1024 * 1024
 

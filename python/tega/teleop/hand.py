@@ -6,25 +6,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.hand import HandController, JointModel
-from tega.wire import CanFrame, allegro_torque_frames
+from tega.hand import ModelledHand
+from tega.wire import allegro_servo_off, allegro_torque_frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["HAND_TICK_NS", "ModelledHand"]
+    from tega.wire import CanFrame
+
+__all__ = ["HAND_TICK_NS", "ModelledAllegro"]
 
 # The Allegro v4 reports its joints every 3 ms and wants one torque set for each.
 HAND_TICK_NS = 3_000_000
 
-_SERVO_OFF_ID = 0x104
 
+class ModelledAllegro:
+    """The frames that would go to an Allegro Hand v4 if its joints moved as an ideal model's do.
 
-class ModelledHand:
-    """Closes the joint controller over an ideal joint model, for want of a hand that reports its angles.
-
-    The Allegro Hand v4 takes torques only, so something has to say where the joints are. Here that is a model:
-    frictionless, without contact, without load. Its frames show what would be sent, not what a hand would do.
+    The hand takes torques only, so something has to say where the joints are. With no hand attached that is a
+    model without load, contact or friction: the frames show what would be sent, not what a hand would do.
 
     Args:
         device_id: The hand's number on its bus, 0 to 3.
@@ -34,9 +34,8 @@ class ModelledHand:
 
     def __init__(self, *, device_id: int = 0) -> None:
         self._device_id = device_id
-        self._controller = HandController()
-        self._model = JointModel()
-        self._angles: NDArray[np.float64] = self._model.angles_rad
+        self._hand = ModelledHand()
+        self._angles: NDArray[np.float64] = self._hand.model.angles_rad
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
@@ -52,11 +51,10 @@ class ModelledHand:
         Returns:
             The four SET TORQUE frames of this tick.
         """
-        torques = self._controller.step(self._angles, level)
-        self._angles = self._model.step(torques)
+        self._angles, torques = self._hand.step(level)
         return allegro_torque_frames(torques, device_id=self._device_id)
 
     def limp(self) -> list[CanFrame]:
         """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF."""
         zero = allegro_torque_frames(np.zeros(16), device_id=self._device_id)
-        return [*zero, CanFrame(_SERVO_OFF_ID + self._device_id, b"")]
+        return [*zero, allegro_servo_off(device_id=self._device_id)]

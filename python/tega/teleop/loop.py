@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import msgspec
 
 from tega.devices.base import HandDriver, VestSink
-from tega.teleop.hand import HAND_TICK_NS, ModelledHand
+from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
 from tega.teleop.streams import NEVER_NS, Stream
@@ -51,6 +51,7 @@ class LoopView(NamedTuple):
         vest: The frame just sent; ``None`` without tactile sources.
         block: The newest EMG block; ``None`` before the first.
         angles_rad: The hand's 16 joint angles; ``None`` without a hand.
+        counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
     """
 
     t_ns: int
@@ -59,6 +60,7 @@ class LoopView(NamedTuple):
     vest: VestFrame | None
     block: Block | None
     angles_rad: Sequence[float] | None
+    counts: Mapping[str, int]
 
 
 class LoopReport(msgspec.Struct, kw_only=True):
@@ -71,7 +73,7 @@ class LoopReport(msgspec.Struct, kw_only=True):
         n_blocks: EMG blocks taken in.
         n_hand_ticks: Ticks of the hand.
         n_vest_ticks: Frames sent to the vest by the ticks.
-        stale_s: Time each finger stood silent for want of a fresh frame, by finger, in seconds of vest ticks.
+        n_stale_ticks: Vest frames in which a finger was silent for want of a fresh frame, by finger.
         level_ticks: Hand ticks spent on each level, 1 to 5.
     """
 
@@ -111,7 +113,7 @@ class DualLoop:
         touch: TouchLoop,
         contacts: Mapping[str, Stream[Contact]],
         levels: Stream[Block] | None,
-        hand: ModelledHand,
+        hand: ModelledAllegro,
         vests: Sequence[VestSink],
         hands: Sequence[HandDriver],
         recorder: Recorder | None,
@@ -243,9 +245,20 @@ class DualLoop:
                     self.report.n_stale_ticks[finger] += 1
         if self._observer is not None:
             angles = None if self._levels is None else self._hand.angles_rad.tolist()
+            felt = self._touch.fresh(t_ns)
             self._observer(
-                LoopView(t_ns, dict(self._newest), self._touch.fresh(t_ns), frame, self._block, angles)
+                LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
             )
+
+    def _counts(self) -> dict[str, int]:
+        report = self.report
+        frames = sum(report.n_contacts.values()) // max(len(report.n_contacts), 1)
+        return {
+            "touch": frames,
+            "levels": report.n_blocks,
+            "hand": report.n_hand_ticks,
+            "vest": report.n_vest_ticks,
+        }
 
     def _leave(self, t_ns: int) -> list[Exception]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""

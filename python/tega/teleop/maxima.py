@@ -99,22 +99,20 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
     Raises:
         CalibrationError: A channel never moves, or the recording is shorter than one block.
     """
-    samples = _all_samples(source)
+    samples = _held(_all_samples(source))
     source.open()
-    maxima = channel_maxima(
-        samples,
-        conditions.rate_hz,
-        tau=conditions.tau,
-        kind=conditions.kind,
-        percentile=EMG_PERCENTILE[preset],
-    )
+    try:
+        maxima = channel_maxima(
+            samples,
+            conditions.rate_hz,
+            tau=conditions.tau,
+            kind=conditions.kind,
+            percentile=EMG_PERCENTILE[preset],
+        )
+    except CalibrationError as error:
+        said = f"EMG {source.info.label}, channels {', '.join(conditions.channels)}: {error.message}"
+        raise CalibrationError(said, error.hint) from error
     values = tuple(float(m) for m in maxima)
-    for name, value in zip(conditions.channels, values, strict=True):
-        if not value > 0:
-            raise CalibrationError(
-                f"EMG channel {name} of {source.info.label}: largest block mean {value:g}",
-                "leave the channel out with --emg-channels, or check --emg-kind",
-            )
     return EmgMaxima(
         kind=conditions.kind,
         rate_hz=conditions.rate_hz,
@@ -131,3 +129,14 @@ def _all_samples(source: EmgSource) -> NDArray[np.float64]:
         if chunk is not None:
             chunks.append(chunk.samples)
     return np.concatenate(chunks) if chunks else np.empty((0, len(source.info.channels)))
+
+
+def _held(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Let a sample that is no number keep the value before it, as the running chain does."""
+    good = np.isfinite(samples)
+    if good.all():
+        return samples
+    rows = np.where(good, np.arange(len(samples))[:, None], -1)
+    last_good = np.maximum.accumulate(rows, axis=0)
+    first_good = np.argmax(good, axis=0)
+    return np.take_along_axis(samples, np.where(last_good < 0, first_good, last_good), axis=0)

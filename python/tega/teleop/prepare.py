@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
-from tega.calibration import Calibration, EmgMaxima, load_calibration
+from tega.calibration import Calibration, EmgMaxima, FingerMaxima, load_calibration
 from tega.config import SessionConfig
 from tega.devices.base import EmgSource, TactileSource
 from tega.emg import GraspIntent
@@ -35,7 +35,6 @@ class Finger(NamedTuple):
         baseline_origin: Where that came from.
         report: What becomes of the frames.
         measured: All frames, where they had to be measured beforehand.
-        measured_end_ns: When they end.
     """
 
     source: TactileSource
@@ -43,7 +42,6 @@ class Finger(NamedTuple):
     baseline_origin: str
     report: SourceReport
     measured: list[Contact] | None = None
-    measured_end_ns: int = 0
 
 
 class Muscles(NamedTuple):
@@ -126,7 +124,7 @@ def prepare(
         calibration = Calibration(
             preset=preset,
             origin=SELF_CALIBRATED,
-            tactile={finger: touch_maxima(f.measured or []) for finger, f in fingers.items()},
+            tactile=FingerMaxima(**{name: touch_maxima(f.measured or []) for name, f in fingers.items()}),
             emg=None if emg is None or conditions is None else emg_maxima(emg, conditions, preset=preset),
         )
     muscles = None
@@ -161,19 +159,12 @@ def _prepare_fingers(
         if not measure:
             return Finger(source, baseline, origin, report)
         measured: list[Contact] = []
-        frames = measured_contacts(
-            source,
-            baseline,
-            config.session.preset,
-            report,
-            stopped=lambda: stop() or failed.is_set(),
-        )
-        while True:
-            try:
-                measured.append(next(frames))
-            except StopIteration as end:
-                return Finger(source, baseline, origin, report, measured, end.value)
+        for contact in measured_contacts(
+            source, baseline, config.session.preset, report, stopped=lambda: stop() or failed.is_set()
+        ):
+            measured.append(contact)
             count()
+        return Finger(source, baseline, origin, report, measured)
 
     def job(name: str) -> Finger:
         try:

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.calibration import TouchMaxima, save_calibration
 from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import SessionConfig
-from tega.devices.base import EmgSource, HandDriver, Kind, TactileSource, VestSink
+from tega.devices.base import EmgSource, HandDriver, TactileSource, VestSink
+from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.registry import driver_class
+from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.recording import RunRecorder, prepare_folder
-from tega.teleop.hand import ModelledHand
+from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop, LoopReport, LoopView
 from tega.teleop.pacing import Pacer, PacingReport
 from tega.teleop.prepare import Finger, Muscles, Prepared, Progress, prepare
@@ -93,12 +94,12 @@ def run_session(
         prepare_folder(session.out_dir)
     with ExitStack() as stack:
         sources: dict[str, TactileSource] = {
-            finger: stack.enter_context(_driver("tactile", c.driver, c.options))
+            finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
             for finger, c in fingers.items()
         }
         emg: EmgSource | None = None
         if config.emg is not None:
-            emg = stack.enter_context(_driver("emg", config.emg.driver, config.emg.options))
+            emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
         if session.pace == "fast":
             for source in (*sources.values(), *([] if emg is None else [emg])):
                 if source.info.live:
@@ -125,7 +126,7 @@ def _run(
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
     pacer = Pacer(clock)
     start_ns = pacer.start()
-    maxima = {finger: prepared.calibration.tactile.get(finger, TouchMaxima()) for finger in prepared.fingers}
+    maxima = {finger: prepared.calibration.touch(finger) or TouchMaxima() for finger in prepared.fingers}
     loop = DualLoop(
         pacer=pacer,
         touch=TouchLoop(maxima, layout=layout),
@@ -134,7 +135,7 @@ def _run(
             for name, finger in prepared.fingers.items()
         },
         levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns),
-        hand=ModelledHand(device_id=config.hand.device_id),
+        hand=ModelledAllegro(device_id=config.hand.device_id),
         vests=sinks.vests,
         hands=sinks.hands,
         recorder=sinks.recorder,
@@ -164,7 +165,7 @@ def _contacts(
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
     if finger.measured is not None:
-        return PulledStream(finger.measured, end_ns=finger.measured_end_ns)
+        return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
     def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
         return measured_contacts(
@@ -203,25 +204,15 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
     if config.vest.driver is not None:
-        vests.append(stack.enter_context(_driver("vest", config.vest.driver, config.vest.options)))
+        vests.append(stack.enter_context(driver_class(config.vest.driver, "vest")(config.vest.options)))
     if config.hand.driver is not None:
-        hands.append(stack.enter_context(_driver("hand", config.hand.driver, config.hand.options)))
+        hands.append(stack.enter_context(driver_class(config.hand.driver, "hand")(config.hand.options)))
     folder = config.session.out_dir
     if folder is None:
         return Sinks(vests, hands, None)
-    vests.append(stack.enter_context(_table("vest", "vest-recorder", folder / "vest.csv")))
-    hands.append(stack.enter_context(_table("hand", "can-recorder", folder / "can.csv")))
+    vests.append(stack.enter_context(VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))))
+    hands.append(stack.enter_context(CanRecorder(CanRecorderOptions(file=folder / "can.csv"))))
     recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
     stack.callback(recorder.close)
     save_calibration(prepared.calibration, folder / "calibration.toml")
     return Sinks(vests, hands, recorder)
-
-
-def _driver(kind: Kind, name: str, options: Any) -> Any:
-    """Make a driver; the registry checks that it is of the kind its section asks for."""
-    return driver_class(name, kind)(options)
-
-
-def _table(kind: Kind, name: str, path: Path) -> Any:
-    options: Any = driver_class(name, kind).options_type
-    return _driver(kind, name, options(file=path))

@@ -37,12 +37,14 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_dropped: Items of a live source that could not be used, or came faster than they were taken.
         n_missing: Items that never came, by the gaps in their numbers.
         lost: Why the source went away, if it did.
+        end_ns: When the source ended, once it has.
     """
 
     n_items: int = 0
     n_dropped: int = 0
     n_missing: int = 0
     lost: str = ""
+    end_ns: int | None = None
 
     def drop(self) -> None:
         """Count an item that was not used."""
@@ -81,12 +83,10 @@ def measured_contacts(
         RecordingError: A recorded frame is unreadable or not of the baseline's size.
     """
     live, end_ns, next_seq = source.info.live, 0, 0
-    while not stopped():
+    while not (stopped() or source.ended):
         try:
             frame = source.read(READ_TIMEOUT_S)
             if frame is None:
-                if source.ended:
-                    break
                 continue
             metrics = _measure(frame.image, baseline, reading, frame.name)
         except DeviceUnavailableError as error:
@@ -106,7 +106,10 @@ def measured_contacts(
         end_ns = t_ns
         yield t_ns, metrics
     rate_hz = source.info.rate_hz
-    return end_ns if live or not rate_hz else round(next_seq * 1_000_000_000 / rate_hz)
+    if not live and rate_hz:
+        end_ns = round(next_seq * 1_000_000_000 / rate_hz)
+    report.end_ns = end_ns
+    return end_ns
 
 
 def _measure(
@@ -155,12 +158,10 @@ def grasp_blocks(
         When the source ended, in nanoseconds.
     """
     live, end_ns, n_blocks, next_index = source.info.live, 0, 0, 0
-    while not stopped():
+    while not (stopped() or source.ended):
         try:
             chunk = source.read(READ_TIMEOUT_S)
             if chunk is None:
-                if source.ended:
-                    break
                 continue
             fused = intent.process(chunk.samples)
         except DeviceUnavailableError as error:
@@ -181,4 +182,5 @@ def grasp_blocks(
             n_blocks += 1
             t_ns = end_ns if live else round(n_blocks * tau * 1_000_000_000 / rate_hz)
             yield t_ns, tuple(channels), level
+    report.end_ns = end_ns
     return end_ns

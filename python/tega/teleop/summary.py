@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from tega.errors import TegaError
 from tega.recording.folder import SUMMARY_FORMAT
-from tega.teleop.hand import HAND_TICK_NS, ModelledHand
+from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
     from tega.teleop.session import RunState
+    from tega.teleop.sources import SourceReport
 
 __all__ = ["summarise", "write_summary"]
 
@@ -46,7 +47,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     summary["calibration"] = {
         "origin": state.prepared.calibration.origin,
         "file": state.prepared.calibration_name or None,
-        "causal": bool(state.prepared.calibration_name),
+        "self_calibrated": not state.prepared.calibration_name,
     }
     summary["tactile"] = {finger: _finger(state, finger) for finger in state.prepared.fingers}
     summary["emg"] = _emg(state)
@@ -57,7 +58,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         "sinks": [sink.info.driver for sink in state.sinks.vests],
     }
     summary["hand"] = {
-        "model": ModelledHand.label,
+        "model": ModelledAllegro.label,
         "rate_hz": 1e9 / HAND_TICK_NS,
         "ticks": loop.n_hand_ticks,
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
@@ -77,7 +78,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
 
 def _finger(state: RunState, name: str) -> dict[str, Any]:
     finger, loop = state.prepared.fingers[name], state.loop
-    info, maxima = finger.source.info, state.prepared.calibration.tactile.get(name)
+    info, maxima = finger.source.info, state.prepared.calibration.touch(name)
     return {
         "driver": info.driver,
         "source": info.label,
@@ -109,6 +110,7 @@ def _emg(state: RunState) -> dict[str, Any] | None:
         "blocks": state.loop.n_blocks,
         "dropped": muscles.report.n_dropped,
         "missing": muscles.report.n_missing,
+        "held_samples": [int(n) for n in muscles.intent.held_samples],
     }
 
 
@@ -119,7 +121,7 @@ def _notes(state: RunState) -> list[str]:
     if not state.prepared.calibration_name:
         notes.append(f"maxima {state.prepared.calibration.origin}")
     for name, finger in state.prepared.fingers.items():
-        maxima = state.prepared.calibration.tactile.get(name)
+        maxima = state.prepared.calibration.touch(name)
         if maxima is None or maxima.eda_max is None:
             notes.append(f"{name}: no press was seen, so it has no maxima and its columns stay silent")
         elif maxima.cci_max is None:
@@ -127,20 +129,23 @@ def _notes(state: RunState) -> list[str]:
                 f"{name}: no contact was large enough for a CCI maximum, so its front column stays silent"
             )
         notes += [f"{name}: {note}" for note in finger.source.info.notes]
-        if finger.report.lost:
-            notes.append(f"{name}: source lost: {finger.report.lost}; silent after {STALE_NS / 1e6:g} ms")
-        elif finger.measured_end_ns and finger.measured_end_ns + STALE_NS < end_ns:
-            notes.append(
-                f"{name}: ended at {finger.measured_end_ns / 1e9:.3f} s, silent {STALE_NS / 1e6:g} ms later"
-            )
+        notes += _ending(name, finger.report, end_ns, f"silent {STALE_NS / 1e6:g} ms later")
     if (muscles := state.prepared.muscles) is not None:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
-        emg_end_s = muscles.report.n_items / muscles.maxima.rate_hz
-        if muscles.report.lost:
-            notes.append(f"emg: source lost: {muscles.report.lost}; the last level was held")
-        elif not muscles.source.info.live and state.loop.ended == "complete" and emg_end_s * 1e9 < end_ns:
-            notes.append(f"emg: ended at {emg_end_s:.3f} s, its last level was held to the end")
+        for name, n_held in zip(muscles.maxima.channels, muscles.intent.held_samples, strict=True):
+            if n_held:
+                notes.append(f"emg: {name}: {n_held} samples were no numbers; the one before was held")
+        notes += _ending("emg", muscles.report, end_ns, "its last level held to the end")
     return notes
+
+
+def _ending(name: str, report: SourceReport, run_end_ns: int, then: str) -> list[str]:
+    """Say that a source went away or ended before the run did."""
+    if report.lost:
+        return [f"{name}: lost: {report.lost}; {then}"]
+    if report.end_ns is not None and report.end_ns < run_end_ns:
+        return [f"{name}: ended at {report.end_ns / 1e9:.3f} s, {then}"]
+    return []
 
 
 def write_summary(summary: dict[str, Any], path: Path) -> None:

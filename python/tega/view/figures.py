@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-__all__ = ["Course", "TouchPicture", "draw_course", "draw_touch", "session_figure"]
+__all__ = ["Course", "TouchPicture", "draw_course", "draw_touch", "new_figure", "session_figure"]
 
 CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
 
@@ -101,6 +101,22 @@ def draw_course(ax: Axes, course: Course) -> None:
     ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", ncols=3, frameon=False)
 
 
+def new_figure(*, figsize: tuple[float, float]) -> Figure:
+    """Return an empty figure that draws into memory; no window, no global state.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("matplotlib is not installed", "pip install 'tega[view]'") from error
+    figure = Figure(figsize=figsize, dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
 def session_figure(path: Path, pictures: Mapping[str, TouchPicture], course: Course, title: str) -> None:
     """Write both pictures into one PNG.
 
@@ -113,13 +129,7 @@ def session_figure(path: Path, pictures: Mapping[str, TouchPicture], course: Cou
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("matplotlib is not installed", "pip install 'tega[view]'") from error
-    figure: Figure = Figure(figsize=(11, 6.2), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(figsize=(11, 6.2))
     figure.suptitle(title, fontsize=11)
     halves: list[SubFigure] = list(figure.subfigures(2, 1, height_ratios=[1.1, 1], squeeze=False)[:, 0])
     upper, lower = halves

@@ -48,7 +48,8 @@ def write_figure(config: SessionConfig, folder: Path, path: Path, *, title: str)
     pictures = {}
     for finger, firmest in _firmest(contacts).items():
         section = config.tactile.in_use()[finger]
-        source: TactileSource = driver_class(section.driver, "tactile")(section.options)
+        driver: Any = driver_class(section.driver, "tactile")
+        source: TactileSource = driver(section.options)
         with source:
             baseline, _ = find_baseline(source, section.baseline, finger=finger)
             frame = _frame(source, firmest.seq)
@@ -106,5 +107,7 @@ def _mean_over_contacts(contacts: list[dict[str, Any]]) -> NDArray[np.float64]:
         touching = at.setdefault(row["t_s"], [])
         if row["in_contact"] == "1":
             touching.append((float(row["cci_norm"]), float(row["eda_norm"])))
-    course = [(float(t), *(np.mean(touching, axis=0) if touching else (0.0, 0.0))) for t, touching in at.items()]
+    course = [
+        (float(t), *(np.mean(touching, axis=0) if touching else (0.0, 0.0))) for t, touching in at.items()
+    ]
     return np.array(course, np.float64).reshape(-1, 3)

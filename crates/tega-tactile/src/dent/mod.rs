@@ -121,10 +121,17 @@ impl LiveScratch {
         &self.patches
     }
 
-    /// The last frame's response per cell in counts, with the number of rows and columns of cells.
-    pub fn response(&self) -> (usize, usize, impl Iterator<Item = f32>) {
-        let counts = self.response.length.iter().map(|e| e * COUNTS_PER_UNIT);
-        (self.grid.rows, self.grid.cols, counts)
+    /// The last frame's response in counts at every pixel, row by row; one value a cell.
+    pub fn pressure_map(&self) -> impl Iterator<Item = f32> {
+        let Grid { height, width, rows, cols, side, .. } = self.grid;
+        let cell = move |pixel: usize, cells: usize| (pixel / side.max(1)).min(cells.saturating_sub(1));
+        (0..height).flat_map(move |y| {
+            let row = cell(y, rows) * cols;
+            (0..width).map(move |x| {
+                let response = self.response.length.get(row + cell(x, cols));
+                response.map_or(0.0, |e| e * COUNTS_PER_UNIT)
+            })
+        })
     }
 }
 

@@ -19,8 +19,8 @@ pub fn v3_torque_frame(finger: Finger, counts: [i16; 4]) -> CanFrame {
 }
 
 /// A joint angle in radians from a position word, the hand's offset for that joint (its calibration sheet has
-/// sixteen) and its direction.
-pub fn v3_angle_rad(raw: u16, offset: i32, reversed: bool) -> f64 {
-    let raw = if reversed { -i64::from(raw) } else { i64::from(raw) };
+/// sixteen) and whether its encoder counts downwards.
+pub fn v3_angle_rad(raw: u16, offset: i32, down: bool) -> f64 {
+    let raw = if down { -i64::from(raw) } else { i64::from(raw) };
     (raw - 32768 - i64::from(offset)) as f64 * RAD_PER_COUNT
 }

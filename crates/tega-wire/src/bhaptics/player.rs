@@ -176,8 +176,12 @@ struct RawPanels {
 /// # Errors
 /// [`WireError::Json`] for text that is not a JSON object, or a known field of another type.
 pub fn player_v2_status(message: &str) -> Result<PlayerStatus, WireError> {
-    let raw: RawStatus = serde_json::from_str(message)
-        .map_err(|e| WireError::Json { packet: "player status", reason: e.to_string() })?;
+    let bad = |reason: String| WireError::Json { packet: "player status", reason };
+    // A derived parser would take a list of the fields in their order as well.
+    if !message.trim_start().starts_with('{') {
+        return Err(bad("not a JSON object".into()));
+    }
+    let raw: RawStatus = serde_json::from_str(message).map_err(|e| bad(e.to_string()))?;
     let panels = raw.status.unwrap_or_default();
     Ok(PlayerStatus {
         connected_devices: raw.connected_device_count.unwrap_or_default(),

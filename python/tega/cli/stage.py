@@ -1,0 +1,69 @@
+"""What a run shows on a terminal while it lasts: a bar for the preparation, then the live view."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+from tega.cli.options import progress_bar
+
+if TYPE_CHECKING:
+    from tega.teleop.loop import LoopView
+    from tega.teleop.prepare import Progress
+
+__all__ = ["stage"]
+
+_REDRAW_S = 0.1
+
+
+@contextmanager
+def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Callable[[LoopView], None] | None]]:
+    """Show preparation and run on a terminal's stderr.
+
+    The picture is drawn by a thread of its own, from the newest moment it was given: drawing takes longer than a
+    tick of the hand.
+
+    Args:
+        title: Heading of the live view.
+        enabled: Whether to show anything at all.
+
+    Yields:
+        What to give ``run_session`` as ``progress`` and as ``observer``.
+    """
+    if not enabled or not sys.stderr.isatty():
+        yield lambda _what, _done, _total: None, None
+        return
+    newest: list[LoopView] = []
+    over = threading.Event()
+
+    def draw() -> None:
+        from tega.view.terminal import TerminalView
+
+        with TerminalView(title) as view:
+            while not over.wait(_REDRAW_S):
+                if newest:
+                    view(newest[-1])
+
+    drawing = threading.Thread(target=draw, name="tega-view", daemon=True)
+    with ExitStack() as stack:
+        bar = stack.enter_context(progress_bar())
+
+        def progress(what: str, done: int, total: int) -> None:
+            if what == "running":
+                stack.close()
+                drawing.start()
+            else:
+                bar(what, done, total)
+
+        def observe(view: LoopView) -> None:
+            newest[:] = [view]
+
+        try:
+            yield progress, observe
+        finally:
+            over.set()
+            if drawing.is_alive():
+                drawing.join()

@@ -1,0 +1,205 @@
+"""The driver contract: what every driver does, whoever wrote it.
+
+``check_driver`` runs all of it on one driver with options under which it works, and raises ``AssertionError`` with
+the broken rule. For hardware, give the options of the device on the bench.
+
+Example::
+
+    from tega.testing.contract import check_driver
+    check_driver(MyVest, MyVestOptions(port="COM3"))
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from typing import Any
+
+import numpy as np
+
+from tega.devices.base import (
+    Device,
+    DeviceInfo,
+    EmgSource,
+    HandDriver,
+    Options,
+    SkippingSource,
+    TactileSource,
+    VestSink,
+)
+from tega.errors import DeviceUnavailableError
+from tega.haptics import vest_frame
+from tega.wire import allegro_torque_frames
+
+__all__ = ["check_driver"]
+
+_PROTOCOLS = {"tactile": TactileSource, "emg": EmgSource, "vest": VestSink, "hand": HandDriver}
+# A recording read by a contract check is expected to end before this many reads.
+_MOST_READS = 100_000
+
+
+def check_driver(driver: type[Device], options: Options, *, most_items: int = 64) -> None:
+    """Put a driver through the whole contract.
+
+    Args:
+        driver: Its class.
+        options: Options under which it works here.
+        most_items: How many items of a live source to look at; a recording is read to its end.
+
+    Raises:
+        AssertionError: It breaks a rule; the message says which.
+    """
+    _check_description(driver, options)
+    _check_lifecycle(driver, options)
+    device: Any = driver(options)
+    if isinstance(device, TactileSource | EmgSource):
+        _check_source(device, most_items)
+        if isinstance(device, SkippingSource):
+            _check_skip(device)
+    else:
+        _check_sink(device)
+
+
+def _rule(holds: bool, rule: str) -> None:  # noqa: FBT001  # an assertion that survives python -O
+    if not holds:
+        raise AssertionError(rule)
+
+
+def _check_description(driver: type[Device], options: Options) -> None:
+    _rule(driver.kind in _PROTOCOLS, f"kind is one of {', '.join(_PROTOCOLS)}")
+    _rule(bool(driver.summary) and "\n" not in driver.summary, "summary is one line")
+    _rule(issubclass(driver.options_type, Options), "options_type is a subclass of tega.devices.Options")
+    _rule(isinstance(options, driver.options_type), "the options given are of the driver's options_type")
+    _rule(not driver.requires or bool(driver.extra), "a driver that requires packages names the extra")
+
+
+def _check_lifecycle(driver: type[Device], options: Options) -> None:
+    device = driver(options)
+    _rule(isinstance(device, _PROTOCOLS[driver.kind]), f"meets the {driver.kind} protocol")
+    _rule(isinstance(device.info, DeviceInfo), "info is readable while closed")
+    _rule(device.info.kind == driver.kind, "info.kind is the driver's kind")
+    _rule("/" not in device.info.label and "\\" not in device.info.label, "info.label is no path")
+    device.close()
+    refused = False
+    try:
+        _use(device)
+    except DeviceUnavailableError:
+        refused = True
+    _rule(refused, "reading or writing while closed raises DeviceUnavailableError")
+    with device as entered:
+        _rule(entered is device, "the context manager gives the device itself")
+        _rule(device.info.driver == driver(options).info.driver, "info.driver does not change by opening")
+    device.close()
+    device.close()
+    with device:
+        _use(device)
+
+
+def _use(device: Any) -> None:
+    if isinstance(device, TactileSource | EmgSource):
+        device.read(0.0)
+    elif isinstance(device, VestSink) and device.info.kind == "vest":
+        device.write(0, vest_frame([0] * 4, [0] * 4))
+    else:
+        device.write(0, allegro_torque_frames(np.zeros(16)))
+
+
+def _check_source(source: TactileSource | EmgSource, most_items: int) -> None:
+    with source:
+        first = _read_all(source, most_items)
+        info = source.info
+        _rule(bool(first), "an open source delivers something")
+        times = [item.t_ns for item in first]
+        _rule(all(isinstance(t, int) for t in times), "t_ns is an int")
+        _rule(times == sorted(times), "t_ns never decreases")
+        _rule(info.rate_hz is not None and info.rate_hz > 0, "an open source knows its rate")
+        if info.kind == "tactile":
+            _check_frames(first)
+        else:
+            _check_chunks(first, len(info.channels))
+        if info.live:
+            return
+        _rule(source.ended, "a recording that was read to its end says so")
+        _rule(source.read(0.0) is None, "nothing comes after the end")
+        count = len(first) if info.kind == "tactile" else sum(len(c.samples) for c in first)
+        _rule(info.n_items == count, "n_items is the number of items delivered")
+    with source:
+        again = _read_all(source, most_items)
+    _rule([item.t_ns for item in again] == times, "opened again, a recording starts from its beginning")
+
+
+def _read_all(source: TactileSource | EmgSource, most_items: int) -> list[Any]:
+    items: list[Any] = []
+    content: list[bytes] = []
+    for _ in range(_MOST_READS):
+        if source.ended or (source.info.live and len(items) >= most_items):
+            break
+        item = source.read(1.0)
+        if item is not None:
+            items.append(item)
+            content.append(_content(item))
+    _rule([_content(item) for item in items] == content, "an item stays as it was when later ones are read")
+    return items
+
+
+def _content(item: Any) -> bytes:
+    array = item.image if hasattr(item, "image") else item.samples
+    return bytes(hashlib.blake2b(array.tobytes()).digest())
+
+
+def _check_frames(frames: list[Any]) -> None:
+    for frame in frames:
+        image = frame.image
+        _rule(isinstance(image, np.ndarray) and image.dtype == np.uint8, "image is uint8")
+        _rule(image.ndim == 3 and image.shape[2] == 3, "image is (height, width, 3)")
+        _rule(image.shape == frames[0].image.shape, "all images have one size")
+        _rule(bool(frame.name), "a frame has a name")
+    numbers = [frame.seq for frame in frames]
+    _rule(all(b > a for a, b in itertools.pairwise(numbers)), "seq rises")
+
+
+def _check_chunks(chunks: list[Any], n_channels: int) -> None:
+    next_index = 0
+    for chunk in chunks:
+        samples = chunk.samples
+        _rule(samples.dtype == np.float64 and samples.ndim == 2, "samples are float64 (n, channels)")
+        _rule(samples.shape[1] == n_channels, "there is one column per channel of info.channels")
+        _rule(len(samples) > 0, "a chunk holds at least one sample")
+        _rule(chunk.first_index >= next_index, "first_index never goes back")
+        next_index = chunk.first_index + len(samples)
+
+
+def _check_skip(source: SkippingSource) -> None:
+    with source:
+        if source.info.live:
+            return
+        frames = _read_all(source, 0)
+    if len(frames) < 3:
+        return
+    with source:
+        source.read(0.0)
+        source.skip(1)
+        third = source.read(0.0)
+        _rule(third is not None and third.seq == frames[2].seq, "skip(1) passes over exactly one frame")
+        _rule(third is not None and np.array_equal(third.image, frames[2].image), "and not over its content")
+        source.skip(_MOST_READS)
+        _rule(source.read(0.0) is None, "skipping past the end reaches the end")
+
+
+def _check_sink(sink: Any) -> None:
+    with sink:
+        if sink.info.kind == "vest":
+            frame = vest_frame([10, 20, 30, 40], [50, 60, 70, 80])
+            sent = sink.write(0, frame)
+            _rule(sent.intensities.shape == frame.intensities.shape, "write returns the frame really sent")
+            _rule(
+                bool((sent.intensities <= frame.intensities).all()), "a limit only ever lowers an intensity"
+            )
+            sink.write(33_333_333, vest_frame([0] * 4, [0] * 4))
+        else:
+            frames = allegro_torque_frames(np.full(16, 0.01))
+            sent_frames = list(sink.write(0, frames))
+            _rule(
+                [f.id for f in sent_frames] == [f.id for f in frames], "write returns the frames really sent"
+            )
+            sink.write(3_000_000, allegro_torque_frames(np.zeros(16)))

@@ -1,0 +1,289 @@
+"""CAN frames of an Allegro Hand: version 4 in full, versions 3 and 5 as far as their numbers are known.
+
+Joints are in the hand's order everywhere: index 0 to 3, middle 4 to 7, ring 8 to 11, thumb 12 to 15. There is
+no encoder for CONFIG, which writes the hand's flash memory, nor for SET POSE, which version 4 firmware does
+not have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tega import _native
+from tega._native import ALLEGRO_PWM_LIMITS, ALLEGRO_RAD_PER_COUNT
+from tega.errors import InvalidValueError, WireError
+from tega.wire.allegro_messages import (
+    FINGERS,
+    AllegroImu,
+    AllegroInfo,
+    AllegroPosition,
+    AllegroSerial,
+    AllegroStatus,
+    AllegroTemperature,
+    CanFrame,
+    Finger,
+)
+from tega.wire.arrays import float_array, integer_array
+
+__all__ = [
+    "ALLEGRO_PWM_LIMITS",
+    "ALLEGRO_RAD_PER_COUNT",
+    "allegro_angle_counts",
+    "allegro_angles_rad",
+    "allegro_position_frames",
+    "allegro_report_frame",
+    "allegro_request_imu",
+    "allegro_request_info",
+    "allegro_request_position",
+    "allegro_request_serial",
+    "allegro_request_temperature",
+    "allegro_servo_off",
+    "allegro_servo_on",
+    "allegro_set_period",
+    "allegro_torque_frames",
+    "allegro_v3_angles_rad",
+    "allegro_v3_torque_frame",
+]
+
+_TEMPERATURE_NO_ANSWER: Final = 0xFF
+
+
+def allegro_torque_frames(
+    torques: ArrayLike, *, device_id: int = 0, version: Literal[4, 5] = 4
+) -> list[CanFrame]:
+    """Encode one control step: SET TORQUE for index, middle, ring and thumb.
+
+    Counts are ``torque * 1200`` (version 5: 1430), clamped to each joint's limit (:data:`ALLEGRO_PWM_LIMITS`;
+    version 5: 240) and rounded to nearest, halves away from zero. The vendor's drivers truncate, so they send
+    up to one count less.
+
+    Args:
+        torques: (16,) torques in tau units, 1.0 being full pulse width; float64 is not copied.
+        device_id: The hand's number, 0 from the factory.
+        version: The hand's; counts of one mean nothing to the other.
+
+    Raises:
+        ShapeError: Unless there are 16.
+        DtypeError: If they are not real numbers.
+        WireError: If any is NaN or infinite (no frame is made then), or for a device number above 3.
+
+    Example:
+        >>> [hex(frame.id) for frame in allegro_torque_frames([0.0] * 16, device_id=1)]
+        ['0x181', '0x185', '0x189', '0x18d']
+    """
+    tau = float_array("torques", torques, (16,))
+    frames = _native.allegro_torque_frames(tau, device_id=device_id, version=version)
+    return [CanFrame(can_id, data) for can_id, data in frames]
+
+
+def allegro_angles_rad(counts: ArrayLike, *, version: Literal[4, 5] = 4) -> NDArray[np.float64]:
+    """Return joint angles in rad of encoder counts (signed 16 bits), in the same shape.
+
+    Raises:
+        DtypeError: If the counts are not integers.
+        WireError: If one does not fit 16 bits.
+
+    Example:
+        >>> allegro_angles_rad([8848]).round(6)
+        array([0.785376])
+    """
+    words = integer_array("counts", counts, np.int16, (-32768, 32767))
+    return _native.allegro_angles_rad(words.ravel(), version=version).reshape(words.shape)
+
+
+def allegro_angle_counts(angles_rad: ArrayLike, *, version: Literal[4, 5] = 4) -> NDArray[np.int16]:
+    """Return the nearest encoder counts of joint angles in rad, in the same shape.
+
+    Raises:
+        DtypeError: If the angles are not real numbers.
+        WireError: If one is NaN or beyond 16 bits (±2.9085 rad in version 4).
+    """
+    angles = float_array("angles_rad", angles_rad)
+    return _native.allegro_angle_counts(angles.ravel(), version=version).reshape(angles.shape)
+
+
+def allegro_servo_on(*, device_id: int = 0) -> CanFrame:
+    """Return the frame that switches the motors on.
+
+    Raises:
+        WireError: For a device number above 3.
+    """
+    return _encode("servo_on", device_id=device_id)
+
+
+def allegro_servo_off(*, device_id: int = 0) -> CanFrame:
+    """Return the frame that switches the motors off; send zero torque first, as some firmware ignores it.
+
+    Raises:
+        WireError: For a device number above 3.
+    """
+    return _encode("servo_off", device_id=device_id)
+
+
+def allegro_set_period(
+    position_ms: int,
+    imu_ms: int = 0,
+    temperature_ms: int = 0,
+    status_ms: int | None = 0,
+    *,
+    device_id: int = 0,
+) -> CanFrame:
+    """Return the frame that sets how often the hand reports by itself; 0 is never, all 0 stops it.
+
+    Args:
+        position_ms: Joint positions, 3 in every known driver.
+        imu_ms: Inertial unit.
+        temperature_ms: Joint temperatures.
+        status_ms: Status; None for the six-byte form, which the vendor's own drivers send.
+        device_id: The hand's number.
+
+    Raises:
+        WireError: If a period is outside 0 to 65535 ms, or for a device number above 3.
+    """
+    status = [] if status_ms is None else [status_ms]
+    return _encode("set_period", values=[position_ms, imu_ms, temperature_ms, *status], device_id=device_id)
+
+
+def allegro_request_info(*, device_id: int = 0) -> CanFrame:
+    """Return the remote frame that asks for :class:`AllegroInfo`.
+
+    Raises:
+        WireError: For a device number above 3.
+    """
+    return _encode("request_info", device_id=device_id)
+
+
+def allegro_request_serial(*, device_id: int = 0) -> CanFrame:
+    """Return the remote frame that asks for :class:`AllegroSerial`.
+
+    Raises:
+        WireError: For a device number above 3.
+    """
+    return _encode("request_serial", device_id=device_id)
+
+
+def allegro_request_imu(*, device_id: int = 0) -> CanFrame:
+    """Return the remote frame that asks for :class:`AllegroImu`.
+
+    Raises:
+        WireError: For a device number above 3.
+    """
+    return _encode("request_imu", device_id=device_id)
+
+
+def allegro_request_position(finger: Finger, *, device_id: int = 0) -> CanFrame:
+    """Return the remote frame that asks for one finger's :class:`AllegroPosition`.
+
+    Raises:
+        InvalidValueError: For a finger the hand does not have.
+        WireError: For a device number above 3.
+    """
+    return _encode("request_position", finger, device_id=device_id)
+
+
+def allegro_request_temperature(finger: Finger, *, device_id: int = 0) -> CanFrame:
+    """Return the remote frame that asks for one finger's :class:`AllegroTemperature`.
+
+    Raises:
+        InvalidValueError: For a finger the hand does not have.
+        WireError: For a device number above 3.
+    """
+    return _encode("request_temperature", finger, device_id=device_id)
+
+
+def allegro_position_frames(
+    angles_rad: ArrayLike, *, device_id: int = 0, version: Literal[4, 5] = 4
+) -> list[CanFrame]:
+    """Encode the four position frames a hand with these joint angles sends.
+
+    Args:
+        angles_rad: (16,) joint angles, rad.
+        device_id: The hand's number.
+        version: The hand's.
+
+    Raises:
+        ShapeError: Unless there are 16.
+        WireError: If one is NaN or does not fit, or for a device number above 3.
+    """
+    counts = allegro_angle_counts(float_array("angles_rad", angles_rad, (16,)), version=version)
+    rows: list[list[int]] = counts.reshape(4, 4).tolist()
+    return [
+        _encode("position", finger, row, device_id=device_id)
+        for finger, row in zip(FINGERS, rows, strict=True)
+    ]
+
+
+def allegro_report_frame(
+    report: AllegroPosition | AllegroTemperature | AllegroInfo | AllegroSerial | AllegroImu | AllegroStatus,
+    *,
+    device_id: int = 0,
+) -> CanFrame:
+    """Encode a report of the hand: what a simulated hand sends. :func:`allegro_decode` gives it back.
+
+    Raises:
+        WireError: If a value does not fit its field, or for a device number above 3.
+        ShapeError: If there are more or fewer values than the message holds.
+    """
+    match report:
+        case AllegroPosition(finger, counts):
+            return _encode("position", finger, counts, device_id=device_id)
+        case AllegroTemperature(finger, celsius):
+            values = [_TEMPERATURE_NO_ANSWER if value is None else value for value in celsius]
+            return _encode("temperature", finger, values, device_id=device_id)
+        case AllegroInfo(hardware, firmware, side, palm_c, status):
+            sides = {"right": 0, "left": 1, "unknown": 0xFF}
+            words = [(major << 8) + minor for major, minor in (hardware, firmware)]
+            return _encode("info", values=[*words, sides[side], palm_c, status], device_id=device_id)
+        case AllegroSerial(text):
+            if not text.isascii() or len(text) > 8:
+                raise WireError(f"serial number {text!r} is not at most eight ASCII characters")
+            return _encode("serial", values=list(text.encode().ljust(8, b"\0")), device_id=device_id)
+        case AllegroImu(words):
+            return _encode("imu", values=words, device_id=device_id)
+        case AllegroStatus(data):
+            return _encode("status", values=list(data), device_id=device_id)
+
+
+def allegro_v3_torque_frame(finger: Finger, counts: Sequence[int]) -> CanFrame:
+    """Encode one finger's torque for a version 2 or 3 hand, which has other identifiers and reversed joints.
+
+    Args:
+        finger: The finger.
+        counts: Pulse-width counts of its joints 0 to 3. Whether one tau is 800 or 1200 of them is disputed
+            and depends on the supply, so this function does not scale; nor does it clamp.
+
+    Raises:
+        InvalidValueError: For a finger the hand does not have.
+        ShapeError: Unless there are four counts.
+        WireError: If one does not fit 16 bits.
+    """
+    return CanFrame(*_native.allegro_v3_torque_frame(_number(finger), list(counts)))
+
+
+def allegro_v3_angles_rad(raw: Sequence[int], offsets: Sequence[int]) -> NDArray[np.float64]:
+    """Return joint angles in rad of a version 3 hand whose encoders all count upwards.
+
+    Args:
+        raw: Position words, 0 to 65535.
+        offsets: The same joints' offsets, from the hand's calibration sheet.
+
+    Raises:
+        WireError: If a word or an offset does not fit.
+        ValueError: If there are not as many offsets as words.
+    """
+    pairs = zip(raw, offsets, strict=True)
+    return np.array([_native.allegro_v3_angle_rad(word, offset=offset, down=False) for word, offset in pairs])
+
+
+def _number(finger: Finger) -> int:
+    if finger not in FINGERS:
+        raise InvalidValueError(f"finger = {finger!r} is not one of {', '.join(FINGERS)}")
+    return FINGERS.index(finger)
+
+
+def _encode(kind: str, finger: Finger = "index", values: Sequence[int] = (), *, device_id: int) -> CanFrame:
+    return CanFrame(*_native.allegro_encode(kind, _number(finger), list(values), device_id=device_id))

@@ -1,0 +1,296 @@
+"""Decoders of the muscle sensors' serial streams.
+
+Each is fed with bytes as they arrive, in chunks of any size, and gives what they complete. None of them keeps
+more than a few packets' worth of bytes, and none raises on what a port delivers. A decoder belongs to one
+thread at a time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega import _native
+from tega.wire.arrays import as_bytes
+
+__all__ = [
+    "AsciiEmgDecoder",
+    "ChordsBatch",
+    "ChordsDecoder",
+    "CytonBatch",
+    "CytonDecoder",
+    "SpikerDecoder",
+    "chords_channels",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class CytonBatch:
+    """Packets of an OpenBCI Cyton, oldest first.
+
+    Attributes:
+        counters: (n,) uint8, the board's counter.
+        missing: (n,) uint8, packets missing before each, by the counter, modulo 256: a loss of exactly 256 is
+            invisible, so compare with the elapsed time as well.
+        counts: (n, 8) int32.
+        microvolts: (n, 8) float64, µV.
+        acceleration_g: (n, 3) float64, g; NaN where a packet has no new reading.
+        time_ms: (n,) int64, the board's clock in ms; -1 where a packet does not hold it.
+        aux: (n, 6) uint8, the auxiliary bytes as sent.
+        footers: (n,) uint8, 0xC0 to 0xC6.
+    """
+
+    counters: NDArray[np.uint8]
+    missing: NDArray[np.uint8]
+    counts: NDArray[np.int32]
+    microvolts: NDArray[np.float64]
+    acceleration_g: NDArray[np.float64]
+    time_ms: NDArray[np.int64]
+    aux: NDArray[np.uint8]
+    footers: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        """Return the number of packets."""
+        return len(self.counters)
+
+
+class CytonDecoder:
+    r"""Finds packets in the stream of an OpenBCI Cyton, whatever else it holds.
+
+    A packet that follows another with the next counter is given at once; so is one that holds no second
+    header. Otherwise up to three more packets are waited for, and their counters decide, so that a payload
+    full of headers cannot capture the decoder. Packets that nothing tells apart from false ones are dropped.
+
+    Args:
+        gain: What all channels are set to: 1, 2, 4, 6, 8, 12 or 24. The board does not say.
+
+    Raises:
+        InvalidValueError: For another gain.
+
+    Example:
+        >>> decoder = CytonDecoder()
+        >>> packet = bytes([0xA0, 7, 0, 0, 1]) + bytes(27) + b"\xc0"
+        >>> len(decoder.feed(packet[:10]))
+        0
+        >>> decoder.feed(packet[10:]).counters.tolist()
+        [7]
+    """
+
+    def __init__(self, gain: int = 24) -> None:
+        """Start with nothing received."""
+        self._stream = _native.CytonStream(gain=gain)
+
+    def feed(self, data: bytes | bytearray | memoryview) -> CytonBatch:
+        """Take the next bytes and give the packets they complete.
+
+        Raises:
+            DtypeError: If `data` is no buffer of bytes.
+        """
+        return CytonBatch(*self._stream.feed(as_bytes(data)))
+
+    @property
+    def packets(self) -> int:
+        """Packets given so far."""
+        return self._stream.stats()[0]
+
+    @property
+    def missing_packets(self) -> int:
+        """Packets missing so far, by the counter."""
+        return self._stream.stats()[1]
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes so far that belong to no packet."""
+        return self._stream.stats()[2]
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes held back until more arrive, at most 130."""
+        return self._stream.stats()[3]
+
+
+class ChordsBatch(NamedTuple):
+    """Packets of a board with Chords firmware, oldest first.
+
+    Attributes:
+        counters: (n,) uint8, the board's counter; only its differences mean anything.
+        missing: (n,) uint8, packets missing before each, by the counter, modulo 256.
+        samples: (n, channels) uint16, converter counts around mid-range.
+    """
+
+    counters: NDArray[np.uint8]
+    missing: NDArray[np.uint8]
+    samples: NDArray[np.uint16]
+
+
+class ChordsDecoder:
+    """Finds packets in the stream of a board with Chords firmware, by the rules of :class:`CytonDecoder`.
+
+    Args:
+        channels: 1 to 16; :func:`chords_channels` reads it off a stream.
+
+    Raises:
+        InvalidValueError: For another number.
+
+    Example:
+        >>> ChordsDecoder(3).feed(bytes.fromhex("C77C 01 0200 0800 0FFF 01")).samples.tolist()
+        [[512, 2048, 4095]]
+    """
+
+    def __init__(self, channels: int = 3) -> None:
+        """Start with nothing received."""
+        self._stream = _native.ChordsStream(channels=channels)
+
+    def feed(self, data: bytes | bytearray | memoryview) -> ChordsBatch:
+        """Take the next bytes and give the packets they complete.
+
+        Raises:
+            DtypeError: If `data` is no buffer of bytes.
+        """
+        return ChordsBatch(*self._stream.feed(as_bytes(data)))
+
+    @property
+    def packets(self) -> int:
+        """Packets given so far."""
+        return self._stream.stats()[0]
+
+    @property
+    def missing_packets(self) -> int:
+        """Packets missing so far, by the counter."""
+        return self._stream.stats()[1]
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes so far that belong to no packet."""
+        return self._stream.stats()[2]
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes held back until more arrive."""
+        return self._stream.stats()[3]
+
+
+def chords_channels(data: bytes | bytearray | memoryview) -> int | None:
+    """Return how many channels the packets in a stretch of a Chords stream have, or None.
+
+    It is the number that makes most packets in unbroken order, at least three; the first 4096 bytes are
+    looked at. A board's name does not always tell: the same one is sent with three channels and with six.
+
+    Raises:
+        DtypeError: If `data` is no buffer of bytes.
+    """
+    return _native.chords_channels(as_bytes(data))
+
+
+class SpikerDecoder:
+    """Finds frames in the stream of a SpikerShield, which has neither counter nor checksum.
+
+    A frame is given when the next one begins, since a loss shows only as a frame of the wrong length.
+
+    Args:
+        channels: 1 to 6.
+
+    Raises:
+        InvalidValueError: For another number.
+
+    Example:
+        >>> SpikerDecoder(3).feed(bytes.fromhex("877F 0000 0400 80")).tolist()
+        [[1023, 0, 512]]
+    """
+
+    def __init__(self, channels: int = 3) -> None:
+        """Start with nothing received."""
+        self._stream = _native.SpikerStream(channels=channels)
+
+    def feed(self, data: bytes | bytearray | memoryview) -> NDArray[np.uint16]:
+        """Take the next bytes and give the frames they complete: (n, channels) uint16, 0 to 1023.
+
+        Raises:
+            DtypeError: If `data` is no buffer of bytes.
+        """
+        return self._stream.feed(as_bytes(data))
+
+    @property
+    def frames(self) -> int:
+        """Frames given so far."""
+        return self._stream.stats()[0]
+
+    @property
+    def bad_frames(self) -> int:
+        """Frames refused so far: too short, too long, or with a value above 1023."""
+        return self._stream.stats()[1]
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes so far that belong to no frame given."""
+        return self._stream.stats()[2]
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes held back until more arrive."""
+        return self._stream.stats()[3]
+
+
+class AsciiEmgDecoder:
+    r"""Finds samples in lines of decimal numbers, one sample a line, as Arduino sketches print them.
+
+    Fields are separated by ``,`` or ``;``, with blanks or tabs around them or alone; one separator may trail.
+    A field is a decimal number, with a point and an exponent if it likes, or ``name:number``. Any other line,
+    one with another number of fields, and one of more than 256 bytes are refused and counted.
+
+    Args:
+        channels: Fields that are samples, 1 to 64.
+        leading: Fields before them, such as a time stamp, that are read and dropped.
+        drop_first_line: Drop everything before the first line break, since a port is rarely opened between
+            two lines. False for a file, which begins with a whole line.
+
+    Raises:
+        InvalidValueError: If there are more or fewer channels, or more than 64 leading fields.
+
+    Example:
+        >>> decoder = AsciiEmgDecoder(channels=3)
+        >>> decoder.feed(b"12\r\n510,511,512\r\nMyoWare\r\n1,2,").tolist()
+        [[510.0, 511.0, 512.0]]
+        >>> decoder.rejected_lines, decoder.last_rejected
+        (1, b'MyoWare\r')
+    """
+
+    def __init__(self, channels: int = 3, *, leading: int = 0, drop_first_line: bool = True) -> None:
+        """Start with nothing received."""
+        self._stream = _native.AsciiStream(channels=channels, leading=leading, drop_first=drop_first_line)
+
+    def feed(self, data: bytes | bytearray | memoryview) -> NDArray[np.float64]:
+        """Take the next bytes and give the samples they complete: (n, channels) float64.
+
+        Raises:
+            DtypeError: If `data` is no buffer of bytes.
+        """
+        return self._stream.feed(as_bytes(data))
+
+    @property
+    def lines(self) -> int:
+        """Lines accepted so far."""
+        return self._stream.stats()[0]
+
+    @property
+    def rejected_lines(self) -> int:
+        """Lines refused so far."""
+        return self._stream.stats()[1]
+
+    @property
+    def dropped_bytes(self) -> int:
+        """Bytes dropped before the first line break."""
+        return self._stream.stats()[2]
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes of the line in progress, at most 256."""
+        return self._stream.stats()[3]
+
+    @property
+    def last_rejected(self) -> bytes:
+        """The line refused last, at most 256 bytes of it: often a banner or an error text of the board."""
+        return self._stream.last_rejected()

@@ -1,0 +1,53 @@
+"""Documents keep their promises: examples run, links lead somewhere, verbs exist."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import pkgutil
+import re
+from pathlib import Path
+
+import pytest
+
+import tega
+from tega.cli.main import _VERBS
+
+PROJECT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*PROJECT.glob("*.md"), *(PROJECT / "docs").glob("*.md")])
+# Modules whose import needs an optional package do so inside functions, so that all can be walked.
+MODULES = sorted(
+    m.name for m in pkgutil.walk_packages(tega.__path__, "tega.") if not m.name.endswith("__main__")
+)
+
+pytestmark = pytest.mark.skipif(not (PROJECT / "README.md").is_file(), reason="not a checkout")
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_examples_in_docstrings_run(name: str) -> None:
+    module = importlib.import_module(name)
+    assert doctest.testmod(module).failed == 0
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_and_pictures_exist(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+        if "://" not in target:
+            assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_the_verbs_a_page_names_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"(?:^|/|`|&& )tega-teleop ([a-z][a-z-]*)", text, re.MULTILINE)
+    assert set(named) <= set(_VERBS)
+
+
+def test_the_readme_s_python_runs() -> None:
+    (code,) = re.findall(
+        r"```python\n(.*?)```", (PROJECT / "README.md").read_text(encoding="utf-8"), re.DOTALL
+    )
+    names: dict[str, object] = {}
+    exec(compile(code, "README.md", "exec"), names)
+    assert isinstance(names["packet"], bytes)
+    assert len(names["packet"]) == 20

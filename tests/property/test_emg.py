@@ -1,0 +1,220 @@
+"""Properties of the EMG chain against exact references."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from random import Random
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from reference import emg as reference
+from tega.emg import (
+    BlockMean,
+    ButterworthLowpass,
+    GraspIntent,
+    channel_maxima,
+    fuse_levels,
+    grasp_level,
+)
+
+RATES_HZ = [200.0, 250.0, 1e3, 2e3, 1e4, 3e4, 1e5, 1e6]
+Samples = NDArray[np.float64]
+
+# A busy machine is no failure.
+unhurried = settings(deadline=None)
+
+values = st.floats(-1e6, 1e6, allow_subnormal=False)
+level_lists = st.lists(st.integers(1, 5), min_size=1, max_size=9)
+
+
+@st.composite
+def signals(draw: st.DrawFn, *, channels: int | None = None, max_rows: int = 300) -> Samples:
+    """Rows of bursts, of all channels or of each by itself, on an offset or not: (n, channels)."""
+    width = channels or draw(st.integers(1, 6))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    rows = draw(st.integers(0, max_rows))
+    muscles = draw(st.sampled_from([1, width]))
+    effort = rng.choice([0.01, 0.3, 0.6, 1.5], size=(rows // 20 + 1, muscles)).repeat(20, axis=0)[:rows]
+    return draw(st.sampled_from([0.0, 2048.0])) + effort * rng.normal(size=(rows, width))
+
+
+@st.composite
+def chunkings(draw: st.DrawFn) -> tuple[Samples, list[Samples]]:
+    """A signal, some of whose samples may be lost, whole and in chunks."""
+    whole = draw(signals())
+    if draw(st.booleans()) and len(whole):
+        rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+        start = rng.integers(len(whole))
+        whole[start : start + rng.integers(80), rng.integers(whole.shape[1])] = np.nan
+        whole[rng.random(whole.shape) < 0.02] = np.inf
+    cuts = sorted(draw(st.lists(st.integers(0, len(whole)), max_size=8)))
+    return whole, np.split(whole, cuts)
+
+
+@unhurried
+@given(st.lists(values, max_size=200), st.integers(1, 40))
+def test_block_means_equal_the_exact_ones(samples: list[float], tau: int) -> None:
+    got = BlockMean(tau).process(np.array(samples, np.float64))[:, 0]
+    wanted = reference.block_means(samples, tau)
+    assert len(got) == len(wanted)
+    for block, (mean, exact) in enumerate(zip(got, wanted, strict=True)):
+        size = sum(abs(Fraction(x)) for x in samples[block * tau : (block + 1) * tau])
+        # The second term is what is left where everything cancels.
+        assert abs(Fraction(mean) - exact) <= Fraction(1e-15) * abs(exact) + Fraction(1e-28) * size
+
+
+@unhurried
+@given(st.floats(-1e300, 1e300), st.floats(1e-300, 1e300))
+@example(0.00225, 0.003)
+@example(5e-324, 5e-324)
+def test_levels_equal_the_exact_ones(value: float, maximum: float) -> None:
+    assert grasp_level(value, maximum) == reference.level(value, maximum)
+
+
+@unhurried
+@given(st.integers(1, 10**6), st.integers(0, 5), st.integers(-8, 8), st.integers(-3, 3))
+def test_levels_equal_the_exact_ones_around_borders(mantissa: int, k: int, exponent: int, ulps: int) -> None:
+    maximum = float(f"{mantissa}e{exponent}")
+    border = float(Fraction(mantissa * k, 4) * Fraction(10) ** exponent)
+    tolerated = float(Fraction(border) * (1 - reference.TOLERANCE))
+    for centre in (border, tolerated):
+        value = centre
+        for _ in range(abs(ulps)):
+            value = float(np.nextafter(value, np.inf * ulps))
+        assert grasp_level(value, maximum) == reference.level(value, maximum)
+    assert grasp_level(border, maximum) == min(k + 1, 5)
+
+
+@unhurried
+@given(st.floats(0, 1e9), st.floats(1e-9, 1e9), st.integers(-200, 200))
+def test_levels_do_not_depend_on_the_unit(value: float, maximum: float, exponent: int) -> None:
+    scale = 2.0**exponent
+    assert grasp_level(value * scale, maximum * scale) == grasp_level(value, maximum)
+
+
+@unhurried
+@given(level_lists, st.randoms(use_true_random=False))
+def test_fusion_equals_the_exact_one_in_any_order(levels: list[int], random: Random) -> None:
+    assert fuse_levels(levels) == reference.fuse(levels)
+    random.shuffle(levels)
+    assert fuse_levels(levels) == reference.fuse(levels)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.sampled_from(RATES_HZ), st.integers(1, 8), st.lists(st.floats(-1, 1), min_size=1, max_size=80), values
+)
+def test_the_filter_follows_its_difference_equation(
+    rate_hz: float, order: int, swing: list[float], offset: float
+) -> None:
+    lowpass = ButterworthLowpass(rate_hz, order=order, channels=1)
+    samples = offset + np.array(swing)
+    sections = [[mpmath.mpf(c) for c in (*row[:3], *row[4:])] for row in lowpass.sos.tolist()]
+    exact = reference.filtered(sections, samples.tolist())
+    got = lowpass.process(samples)[:, 0].tolist()
+    worst = max(abs(mpmath.mpf(g) - e) for g, e in zip(got, exact, strict=True))
+    full_scale = max(1.0, float(np.abs(samples).max()))
+    # Rounding feeds back through poles that crowd towards 1 as the square of the rate.
+    assert worst <= (1e-14 + 5e-21 * rate_hz**2) * full_scale
+
+
+@unhurried
+@given(chunkings(), st.integers(1, 8))
+def test_filtering_is_bit_identical_for_every_chunking(
+    cut: tuple[Samples, list[Samples]], order: int
+) -> None:
+    whole, chunks = cut
+    one = ButterworthLowpass(200, order=order, channels=whole.shape[1])
+    many = ButterworthLowpass(200, order=order, channels=whole.shape[1])
+    np.testing.assert_array_equal(np.concatenate([many.process(c) for c in chunks]), one.process(whole))
+    np.testing.assert_array_equal(many.held_samples, one.held_samples)
+
+
+@unhurried
+@given(chunkings(), st.integers(1, 50))
+def test_block_means_are_bit_identical_for_every_chunking(
+    cut: tuple[Samples, list[Samples]], tau: int
+) -> None:
+    whole, chunks = cut
+    many = BlockMean(tau)
+    parts = np.concatenate([many.process(chunk) for chunk in chunks])
+    np.testing.assert_array_equal(parts, BlockMean(tau).process(whole))
+
+
+@unhurried
+@given(
+    chunkings(), st.integers(1, 50), st.sampled_from(["raw", "envelope"]), st.sampled_from(["paper", "live"])
+)
+def test_intent_is_identical_for_every_chunking(
+    cut: tuple[Samples, list[Samples]], tau: int, kind: str, preset: str
+) -> None:
+    whole, chunks = cut
+    maxima = np.full(whole.shape[1], 0.7)
+    one = GraspIntent(200, maxima, tau=tau, kind=kind, preset=preset)  # type: ignore[arg-type]
+    many = GraspIntent(200, maxima, tau=tau, kind=kind, preset=preset)  # type: ignore[arg-type]
+    parts = [(many.process(chunk), many.levels) for chunk in chunks]
+    np.testing.assert_array_equal(np.concatenate([fused for fused, _ in parts]), one.process(whole))
+    np.testing.assert_array_equal(np.concatenate([levels for _, levels in parts]), one.levels)
+    assert many.bad_channels == one.bad_channels
+    assert many.holding == one.holding
+
+
+@unhurried
+@given(signals(), st.randoms(use_true_random=False), st.sampled_from(["paper", "live"]))
+def test_the_order_of_the_channels_does_not_matter(samples: Samples, random: Random, preset: str) -> None:
+    order = list(range(samples.shape[1]))
+    random.shuffle(order)
+    maxima = np.linspace(0.3, 1.3, len(order))
+    one = GraspIntent(200, maxima, tau=20, preset=preset)  # type: ignore[arg-type]
+    other = GraspIntent(200, maxima[order], tau=20, preset=preset)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(other.process(samples[:, order]), one.process(samples))
+    np.testing.assert_array_equal(other.levels, one.levels[:, order])
+
+
+@unhurried
+@given(signals(), st.integers(-60, 60), st.sampled_from(["paper", "live"]))
+def test_the_unit_of_the_samples_does_not_matter(samples: Samples, exponent: int, preset: str) -> None:
+    maxima, scale = np.full(samples.shape[1], 0.7), 2.0**exponent
+    one = GraspIntent(200, maxima, tau=20, preset=preset)  # type: ignore[arg-type]
+    other = GraspIntent(200, maxima * scale, tau=20, preset=preset)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(other.process(samples * scale), one.process(samples))
+
+
+@unhurried
+@given(signals(max_rows=1200), st.integers(1, 40))
+def test_presets_equal_the_reference(samples: Samples, tau: int) -> None:
+    envelope = np.abs(samples)
+    maxima = np.linspace(0.4, 1.2, samples.shape[1])
+    filtered = ButterworthLowpass(200, channels=samples.shape[1]).process(envelope)
+    means = BlockMean(tau).process(filtered).tolist()
+    paper = GraspIntent(200, maxima, tau=tau, kind="envelope", preset="paper").process(envelope)
+    live = GraspIntent(200, maxima, tau=tau, kind="envelope", preset="live").process(envelope)
+    assert paper.tolist() == reference.paper_levels(means, maxima.tolist())
+    assert live.tolist() == reference.live_levels(means, maxima.tolist(), tau / 200)
+
+
+@unhurried
+@given(signals(channels=2, max_rows=600), st.floats(0, 100))
+def test_maxima_are_percentiles_of_the_block_means(samples: Samples, percentile: float) -> None:
+    envelope = np.abs(samples) + 1.0
+    means = BlockMean(20).process(ButterworthLowpass(200, channels=2).process(envelope))
+    if len(means) == 0:
+        return
+    got = channel_maxima(envelope, 200, tau=20, kind="envelope", percentile=percentile)
+    np.testing.assert_allclose(got, np.percentile(means, percentile, axis=0), rtol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["rectified", "envelope"])
+@unhurried
+@given(samples=signals(channels=3, max_rows=200))
+def test_rectified_and_envelope_inputs_are_not_conditioned(kind: str, samples: Samples) -> None:
+    one = GraspIntent(200, [1.0] * 3, tau=10, kind=kind, preset="paper")  # type: ignore[arg-type]
+    means = BlockMean(10).process(ButterworthLowpass(200).process(samples))
+    wanted = [[grasp_level(v, 1.0) for v in row] for row in means.tolist()]
+    one.process(samples)
+    assert one.levels.tolist() == wanted

@@ -1,0 +1,127 @@
+"""The EMG equations once more, exactly or to 50 digits, straight from the text, with no regard for speed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+
+import mpmath
+
+DIGITS = 50
+TOLERANCE = Fraction(1, 10**9)
+
+
+def block_means(samples: Sequence[float], tau: int) -> list[Fraction]:
+    """Eq 10 for one channel."""
+    exact = [Fraction(x) for x in samples]
+    return [sum(exact[i : i + tau], Fraction(0)) / tau for i in range(0, len(exact) - tau + 1, tau)]
+
+
+def level(value: float | Fraction, maximum: float | Fraction) -> int:
+    """Eq 11, clamped; a value within a billionth of a border is on it."""
+    v, m = Fraction(value), Fraction(maximum)
+    return 1 + sum(v >= Fraction(k, 4) * m * (1 - TOLERANCE) for k in (1, 2, 3, 4))
+
+
+def fuse(levels: Sequence[int]) -> int:
+    """Eq 12, else Eq 13."""
+    ranked = Counter(levels).most_common()
+    if len(ranked) == 1 or ranked[0][1] > ranked[1][1]:
+        return ranked[0][0]
+    return int(Fraction(sum(levels), len(levels)) // 1)
+
+
+def butterworth_lowpass(rate_hz: float, cutoff_hz: float, order: int) -> list[list[mpmath.mpf]]:
+    """Sections ``b0 b1 b2 a1 a2`` by pole placement and bilinear transform in complex numbers."""
+    with mpmath.workdps(DIGITS):
+        warped = 2 * mpmath.tan(mpmath.pi * mpmath.mpf(cutoff_hz) / mpmath.mpf(rate_hz))
+        poles = [
+            warped * mpmath.expjpi(mpmath.mpf(2 * k + order - 1) / (2 * order)) for k in range(1, order + 1)
+        ]
+        digital = [(2 + p) / (2 - p) for p in poles]
+        sections = []
+        for z in digital:
+            if order % 2 and abs(mpmath.im(z)) < mpmath.mpf(10) ** -40:
+                sections.append([mpmath.mpf(1), mpmath.mpf(1), mpmath.mpf(0), -mpmath.re(z), mpmath.mpf(0)])
+            elif mpmath.im(z) > 0:
+                sections.append(
+                    [mpmath.mpf(1), mpmath.mpf(2), mpmath.mpf(1), -2 * mpmath.re(z), mpmath.fabs(z) ** 2]
+                )
+        sections.sort(key=lambda s: s[4])
+        for s in sections:
+            gain = (1 + s[3] + s[4]) / (s[0] + s[1] + s[2])
+            s[:3] = [gain * b for b in s[:3]]
+        return sections
+
+
+def filtered(sections: Iterable[Sequence[mpmath.mpf]], samples: Sequence[float]) -> list[mpmath.mpf]:
+    """Run one channel through the sections by the difference equation, settled on its first sample."""
+    with mpmath.workdps(DIGITS):
+        signal = [mpmath.mpf(x) for x in samples]
+        for b0, b1, b2, a1, a2 in sections:
+            dc_gain = (b0 + b1 + b2) / (1 + a1 + a2)
+            x1 = x2 = signal[0]
+            y1 = y2 = signal[0] * dc_gain
+            out = []
+            for x in signal:
+                y = b0 * x + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2
+                out.append(y)
+                x1, x2, y1, y2 = x, x1, y, y1
+            signal = out
+        return signal
+
+
+def paper_levels(means: Sequence[Sequence[float]], maxima: Sequence[float]) -> list[int]:
+    """Preset `paper` from block means."""
+    return [fuse([level(v, m) for v, m in zip(row, maxima, strict=True)]) for row in means]
+
+
+def live_levels(means: Sequence[Sequence[float]], maxima: Sequence[float], block_s: float) -> list[int]:
+    """Preset `live` from block means: steadied drives, dead zones, confirmation.
+
+    It keeps the order of floating-point operations, so that equality can be asked for.
+    """
+    scaled = [0.8 * m for m in maxima]
+    drives: list[float] = []
+    levels: list[int] = []
+    present, last_change, asked = 0, 0, 0
+    out = []
+    for row in means:
+        now = [v / m for v, m in zip(row, scaled, strict=True)]
+        if not drives:
+            drives, levels = now, [level(d, 1) for d in now]
+            present = fuse(levels)
+        else:
+            z = [(d - s) / (0.28 * max(s, 0.0) + 0.025) for d, s in zip(now, drives, strict=True)]
+            joint = max(_response(abs(_sum(sorted(z))) / len(z) ** 0.5, 1.4), block_s / (block_s + 1.0))
+            gains = [max(joint, _response(deviation, 3.5)) for deviation in z]
+            drives = [s + g * (d - s) for s, g, d in zip(drives, gains, now, strict=True)]
+            levels = [_with_dead_zone(d, old) for d, old in zip(drives, levels, strict=True)]
+            wanted = fuse(levels)
+            side = (wanted > present) - (wanted < present)
+            asked = asked + side if side * asked > 0 else side
+            back = side == -last_change and abs(wanted - present) == 1 and wanted > 1
+            if side and abs(asked) >= (4 if back else 2):
+                present, last_change, asked = wanted, side, 0
+        out.append(present)
+    return out
+
+
+def _sum(values: Iterable[float]) -> float:
+    """Sum from left to right, rounding after each addition."""
+    total = 0.0
+    for value in values:
+        total = total + value
+    return total
+
+
+def _response(deviation: float, half: float) -> float:
+    square = (deviation / half) * (deviation / half)
+    return square * square / (square * square + 1.0)
+
+
+def _with_dead_zone(drive: float, old: int) -> int:
+    """The level whose borders, moved away from the old level by a tenth of a level, hold the drive."""
+    steps = [Fraction(10 * k + (1 if k >= old else -1), 40) * (1 - TOLERANCE) for k in (1, 2, 3, 4)]
+    return 1 + sum(Fraction(drive) >= s for s in steps)

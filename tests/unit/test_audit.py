@@ -1,0 +1,102 @@
+"""The audit of readings: marks, the composed frame, scores, and what it says of real presses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tega.audit import READINGS, Mark, audit_frames, far_field, read_marks
+from tega.cli.main import main
+from tega.errors import RecordingError
+from tega.sim.press import Press, PressCamera
+
+CAMERA = PressCamera(seed=5)
+BASELINE = CAMERA.baseline()
+PRESSES = [Press(depth, (120.0, 150.0)) for depth in (0.6, 0.9, 1.2)]
+FRAMES = [CAMERA.frame(press, number) for number, press in enumerate(PRESSES)]
+
+
+def test_every_reading_scores_every_frame() -> None:
+    scores = audit_frames(FRAMES, BASELINE, at_rest=CAMERA.frame(Press(0.0)))
+    assert [s.reading for s in scores] == list(READINGS)
+    by_name = {s.reading: s for s in scores}
+    assert by_name["print, absolute"].eda == [BASELINE[..., 0].size] * 3
+    live = by_name["live"]
+    assert (live.n_found, live.eda_at_rest) == (3, 0)
+    assert live.eda == sorted(live.eda)
+    assert live.cci == sorted(live.cci)
+    assert live.iou is None
+
+
+def test_masks_have_as_many_pixels_as_eda_says() -> None:
+    for name, read in READINGS.items():
+        outcome = read(FRAMES[1], BASELINE)
+        if name != "print, signed":  # its threshold is compared in rounded grey values for display only
+            assert int(outcome.mask.sum()) == outcome.eda, name
+
+
+def test_overlap_with_a_mark_is_one_for_the_mark_itself() -> None:
+    marks = [Mark((120.0, 150.0), 60.0)] * 3
+    score = audit_frames(FRAMES, BASELINE, marks=marks, readings=["live"])[0]
+    assert score.iou is not None
+    assert score.area_ratio is not None
+    assert 0.5 < score.iou <= 1
+    assert score.area_ratio == pytest.approx(score.eda[1] / np.sum(marks[0].distance((320, 240)) <= 1))
+
+
+def test_the_composed_frame_holds_no_press() -> None:
+    frames = [CAMERA.frame(Press(1.0, xy)) for xy in ((60.0, 60.0), (180.0, 260.0))]
+    marks = [Mark((60.0, 60.0), 45.0), Mark((180.0, 260.0), 45.0)]
+    at_rest = far_field(frames, marks, BASELINE)
+    assert audit_frames([at_rest], BASELINE, readings=["live"])[0].eda == [0]
+
+
+def test_marks_are_read_by_base_name_and_doubtful_ones_left_out(tmp_path: Path) -> None:
+    table = tmp_path / "marks.csv"
+    table.write_text(
+        "img_name,center_x,center_y,radius\n/data/set/a.png,1,2,3\nset\\b.png,4,5,6\nc.png,1,1,1\nc.png,2,2,2\n"
+    )
+    assert read_marks(table) == {"a.png": Mark((1.0, 2.0), 3.0), "b.png": Mark((4.0, 5.0), 6.0)}
+    table.write_text("img_name,center_x,center_y,radius\na.png,1,two,3\n")
+    with pytest.raises(RecordingError, match=r"marks\.csv:2"):
+        read_marks(table)
+    with pytest.raises(RecordingError, match="cannot be read"):
+        read_marks(tmp_path / "none.csv")
+
+
+def test_the_verb_prints_draws_and_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cv2 = pytest.importorskip("cv2", reason="needs the extra tega[lab]")
+    for number, frame in enumerate([BASELINE, *FRAMES]):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
+    words = ["audit", str(tmp_path), "--baseline", str(tmp_path / "0.png")]
+    with pytest.raises(SystemExit) as done:
+        main([*words, "--picture", str(tmp_path / "out.jpg.png")])
+    assert done.value.code == 0
+    assert "live" in capsys.readouterr().out
+    assert (tmp_path / "out.jpg.png").stat().st_size > 10_000
+    (tmp_path / "out.jpg.png").unlink()
+    with pytest.raises(SystemExit):
+        main([*words, "--json"])
+    scores = json.loads(capsys.readouterr().out)
+    assert [s["n_frames"] for s in scores] == [3] * len(READINGS)
+
+
+def test_live_finds_the_marked_circles_of_real_presses(recordings: Path) -> None:
+    cv2 = pytest.importorskip("cv2", reason="needs the extra tega[lab]")
+    folder = recordings / "digit" / "digit_ball_D20641"
+    marks = read_marks(folder / "annotate.csv")
+    frames = [cv2.imread(str(folder / name)) for name in marks]
+    baseline = cv2.imread(str(folder / "background.png"))
+    at_rest = far_field(frames, list(marks.values()), baseline)
+    live = audit_frames(frames, baseline, marks=list(marks.values()), at_rest=at_rest, readings=["live"])[0]
+    assert live.n_found == live.n_frames == 30
+    assert live.eda_at_rest == 0
+    assert live.iou is not None
+    assert live.iou_low is not None
+    assert live.area_ratio is not None
+    assert live.iou >= 0.78
+    assert live.iou_low >= 0.60
+    assert 0.9 <= live.area_ratio <= 1.1

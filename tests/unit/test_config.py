@@ -1,0 +1,156 @@
+"""Settings: precedence, origins, paths, and what is said about mistakes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tega.config import FINGERS, load_config
+from tega.devices import driver_names
+from tega.devices.images import ImageFolderOptions
+from tega.errors import ConfigError
+
+SETTINGS = """
+[session]
+preset = "paper"
+out_dir = "results"
+
+[tactile.index]
+driver = "images"
+baseline = "gel.png"
+options = { folder = "index", rate_hz = 30 }
+
+[emg]
+driver = "emg-file"
+kind = "raw"
+options = { file = "squeeze.csv", rate_hz = 200.0, channels = [3, 6] }
+"""
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Path:
+    path = tmp_path / "session.toml"
+    path.write_text(SETTINGS)
+    return path
+
+
+def test_defaults_need_no_file() -> None:
+    loaded = load_config(None, environ={})
+    assert loaded.config.session.preset == "live"
+    assert loaded.config.tactile.in_use() == {}
+    assert {v.origin for v in loaded.values.values()} == {"default"}
+
+
+def test_each_layer_overrides_the_one_below(settings: Path) -> None:
+    environ = {"TEGA_SESSION__PRESET": "live", "TEGA_EMG__KIND": "envelope", "TEGA_DATA": "/somewhere"}
+    loaded = load_config(settings, environ=environ, sets=["emg.kind=rectified"])
+    assert loaded.values["session.preset"] == ("live", "TEGA_SESSION__PRESET")
+    assert loaded.values["emg.kind"] == ("rectified", "--set")
+    assert loaded.values["emg.driver"] == ("emg-file", "session.toml")
+    assert loaded.values["vest.rate_hz"] == (30.0, "default")
+
+
+def test_relative_paths_belong_to_whoever_wrote_them(
+    settings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    config = load_config(settings, environ={}, sets=["session.out_dir=here"]).config
+    index = config.tactile.index
+    assert index is not None
+    assert index.baseline == tmp_path / "gel.png"
+    assert index.options == ImageFolderOptions(folder=tmp_path / "index", rate_hz=30.0)
+    assert config.session.out_dir == elsewhere / "here"
+
+
+def test_options_may_be_set_one_by_one(settings: Path) -> None:
+    config = load_config(
+        settings, environ={}, sets=["emg.options.channels=[1]", "emg.options.rate_hz=1e3"]
+    ).config
+    assert config.emg is not None
+    assert (config.emg.options.channels, config.emg.options.rate_hz) == ((1,), 1000.0)
+
+
+def test_fingers_are_those_of_the_vest() -> None:
+    from tega import haptics
+
+    assert tuple(haptics.FINGERS) == FINGERS
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("session.presett=paper", r"session\.presett: unknown key; did you mean 'preset'\?"),
+        ("tactile.tumb.driver=images", r"tactile\.tumb: unknown key; did you mean 'thumb'\?"),
+        ("emg.options.rate=200", r"emg\.options\.rate: unknown key; did you mean 'rate_hz'\?"),
+        ("zzz.a=1", r"zzz: unknown key; known here: session, calibration"),
+        ("session.preset=fast", r"session\.preset = 'fast': not one of the choices; one of: paper, live"),
+        ("emg.kind=3", r"emg\.kind = 3: "),
+        ("emg.options.rate_hz=0", r"emg\.options\.rate_hz = 0: expected a number > 0\.0 \(hertz\)"),
+        ("emg.options.rate_hz=nan", r"emg\.options\.rate_hz = nan: .*\(hertz\)"),
+        ("emg.options.rate_hz=fast", r"emg\.options\.rate_hz = 'fast': expected a number, got a text"),
+        ("emg.options.channels=[3, 0]", r"emg\.options\.channels\[1\] = 0: expected a whole number >= 1"),
+        ("vest.rate_hz=true", r"vest\.rate_hz = True: expected a number, got true or false \(hertz\)"),
+        ("session.duration_s=-1", r"session\.duration_s = -1: .* \(seconds\)"),
+        ("hand.device_id=4", r"hand\.device_id = 4: expected a whole number <= 3"),
+        ("emg=3", r"emg = 3: expected a table, got a whole number"),
+        ("tactile.index.driver=imags", r"no driver is called 'imags'; did you mean 'images'\?"),
+        ("tactile.index.driver=emg-file", r"'emg-file' is of kind 'emg', not 'tactile'"),
+        ("tactile.ring.baseline=a.png", r"tactile\.ring\.driver: missing"),
+        ("vest.options.port=3", r"vest\.options: given, but no driver is named"),
+        ("session.preset.x=3", r"session\.preset is a value, not a table"),
+        ("=3", r"not of the form key=value"),
+        ("preset", r"not of the form key=value"),
+    ],
+)
+def test_mistakes_are_named(settings: Path, override: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        load_config(settings, environ={}, sets=[override])
+
+
+def test_a_mistake_in_the_file_names_the_file(settings: Path) -> None:
+    settings.write_text(SETTINGS.replace('preset = "paper"', 'prset = "paper"'))
+    with pytest.raises(
+        ConfigError, match=r"^session\.toml: session\.prset: unknown key; did you mean 'preset'"
+    ):
+        load_config(settings, environ={})
+
+
+def test_a_mistake_in_the_environment_names_the_variable(settings: Path) -> None:
+    with pytest.raises(ConfigError, match=r"^TEGA_EMG__KIND: emg\.kind = 'noisy'"):
+        load_config(settings, environ={"TEGA_EMG__KIND": "noisy"})
+
+
+def test_a_missing_file_and_broken_toml(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"^none\.toml: cannot be read"):
+        load_config(tmp_path / "none.toml", environ={})
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[session\n")
+    with pytest.raises(ConfigError, match=r"^broken\.toml: not valid TOML: .*line 1"):
+        load_config(broken, environ={})
+    broken.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match=r"^broken\.toml: not UTF-8"):
+        load_config(broken, environ={})
+
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("name", ["session.toml", "simulated.toml"])
+def test_the_examples_are_valid(name: str) -> None:
+    loaded = load_config(PROJECT / "examples" / name, environ={})
+    assert loaded.config.emg is not None
+
+
+def test_the_docs_list_every_key_and_driver() -> None:
+    text = (PROJECT / "docs" / "config.md").read_text(encoding="utf-8")
+    loaded = load_config(PROJECT / "examples" / "session.toml", environ={})
+    keys = {re.sub(r"^tactile\.\w+", "tactile.FINGER", key) for key in loaded.values} - {"tactile.FINGER"}
+    for key in keys:
+        section, _, option = key.partition(".options.")
+        assert f"`{option or section}`" in text, key
+    for name in driver_names():
+        assert f"`{name}`" in text, name

@@ -1,0 +1,240 @@
+"""The built-in drivers at their edges; what all drivers share is in tests/contract."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import can
+import cv2
+import numpy as np
+import pytest
+
+from reference.recordings import pressed, write_folder, write_video
+from tega.devices import driver_class, list_drivers
+from tega.devices.images import ImageFolder, ImageFolderOptions
+from tega.devices.python_can import PythonCan, PythonCanOptions
+from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
+from tega.devices.video import VideoFile, VideoFileOptions
+from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError, RecordingError
+from tega.haptics import vest_frame
+from tega.wire import CanFrame
+
+
+def names_read(folder: Path, **options: object) -> list[str]:
+    names = []
+    with ImageFolder(ImageFolderOptions(folder=folder, **options)) as source:  # type: ignore[arg-type]
+        while (frame := source.read(0)) is not None:
+            names.append(frame.name)
+    return names
+
+
+def test_pictures_come_in_natural_order_and_nothing_else_comes(tmp_path: Path) -> None:
+    for name in ("frame_10.png", "frame_9.PNG", "Frame_1.jpg", "a2.bmp", ".hidden.png", "gel.png"):
+        cv2.imwrite(str(tmp_path / name), pressed(0, noise=0))
+    (tmp_path / "notes.csv").write_text("1,2")
+    (tmp_path / "sub.png").mkdir()
+    read = names_read(tmp_path, exclude=(tmp_path / "gel.png",))
+    assert read == ["a2.bmp", "Frame_1.jpg", "frame_9.PNG", "frame_10.png"]
+
+
+def test_frames_are_stamped_by_number_and_rate(tmp_path: Path) -> None:
+    write_folder(tmp_path, 4)
+    with ImageFolder(ImageFolderOptions(folder=tmp_path, rate_hz=60)) as source:
+        frames = [source.read(0) for _ in range(4)]
+    assert [f.t_ns for f in frames if f] == [0, 16_666_667, 33_333_333, 50_000_000]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "cut", "said"),
+    [
+        (".png", 0.5, "PNG cut short or damaged"),
+        (".png", 0.999, "PNG cut short"),
+        (".jpg", 0.5, "JPEG cut short: .* no end-of-image"),
+        (".bmp", 0.5, r"BMP cut short: \d+ bytes of \d+"),
+        (".webp", 0.5, r"WebP cut short: \d+ bytes of \d+"),
+        (".tiff", 0.5, "not a picture that can be decoded"),
+        (".png", 0.0, r"not a picture that can be decoded \(0 bytes\)"),
+    ],
+)
+def test_a_picture_cut_short_is_refused_and_named(tmp_path: Path, suffix: str, cut: float, said: str) -> None:
+    path = tmp_path / f"frame_3{suffix}"
+    cv2.imwrite(str(path), pressed(50, noise=1))
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * cut)])
+    with pytest.raises(RecordingError, match=rf"frame_3\{suffix}: {said}"):
+        names_read(tmp_path)
+
+
+def test_a_damaged_png_is_refused(tmp_path: Path) -> None:
+    path = write_folder(tmp_path, 1) / "frame_0.png"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=r"frame_0\.png: PNG cut short or damaged: CRC error"):
+        names_read(tmp_path)
+
+
+def test_text_named_as_a_picture_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_text("hello")
+    with pytest.raises(RecordingError, match=r"a\.png: not a picture that can be decoded \(5 bytes\)"):
+        names_read(tmp_path)
+
+
+def test_a_picture_of_another_size_is_named_with_both_sizes(tmp_path: Path) -> None:
+    write_folder(tmp_path, 2)
+    cv2.imwrite(str(tmp_path / "frame_2.png"), np.zeros((20, 30, 3), np.uint8))
+    with pytest.raises(RecordingError, match=r"frame_2\.png: 30×20 pixels, the frames before it have 80×60"):
+        names_read(tmp_path)
+
+
+def test_missing_and_empty_folders_are_told_apart(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="nowhere: no such folder"):
+        names_read(tmp_path / "nowhere")
+    with pytest.raises(RecordingError, match="holds no picture"):
+        names_read(tmp_path)
+
+
+def test_a_video_has_its_headers_rate_and_length(tmp_path: Path) -> None:
+    with VideoFile(VideoFileOptions(file=write_video(tmp_path / "v.avi", 7, rate_hz=25))) as source:
+        assert (source.info.rate_hz, source.info.n_items) == (25.0, 7)
+        frames = [source.read(0) for _ in range(7)]
+        assert [f.t_ns for f in frames if f] == [k * 40_000_000 for k in range(7)]
+        assert source.ended
+
+
+@pytest.fixture
+def cut_video(tmp_path: Path) -> Path:
+    path = write_video(tmp_path / "cut.avi", 40)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 2 // 3])
+    return path
+
+
+def frames_of(source: VideoFile) -> int:
+    n = 0
+    while source.read(0) is not None:
+        n += 1
+    return n
+
+
+def test_a_truncated_video_is_refused(cut_video: Path) -> None:
+    said = r"cut\.avi: \d+ frames decode, its header says 40: .*--allow-truncated"
+    with VideoFile(VideoFileOptions(file=cut_video)) as source, pytest.raises(RecordingError, match=said):
+        frames_of(source)
+
+
+def test_a_truncated_video_may_be_allowed_and_is_noted(cut_video: Path) -> None:
+    with VideoFile(VideoFileOptions(file=cut_video, allow_truncated=True)) as source:
+        n = frames_of(source)
+        assert 20 <= n < 40
+        assert source.info.n_items == n
+        assert f"{n + 1} frames decode, its header says 40" in source.info.notes[0]
+
+
+@pytest.mark.parametrize("content", [b"", b"not a video", b"RIFF\x00\x00\x00\x00AVI LIST"])
+def test_what_is_no_video_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "v.mp4"
+    path.write_bytes(content)
+    with pytest.raises(
+        RecordingError, match=rf"v\.mp4: cannot be opened as a video \({len(content)} bytes\)"
+    ):
+        VideoFile(VideoFileOptions(file=path)).open()
+    picture = write_folder(tmp_path, 1) / "frame_0.png"
+    with pytest.raises(RecordingError, match=r"frame_0\.png: a picture, not a video; give the folder"):
+        VideoFile(VideoFileOptions(file=picture)).open()
+    with pytest.raises(RecordingError, match=r"none\.mp4: no such video"):
+        VideoFile(VideoFileOptions(file=tmp_path / "none.mp4")).open()
+
+
+def test_can_frames_reach_the_bus_with_standard_identifiers() -> None:
+    frames = [CanFrame(0x180, bytes(range(8))), CanFrame(0x200, b"", remote=True), CanFrame(0x104, b"")]
+    with (
+        can.Bus(interface="virtual", channel="hand") as listener,
+        PythonCan(PythonCanOptions(channel="hand")) as hand,
+    ):
+        hand.write(0, frames)
+        got = [listener.recv(1.0) for _ in frames]
+    assert [(m.arbitration_id, bytes(m.data), m.is_remote_frame) for m in got if m] == [
+        tuple(f) for f in frames
+    ]
+    assert not any(m.is_extended_id or m.is_fd for m in got if m)
+
+
+def test_torques_of_a_model_do_not_reach_hardware_unasked() -> None:
+    with pytest.raises(ConfigError, match=r"interface 'socketcan' may have a real hand behind it.*open_loop"):
+        PythonCan(PythonCanOptions(interface="socketcan", channel="can0")).open()
+
+
+@pytest.mark.parametrize("interface", ["socketcan", "nonsense"])
+def test_an_adapter_that_is_not_there_is_a_missing_device(interface: str) -> None:
+    options = PythonCanOptions(interface=interface, channel="none7", open_loop=True)
+    with pytest.raises(
+        DeviceUnavailableError, match=rf"interface '{interface}', channel 'none7' did not open"
+    ):
+        PythonCan(options).open()
+
+
+def test_the_vest_recorder_names_motors_by_their_index(tmp_path: Path) -> None:
+    path = tmp_path / "vest.csv"
+    with VestRecorder(VestRecorderOptions(file=path)) as vest:
+        vest.write(33_333_333, vest_frame([1, 2, 3, 4], [5, 6, 7, 8], layout="x16"))
+        with pytest.raises(DeviceUnavailableError, match="40 motors after frames for 16"):
+            vest.write(66_666_667, vest_frame([0] * 4, [0] * 4, layout="x40"))
+    header, row = path.read_text().splitlines()
+    assert header == "t_s,m0,m1,m2,m3,m8,m9,m10,m11,m20,m21,m22,m23,m28,m29,m30,m31"
+    assert row == "0.033333,1,2,3,4,1,2,3,4,5,6,7,8,5,6,7,8"
+
+
+def install_plugin(folder: Path, name: str, module: str, source: str) -> None:
+    """Put a package with one driver where Python looks for packages."""
+    (folder / f"{module}.py").write_text(source)
+    info = folder / f"{module}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[tega.devices]\n{name} = {module}:Driver\n")
+
+
+def test_a_strangers_driver_comes_through_the_same_door(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = "from tega.devices.vest_recorder import VestRecorder\nclass Driver(VestRecorder):\n    summary = 'mine'\n"
+    install_plugin(tmp_path, "my-vest", "tega_test_vest", source)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert driver_class("my-vest", "vest").summary == "mine"
+    record = next(r for r in list_drivers() if r.name == "my-vest")
+    assert (record.kind, record.package, record.ready) == ("vest", "tega_test_vest", True)
+
+
+def test_a_driver_whose_package_is_missing_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install_plugin(tmp_path, "needy", "tega_test_needy", "import no_such_package_here\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(MissingExtraError, match=r"driver 'needy' needs 'no_such_package_here'"):
+        driver_class("needy")
+    record = next(r for r in list_drivers() if r.name == "needy")
+    assert not record.ready
+    assert "no_such_package_here" in record.problem
+
+
+@pytest.mark.parametrize("source", ["", "Driver = 3\n", "class Driver:\n    pass\n"])
+def test_an_entry_that_holds_no_driver_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str
+) -> None:
+    module = f"tega_test_hollow{len(source)}"
+    install_plugin(tmp_path, "hollow", module, source)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(DeviceUnavailableError, match=rf"'hollow' is registered as '{module}:Driver', which"):
+        driver_class("hollow")
+
+
+def test_a_package_missing_at_opening_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "can", None)
+    with pytest.raises(
+        MissingExtraError, match=r"'python-can' needs the package 'can'.*pip install 'tega\[lab\]'"
+    ):
+        PythonCan(PythonCanOptions()).open()
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'tega\[lab\]'"):
+        ImageFolder(ImageFolderOptions(folder=tmp_path)).open()

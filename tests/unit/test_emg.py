@@ -1,0 +1,297 @@
+"""The EMG chain: design, conditioning, lost samples, bad input."""
+
+from __future__ import annotations
+
+import doctest
+import threading
+
+import mpmath
+import numpy as np
+import pytest
+
+import tega.emg
+from reference import emg as reference
+from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima, fuse_levels, grasp_level
+from tega.errors import CalibrationError, DtypeError, InvalidValueError, ShapeError
+
+RATES_HZ = [200.0, 250.0, 500.0, 1e3, 2e3, 1e4, 3e4, 1e5, 1e6]
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 5, 6, 7, 8])
+def test_design_agrees_with_scipy(rate_hz: float, order: int) -> None:
+    signal = pytest.importorskip("scipy.signal", reason="scipy is not installed")
+    ours = ButterworthLowpass(rate_hz, order=order, channels=1).sos
+    theirs = signal.butter(order, 50.0, fs=rate_hz, output="sos")
+    if order % 2 == 0:
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12)
+    # Odd orders place the single zero elsewhere: compare what the sections make together.
+    impulse = np.zeros(400)
+    impulse[0] = 1.0
+    np.testing.assert_allclose(
+        signal.sosfilt(ours, impulse), signal.sosfilt(theirs, impulse), rtol=0, atol=1e-12
+    )
+    np.testing.assert_allclose(np.sort(ours[:, 4:], axis=0), np.sort(theirs[:, 4:], axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+@pytest.mark.parametrize("order", [1, 4, 7])
+def test_design_agrees_with_fifty_digits(rate_hz: float, order: int) -> None:
+    ours = ButterworthLowpass(rate_hz, order=order, channels=1).sos
+    exact = reference.butterworth_lowpass(rate_hz, 50.0, order)
+    with mpmath.workdps(reference.DIGITS):
+        for row, section in zip(ours.tolist(), exact, strict=True):
+            for got, wanted in zip(row[4:], section[3:], strict=True):
+                assert abs(got - wanted) < 1e-15
+            # The distance of the poles from 1 is what places the corner.
+            place = (mpmath.mpf(row[4]) + row[5] + 1) / (section[3] + section[4] + 1)
+            assert abs(place - 1) < 1e-15 + 1e-20 * rate_hz**2
+        gain = mpmath.fprod(row[0] for row in ours.tolist()) / mpmath.fprod(s[0] for s in exact)
+        assert abs(gain - 1) < 5e-15 + 4e-20 * rate_hz**2
+
+
+@pytest.mark.parametrize("cutoff_hz", [1.0, 1e6 / 2 - 1])
+def test_the_corner_is_right_to_a_millionth_at_the_margins(cutoff_hz: float) -> None:
+    ours = ButterworthLowpass(1e6, cutoff_hz, channels=1).sos
+    exact = reference.butterworth_lowpass(1e6, cutoff_hz, 4)
+    end = 1 if cutoff_hz < 1e5 else -1
+    with mpmath.workdps(reference.DIGITS):
+        for row, section in zip(ours.tolist(), exact, strict=True):
+            place = (1 + end * mpmath.mpf(row[4]) + row[5]) / (1 + end * section[3] + section[4])
+            assert abs(mpmath.sqrt(place) - 1) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "bound"), [(200.0, 2e-15), (1e3, 5e-15), (1e4, 1e-13), (1e5, 2e-12), (1e6, 5e-11)]
+)
+def test_output_agrees_with_fifty_digits(rate_hz: float, bound: float) -> None:
+    rng = np.random.default_rng(5)
+    samples = np.abs(rng.normal(size=500))
+    exact = reference.filtered(reference.butterworth_lowpass(rate_hz, 50.0, 4), samples.tolist())
+    got = ButterworthLowpass(rate_hz, channels=1).process(samples)[:, 0].tolist()
+    worst = max(abs(g - e) for g, e in zip(got, exact, strict=True))
+    assert worst < bound * samples.max()
+
+
+def test_raw_input_loses_its_offset_and_is_rectified() -> None:
+    signal = pytest.importorskip("scipy.signal", reason="scipy is not installed")
+    rng = np.random.default_rng(1)
+    samples = 2048 + 300 * rng.normal(size=(900, 3))
+    high, low = (
+        signal.butter(4, hz, btype, fs=1000, output="sos") for hz, btype in ((20, "high"), (50, "low"))
+    )
+    start = signal.sosfilt_zi(high)[:, :, np.newaxis] * samples[0]
+    swing, _ = signal.sosfilt(high, samples, axis=0, zi=start)
+    start = signal.sosfilt_zi(low)[:, :, np.newaxis] * np.abs(swing[0])
+    smooth, _ = signal.sosfilt(low, np.abs(swing), axis=0, zi=start)
+    means = smooth.reshape(9, 100, 3).mean(axis=1)
+    got = channel_maxima(samples, 1000, tau=100, percentile=100)
+    np.testing.assert_allclose(got, means.max(axis=0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 1e3, 1e5, 1e6])
+def test_mid_rail_counts_are_rest_from_the_first_block(rate_hz: float) -> None:
+    intent = GraspIntent(rate_hz, [1.0], tau=20, preset="paper")
+    assert intent.process(np.full(4000, 2048.0)).tolist() == [1] * 200
+
+
+def test_a_lost_channel_leaves_the_vote_after_100_ms_and_returns() -> None:
+    rest, full = np.full((20, 3), 0.01), np.full((20, 3), 1.3)
+    lost = np.tile([np.nan, 1.3, 1.3], (19, 1))
+    intent = GraspIntent(200, [1.0] * 3, tau=20, kind="envelope", preset="paper")
+    intent.process(rest)
+    assert intent.process(lost).size == 0
+    assert not intent.bad_channels
+    intent.process(np.array([[np.inf, 1.3, 1.3]]))
+    assert intent.bad_channels == (0,)
+    assert intent.levels.tolist() == [[0, 5, 5]]
+    assert intent.held_samples.tolist() == [20, 0, 0]
+    intent.process(full)
+    assert len(intent.bad_channels) == 0
+    assert intent.process(full).tolist() == [5]
+    assert intent.levels.tolist() == [[5, 5, 5]]
+
+
+def test_a_short_gap_holds_the_last_value() -> None:
+    samples = np.tile([0.6, 0.6, 0.6], (60, 1))
+    whole = GraspIntent(200, [1.0] * 3, tau=20, kind="envelope").process(samples)
+    samples[25:40, 1] = np.nan
+    intent = GraspIntent(200, [1.0] * 3, tau=20, kind="envelope")
+    assert intent.process(samples).tolist() == whole.tolist()
+    assert intent.held_samples.tolist() == [0, 15, 0]
+
+
+def test_everything_lost_holds_the_last_level_and_says_so() -> None:
+    intent = GraspIntent(200, [1.0] * 2, tau=20, kind="envelope")
+    assert intent.process(np.full((20, 2), 0.5)).tolist() == [3]
+    assert intent.process(np.full((60, 2), np.nan)).tolist() == [3, 3, 3]
+    assert intent.holding
+    assert intent.bad_channels == (0, 1)
+    assert intent.process(np.full((40, 2), 0.5)).tolist() == [3, 3]
+    assert not intent.holding
+
+
+def test_infinities_and_huge_numbers_do_not_poison_the_filter() -> None:
+    lowpass = ButterworthLowpass(200, channels=1)
+    out = lowpass.process([1.0, np.inf, -np.inf, 1.7e308, np.nan, 1.0])
+    np.testing.assert_allclose(out[:, 0], 1.0, rtol=1e-14)
+    assert lowpass.held_samples.tolist() == [4]
+
+
+def test_live_takes_four_fifths_of_its_maxima() -> None:
+    assert GraspIntent(200, [2.0, 4.0], tau=20).maxima.tolist() == [1.6, 3.2]
+    assert GraspIntent(200, [2.0, 4.0], tau=20, preset="paper").maxima.tolist() == [2.0, 4.0]
+
+
+def test_arrays_of_any_layout_and_real_type_are_taken() -> None:
+    rng = np.random.default_rng(2)
+    counts = rng.integers(0, 4096, size=(64, 3))
+    wanted = ButterworthLowpass(1000).process(counts.astype(np.float64))
+    wide = np.zeros((64, 6))
+    wide[:, ::2] = counts
+    frozen = counts.astype(np.float64)
+    frozen.flags.writeable = False
+    layouts = (counts, counts.astype(np.uint16), counts.astype(np.float32), wide[:, ::2], frozen)
+    for samples in (*layouts, np.asfortranarray(frozen), frozen[::-1][::-1]):
+        np.testing.assert_array_equal(ButterworthLowpass(1000).process(samples), wanted)
+
+
+def test_nothing_in_gives_nothing_out() -> None:
+    assert ButterworthLowpass(1000).process(np.empty((0, 3))).shape == (0, 3)
+    assert BlockMean(4, channels=2).process(np.empty((0, 2))).shape == (0, 2)
+    intent = GraspIntent(1000, [1.0, 1.0], tau=10)
+    assert intent.process(np.empty((0, 2))).shape == (0,)
+    assert intent.levels.shape == (0, 2)
+
+
+def test_block_mean_learns_its_channels_from_the_first_call() -> None:
+    blocks = BlockMean(2)
+    assert blocks.channels is None
+    assert blocks.process([[1.0, 2.0], [3.0, 4.0]]).tolist() == [[2.0, 3.0]]
+    assert blocks.channels == 2
+    with pytest.raises(ShapeError, match="3 channels, expected 2"):
+        blocks.process(np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("samples", [np.zeros((4, 2)), np.zeros((4, 4)), np.zeros((4, 0))])
+def test_a_wrong_number_of_channels_is_refused(samples: np.typing.NDArray[np.float64]) -> None:
+    for process in (ButterworthLowpass(200).process, GraspIntent(200, [1.0] * 3, tau=20).process):
+        with pytest.raises(ShapeError, match="channels, expected 3"):
+            process(samples)
+
+
+@pytest.mark.parametrize("samples", [np.zeros(4), np.zeros((2, 3, 1)), np.float64(1.0)])
+def test_a_wrong_number_of_dimensions_is_refused(samples: np.typing.NDArray[np.float64]) -> None:
+    with pytest.raises(ShapeError, match="expected \\(n, 3\\)"):
+        ButterworthLowpass(200).process(samples)
+
+
+@pytest.mark.parametrize("dtype", [np.complex128, np.bool_, np.object_, "U3"])
+def test_a_wrong_type_is_refused(dtype: str) -> None:
+    with pytest.raises(DtypeError, match="expected float64"):
+        GraspIntent(200, [1.0] * 3, tau=20).process(np.zeros((4, 3)).astype(dtype))
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "cutoff_hz"),
+    [
+        (100.0, 50.0),
+        (99.0, 50.0),
+        (200.0, 0.0),
+        (200.0, -5.0),
+        (200.0, 99.9999),
+        (1e6, 0.99),
+        (200.0, np.nan),
+    ],
+)
+def test_an_impossible_cutoff_is_refused(rate_hz: float, cutoff_hz: float) -> None:
+    with pytest.raises(InvalidValueError, match=r"cutoff_hz = .* rate_hz = "):
+        ButterworthLowpass(rate_hz, cutoff_hz)
+
+
+def test_bad_settings_are_refused() -> None:
+    for rate_hz in (0.0, -200.0, np.nan, np.inf):
+        with pytest.raises(InvalidValueError, match="rate_hz"):
+            ButterworthLowpass(rate_hz)
+    for order in (-1, 0, 9):
+        with pytest.raises(InvalidValueError, match="order"):
+            ButterworthLowpass(200, order=order)
+    for channels in (-1, 0, 1025):
+        with pytest.raises(InvalidValueError, match="channels"):
+            ButterworthLowpass(200, channels=channels)
+    for tau in (-5, 0, 10_000_001):
+        with pytest.raises(InvalidValueError, match="tau"):
+            BlockMean(tau)
+        with pytest.raises(InvalidValueError, match="tau"):
+            GraspIntent(200, [1.0], tau=tau)
+    with pytest.raises(InvalidValueError, match="kind"):
+        GraspIntent(200, [1.0], tau=20, kind="cooked")  # type: ignore[arg-type]
+    with pytest.raises(InvalidValueError, match="preset"):
+        GraspIntent(200, [1.0], tau=20, preset="paperback")  # type: ignore[arg-type]
+    with pytest.raises(InvalidValueError, match=r"cutoff_hz = 50 Hz .* rate_hz = 80 Hz"):
+        GraspIntent(80, [1.0], tau=20)
+    with pytest.raises(ShapeError, match="maxima"):
+        GraspIntent(200, [[1.0, 2.0]], tau=20)
+    for maximum in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(CalibrationError, match="channel 2"):
+            GraspIntent(200, [1.0, maximum], tau=20)
+
+
+def test_bad_levels_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="empty"):
+        fuse_levels([])
+    for level in (-1, 0, 6, 300):
+        with pytest.raises(InvalidValueError, match=f"level = {level}"):
+            fuse_levels([1, level, 2])
+    for maximum in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InvalidValueError, match="maximum"):
+            grasp_level(1.0, maximum)
+
+
+def test_numpy_levels_are_taken() -> None:
+    assert fuse_levels(np.array([2, 2, 5])) == 2
+
+
+@pytest.mark.parametrize(("value", "level"), [(np.nan, 1), (-np.inf, 1), (-3.0, 1), (np.inf, 5), (9.0, 5)])
+def test_values_outside_the_range_are_clamped(value: float, level: int) -> None:
+    assert grasp_level(value, 1.0) == level
+
+
+def test_bad_calibrations_are_refused() -> None:
+    flat, short = np.full((400, 2), 512.0), np.ones((19, 2))
+    with pytest.raises(CalibrationError, match="maximum of channel 1"):
+        channel_maxima(flat, 200, tau=20)
+    with pytest.raises(CalibrationError, match="19 samples"):
+        channel_maxima(short, 200, tau=20)
+    gap = np.ones((400, 2))
+    gap[7, 1] = np.nan
+    with pytest.raises(CalibrationError, match="sample 7 of channel 2"):
+        channel_maxima(gap, 200, tau=20)
+    for percentile in (-1.0, 100.1, np.nan):
+        with pytest.raises(InvalidValueError, match="percentile"):
+            channel_maxima(flat, 200, tau=20, percentile=percentile)
+    with pytest.raises(InvalidValueError, match="channels"):
+        channel_maxima(np.empty((400, 0)), 200, tau=20)
+
+
+def test_threads_with_filters_of_their_own_do_not_disturb_each_other() -> None:
+    samples = np.random.default_rng(3).normal(size=(20_000, 3))
+    wanted = ButterworthLowpass(1000).process(samples)
+    results: list[np.typing.NDArray[np.float64]] = []
+
+    def work() -> None:
+        lowpass = ButterworthLowpass(1000)
+        results.append(np.concatenate([lowpass.process(c) for c in np.array_split(samples, 7)]))
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(results) == 4
+    for result in results:
+        np.testing.assert_array_equal(result, wanted)
+
+
+def test_the_examples_in_the_docstrings_run() -> None:
+    assert doctest.testmod(tega.emg).failed == 0

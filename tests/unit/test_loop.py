@@ -1,0 +1,408 @@
+"""The loop's parts and the loop itself, on a clock that stands still until it is told to move."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import pytest
+
+from reference.recordings import baseline, pressed
+from tega.calibration import TouchMaxima
+from tega.clock import ManualClock, SystemClock
+from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
+from tega.errors import DeviceUnavailableError, RecordingError
+from tega.haptics import VestFrame, intensity
+from tega.tactile import ContactMetrics
+from tega.teleop.hand import ModelledAllegro
+from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.pacing import Pacer
+from tega.teleop.sources import SourceReport, measured_contacts
+from tega.teleop.streams import PulledStream, ThreadedStream
+from tega.teleop.touch import TouchLoop
+
+MS = 1_000_000
+LIMP = [(0x180, bytes(8)), (0x184, bytes(8)), (0x188, bytes(8)), (0x18C, bytes(8)), (0x104, b"")]
+
+
+def touching(eda: int, cci: float = 0.5) -> ContactMetrics:
+    return ContactMetrics(
+        mass=1.0,
+        centroid_xy=(1.0, 1.0),
+        spread=1.0,
+        threshold=1.0,
+        eda=eda,
+        cci=cci,
+        peak=9.0,
+        peak_xy=(1, 1),
+        in_contact=eda > 0,
+    )
+
+
+class Sink:
+    """A sink that keeps what it is sent, and may fail at a time."""
+
+    def __init__(self, fail_at_ns: int | None = None) -> None:
+        self.sent: list[tuple[int, Any]] = []
+        self._fail_at_ns = fail_at_ns
+
+    def write(self, t_ns: int, what: Any) -> Any:
+        if self._fail_at_ns is not None and t_ns >= self._fail_at_ns:
+            raise DeviceUnavailableError("the cable is out")
+        self.sent.append((t_ns, what))
+        return what
+
+
+def run_loop(
+    *,
+    contacts: dict[str, Any] | None = None,
+    levels: Any = None,
+    vest: Sink,
+    hand: Sink,
+    clock: Any = None,
+    observer: Callable[[LoopView], None] | None = None,
+    **how: Any,
+) -> DualLoop:
+    contacts = contacts or {}
+    loop = DualLoop(
+        pacer=Pacer(clock or ManualClock()),
+        touch=TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
+        contacts=contacts,
+        levels=levels,
+        hand=ModelledAllegro(),
+        vests=[vest],  # type: ignore[list-item]
+        hands=[hand],  # type: ignore[list-item]
+        recorder=None,
+        observer=observer,
+    )
+    loop.run(**how)
+    return loop
+
+
+def is_silent(frame: VestFrame) -> bool:
+    return not frame.intensities.any()
+
+
+def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
+    vest, hand = Sink(), Sink()
+    thumb = PulledStream([(0, touching(50)), (50 * MS, touching(50))], end_ns=100 * MS)
+    levels = PulledStream([(10 * MS, (1, 1, 1), 1)], end_ns=40 * MS)
+    report = run_loop(contacts={"thumb": thumb}, levels=levels, vest=vest, hand=hand).report
+    assert [t for t, _ in vest.sent] == [0, 33_333_333, 66_666_667, 100 * MS]
+    assert [t for t, _ in hand.sent] == [*range(0, 100 * MS, 3 * MS), 100 * MS]
+    assert is_silent(vest.sent[-1][1])
+    assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
+    assert (report.ended, report.end_ns, report.n_vest_ticks, report.n_hand_ticks) == (
+        "complete",
+        100 * MS,
+        3,
+        34,
+    )
+
+
+def test_a_level_steers_from_its_stamp_on() -> None:
+    hand = Sink()
+    levels = PulledStream([(30 * MS, (4,), 4)], end_ns=600 * MS)
+    views: list[LoopView] = []
+    report = run_loop(levels=levels, vest=Sink(), hand=hand, observer=views.append).report
+    assert report.level_ticks == {1: 10, 2: 0, 3: 0, 4: 190, 5: 0}
+    assert [v.block and v.block[2] for v in views[:3]] == [None, 4, 4]
+    assert any(any(f.data) for f in hand.sent[-2][1])
+    assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
+
+
+def test_a_finger_falls_silent_100_ms_after_its_last_frame() -> None:
+    vest = Sink()
+    thumb = PulledStream([(0, touching(100, 1.0))], end_ns=5 * MS)
+    ring = PulledStream([(k * 10 * MS, touching(100, 1.0)) for k in range(40)])
+    report = run_loop(contacts={"thumb": thumb, "ring": ring}, vest=vest, hand=Sink()).report
+    columns = {t: (f.intensities[0], f.intensities[3]) for t, f in vest.sent}
+    assert columns[66_666_667] == (99, 99)
+    assert columns[100 * MS] == (99, 99)
+    assert columns[133_333_333] == (0, 99)
+    assert report.n_stale_ticks["ring"] == 0
+    assert report.n_stale_ticks["thumb"] == 8
+
+
+def test_without_contact_or_maximum_nothing_is_felt() -> None:
+    touch = TouchLoop({"thumb": TouchMaxima(), "index": TouchMaxima(cci_max=2.0)}, layout="paper32")
+    assert touch.update("thumb", 0, touching(50)) == (0.0, 0.0, 0.0, 0.0)
+    assert touch.update("index", 0, touching(0)) == (0.0, 0.0, 0.0, 0.0)
+    felt = touch.update("index", 0, touching(50, 4.0))
+    assert felt == (1.0, 0.0, intensity(4.0, 2.0), 0.0)
+
+
+def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
+    order: list[tuple[int, str]] = []
+
+    class Recorder:
+        def contact(self, t_ns: int, finger: str, _metrics: Any, _felt: Any) -> None:
+            order.append((t_ns, finger))
+
+        def levels(self, *_block: Any) -> None:
+            pass
+
+    streams = {
+        "thumb": PulledStream([(t * MS, touching(1)) for t in (0, 20, 21, 40)]),
+        "ring": PulledStream([(t * MS, touching(1)) for t in (0, 10, 21, 39)]),
+    }
+    loop = DualLoop(
+        pacer=Pacer(ManualClock()),
+        touch=TouchLoop(dict.fromkeys(streams, TouchMaxima()), layout="paper32"),
+        contacts=streams,
+        levels=None,
+        hand=ModelledAllegro(),
+        vests=[],
+        hands=[],
+        recorder=Recorder(),
+    )
+    loop.run()
+    assert order == [
+        (0, "thumb"), (0, "ring"), (10 * MS, "ring"), (20 * MS, "thumb"),
+        (21 * MS, "thumb"), (21 * MS, "ring"), (39 * MS, "ring"), (40 * MS, "thumb"),
+    ]  # fmt: skip
+
+
+def test_when_one_sink_fails_the_others_are_still_left_silent() -> None:
+    broken, hand = Sink(fail_at_ns=50 * MS), Sink()
+    thumb = PulledStream([(k * 10 * MS, touching(100)) for k in range(30)])
+    levels = PulledStream([(k * 10 * MS, (3,), 3) for k in range(30)])
+    with pytest.raises(DeviceUnavailableError, match="cable") as caught:
+        run_loop(contacts={"thumb": thumb}, levels=levels, vest=broken, hand=hand)
+    assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
+    assert any("on the way out" in note for note in caught.value.__notes__)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RecordingError, ZeroDivisionError])
+def test_every_exception_takes_the_way_out(error: type[BaseException]) -> None:
+    def items() -> Iterator[tuple[int, ContactMetrics]]:
+        yield 0, touching(100)
+        yield 40 * MS, touching(100)
+        raise error("on purpose")
+
+    vest, hand = Sink(), Sink()
+    with pytest.raises(error):
+        run_loop(contacts={"thumb": PulledStream(items())}, vest=vest, hand=hand)
+    assert not is_silent(vest.sent[0][1])
+    assert is_silent(vest.sent[-1][1])
+    assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
+
+
+def test_a_problem_only_on_the_way_out_is_raised() -> None:
+    with pytest.raises(DeviceUnavailableError, match="cable"):
+        run_loop(
+            contacts={"thumb": PulledStream([(0, touching(1))], end_ns=20 * MS)},
+            vest=Sink(fail_at_ns=20 * MS),
+            hand=Sink(),
+        )
+
+
+def test_being_told_to_stop_and_a_set_duration_end_it_cleanly() -> None:
+    asked = iter([False] * 20 + [True] * 100)
+    vest = Sink()
+    endless = ((k * MS, touching(100)) for k in range(10**9))
+    loop = run_loop(
+        contacts={"thumb": PulledStream(endless)}, vest=vest, hand=Sink(), stop=lambda: next(asked)
+    )
+    assert loop.report.ended == "stopped"
+    assert is_silent(vest.sent[-1][1])
+    endless = ((k * MS, touching(100)) for k in range(10**9))
+    loop = run_loop(contacts={"thumb": PulledStream(endless)}, vest=vest, hand=Sink(), duration_ns=50 * MS)
+    assert (loop.report.ended, loop.report.end_ns) == ("duration", 50 * MS)
+
+
+class Jumpy(ManualClock):
+    """A clock on which some waits come late."""
+
+    def __init__(self, late_ns: dict[int, int]) -> None:
+        super().__init__()
+        self._late_ns = late_ns
+
+    def sleep_until(self, t_ns: int) -> None:
+        super().sleep_until(t_ns + self._late_ns.get(t_ns, 0))
+
+
+def test_a_late_tick_is_made_up_for_and_counted() -> None:
+    hand = Sink()
+    clock = Jumpy({9 * MS: 20 * MS})
+    loop = run_loop(levels=PulledStream([(0, (1,), 1)], end_ns=60 * MS), vest=Sink(), hand=hand, clock=clock)
+    assert loop.report.n_hand_ticks == 20
+    pacing = loop._pacer.report()
+    assert (pacing.n_skipped, pacing.worst_late_ms) == (0, 20.0)
+    assert pacing.n_overruns == 6  # those due at 9, 12, 15, 18, 21, 24 ms come at 29
+
+
+def test_after_a_long_stall_old_commands_are_left_out() -> None:
+    hand = Sink()
+    clock = Jumpy({30 * MS: 500 * MS})
+    loop = run_loop(levels=PulledStream([(0, (1,), 1)], end_ns=900 * MS), vest=Sink(), hand=hand, clock=clock)
+    times = [t // MS for t, _ in hand.sent]
+    assert times[:11] == [*range(0, 30, 3), 432]
+    assert loop._pacer.report().n_skipped > 0
+
+
+def test_a_manual_clock_never_sleeps_and_the_system_clock_keeps_time() -> None:
+    clock = ManualClock(5)
+    clock.sleep_until(10**18)
+    clock.sleep_until(3)
+    assert clock.now_ns() == 10**18
+    system = SystemClock()
+    until = system.now_ns() + 2 * MS
+    system.sleep_until(until)
+    assert system.now_ns() >= until
+
+
+def test_a_threaded_recording_arrives_whole_and_in_order() -> None:
+    def produce(_stopped: Callable[[], bool]) -> Iterator[tuple[int]]:
+        for k in range(500):
+            yield (k * MS,)
+
+    stream: ThreadedStream[tuple[int]] = ThreadedStream("test", produce, live=False, capacity=4)
+    got = []
+    for t in range(0, 600, 7):
+        while (item := stream.next_until(t * MS)) is not None:
+            assert item[0] <= t * MS
+            got.append(item[0] // MS)
+    assert got == list(range(500))
+    assert stream.ended
+    stream.close()
+
+
+def test_an_error_in_the_thread_comes_after_what_was_made_before_it() -> None:
+    def produce(_stopped: Callable[[], bool]) -> Iterator[tuple[int]]:
+        yield (0,)
+        yield (MS,)
+        raise RecordingError("frame 3 is torn")
+
+    stream: ThreadedStream[tuple[int]] = ThreadedStream("test", produce, live=False)
+    assert stream.next_until(0) == (0,)
+    with pytest.raises(RecordingError, match="torn"):
+        stream.next_until(MS)
+    stream.close()
+
+
+def test_a_live_stream_never_makes_the_loop_wait_and_loses_the_oldest() -> None:
+    lost: list[int] = []
+    filled = threading.Event()
+
+    def produce(stopped: Callable[[], bool]) -> Iterator[tuple[int]]:
+        for k in range(10):
+            yield (k,)
+        filled.set()
+        while not stopped():
+            threading.Event().wait(0.01)
+
+    stream: ThreadedStream[tuple[int]] = ThreadedStream(
+        "test", produce, live=True, capacity=4, on_loss=lambda: lost.append(1)
+    )
+    assert filled.wait(5)
+    got = []
+    while (item := stream.next_until(MS)) is not None:
+        got.append(item[0])
+    assert got == [6, 7, 8, 9]
+    assert len(lost) == 6
+    assert not stream.ended
+    stream.close()
+
+
+def test_closing_a_stream_frees_a_thread_that_waits_for_room() -> None:
+    stream: ThreadedStream[tuple[int]] = ThreadedStream(
+        "test", lambda _stopped: ((k,) for k in range(10**9)), live=False, capacity=2
+    )
+    stream.close()
+    assert not stream._thread.is_alive()
+
+
+class LiveCamera:
+    """A live sensor for the tests: delivers what it is given, pictures or errors."""
+
+    def __init__(self, script: Sequence[Any]) -> None:
+        self._script = list(script)
+        self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=True, rate_hz=60.0)
+
+    @property
+    def ended(self) -> bool:
+        return not self._script
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        assert timeout_s <= 0.1
+        step = self._script.pop(0) if self._script else None
+        if isinstance(step, Exception):
+            raise step
+        return step
+
+    def __enter__(self) -> Self:
+        return self
+
+
+def frame(k: int, *, size: tuple[int, int] | None = None) -> TactileFrame:
+    image = pressed(60, noise=k) if size is None else np.zeros((*size, 3), np.uint8)
+    return TactileFrame(1_000 * MS + k * 16 * MS, k, image, f"frame {k}")
+
+
+def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
+    report = SourceReport()
+    script = [frame(0), None, frame(1, size=(9, 9)), RecordingError("torn"), frame(4)]
+    camera: Any = LiveCamera(script)
+    got = list(measured_contacts(camera, baseline(), "paper", report, start_ns=1_000 * MS))
+    assert [t // MS for t, _ in got] == [0, 64]
+    assert all(m.in_contact for _, m in got)
+    assert (report.n_items, report.n_dropped, report.n_missing, report.lost) == (2, 2, 3, "")
+
+
+def test_a_live_sensor_that_goes_away_ends_its_stream_and_says_why() -> None:
+    report = SourceReport()
+    camera: Any = LiveCamera([frame(0), DeviceUnavailableError("unplugged"), frame(2)])
+    got = list(measured_contacts(camera, baseline(), "paper", report, start_ns=1_000 * MS))
+    assert len(got) == 1
+    assert report.lost == "unplugged"
+
+
+def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> None:
+    camera: Any = LiveCamera([frame(0, size=(9, 7))])
+    camera.info = DeviceInfo(driver="x", kind="tactile", label="x", live=False, rate_hz=60.0)
+    with pytest.raises(RecordingError, match=r"frame 0: 7×9×3 pixels, its baseline has 80×60×3"):
+        list(measured_contacts(camera, baseline(), "paper", SourceReport()))
+
+
+def test_chunk_size_does_not_change_levels_or_stamps() -> None:
+    from tega.emg import GraspIntent
+    from tega.teleop.sources import grasp_blocks
+
+    samples = np.random.default_rng(3).standard_normal((1000, 2)) * np.linspace(0, 3, 1000)[:, None]
+
+    class Chunks:
+        def __init__(self, size: int) -> None:
+            self._at, self._size = 0, size
+            self.info = DeviceInfo(driver="x", kind="emg", label="x", live=False, rate_hz=200.0)
+
+        @property
+        def ended(self) -> bool:
+            return self._at >= len(samples)
+
+        def read(self, timeout_s: float) -> EmgChunk:
+            assert timeout_s >= 0
+            first = self._at
+            self._at = min(first + self._size, len(samples))
+            return EmgChunk(round(self._at * 5 * MS), first, samples[first : self._at])
+
+    def blocks(size: int) -> list[Any]:
+        source: Any = Chunks(size)
+        intent = GraspIntent(200.0, [2.0, 2.0], tau=20, kind="raw", preset="live")
+        return list(grasp_blocks(source, intent, SourceReport(), rate_hz=200.0, tau=20))
+
+    whole = blocks(1000)
+    assert [t for t, *_ in whole] == [k * 100 * MS for k in range(1, 51)]
+    assert blocks(1) == blocks(7) == blocks(333) == whole
+
+
+def test_nothing_of_the_loop_names_a_device() -> None:
+    import tega.teleop.loop as module
+
+    text = Path(str(module.__file__)).read_text(encoding="utf-8")
+    from tega.devices import driver_names
+
+    assert not [name for name in driver_names() if name in text]

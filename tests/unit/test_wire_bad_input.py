@@ -1,0 +1,172 @@
+"""What cannot be encoded is refused by name, value and unit; what a port delivers never raises."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega import wire
+from tega.errors import DtypeError, InvalidValueError, ShapeError, TegaError, WireError
+
+FORTY = np.zeros(40, np.uint8)
+Call = Callable[[], Any]
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "says"),
+    [
+        (
+            lambda: wire.allegro_torque_frames([0.0] * 5 + [np.nan] + [0.0] * 10),
+            WireError,
+            r"torques\[5\] = NaN tau",
+        ),
+        (lambda: wire.allegro_torque_frames([np.inf] * 16), WireError, r"torques\[0\] = inf tau"),
+        (lambda: wire.allegro_torque_frames([0.0] * 15), ShapeError, r"torques has shape \(15,\)"),
+        (lambda: wire.allegro_torque_frames(np.zeros((4, 4))), ShapeError, r"torques has shape \(4, 4\)"),
+        (lambda: wire.allegro_torque_frames(["a"] * 16), DtypeError, "torques has dtype"),
+        (lambda: wire.allegro_torque_frames([0.0] * 16, device_id=4), WireError, "device_id = 4"),
+        (lambda: wire.allegro_torque_frames([0.0] * 16, device_id=-1), WireError, "device_id = -1"),
+        (lambda: wire.allegro_torque_frames([0.0] * 16, version=3), InvalidValueError, "version = 3"),  # type: ignore[arg-type]
+        (lambda: wire.allegro_position_frames([3.0] * 16), WireError, "angle_rad = 3 rad"),
+        (lambda: wire.allegro_angle_counts(np.nan), WireError, "angle_rad = NaN rad"),
+        (lambda: wire.allegro_angles_rad([40000]), WireError, r"counts\[0\] = 40000"),
+        (lambda: wire.allegro_angles_rad([0.5]), DtypeError, "counts has dtype float64"),
+        (lambda: wire.allegro_set_period(70000), WireError, "70000"),
+        (lambda: wire.allegro_request_position("little"), InvalidValueError, "finger = 'little'"),  # type: ignore[arg-type]
+        (lambda: wire.allegro_v3_torque_frame("index", [1, 2, 3]), ShapeError, "3 elements"),
+        (lambda: wire.allegro_v3_torque_frame("index", [40000] * 4), WireError, "40000"),
+        (lambda: wire.allegro_report_frame(wire.AllegroSerial("123456789")), WireError, "123456789"),
+        (lambda: wire.allegro_report_frame(wire.AllegroImu((1,))), ShapeError, "imu has 1 elements"),
+        (
+            lambda: wire.allegro_report_frame(wire.AllegroStatus(bytes(9))),
+            ShapeError,
+            "status has 9 elements",
+        ),
+        (lambda: wire.allegro_decode(wire.CanFrame(0x80, "text")), DtypeError, "data is str"),  # type: ignore[arg-type]
+        (lambda: wire.x40_ble_frame(FORTY[:32]), ShapeError, r"intensities has shape \(32,\)"),
+        (lambda: wire.x40_ble_frame(FORTY + 101), WireError, r"intensities\[0\] = 101 %"),
+        (lambda: wire.x40_ble_frame([-1] + [0] * 39), WireError, r"intensities\[0\] = -1"),
+        (lambda: wire.x40_ble_frame(FORTY * 0.5), DtypeError, "intensities has dtype float64"),
+        (lambda: wire.vest_levels([101]), WireError, r"intensities\[0\] = 101"),
+        (lambda: wire.x40_ble_levels(bytes(19)), WireError, "vest frame of 19 bytes"),
+        (lambda: wire.x16_levels(bytes(21)), WireError, "vest frame of 21 bytes"),
+        (lambda: wire.player_v2_message(FORTY, duration_ms=19), WireError, "duration_ms = 19 ms"),
+        (lambda: wire.player_v2_message(FORTY, duration_ms=-1), WireError, "duration_ms = -1"),
+        (
+            lambda: wire.player_v2_message(FORTY, duration_ms=50, front_key=""),
+            WireError,
+            "front_key is empty",
+        ),
+        (
+            lambda: wire.player_v2_message(FORTY, duration_ms=50, front_key=None, back_key=None),
+            WireError,
+            "name at least one panel",
+        ),
+        (lambda: wire.player_v2_stop(""), WireError, "key is empty"),
+        (lambda: wire.player_v2_status("{"), WireError, "player status: EOF"),
+        (lambda: wire.player_v2_status('{"Status":{"VestFront":"x"}}'), WireError, "invalid type: string"),
+        (
+            lambda: wire.sdk3_dot_message(FORTY + 1, motors=32),
+            WireError,
+            r"intensities\[16\] = 1 is in row 4",
+        ),
+        (lambda: wire.sdk3_dot_message(FORTY, motors=20), InvalidValueError, "motors = 20"),  # type: ignore[arg-type]
+        (lambda: wire.sdk3_dot_message(FORTY, request_id=-1), WireError, "request_id = -1"),
+        (lambda: wire.hub_line(FORTY, duration_ms=200_000), WireError, "duration_ms = 200000 ms"),
+        (lambda: wire.hid_motor_report(FORTY, sequence=0, ttl_ms=0), WireError, "ttl_ms = 0 ms"),
+        (lambda: wire.hid_motor_report(FORTY, sequence=65536, ttl_ms=1), WireError, "sequence = 65536"),
+        (
+            lambda: wire.hid_motor_report(FORTY[:33], sequence=0, ttl_ms=1),
+            ShapeError,
+            r"intensities has shape",
+        ),
+        (lambda: wire.hid_status(bytes(64)), WireError, "report number is 0x0, 0x2 is needed"),
+        (lambda: wire.hid_status(bytes([2, 0x20]) + bytes(62)), WireError, "format version is 0x2"),
+        (
+            lambda: wire.hid_status(bytes([2, 0x10]) + bytes(62)),
+            WireError,
+            "checksum in the packet is 0x00000000",
+        ),
+        (lambda: wire.hid_status(bytes(63)), WireError, "status report of 63 bytes, 64 are needed"),
+        (lambda: wire.hid_motor(bytes(65)), WireError, "motor report of 65 bytes"),
+        (lambda: wire.hid_status_report(wire.HidStatus(0, 0, None, -1, 0, 0)), WireError, "faults = -1"),
+        (
+            lambda: wire.CytonDecoder(5),
+            InvalidValueError,
+            "gain = 5 is not possible: 1, 2, 4, 6, 8, 12 or 24",
+        ),
+        (lambda: wire.CytonDecoder(280), InvalidValueError, "gain = 280"),
+        (lambda: wire.ChordsDecoder(0), InvalidValueError, "channels = 0"),
+        (lambda: wire.ChordsDecoder(17), InvalidValueError, "channels = 17"),
+        (lambda: wire.SpikerDecoder(7), InvalidValueError, "channels = 7"),
+        (lambda: wire.AsciiEmgDecoder(0), InvalidValueError, "channels = 0"),
+        (lambda: wire.AsciiEmgDecoder(3, leading=-1), InvalidValueError, "leading = -1"),
+        (lambda: wire.CytonDecoder().feed("text"), DtypeError, "data is str"),  # type: ignore[arg-type]
+        (lambda: wire.CytonDecoder().feed(7), DtypeError, "data is int"),  # type: ignore[arg-type]
+    ],
+)
+def test_bad_input_is_named(call: Call, error: type[TegaError], says: str) -> None:
+    with pytest.raises(error, match=says):
+        call()
+
+
+def test_the_next_step_is_said() -> None:
+    with pytest.raises(WireError) as caught:
+        wire.allegro_torque_frames([np.nan] * 16)
+    assert "no torque is sent" in caught.value.hint
+
+
+def test_strided_and_read_only_arrays_are_read_as_they_stand() -> None:
+    values = np.arange(80, dtype=np.uint8)
+    strided = values[::2]
+    assert not strided.flags.c_contiguous
+    assert wire.x40_ble_frame(strided) == wire.x40_ble_frame(strided.copy())
+    tau = np.linspace(-0.1, 0.1, 32)[::-2]
+    assert wire.allegro_torque_frames(tau) == wire.allegro_torque_frames(tau.tolist())
+    fixed = np.zeros(40, np.uint8)
+    fixed.flags.writeable = False
+    assert wire.x40_ble_frame(fixed) == bytes(20)
+
+
+def test_integer_torques_and_other_integer_types_are_taken() -> None:
+    assert wire.allegro_torque_frames([0] * 16)[3].data == bytes(8)
+    assert wire.x40_ble_frame(np.full(40, 100, np.int64)) == b"\xff" * 20
+
+
+def test_buffers_of_every_kind_are_bytes() -> None:
+    line = b"\n1,2,3\n"
+    for data in (line, bytearray(line), memoryview(line), memoryview(line)[::1]):
+        assert wire.AsciiEmgDecoder(3).feed(data).tolist() == [[1.0, 2.0, 3.0]]
+
+
+def test_empty_answers_have_their_shapes() -> None:
+    batch = wire.CytonDecoder().feed(b"")
+    assert (batch.microvolts.shape, batch.counts.shape, batch.aux.shape, len(batch)) == (
+        (0, 8),
+        (0, 8),
+        (0, 6),
+        0,
+    )
+    assert wire.ChordsDecoder(6).feed(b"").samples.shape == (0, 6)
+    assert wire.SpikerDecoder(2).feed(b"").shape == (0, 2)
+    assert wire.AsciiEmgDecoder(4).feed(b"").shape == (0, 4)
+
+
+def test_one_decoder_each_in_many_threads() -> None:
+    packet = bytes([0xA0]), bytes(30) + b"\xc0"
+    stream = b"".join(packet[0] + bytes([n % 256]) + packet[1] for n in range(2000))
+    found: list[list[int]] = []
+
+    def run() -> None:
+        found.append(wire.CytonDecoder().feed(stream).counters.tolist())
+
+    threads = [threading.Thread(target=run) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [[n % 256 for n in range(2000)]] * 4
