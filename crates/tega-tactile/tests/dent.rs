@@ -203,3 +203,23 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn buffers_hold_nothing_of_the_frame_before() {
+    let mut scratch = LiveScratch::default();
+    let (large, small) = (baseline(240, 320), baseline(64, 48));
+    let frames = [
+        (frame(&large, &[Dent(80.0, 110.0, 22.0, 0.5), Dent(230.0, 140.0, 30.0, 0.3)], 1), &large),
+        (frame(&large, &[Dent(160.0, 40.0, 15.0, 0.5)], 2), &large),
+        (frame(&small, &[Dent(20.0, 30.0, 8.0, 0.5)], 3), &small),
+        (frame(&large, &[], 4), &large),
+        (frame(&large, &[Dent(150.0, 200.0, 25.0, 0.4)], 5), &large),
+    ];
+    for (image, base) in &frames {
+        let pair = Pair::new(image.view(), base.view()).unwrap();
+        let metrics = read_live(&pair, Order::Bgr, Outline::Dent, &mut scratch);
+        let (fresh, untouched) = read(image, base);
+        assert_eq!(scratch.mask(), untouched.mask());
+        assert_eq!((metrics.eda, metrics.cci.to_bits()), (fresh.eda, fresh.cci.to_bits()));
+    }
+}

@@ -94,6 +94,23 @@ pub struct LiveScratch {
 }
 
 impl LiveScratch {
+    /// Makes the mask one of zeros, touching only the rows that the last frame's patches lie in.
+    fn clear_mask(&mut self, grid: &Grid) {
+        if self.grid == *grid {
+            for patch in &self.patches {
+                let (_, top, _, bottom) = patch.bounds;
+                if let Some(rows) = self.mask.get_mut(top * grid.width..(bottom + 1) * grid.width) {
+                    rows.fill(0);
+                }
+            }
+        } else {
+            self.mask.clear();
+            self.mask.resize(grid.height * grid.width, 0);
+            self.grid = *grid;
+        }
+        self.patches.clear();
+    }
+
     /// The last frame's mask, row by row: 1 in contact, 0 elsewhere.
     pub fn mask(&self) -> &[u8] {
         &self.mask
@@ -133,10 +150,7 @@ pub fn read_live(
     scratch: &mut LiveScratch,
 ) -> ContactMetrics {
     let grid = Grid::of(pair.height(), pair.width());
-    scratch.grid = grid;
-    scratch.mask.clear();
-    scratch.mask.resize(grid.height * grid.width, 0);
-    scratch.patches.clear();
+    scratch.clear_mask(&grid);
     if !respond(pair, &grid, order, scratch) {
         return ContactMetrics::none(f64::NAN, 0.0, (0, 0));
     }

@@ -16,7 +16,7 @@ pub(super) const COUNTS_PER_UNIT: f32 = 2.6;
 const QUIET: f32 = 4.0;
 /// With no more than this share of quiet cells the fit takes all.
 const QUIET_SHARE: f32 = 0.1;
-const FITS: usize = 3;
+const FITS: usize = 2;
 
 /// Whitened difference per channel and its length, per cell.
 #[derive(Debug, Default)]
