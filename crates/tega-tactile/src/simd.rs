@@ -90,14 +90,14 @@ pub fn instruction_set() -> &'static str {
     }
 }
 
-/// See [`Kernel::row`].
-pub(crate) fn row(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32]) -> Row {
+/// See [`Kernel::rows`].
+pub(crate) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
     #[cfg(target_arch = "x86_64")]
     if level() >= Level::Avx2 {
         // SAFETY: `level` reports a set only after the processor itself said that it has it.
-        return unsafe { avx2::row(kernel, frame, baseline, columns) };
+        return unsafe { avx2::rows(kernel, frame, baseline, columns, rows) };
     }
-    kernel.row(frame, baseline, columns)
+    kernel.rows(frame, baseline, columns, rows);
 }
 
 /// See [`Kernel::count`].
