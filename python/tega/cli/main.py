@@ -40,6 +40,7 @@ _VERBS = {
     "emg-score": _Verb(
         "Tooling", "tega.cli.emg_score", "emg_score", "Score the levels against a measured force."
     ),
+    "bench": _Verb("Tooling", "tega.cli.bench", "bench", "Measure run time against error."),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
 }
 

@@ -1,0 +1,141 @@
+"""A whole tick, stage by stage: four frames and one EMG block in, a vest packet and CAN bytes out.
+
+The stages are those of the dual loop, called as it calls them; devices, threads, recording and pacing are left out.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.bench.timing import Timing, in_turns
+from tega.calibration import TouchMaxima
+from tega.emg import GraspIntent
+from tega.hand import ModelledHand
+from tega.haptics import FINGERS
+from tega.sim.press import Press, PressCamera
+from tega.tactile import read_contact
+from tega.teleop.touch import TouchLoop
+from tega.wire import allegro_torque_frames, x40_ble_frame
+
+__all__ = ["STAGES", "Tick", "TickRow", "time_ticks"]
+
+STAGES = ("read", "map", "vest encode", "emg", "hand step", "can encode")
+# 10 ms of three channels at 1 kHz.
+EMG_RATE_HZ, EMG_ROWS = 1000.0, 10
+# Pictures a finger, so that no two ticks in a row show the same one.
+PICTURES = 4
+
+
+class TickRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What a tick takes.
+
+    Attributes:
+        reading: The touch preset.
+        n_in_contact: Fingers that are pressed; the others are read as well.
+        stages_us: Median of each stage, microseconds.
+        total: Of all stages together.
+        frames_already_seen_us: Median of the same tick where no camera has a new picture, so that none is read.
+    """
+
+    reading: str
+    n_in_contact: int
+    stages_us: dict[str, float]
+    total: Timing
+    frames_already_seen_us: float
+
+
+class Tick:
+    """Everything one tick needs, ready to run again and again.
+
+    Args:
+        reading: The touch preset.
+        n_in_contact: How many of the four fingers are pressed.
+        seed: Of pictures and samples.
+    """
+
+    def __init__(self, reading: Literal["paper", "live"], n_in_contact: int, *, seed: int = 5) -> None:
+        self._reading = reading
+        self._fingers = [self._camera(seed + k, pressed=k < n_in_contact) for k in range(len(FINGERS))]
+        maxima = {finger: TouchMaxima(cci_max=1.0, eda_max=20_000.0) for finger in FINGERS}
+        self._touch = TouchLoop(maxima, layout="x40")
+        rng = np.random.default_rng(seed)
+        self._samples = 2048 + 300 * rng.standard_normal((PICTURES, EMG_ROWS, 3))
+        self._intent = GraspIntent(EMG_RATE_HZ, [300.0, 300.0, 300.0], tau=EMG_ROWS, preset=reading)
+        self._hand = ModelledHand()
+        self._number = 0
+
+    @staticmethod
+    def _camera(seed: int, *, pressed: bool) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
+        camera = PressCamera(seed)
+        press = Press(depth_mm=0.8 if pressed else 0.0)
+        return [camera.frame(press, n) for n in range(PICTURES)], camera.baseline()
+
+    def run(self) -> tuple[tuple[int, ...], bytes, bytes]:
+        """Run one tick.
+
+        Returns:
+            Nanoseconds of each stage, the vest's packet, the CAN frames' data.
+        """
+        clock = time.perf_counter_ns
+        self._number += 1
+        now = self._number % PICTURES
+        t_ns = self._number * 10_000_000
+        started = clock()
+        contacts = [
+            read_contact(images[now], still, reading=self._reading) for images, still in self._fingers
+        ]
+        read = clock()
+        for finger, metrics in zip(FINGERS, contacts, strict=True):
+            self._touch.update(finger, t_ns, metrics)
+        mapped = clock()
+        packet = x40_ble_frame(self._touch.frame(t_ns).x40())
+        shown = clock()
+        level = int(self._intent.process(self._samples[now])[-1])
+        filtered = clock()
+        _, torques = self._hand.step(level)
+        stepped = clock()
+        data = b"".join(frame.data for frame in allegro_torque_frames(torques))
+        ended = clock()
+        stages = (
+            read - started,
+            mapped - read,
+            shown - mapped,
+            filtered - shown,
+            stepped - filtered,
+            ended - stepped,
+        )
+        return stages, packet, data
+
+
+def time_ticks(*, budget_s: float) -> list[TickRow]:
+    """Time ticks with none to four fingers in contact, under both presets, in turns.
+
+    Args:
+        budget_s: Roughly how long it may take.
+
+    Returns:
+        One row a preset and number of fingers.
+    """
+    presets: tuple[Literal["paper", "live"], ...] = ("live", "paper")
+    ticks = {(preset, n): Tick(preset, n) for preset in presets for n in range(len(FINGERS) + 1)}
+    measured = in_turns(ticks, lambda tick: tick.run()[0], budget_s=budget_s)
+    return [_row(*name, np.concatenate(turns) / 1000.0) for name, turns in measured.items()]
+
+
+def _row(reading: str, n_in_contact: int, stages_us: NDArray[np.float64]) -> TickRow:
+    totals = stages_us.sum(axis=1)
+    medians = np.median(stages_us, axis=0)
+    return TickRow(
+        reading=reading,
+        n_in_contact=n_in_contact,
+        stages_us={name: float(us) for name, us in zip(STAGES, medians, strict=True)},
+        total=Timing(
+            median_us=float(np.median(totals)), p99_us=float(np.percentile(totals, 99)), n_calls=len(totals)
+        ),
+        frames_already_seen_us=float(np.median(totals - stages_us[:, 0])),
+    )

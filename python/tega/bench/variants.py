@@ -1,0 +1,97 @@
+"""The ways to compute contact metrics that TEGA ships, and what every way has in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.tactile import contact_metrics, read_contact
+
+__all__ = ["CONTACT_LAWS", "ContactKernel", "Law", "Metrics", "floor_kernel", "law_kernel", "preset_kernel"]
+
+Difference = Literal["signed", "rectified", "absolute"]
+Spread = Literal["spatial", "intensity"]
+
+
+class Law(NamedTuple):
+    """How the equations are read.
+
+    Attributes:
+        difference: Of frame and baseline.
+        spread: What σ is.
+        centroid_value: How the map is read at the centroid.
+    """
+
+    difference: Difference
+    spread: Spread
+    centroid_value: Literal["nearest", "bilinear"] = "nearest"
+
+    @property
+    def name(self) -> str:
+        """For tables."""
+        tail = ", bilinear" if self.centroid_value == "bilinear" else ""
+        return f"{self.difference}, {self.spread}{tail}"
+
+
+class Metrics(NamedTuple):
+    """The numbers that are compared: Eq 2, 3, 5 and 6."""
+
+    centroid_xy: tuple[float, float]
+    spread: float
+    eda: int
+    cci: float
+
+
+Images = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+ContactKernel = Callable[[NDArray[np.uint8], NDArray[np.uint8]], Metrics | None]
+
+CONTACT_LAWS = (
+    Law("rectified", "spatial"),
+    Law("signed", "spatial"),
+    Law("absolute", "spatial"),
+    Law("rectified", "intensity"),
+    Law("signed", "intensity"),
+    Law("absolute", "intensity"),
+)
+
+
+def law_kernel(law: Law) -> ContactKernel:
+    """Return `tega.tactile.contact_metrics` under a law."""
+    difference, spread, centroid_value = law
+
+    def tega(frame: NDArray[np.uint8], baseline: NDArray[np.uint8]) -> Metrics:
+        m = contact_metrics(
+            frame, baseline, difference=difference, spread=spread, centroid_value=centroid_value
+        )
+        return Metrics(m.centroid_xy, m.spread, m.eda, m.cci)
+
+    return tega
+
+
+def preset_kernel(reading: Literal["paper", "live"]) -> ContactKernel:
+    """Return `tega.tactile.read_contact` with a preset."""
+
+    def tega(frame: NDArray[np.uint8], baseline: NDArray[np.uint8]) -> Metrics:
+        m = read_contact(frame, baseline, reading=reading)
+        return Metrics(m.centroid_xy, m.spread, m.eda, m.cci)
+
+    return tega
+
+
+def floor_kernel(images: Images) -> Callable[[], object]:
+    """Return the least that any exact way must do: read both images once, through NumPy's fastest reduction."""
+    words = [_as_words(image) for image in images]
+    reduce = np.bitwise_or.reduce
+
+    def read_once() -> object:
+        return reduce(words[0]) | reduce(words[1])
+
+    return read_once
+
+
+def _as_words(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
+    flat = image.reshape(-1)
+    return flat[: flat.size // 8 * 8].view(np.uint64)

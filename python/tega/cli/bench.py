@@ -1,0 +1,159 @@
+"""``tega-teleop bench``: run time against error, of ours and of others, in one run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tega.cli.options import debug_option, json_option
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tega.bench import BenchReport
+    from tega.bench.report import ContactRow
+
+__all__ = ["bench"]
+
+
+@click.command(epilog="Example: tega-teleop bench --quick --picture pareto.png")
+@click.option(
+    "--picture",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw time against error into this PNG.",
+)
+@click.option("--quick", is_flag=True, help="A tenth of the rounds, and not the largest pictures.")
+@json_option
+@debug_option
+def bench(*, picture: Path | None, quick: bool, as_json: bool) -> None:
+    """Measure run time and error of the kernels, of other ways to compute the same, and of a whole tick.
+
+    What is compared: each reading of the contact equations at four picture sizes, with OpenCV, NumPy and Numba doing
+    the same; the EMG low-pass, with SciPy and Numba; one tick with 0 to 4 fingers in contact. Packages that are not
+    installed are left out and listed. It takes one to two minutes, --quick about twenty seconds; figures made
+    while the machine does other work are good for ratios at best.
+
+    \b
+    --json prints one object (all times in microseconds):
+      method, threads, missing    how it was measured, what was held to one thread, what is not installed
+      machine   cpu, n_cores, load_per_core, instruction_set, system, versions
+      contact   [{reading, variant, size: [height, width], time: {median_us, p99_us, n_calls}, to_floor,
+                to_best_peer, error: {centroid_px, spread_relative, eda_pixels, cci_relative} or null}]
+      emg       [{case: block|bulk, variant, n_rows, time, ns_per_sample, to_best_peer, error_of_full_scale}]
+      tick      [{reading, n_in_contact, stages_us: {...}, total: {median_us, p99_us, n_calls},
+                frames_already_seen_us}]
+    to_floor and to_best_peer are times over the time of the reference: below 1 is faster.
+    """
+    import msgspec
+
+    from tega.bench import run_bench
+    from tega.cli.options import echo_json, progress_bar
+
+    with progress_bar() as progress:
+        report = run_bench(quick=quick, progress=progress)
+    if picture is not None:
+        from tega.bench.picture import draw_pareto
+
+        draw_pareto(picture, report)
+    if as_json:
+        echo_json(msgspec.to_builtins(report))
+    else:
+        _print(report)
+
+
+def _print(report: BenchReport) -> None:
+    from rich.console import Console
+
+    out = Console(highlight=False, width=130)
+    machine = report.machine
+    load = "" if machine.load_per_core is None else f", load {machine.load_per_core:g} a core"
+    out.print(
+        f"{machine.cpu}, {machine.n_cores} cores{load}, kernels in {machine.instruction_set}, one thread"
+    )
+    out.print(", ".join(f"{name} {version}" for name, version in machine.versions.items()))
+    for reading, size in dict.fromkeys((row.reading, row.size) for row in report.contact):
+        rows = [row for row in report.contact if (row.reading, row.size) == (reading, size)]
+        _print_contact(out, f"{reading}, {size[0]}×{size[1]}", rows)
+    _print_emg(out, report)
+    _print_ticks(out, report)
+    for name in report.missing:
+        out.print(f"note: {name} is not installed, so what needs it was not measured")
+    out.print(report.method, style="dim")
+
+
+def _print_contact(out: Console, title: str, rows: list[ContactRow]) -> None:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=SIMPLE)
+    table.add_column("contact metrics", no_wrap=True, min_width=21)
+    for name in (
+        "median µs",
+        "p99 µs",
+        "× floor",
+        "× best peer",
+        "centroid px",
+        "σ rel.",
+        "EDA px",
+        "CCI rel.",
+    ):
+        table.add_column(name, justify="right", min_width=8)
+    for row in rows:
+        e = row.error
+        errors = (e.centroid_px, e.spread_relative, e.eda_pixels, e.cci_relative) if e is not None else ()
+        table.add_row(
+            row.variant,
+            f"{row.time.median_us:.1f}",
+            f"{row.time.p99_us:.1f}",
+            f"{row.to_floor:.2f}",
+            "–" if row.to_best_peer is None else f"{row.to_best_peer:.2f}",
+            *(f"{error:.0e}" if 0 < error < 0.01 else f"{error:.3g}" for error in errors),
+        )
+    out.print(table)
+
+
+def _print_emg(out: Console, report: BenchReport) -> None:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table(title="EMG low-pass, 4th order, 3 channels", title_justify="left", box=SIMPLE)
+    table.add_column("rows", justify="right")
+    table.add_column("variant", no_wrap=True)
+    for name in ("median µs", "p99 µs", "ns/sample", "× best peer", "error/full scale"):
+        table.add_column(name, justify="right")
+    for row in report.emg:
+        error = row.error_of_full_scale
+        table.add_row(
+            str(row.n_rows),
+            row.variant,
+            f"{row.time.median_us:.2f}",
+            f"{row.time.p99_us:.2f}",
+            f"{row.ns_per_sample:.2f}",
+            "–" if row.to_best_peer is None else f"{row.to_best_peer:.2f}",
+            "–" if error is None else f"{error:.0e}",
+        )
+    out.print(table)
+
+
+def _print_ticks(out: Console, report: BenchReport) -> None:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    title = "one tick: four frames and 10 ms of EMG to a vest packet and CAN bytes, median µs"
+    table = Table(title=title, title_justify="left", box=SIMPLE)
+    table.add_column("touch", no_wrap=True)
+    stages = list(report.tick[0].stages_us)
+    for name in ("in contact", *stages, "in all", "p99", "frames already seen"):
+        table.add_column(name, justify="right")
+    for row in report.tick:
+        table.add_row(
+            row.reading,
+            str(row.n_in_contact),
+            *(f"{row.stages_us[name]:.1f}" for name in stages),
+            f"{row.total.median_us:.0f}",
+            f"{row.total.p99_us:.0f}",
+            f"{row.frames_already_seen_us:.0f}",
+        )
+    out.print(table)
