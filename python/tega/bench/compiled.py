@@ -46,8 +46,8 @@ def contact_loops() -> tuple[Any, Any]:
         return mass, first_x, first_y, second, squares, peak
 
     @numba.njit(fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-    def count(frame: Any, baseline: Any, mode: int, at_row: int, at_column: int, step: float) -> Any:
-        threshold = grey(frame, baseline, mode, at_row, at_column) - step
+    def count(frame: Any, baseline: Any, mode: int, at: Any, step: float) -> Any:
+        threshold = grey(frame, baseline, mode, at[0], at[1]) - step
         above = 0
         for row in range(frame.shape[0]):
             for column in range(frame.shape[1]):

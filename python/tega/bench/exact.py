@@ -89,8 +89,10 @@ def exact_paper(frame: NDArray[np.uint8], baseline: NDArray[np.uint8]) -> Exact:
     change = np.abs(frame.astype(np.int64) - baseline)
     margin = BOX // 2
     padded = np.pad(change, ((margin, margin), (margin, margin), (0, 0)), mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (BOX, BOX), axis=(0, 1))
-    levels = windows.sum(axis=(-2, -1)) @ np.array(WEIGHTS_BGR, np.int64)
+    height, width, _ = frame.shape
+    of_rows = sum(padded[i : i + height] for i in range(BOX))
+    boxes = sum(of_rows[:, i : i + width] for i in range(BOX))
+    levels = boxes @ np.array(WEIGHTS_BGR, np.int64)
     denominator = 1000 * BOX * BOX
     levels[levels < NOISE_FLOOR * denominator] = 0
     if np.count_nonzero(levels > NOISE_FLOOR * denominator) < FEWEST_PIXELS:

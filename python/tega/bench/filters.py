@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +88,7 @@ def _numba(first: Samples) -> Filter:
     return compiled
 
 
-def true_response(samples: Samples) -> list[list[object]]:
+def true_response(samples: Samples) -> list[list[Any]]:
     """Filter to 50 digits: poles placed and transformed in complex numbers, difference equation, settled start.
 
     Args:
@@ -127,13 +128,13 @@ def true_response(samples: Samples) -> list[list[object]]:
         return channels
 
 
-def error_of_full_scale(own: Samples, truth: list[list[object]], full_scale: float) -> float:
+def error_of_full_scale(own: Samples, truth: list[list[Any]], full_scale: float) -> float:
     """Return the largest deviation over the signal's full scale."""
     import mpmath as mp
 
     with mp.workdps(DIGITS):
         worst = max(
-            abs(mp.mpf(a) - b)  # type: ignore[operator]
+            abs(mp.mpf(a) - b)
             for ours, theirs in zip(own.T.tolist(), truth, strict=True)
             for a, b in zip(ours, theirs, strict=True)
         )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from tega import __version__, _native
+from tega import _native
 
 __all__ = ["Machine", "describe_machine"]
 
@@ -53,7 +53,7 @@ def describe_machine() -> Machine:
     """Return what this run is measured on."""
     n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     load = os.getloadavg()[0] / n_cores if hasattr(os, "getloadavg") else None
-    versions = {"tega": __version__, "python": platform.python_version()}
+    versions: dict[str, str] = {"tega": _native.__version__, "python": platform.python_version()}
     for name, distributions in _PACKAGES.items():
         for distribution in distributions:
             try:

@@ -124,6 +124,7 @@ def _opencv_rest(cv2: Any, grey: Any, law: Law, above: Any) -> Metrics:
 def numpy_tuned(law: Law, size: tuple[int, int]) -> ContactKernel:
     """Return NumPy with buffers, narrow types and matrix products."""
     height, width = size
+    change_8, lower = np.empty((2, height, width, 3), np.uint8)
     change_16 = np.empty((height, width, 3), np.int16)
     change = np.empty((height, width, 3), np.float32)
     grey = np.empty(height * width, np.float32)
@@ -135,12 +136,15 @@ def numpy_tuned(law: Law, size: tuple[int, int]) -> ContactKernel:
     powers_y = np.stack([np.ones_like(y), y, y * y]).astype(np.float32)
 
     def tuned(frame: NDArray[np.uint8], baseline: NDArray[np.uint8]) -> Metrics:
-        np.subtract(frame, baseline, out=change_16, dtype=np.int16)
-        if law.difference == "rectified":
-            np.maximum(change_16, 0, out=change_16)
-        elif law.difference == "absolute":
-            np.abs(change_16, out=change_16)
-        np.copyto(change, change_16)
+        if law.difference == "signed":
+            np.copyto(change, np.subtract(frame, baseline, out=change_16, dtype=np.int16))
+        else:
+            # Both fit bytes, sixteen and more to an instruction.
+            np.maximum(frame, baseline, out=change_8)
+            if law.difference == "absolute":
+                np.minimum(frame, baseline, out=lower)
+            np.subtract(change_8, baseline if law.difference == "rectified" else lower, out=change_8)
+            np.copyto(change, change_8)
         np.dot(change.reshape(-1, 3), weights, out=grey)
         levels = grey.reshape(size)
         sums = ((powers_y @ levels) @ powers_x.T).tolist()
@@ -208,7 +212,7 @@ def numba_fused(law: Law, size: tuple[int, int]) -> ContactKernel:  # noqa: ARG0
             n, mean = height * width, mass / (height * width)
             sigma = sqrt(max(squares / n - mean * mean, 0.0))
         row, column = nearest(mu_y, height), nearest(mu_x, width)
-        eda = count(frame, baseline, mode, row, column, FACTOR * sigma)
+        eda = count(frame, baseline, mode, (row, column), FACTOR * sigma)
         return finish(mu_x, mu_y, sigma, eda, peak)
 
     return fused

@@ -14,14 +14,15 @@ from tega.bench.exact import ContactError, Exact, exact_metrics, exact_paper, me
 from tega.bench.filters import BLOCK_ROWS, CHANNELS, error_of_full_scale, filters, signal, true_response
 from tega.bench.machine import Machine, describe_machine
 from tega.bench.peers import contact_peers
-from tega.bench.scenes import SIZE_OF_A_FINGER, SIZES, Scene, scenes
+from tega.bench.scenes import SIZE_OF_A_FINGER, SIZE_OF_A_SENSOR, SIZES, Scene, scenes
 from tega.bench.tick import TickRow, time_ticks
 from tega.bench.timing import Timing, ratio, single_threaded, take_turns, timing
 from tega.bench.variants import CONTACT_LAWS, ContactKernel, Law, floor_kernel, law_kernel, preset_kernel
 
-__all__ = ["FLOOR", "BenchReport", "ContactRow", "FilterRow", "run_bench"]
+__all__ = ["BILINEAR", "FLOOR", "BenchReport", "ContactRow", "FilterRow", "run_bench"]
 
 FLOOR = "both images read once"
+OURS, BILINEAR = "TEGA", "TEGA, bilinear"
 METHOD = (
     "Variants take turns: in every round each is called five times, the first untimed, in an order that reverses "
     "from round to round; two rounds go before the timed ones. Wall clock, garbage collector off, libraries held to "
@@ -117,11 +118,11 @@ def run_bench(
         The report.
     """
     budget_s = 0.3 if quick else 3.0
-    sizes = [size for size in SIZES if not (quick and size == SIZES[-1])]
+    sizes = [size for size in SIZES if not (quick and size == SIZE_OF_A_SENSOR)]
     jobs: list[tuple[str, Callable[[], list[ContactRow] | list[FilterRow] | list[TickRow]]]] = []
     for size in sizes:
-        for law in CONTACT_LAWS if size == SIZE_OF_A_FINGER else SCALED_LAWS:
-            jobs.append((f"{law.name} {size}", partial(contact_rows, law, size, budget_s=budget_s)))
+        laws = CONTACT_LAWS if size == SIZE_OF_A_FINGER else SCALED_LAWS
+        jobs += [(f"{law.name} {size}", partial(contact_rows, law, size, budget_s=budget_s)) for law in laws]
         jobs.append((f"presets {size}", partial(preset_rows, size, budget_s=budget_s)))
     jobs.append(("EMG", partial(filter_rows, budget_s=budget_s)))
     jobs.append(("tick", partial(time_ticks, budget_s=2 * budget_s)))
@@ -145,16 +146,16 @@ def run_bench(
 def contact_rows(law: Law, size: tuple[int, int], *, budget_s: float) -> list[ContactRow]:
     """Measure the ways to compute one law: ours first, then the peers, then the floor."""
     pictures = scenes(size)
-    kernels: dict[str, ContactKernel] = {"TEGA": law_kernel(law)}
-    truths = {"TEGA": [exact_metrics(*scene, law) for scene in pictures]}
+    kernels: dict[str, ContactKernel] = {OURS: law_kernel(law)}
+    truths = {OURS: [exact_metrics(*scene, law) for scene in pictures]}
     peers = contact_peers(law, size)
     if size[0] * size[1] > LARGEST_FOR_COPIES:
         peers.pop("NumPy, as printed", None)
-    truths |= dict.fromkeys(peers, truths["TEGA"])
+    truths |= dict.fromkeys(peers, truths[OURS])
     if law.spread == "spatial" and size == SIZE_OF_A_FINGER:
         between = law._replace(centroid_value="bilinear")
-        kernels["TEGA, bilinear"] = law_kernel(between)
-        truths["TEGA, bilinear"] = [exact_metrics(*scene, between) for scene in pictures]
+        kernels[BILINEAR] = law_kernel(between)
+        truths[BILINEAR] = [exact_metrics(*scene, between) for scene in pictures]
     return _measured(law.name, size, pictures, kernels | peers, truths, budget_s=budget_s)
 
 
@@ -200,7 +201,7 @@ def _worst_error(kernel: ContactKernel, pictures: list[Scene], answers: list[Exa
 
 
 def _best_peer(turns: Mapping[str, list[list[int]]]) -> str | None:
-    medians = {n: timing(t).median_us for n, t in turns.items() if n != FLOOR and not n.startswith("TEGA")}
+    medians = {n: timing(t).median_us for n, t in turns.items() if n != FLOOR and not n.startswith(OURS)}
     return min(medians, key=lambda name: medians[name]) if medians else None
 
 

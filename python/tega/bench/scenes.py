@@ -1,7 +1,7 @@
 """The pictures that are measured on: a ball pressed into a generated gel, at four sizes.
 
-The camera is generated and has one size. Smaller pictures are every other pixel of it, larger ones repeat its pixels and
-are cut to size: what a kernel has to do per pixel is the same.
+The camera is generated and has one size. Smaller pictures are every other pixel of it, larger ones repeat its
+pixels and are cut to size: what a kernel has to do per pixel is the same.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from tega.sim.press import Press, PressCamera
 
-__all__ = ["SIZES", "SIZE_OF_A_FINGER", "Scene", "scenes"]
+__all__ = ["SIZES", "SIZE_OF_A_FINGER", "SIZE_OF_A_SENSOR", "Scene", "scenes"]
 
 # Height and width: a quarter, one DIGIT (its picture upright is 320×240), four of it, a raw 8-megapixel sensor.
 SIZE_OF_A_FINGER = (240, 320)
-SIZES = ((120, 160), SIZE_OF_A_FINGER, (480, 640), (2464, 3280))
+SIZE_OF_A_SENSOR = (2464, 3280)
+SIZES = ((120, 160), SIZE_OF_A_FINGER, (480, 640), SIZE_OF_A_SENSOR)
 
 PRESSES = (
     Press(depth_mm=0.2, centre_xy=(180.0, 240.0)),

@@ -15,7 +15,9 @@ import numpy as np
 __all__ = ["Call", "Timing", "in_turns", "ratio", "single_threaded", "take_turns", "timing"]
 
 Call = Callable[[], object]
-_Key, _Subject, _Result = TypeVar("_Key"), TypeVar("_Subject"), TypeVar("_Result")
+_Key = TypeVar("_Key")
+_Subject = TypeVar("_Subject")
+_Result = TypeVar("_Result")
 
 # Calls of a turn. The first of them is not timed: it brings code and data back into the caches that the others used.
 CALLS_PER_TURN = 5

@@ -46,7 +46,7 @@ class Metrics(NamedTuple):
 
 
 Images = tuple[NDArray[np.uint8], NDArray[np.uint8]]
-ContactKernel = Callable[[NDArray[np.uint8], NDArray[np.uint8]], Metrics | None]
+ContactKernel = Callable[[NDArray[np.uint8], NDArray[np.uint8]], Metrics]
 
 CONTACT_LAWS = (
     Law("rectified", "spatial"),

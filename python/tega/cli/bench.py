@@ -28,7 +28,7 @@ __all__ = ["bench"]
 @json_option
 @debug_option
 def bench(*, picture: Path | None, quick: bool, as_json: bool) -> None:
-    """Measure run time and error of the kernels, of other ways to compute the same, and of a whole tick.
+    r"""Measure run time and error of the kernels, of other ways to compute the same, and of a whole tick.
 
     What is compared: each reading of the contact equations at four picture sizes, with OpenCV, NumPy and Numba doing
     the same; the EMG low-pass, with SciPy and Numba; one tick with 0 to 4 fingers in contact. Packages that are not

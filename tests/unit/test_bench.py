@@ -1,0 +1,215 @@
+"""The bench: what it measures is what it says, and nothing here depends on how fast that is."""
+
+from __future__ import annotations
+
+import gc
+import importlib.util
+import json
+import sys
+from fractions import Fraction
+from functools import partial
+
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from reference import tactile as reference
+from tega.bench import exact, filters, peers, report, scenes, tick, timing, variants
+from tega.bench.variants import CONTACT_LAWS, Law
+from tega.cli import bench as cli_bench
+from tega.haptics import FINGERS
+
+ROUNDING = 1e-12
+LAWS = [*CONTACT_LAWS, Law("rectified", "spatial", "bilinear"), Law("signed", "intensity", "bilinear")]
+SMALL = (24, 32)
+
+
+@pytest.mark.parametrize("size", scenes.SIZES[:3])
+def test_scenes_are_contacts_of_the_size_asked_for(size):
+    for frame, baseline in scenes.scenes(size):
+        assert frame.shape == baseline.shape == (*size, 3)
+        assert frame.flags.c_contiguous
+        assert variants.preset_kernel("live")(frame, baseline).eda > 0
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_the_exact_answer_is_the_one_in_fractions(law):
+    rng = np.random.default_rng(3)
+    baseline = rng.integers(40, 60, (9, 13, 3), np.uint8)
+    frame = baseline.copy()
+    frame[3:6, 4:9] += 90
+    own = exact.exact_metrics(frame, baseline, law)
+    grey = reference.grey_map(frame, baseline, difference=law.difference)
+    truth = reference.metrics_of_map(grey, spread=law.spread, centroid_value=law.centroid_value)
+    assert (own.centroid_xy, own.eda, own.cci) == (truth.centroid_xy, truth.eda, truth.cci)
+    assert truth.spread is not None
+    assert abs(own.spread / Fraction(truth.spread) - 1) < Fraction(1, 10**50)
+
+
+def test_the_exact_paper_preset_is_the_one_in_fractions():
+    frame, baseline = (image[::8, ::8] for image in scenes.scenes((120, 160))[1])
+    own, truth = exact.exact_paper(frame, baseline), reference.read_paper(frame, baseline)
+    assert (own.centroid_xy, own.eda, own.cci) == (truth.centroid_xy, truth.eda, truth.cci)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_our_contact_metrics_are_exact(law):
+    for frame, baseline in scenes.scenes(scenes.SIZE_OF_A_FINGER):
+        truth = exact.exact_metrics(frame, baseline, law)
+        error = exact.measure_error(variants.law_kernel(law)(frame, baseline), truth)
+        assert error is not None
+        assert error.eda_pixels == 0
+        assert max(error.centroid_px, error.spread_relative, error.cci_relative) < ROUNDING
+
+
+def test_our_paper_preset_is_exact():
+    for frame, baseline in scenes.scenes(scenes.SIZE_OF_A_FINGER):
+        error = exact.measure_error(
+            variants.preset_kernel("paper")(frame, baseline), exact.exact_paper(frame, baseline)
+        )
+        assert error is not None
+        assert error.eda_pixels == 0
+        assert max(error.centroid_px, error.spread_relative, error.cci_relative) < ROUNDING
+
+
+@pytest.mark.parametrize("name", peers.MAKERS)
+@pytest.mark.parametrize("law", CONTACT_LAWS, ids=lambda law: law.name)
+def test_a_peer_computes_the_same_thing(name, law):
+    """Up to its own rounding: 8-bit grey is off by a tenth, anything better by far less."""
+    needs, _ = peers.MAKERS[name]
+    pytest.importorskip(needs, reason=f"{needs} is not installed")
+    size = (120, 160)
+    kernel = peers.contact_peers(law, size)[name]
+    tolerance = 0.5 if "8-bit" in name else 1e-4
+    for frame, baseline in scenes.scenes(size):
+        error = exact.measure_error(kernel(frame, baseline), exact.exact_metrics(frame, baseline, law))
+        assert error is not None
+        assert max(error.centroid_px, error.spread_relative, error.cci_relative) < tolerance
+
+
+def test_a_peer_without_an_answer_has_no_error():
+    truth = exact.exact_metrics(*scenes.scenes((120, 160))[0], CONTACT_LAWS[0])
+    assert exact.measure_error(peers.NONE, truth) is None
+    dark = np.zeros((*SMALL, 3), np.uint8)
+    for kernel in peers.contact_peers(CONTACT_LAWS[0], SMALL).values():
+        assert exact.measure_error(kernel(dark, dark), truth) is None
+    assert exact.worst([None]) is None
+
+
+def test_the_worst_error_is_of_each_number():
+    def error(*values):
+        return exact.ContactError(**dict(zip(exact.ContactError.__struct_fields__, values, strict=True)))
+
+    assert exact.worst([error(1.0, 0.0, 3.0, 0.5), error(0.0, 2.0, 1.0, 0.7)]) == error(1.0, 2.0, 3.0, 0.7)
+
+
+def test_the_floor_reads_both_images():
+    frame, baseline = np.zeros((2, 8, 8, 3), np.uint8)
+    read = variants.floor_kernel((frame, baseline))
+    assert read() == 0
+    frame[0, 0, 0] = baseline[7, 7, 2] = 1
+    assert read() == 1 | 1 << 56
+
+
+def test_every_filter_answers_as_the_50_digit_one():
+    pytest.importorskip("mpmath", reason="mpmath is not installed")
+    samples = filters.signal(120)
+    truth = filters.true_response(samples)
+    for run in filters.filters(samples[0]).values():
+        passed = np.concatenate([run(block) for block in np.split(samples, 12)])
+        assert passed.shape == samples.shape
+        assert filters.error_of_full_scale(passed, truth, 4096.0) < 1e-11
+
+
+@pytest.mark.parametrize("reading", ["live", "paper"])
+def test_a_tick_makes_packets_of_the_fingers_that_are_pressed(reading):
+    for pressed in (0, 1, len(FINGERS)):
+        one = tick.Tick(reading, pressed)
+        for _ in range(tick.PICTURES):
+            stages, packet, data = one.run()
+        assert len(stages) == len(tick.STAGES)
+        assert (len(packet), len(data)) == (20, 32)
+        assert any(packet) == (pressed > 0)
+
+
+def test_turns_are_fair_and_counted():
+    calls: list[str] = []
+    turns = timing.take_turns({n: partial(calls.append, n) for n in "ab"}, budget_s=1e-9)
+    n_rounds = timing.FEWEST_ROUNDS
+    assert all(len(t) == n_rounds and {len(turn) for turn in t} == {4} for t in turns.values())
+    assert calls.count("a") == calls.count("b") == timing.WARM_ROUNDS + n_rounds * timing.CALLS_PER_TURN
+    timed = "".join(calls[2 * timing.WARM_ROUNDS :])
+    assert timed == "aaaaabbbbb" + "bbbbbaaaaa" + "aaaaabbbbb"
+
+
+def test_sums_of_turns():
+    turns = [[1000, 3000], [2000, 4000]]
+    assert timing.timing(turns).median_us == 2.5
+    assert timing.timing(turns).n_calls == 4
+    # A round in which the machine was twice as slow for both changes nothing.
+    assert timing.ratio([[30, 30], [60, 60]], [[10, 10], [20, 20]]) == 3.0
+
+
+def test_the_collector_is_on_again():
+    def fail():
+        raise RuntimeError("broken variant")
+
+    with pytest.raises(RuntimeError):
+        timing.take_turns({"a": fail}, budget_s=1e-9)
+    assert gc.isenabled()
+
+
+def test_what_is_not_installed_is_listed_and_left_out(monkeypatch):
+    monkeypatch.setattr(report, "SIZES", scenes.SIZES[:1])
+    monkeypatch.setattr(timing, "MOST_ROUNDS", 3)
+    absent = {"cv2", "numba", "scipy", "mpmath"}
+    found = importlib.util.find_spec
+    for module in (report, peers, filters):
+        monkeypatch.setattr(module, "find_spec", lambda name: None if name in absent else found(name))
+    for name in (*absent, "threadpoolctl"):
+        monkeypatch.setitem(sys.modules, name, None)
+    measured = report.run_bench(quick=True)
+    assert set(measured.missing) == absent
+    assert {row.variant for row in measured.emg} == {"TEGA"}
+    assert {row.error_of_full_scale for row in measured.emg} == {None}
+    assert "NumPy, tuned" in {row.variant for row in measured.contact}
+    assert measured.threads == {"BLAS": "not limited: threadpoolctl is not installed"}
+
+
+def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(report, "SIZES", scenes.SIZES[:2])
+    monkeypatch.setattr(timing, "MOST_ROUNDS", 3)
+    picture = tmp_path / "pareto.png"
+    done = CliRunner().invoke(
+        cli_bench.bench, ["--quick", "--json", "--picture", str(picture)], catch_exceptions=False
+    )
+    assert done.exit_code == 0
+    printed = json.loads(done.stdout)
+    assert set(printed) == {"method", "machine", "threads", "missing", "contact", "emg", "tick"}
+    help_text = CliRunner().invoke(cli_bench.bench, ["--help"]).stdout
+    for part in (printed, printed["machine"], printed["contact"][0], printed["contact"][0]["error"]):
+        assert all(key in help_text for key in part)
+    assert all(key in help_text for key in (*printed["emg"][0], *printed["tick"][0]))
+    ours = [row for row in printed["contact"] if row["variant"].startswith("TEGA") and row["error"]]
+    assert {row["error"]["eda_pixels"] for row in ours} == {0.0}
+    assert {row["reading"] for row in ours} == {*(law.name for law in CONTACT_LAWS), "presets"}
+    floors = [row for row in printed["contact"] if row["variant"] == report.FLOOR]
+    assert {row["to_floor"] for row in floors} == {1.0}
+    assert {(row["reading"], row["n_in_contact"]) for row in printed["tick"]} == {
+        (reading, n) for reading in ("live", "paper") for n in range(5)
+    }
+    assert all(set(row["stages_us"]) == set(tick.STAGES) for row in printed["tick"])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+    cli_bench._print(msgspec.convert(printed, report.BenchReport))
+    tables = capsys.readouterr().out
+    for name in (
+        "TEGA, bilinear",
+        "NumPy, as printed",
+        report.FLOOR,
+        "EMG low-pass",
+        "in contact",
+        "take turns",
+    ):
+        assert name in tables
