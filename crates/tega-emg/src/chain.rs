@@ -1,6 +1,6 @@
 //! From raw rows to filtered rows: guard, offset removal and rectification as the input kind asks, low-pass.
 
-use crate::bank::BiquadBank;
+use crate::bank::{BiquadBank, MARGIN};
 use crate::butterworth::Sos;
 use crate::error::EmgError;
 use crate::guard::Guard;
@@ -62,7 +62,9 @@ pub(crate) struct Chain {
     offset: Option<BiquadBank>,
     lowpass: BiquadBank,
     channels: usize,
-    buffer: Vec<f64>,
+    held: Vec<f64>,
+    swing: Vec<f64>,
+    filtered: Vec<f64>,
 }
 
 impl Chain {
@@ -78,8 +80,9 @@ impl Chain {
     pub(crate) fn filter_only(rate_hz: f64, channels: usize, sos: &Sos) -> Result<Self, EmgError> {
         check_channels(channels)?;
         let guard = Guard::new(channels, patience(rate_hz));
-        let (lowpass, buffer) = (BiquadBank::new(sos, channels), vec![0.0; channels * ROWS]);
-        Ok(Self { guard, offset: None, lowpass, channels, buffer })
+        let (lowpass, buffer) = (BiquadBank::new(sos, channels), vec![0.0; channels * ROWS + MARGIN]);
+        let (held, swing, filtered) = (buffer.clone(), buffer.clone(), buffer);
+        Ok(Self { guard, offset: None, lowpass, channels, held, swing, filtered })
     }
 
     pub(crate) fn channels(&self) -> usize {
@@ -97,8 +100,7 @@ impl Chain {
     /// Filter the first rows of `samples`, at most `limit`, and return them; at least one if there is one.
     pub(crate) fn advance(&mut self, samples: &[f64], limit: usize) -> &[f64] {
         let offered = (samples.len() / self.channels).min(limit).min(ROWS) * self.channels;
-        let taken = self.guard.take(&samples[..offered], &mut self.buffer) * self.channels;
-        let rows = &mut self.buffer[..taken];
+        let mut rows = self.guard.take(&samples[..offered], &mut self.held);
         for channel in self.guard.restarts() {
             let mut level = rows[channel];
             if let Some(offset) = &mut self.offset {
@@ -107,13 +109,13 @@ impl Chain {
             self.lowpass.settle(channel, level);
         }
         if let Some(offset) = &mut self.offset {
-            offset.process(rows);
-            for x in rows.iter_mut() {
-                *x = x.abs();
-            }
+            offset.process(rows, &mut self.swing);
+            let swing = &mut self.swing[..rows.len()];
+            swing.iter_mut().for_each(|x| *x = x.abs());
+            rows = swing;
         }
-        self.lowpass.process(rows);
-        rows
+        self.lowpass.process(rows, &mut self.filtered);
+        &self.filtered[..rows.len()]
     }
 }
 
