@@ -56,7 +56,6 @@ impl Lanes for [f64; LANES] {
 /// The channels of each row from `first` on.
 ///
 /// What stands in a lane beyond the last channel is of no meaning: the next row's first values, or 0 in the last row.
-#[derive(Clone, Copy)]
 pub(crate) struct LaneRows<'a> {
     rows: &'a [f64],
     channels: usize,

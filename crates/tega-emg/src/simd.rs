@@ -104,3 +104,57 @@ mod avx2 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::bank::MARGIN;
+    use crate::{EmgError, Sos};
+
+    fn sample() -> impl Strategy<Value = f64> {
+        prop_oneof![8 => -1e4..1e4, 1 => Just(0.0), 1 => -1e-249..1e-249, 1 => -1e300..1e300]
+    }
+
+    fn bits(values: &[f64]) -> Vec<u64> {
+        values.iter().map(|x| x.to_bits()).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn every_path_filters_to_the_same_bits(
+            (channels, samples) in (1..=9usize)
+                .prop_flat_map(|n| (Just(n), prop::collection::vec(prop::collection::vec(sample(), n), 0..150))),
+            order in 1..=8usize,
+            cut in 0..150usize,
+        ) {
+            let run = |filter: fn(&mut BiquadBank, &[f64], &mut [f64])| -> Result<Vec<u64>, EmgError> {
+                let mut bank = BiquadBank::new(&Sos::lowpass(200.0, 50.0, order)?, channels);
+                let mut all = Vec::new();
+                for part in [&samples[..cut.min(samples.len())], &samples[cut.min(samples.len())..]] {
+                    let rows = part.concat();
+                    let mut out = vec![0.0; rows.len() + MARGIN];
+                    filter(&mut bank, &rows, &mut out);
+                    all.extend(bits(&out[..rows.len()]));
+                }
+                Ok(all)
+            };
+            prop_assert_eq!(run(filter)?, run(BiquadBank::filter::<[f64; LANES]>)?);
+        }
+
+        #[test]
+        fn every_path_sums_to_the_same_bits(
+            (channels, samples) in (1..=9usize)
+                .prop_flat_map(|n| (Just(n), prop::collection::vec(prop::collection::vec(sample(), n), 1..100))),
+        ) {
+            let run = |add: fn(&mut BlockSum, &[f64])| -> Result<Vec<u64>, EmgError> {
+                let (mut sum, mut means) = (BlockSum::new(samples.len(), channels)?, Vec::new());
+                add(&mut sum, &samples.concat());
+                sum.finish(&mut means);
+                Ok(bits(&means))
+            };
+            prop_assert_eq!(run(add)?, run(BlockSum::add_rows::<[f64; LANES]>)?);
+        }
+    }
+}
