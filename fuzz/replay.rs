@@ -3,6 +3,7 @@
 use std::path::Path;
 
 /// Every target has seeds, and every seed holds.
+#[allow(clippy::unwrap_used, clippy::expect_used, reason = "a test: a seed that cannot be read is a failure")]
 pub fn committed_seeds(targets: &[crate::bytes::Target]) {
     let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
     for (name, body) in targets {

@@ -90,8 +90,8 @@ def exact_paper(frame: NDArray[np.uint8], baseline: NDArray[np.uint8]) -> Exact:
     margin = BOX // 2
     padded = np.pad(change, ((margin, margin), (margin, margin), (0, 0)), mode="reflect")
     height, width, _ = frame.shape
-    of_rows = sum(padded[i : i + height] for i in range(BOX))
-    boxes = sum(of_rows[:, i : i + width] for i in range(BOX))
+    of_rows = np.sum([padded[i : i + height] for i in range(BOX)], axis=0)
+    boxes = np.sum([of_rows[:, i : i + width] for i in range(BOX)], axis=0)
     levels = boxes @ np.array(WEIGHTS_BGR, np.int64)
     denominator = 1000 * BOX * BOX
     levels[levels < NOISE_FLOOR * denominator] = 0
