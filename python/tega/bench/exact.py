@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from decimal import Decimal, localcontext
 from fractions import Fraction
+from functools import reduce
 from math import floor, hypot, isnan
 from typing import NamedTuple
 
@@ -90,8 +91,8 @@ def exact_paper(frame: NDArray[np.uint8], baseline: NDArray[np.uint8]) -> Exact:
     margin = BOX // 2
     padded = np.pad(change, ((margin, margin), (margin, margin), (0, 0)), mode="reflect")
     height, width, _ = frame.shape
-    of_rows = np.sum([padded[i : i + height] for i in range(BOX)], axis=0)
-    boxes = np.sum([of_rows[:, i : i + width] for i in range(BOX)], axis=0)
+    of_rows = reduce(np.add, [padded[i : i + height] for i in range(BOX)])
+    boxes = reduce(np.add, [of_rows[:, i : i + width] for i in range(BOX)])
     levels = boxes @ np.array(WEIGHTS_BGR, np.int64)
     denominator = 1000 * BOX * BOX
     levels[levels < NOISE_FLOOR * denominator] = 0

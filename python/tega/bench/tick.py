@@ -6,6 +6,7 @@ The stages are those of the dual loop, called as it calls them; devices, threads
 from __future__ import annotations
 
 import time
+from functools import cache
 from typing import Literal
 
 import msgspec
@@ -49,6 +50,13 @@ class TickRow(msgspec.Struct, frozen=True, kw_only=True):
     frames_already_seen_us: float
 
 
+@cache
+def _pictures(seed: int, *, pressed: bool) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
+    camera = PressCamera(seed)
+    press = Press(depth_mm=0.8 if pressed else 0.0)
+    return [camera.frame(press, n) for n in range(PICTURES)], camera.baseline()
+
+
 class Tick:
     """Everything one tick needs, ready to run again and again.
 
@@ -60,7 +68,7 @@ class Tick:
 
     def __init__(self, reading: Literal["paper", "live"], n_in_contact: int, *, seed: int = 5) -> None:
         self._reading = reading
-        self._fingers = [self._camera(seed + k, pressed=k < n_in_contact) for k in range(len(FINGERS))]
+        self._fingers = [_pictures(seed + k, pressed=k < n_in_contact) for k in range(len(FINGERS))]
         maxima = {finger: TouchMaxima(cci_max=1.0, eda_max=20_000.0) for finger in FINGERS}
         self._touch = TouchLoop(maxima, layout="x40")
         rng = np.random.default_rng(seed)
@@ -68,12 +76,6 @@ class Tick:
         self._intent = GraspIntent(EMG_RATE_HZ, [300.0, 300.0, 300.0], tau=EMG_ROWS, preset=reading)
         self._hand = ModelledHand()
         self._number = 0
-
-    @staticmethod
-    def _camera(seed: int, *, pressed: bool) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
-        camera = PressCamera(seed)
-        press = Press(depth_mm=0.8 if pressed else 0.0)
-        return [camera.frame(press, n) for n in range(PICTURES)], camera.baseline()
 
     def run(self) -> tuple[tuple[int, ...], bytes, bytes]:
         """Run one tick.
