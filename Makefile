@@ -3,7 +3,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test lint fmt deep fuzz wheel clean
+.PHONY: help setup build test lint fmt deep fuzz bench counts wheel clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -41,6 +41,13 @@ deep: ## the long-running properties
 fuzz: ## one fuzz target for five minutes: make fuzz T=name (needs cargo-fuzz)
 	cd fuzz && RUSTC_BOOTSTRAP=1 cargo fuzz run $(T) -- -max_total_time=300
 
+bench: ## run time against error, then the kernels without Python
+	$(BIN)/tega-teleop bench
+	cd benches && cargo bench --quiet
+
+counts: ## instruction counts against the committed ones (needs valgrind; UPDATE=1 rewrites them)
+	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
+
 wheel: ## build a wheel, install it in a fresh environment, try it
 	rm -rf dist target/wheel-venv
 	$(BIN)/maturin build --release --out dist
@@ -50,4 +57,4 @@ wheel: ## build a wheel, install it in a fresh environment, try it
 	target/wheel-venv/bin/tega-teleop --help
 
 clean: ## remove build output
-	rm -rf target fuzz/target dist $(VENV)
+	rm -rf target fuzz/target benches/target dist $(VENV)

@@ -1,0 +1,177 @@
+//! The kernels that are timed and counted, ready to be called again and again.
+//!
+//! Ids are `kernel/variant/size`. Input is made here, from integers and a fixed sequence, the same on every machine.
+
+mod pictures;
+
+use std::hint::black_box;
+
+use ndarray::Array3;
+use tega_emg::{ButterworthLowpass, GraspIntent, Kind, Preset};
+use tega_hand::{Gains, HandController, JointModel, PoseSet};
+use tega_tactile::{
+    Difference, LiveScratch, Options, Order, Outline, Pair, PaperScratch, Scratch, Spread, contact_metrics,
+    read_live, read_paper,
+};
+
+use pictures::{baseline, frame};
+
+/// One DIGIT's picture, a quarter and four of it: height, width.
+const SIZES: [(usize, usize); 3] = [(120, 160), (240, 320), (480, 640)];
+const FINGER: (usize, usize) = SIZES[1];
+const CHANNELS: usize = 3;
+
+/// A kernel on input of its own.
+pub struct Kernel {
+    /// `kernel/variant/size`.
+    pub id: String,
+    /// Whether the instruction set in use matters to it.
+    pub dispatched: bool,
+    /// Makes its input.
+    pub make: Box<dyn FnOnce() -> Run>,
+}
+
+/// Runs a kernel once.
+pub type Run = Box<dyn FnMut()>;
+
+/// Every kernel.
+pub fn kernels() -> Vec<Kernel> {
+    let mut all = Vec::new();
+    for size in SIZES {
+        for (name, difference) in [
+            ("rectified-spatial", Difference::Rectified),
+            ("signed-spatial", Difference::Signed),
+            ("absolute-spatial", Difference::Absolute),
+        ] {
+            let options = Options { difference, ..Options::default() };
+            all.push(tactile("contact_metrics", name, size, move || metrics(size, options)));
+        }
+        all.push(tactile("read_paper", "touched", size, move || paper(size)));
+        all.push(tactile("read_live", "touched", size, move || live(size, true)));
+        all.push(tactile("read_live", "untouched", size, move || live(size, false)));
+    }
+    let options =
+        Options { difference: Difference::Rectified, spread: Spread::Intensity, ..Options::default() };
+    all.push(tactile("contact_metrics", "rectified-intensity", FINGER, move || metrics(FINGER, options)));
+    all.push(plain("lowpass/3-channels/10", || lowpass(10)));
+    all.push(plain("lowpass/3-channels/10000", || lowpass(10_000)));
+    all.push(plain("grasp_intent/3-channels/10", intent));
+    all.push(plain("hand/controller-and-model/16", hand));
+    all
+}
+
+fn tactile(
+    kernel: &str,
+    variant: &str,
+    (height, width): (usize, usize),
+    make: impl FnOnce() -> Run + 'static,
+) -> Kernel {
+    Kernel { id: format!("{kernel}/{variant}/{height}x{width}"), dispatched: true, make: Box::new(make) }
+}
+
+fn plain(id: &str, make: impl FnOnce() -> Run + 'static) -> Kernel {
+    Kernel { id: id.into(), dispatched: false, make: Box::new(make) }
+}
+
+fn pair<'a>(frame: &'a Array3<u8>, baseline: &'a Array3<u8>) -> Pair<'a> {
+    Pair::new(frame.view(), baseline.view()).expect("the pictures are alike")
+}
+
+fn metrics(size: (usize, usize), options: Options) -> Run {
+    let (frame, baseline) = (frame(size, true), baseline(size));
+    let mut scratch = Scratch::default();
+    Box::new(move || {
+        black_box(contact_metrics(black_box(&pair(&frame, &baseline)), &options, &mut scratch));
+    })
+}
+
+fn paper(size: (usize, usize)) -> Run {
+    let (frame, baseline) = (frame(size, true), baseline(size));
+    let mut scratch = PaperScratch::default();
+    Box::new(move || {
+        black_box(read_paper(black_box(&pair(&frame, &baseline)), Order::Bgr, &mut scratch));
+    })
+}
+
+fn live(size: (usize, usize), touched: bool) -> Run {
+    let (frame, baseline) = (frame(size, touched), baseline(size));
+    let mut scratch = LiveScratch::default();
+    Box::new(move || {
+        black_box(read_live(black_box(&pair(&frame, &baseline)), Order::Bgr, Outline::Dent, &mut scratch));
+    })
+}
+
+/// Muscle activity on a converter's offset: noise of a fixed sequence.
+fn emg(rows: usize) -> Vec<f64> {
+    let mut noise = pictures::Noise::new(17);
+    (0..rows * CHANNELS).map(|_| 2048.0 + f64::from(noise.within(400))).collect()
+}
+
+fn lowpass(rows: usize) -> Run {
+    let mut filter = ButterworthLowpass::new(1000.0, 50.0, 4, CHANNELS).expect("the paper's filter");
+    let (samples, mut out) = (emg(rows), Vec::new());
+    Box::new(move || {
+        out.clear();
+        filter.process(black_box(&samples), &mut out).expect("whole rows");
+        black_box(&out);
+    })
+}
+
+fn intent() -> Run {
+    let maxima = [300.0; CHANNELS];
+    let mut intent = GraspIntent::new(1000.0, &maxima, 10, Kind::Raw, Preset::Live).expect("maxima above 0");
+    let samples = emg(10);
+    Box::new(move || {
+        black_box(intent.process(black_box(&samples)).expect("whole rows"));
+    })
+}
+
+fn hand() -> Run {
+    let mut controller = HandController::new(PoseSet::default(), Gains::default()).expect("default gains");
+    let mut model = JointModel::default();
+    let mut angles = *model.angles_rad();
+    Box::new(move || {
+        let torques = controller.step(black_box(&angles), 4, None).expect("a level of the five");
+        angles = model.step(&torques).expect("finite torques");
+        black_box(&angles);
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_show_what_their_kernels_are_named_for() {
+        for size in SIZES {
+            for touched in [true, false] {
+                let (frame, baseline) = (frame(size, touched), baseline(size));
+                let pair = pair(&frame, &baseline);
+                let m = read_live(&pair, Order::Bgr, Outline::Dent, &mut LiveScratch::default());
+                assert_eq!(m.in_contact, touched, "{size:?}");
+            }
+            let (frame, baseline) = (frame(size, true), baseline(size));
+            let pair = pair(&frame, &baseline);
+            assert!(read_paper(&pair, Order::Bgr, &mut PaperScratch::default()).in_contact);
+            for difference in [Difference::Signed, Difference::Rectified, Difference::Absolute] {
+                let options = Options { difference, ..Options::default() };
+                let m = contact_metrics(&pair, &options, &mut Scratch::default());
+                assert!(m.in_contact, "{size:?} {difference:?} {m:?}");
+                // At a finger's size the count has to look at pixels: some are above the threshold, not all.
+                let some = m.eda > 0 && (m.eda as usize) < size.0 * size.1;
+                assert!(some || size != FINGER, "{difference:?} {m:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_kernel_runs_again_and_has_an_id_of_its_own() {
+        let mut ids = std::collections::HashSet::new();
+        for kernel in kernels() {
+            let mut run = (kernel.make)();
+            run();
+            run();
+            assert!(ids.insert(kernel.id));
+        }
+    }
+}
