@@ -85,7 +85,7 @@ impl Gel {
             let (x, y) = (2.0 * x as f32 / last_x - 1.0, 2.0 * y as f32 / last_y - 1.0);
             let [k, kx, ky, kxx, kxy, kyy] = self.background[c];
             *value = k + kx * x + ky * y + kxx * x * x + kxy * x * y + kyy * y * y;
-            *value += drift.step[c] + (drift.across[c] * x + drift.down[c] * y) / 2.0;
+            *value += drift.step[c] + 0.5 * (drift.across[c] * x + drift.down[c] * y);
         }
         if let Some(press) = press {
             self.shade(&mut counts, press);
