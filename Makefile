@@ -40,7 +40,7 @@ deep: ## the long-running properties
 
 # Stable with the nightly switches let through; the code is built as it ships, without `cfg(fuzzing)`.
 fuzz: ## one fuzz target for five minutes: make fuzz T=name (needs cargo-fuzz)
-	cd fuzz && RUSTC_BOOTSTRAP=1 cargo fuzz run --no-cfg-fuzzing --features libfuzzer $(FUZZ) $(T) \
+	cd fuzz && mkdir -p corpus/$(T) && RUSTC_BOOTSTRAP=1 cargo fuzz run --no-cfg-fuzzing --features libfuzzer $(FUZZ) $(T) \
 		corpus/$(T) seeds/$(T) -- -max_total_time=300
 
 wheel: ## build a wheel, install it in a fresh environment, try it
