@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| tega_fuzz::chords_any_chunking_is_the_same(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| tega_fuzz::wire::chords_any_chunking_is_the_same(data));

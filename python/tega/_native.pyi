@@ -24,6 +24,26 @@ def contact_metrics(
     centroid_value: str,
     gate: tuple[float, int] | None,
 ) -> _Contact: ...
+def contact_metrics_many(
+    frames: Sequence[NDArray[np.uint8]],
+    baselines: Sequence[NDArray[np.uint8]],
+    *,
+    weights: tuple[float, float, float],
+    order: str,
+    difference: str,
+    spread: str,
+    factor: float,
+    centroid_value: str,
+    gate: tuple[float, int] | None,
+) -> list[_Contact]: ...
+def read_contacts(
+    frames: Sequence[NDArray[np.uint8]],
+    baselines: Sequence[NDArray[np.uint8]],
+    *,
+    reading: str,
+    order: str,
+    outline: str,
+) -> list[_Contact]: ...
 def read_contact(
     frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
 ) -> _Contact: ...

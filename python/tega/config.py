@@ -125,12 +125,15 @@ class VestConfig(_Section, frozen=True):
         driver: Name of a vest driver; none means the frames are only recorded.
         layout: Which motors: ``paper32``, ``x40`` or ``x16``; none means the preset's own.
         rate_hz: Frames per second.
+        keep_alive_s: A frame equal to the last one sent is sent to a real vest again after this long at the latest;
+            0 sends every frame. It stays well below the 200 ms after which a vest has to fall silent by itself.
         options: The driver's own settings.
     """
 
     driver: str | None = None
     layout: Literal["paper32", "x40", "x16"] | None = None
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 30.0
+    keep_alive_s: Annotated[float, msgspec.Meta(ge=0, le=0.15)] = 0.1
     options: Any = msgspec.field(default_factory=dict)
 
 

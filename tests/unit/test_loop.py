@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pytest
 
-from reference.recordings import baseline, pressed
+from reference.recordings import baseline
+from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock, SystemClock
-from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
+from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import VestFrame, intensity
 from tega.tactile import ContactMetrics
@@ -24,36 +25,8 @@ from tega.teleop.sources import SourceReport, measured_contacts
 from tega.teleop.streams import PulledStream, ThreadedStream
 from tega.teleop.touch import TouchLoop
 
-MS = 1_000_000
+SMALL = np.zeros((9, 9, 3), np.uint8)
 LIMP = [(0x180, bytes(8)), (0x184, bytes(8)), (0x188, bytes(8)), (0x18C, bytes(8)), (0x104, b"")]
-
-
-def touching(eda: int, cci: float = 0.5) -> ContactMetrics:
-    return ContactMetrics(
-        mass=1.0,
-        centroid_xy=(1.0, 1.0),
-        spread=1.0,
-        threshold=1.0,
-        eda=eda,
-        cci=cci,
-        peak=9.0,
-        peak_xy=(1, 1),
-        in_contact=eda > 0,
-    )
-
-
-class Sink:
-    """A sink that keeps what it is sent, and may fail at a time."""
-
-    def __init__(self, fail_at_ns: int | None = None) -> None:
-        self.sent: list[tuple[int, Any]] = []
-        self._fail_at_ns = fail_at_ns
-
-    def write(self, t_ns: int, what: Any) -> Any:
-        if self._fail_at_ns is not None and t_ns >= self._fail_at_ns:
-            raise DeviceUnavailableError("the cable is out")
-        self.sent.append((t_ns, what))
-        return what
 
 
 def run_loop(
@@ -316,38 +289,11 @@ def test_closing_a_stream_frees_a_thread_that_waits_for_room() -> None:
     assert not stream._thread.is_alive()
 
 
-class LiveCamera:
-    """A live sensor for the tests: delivers what it is given, pictures or errors."""
-
-    def __init__(self, script: Sequence[Any]) -> None:
-        self._script = list(script)
-        self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=True, rate_hz=60.0)
-
-    @property
-    def ended(self) -> bool:
-        return not self._script
-
-    def read(self, timeout_s: float) -> TactileFrame | None:
-        assert timeout_s <= 0.1
-        step = self._script.pop(0) if self._script else None
-        if isinstance(step, Exception):
-            raise step
-        return step
-
-    def __enter__(self) -> Self:
-        return self
-
-
-def frame(k: int, *, size: tuple[int, int] | None = None) -> TactileFrame:
-    image = pressed(60, noise=k) if size is None else np.zeros((*size, 3), np.uint8)
-    return TactileFrame(1_000 * MS + k * 16 * MS, k, image, f"frame {k}")
-
-
 def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
     report = SourceReport()
-    script = [frame(0), None, frame(1, size=(9, 9)), RecordingError("torn"), frame(4)]
-    camera: Any = LiveCamera(script)
-    got = list(measured_contacts(camera, baseline(), "paper", report, start_ns=1_000 * MS))
+    script = [live_frame(0), None, live_frame(1, image=SMALL), RecordingError("torn"), live_frame(4)]
+    camera: Any = ScriptedCamera(script)
+    got = list(measured_contacts(camera, baseline(), "paper", report, start_ns=STARTED_NS))
     assert [t // MS for t, _ in got] == [0, 64]
     assert all(m.in_contact for _, m in got)
     assert (report.n_items, report.n_dropped, report.n_missing, report.lost) == (2, 2, 3, "")
@@ -355,16 +301,15 @@ def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
 
 def test_a_live_sensor_that_goes_away_ends_its_stream_and_says_why() -> None:
     report = SourceReport()
-    camera: Any = LiveCamera([frame(0), DeviceUnavailableError("unplugged"), frame(2)])
-    got = list(measured_contacts(camera, baseline(), "paper", report, start_ns=1_000 * MS))
+    camera: Any = ScriptedCamera([live_frame(0), DeviceUnavailableError("unplugged"), live_frame(2)])
+    got = list(measured_contacts(camera, baseline(), "paper", report, start_ns=STARTED_NS))
     assert len(got) == 1
     assert report.lost == "unplugged"
 
 
 def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> None:
-    camera: Any = LiveCamera([frame(0, size=(9, 7))])
-    camera.info = DeviceInfo(driver="x", kind="tactile", label="x", live=False, rate_hz=60.0)
-    with pytest.raises(RecordingError, match=r"frame 0: 7×9×3 pixels, its baseline has 80×60×3"):
+    camera: Any = ScriptedCamera([live_frame(0, image=SMALL)], live=False)
+    with pytest.raises(RecordingError, match=r"frame 0: 9×9×3 pixels, its baseline has 80×60×3"):
         list(measured_contacts(camera, baseline(), "paper", SourceReport()))
 
 

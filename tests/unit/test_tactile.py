@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tega.errors import DtypeError, InvalidValueError, ShapeError, TegaError
-from tega.tactile import ContactMetrics, contact_metrics, read_contact
+from tega.tactile import ContactMetrics, contact_metrics, contact_metrics_many, read_contact, read_contacts
 
 FLAT = np.full((8, 10, 3), 100, np.uint8)
 
@@ -76,6 +76,33 @@ def test_frames_are_read_where_they_lie() -> None:
     before = contact_metrics(view, baseline[::2, ::2]).peak
     frame[2, 2] += 77
     assert (before, contact_metrics(view, baseline[::2, ::2]).peak) == (0.0, 77.0)
+
+
+@pytest.mark.parametrize("n_frames", [1, 4, 40])
+def test_many_frames_in_one_call_read_as_one_by_one(n_frames: int) -> None:
+    rng = np.random.default_rng(n_frames)
+    frames = rng.integers(0, 256, (n_frames, 120, 250, 3), dtype=np.uint8)
+    baselines = rng.integers(0, 256, (n_frames, 120, 250, 3), dtype=np.uint8)
+    assert contact_metrics_many(frames, baselines[0], difference="absolute") == [
+        contact_metrics(frame, baselines[0], difference="absolute") for frame in frames
+    ]
+    for reading in ("paper", "live"):
+        np.testing.assert_equal(
+            read_contacts(list(frames), list(baselines), reading=reading),
+            [read_contact(f, b, reading=reading) for f, b in zip(frames, baselines, strict=True)],
+        )
+
+
+def test_many_frames_of_different_sizes_and_none() -> None:
+    sizes = [(8, 10), (5, 300), (1, 1)]
+    frames = [np.full((*size, 3), 50, np.uint8) for size in sizes]
+    still = [np.zeros_like(frame) for frame in frames]
+    assert [m.eda for m in contact_metrics_many(frames, still)] == [80, 1500, 0]
+    assert contact_metrics_many([], []) == read_contacts([], []) == []
+    with pytest.raises(ShapeError, match="2 baselines for 3 frames; give one for all frames"):
+        read_contacts(frames, still[:2])
+    with pytest.raises(ShapeError, match="baseline is 8x10"):
+        read_contacts(frames, still[0])
 
 
 @pytest.mark.parametrize("read", [contact_metrics, read_contact])

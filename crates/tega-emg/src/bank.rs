@@ -4,16 +4,18 @@
 //! multiply-add, so the result does not depend on how a stream is cut up nor on the instruction set.
 
 use crate::butterworth::{MAX_SECTIONS, Section, Sos};
+use crate::lanes::{LANES, LaneRows, Lanes};
+use crate::simd;
 
-const LANES: usize = 4;
+/// What a buffer of rows has to be longer than its rows, so that a group of lanes can be stored whole at any row.
+pub(crate) const MARGIN: usize = LANES - 1;
 /// Magnitudes below this count as zero: far under any signal, far over the subnormal numbers, which are slow.
 const TINY: f64 = 1e-250;
 /// Rows between two sweeps that clear decayed states. Counted from the start of the stream, not of the chunk.
 const SWEEP_ROWS: usize = 32;
 
-type Lanes = [f64; LANES];
 /// Two delays for each section.
-type GroupState = [[Lanes; 2]; MAX_SECTIONS];
+type GroupState = [[[f64; LANES]; 2]; MAX_SECTIONS];
 
 /// A filter with its state for a fixed number of channels.
 #[derive(Debug, Clone)]
@@ -44,78 +46,77 @@ impl BiquadBank {
         x
     }
 
-    /// Filter whole rows in place.
-    pub(crate) fn process(&mut self, mut rows: &mut [f64]) {
-        while !rows.is_empty() {
-            let n = (rows.len() / self.channels).min(self.rows_to_sweep);
-            let (now, later) = rows.split_at_mut(n * self.channels);
-            for (index, state) in self.groups.iter_mut().enumerate() {
-                let first = index * LANES;
-                match (self.channels - first).min(LANES) {
-                    1 => by_order::<1>(&self.sections, state, now, self.channels, first),
-                    2 => by_order::<2>(&self.sections, state, now, self.channels, first),
-                    3 => by_order::<3>(&self.sections, state, now, self.channels, first),
-                    _ => by_order::<4>(&self.sections, state, now, self.channels, first),
-                }
+    /// Filter whole rows into `out`, which is longer than they are by [`MARGIN`]; what lies there is overwritten.
+    pub(crate) fn process(&mut self, rows: &[f64], out: &mut [f64]) {
+        simd::filter(self, rows, out);
+    }
+
+    /// The work of [`BiquadBank::process`] on vectors of one kind.
+    #[inline(always)]
+    pub(crate) fn filter<V: Lanes>(&mut self, rows: &[f64], out: &mut [f64]) {
+        // A last group of fewer channels than lanes spills into the next row, so it goes first and the others write
+        // over what it spilt.
+        for (index, state) in self.groups.iter_mut().enumerate().rev() {
+            let at =
+                Place { channels: self.channels, first: index * LANES, rows_to_sweep: self.rows_to_sweep };
+            match *self.sections {
+                [a] => run::<V, 1>([a], state, rows, out, at),
+                [a, b] => run::<V, 2>([a, b], state, rows, out, at),
+                [a, b, c] => run::<V, 3>([a, b, c], state, rows, out, at),
+                [a, b, c, d] => run::<V, 4>([a, b, c, d], state, rows, out, at),
+                _ => {}
             }
-            self.rows_to_sweep -= n;
-            if self.rows_to_sweep == 0 {
-                self.rows_to_sweep = SWEEP_ROWS;
-                self.groups.iter_mut().flatten().flatten().flatten().for_each(|z| *z = without_tiny(*z));
-            }
-            rows = later;
         }
+        let since_sweep = SWEEP_ROWS - self.rows_to_sweep + rows.len() / self.channels;
+        self.rows_to_sweep = SWEEP_ROWS - since_sweep % SWEEP_ROWS;
     }
 }
 
-fn without_tiny(x: f64) -> f64 {
-    if x.abs() < TINY { 0.0 } else { x }
-}
-
-fn by_order<const WIDTH: usize>(
-    sections: &[Section],
-    state: &mut GroupState,
-    rows: &mut [f64],
+/// Where a group's lanes are in a row, and where in the stream the rows begin.
+#[derive(Clone, Copy)]
+struct Place {
     channels: usize,
     first: usize,
-) {
-    match *sections {
-        [a] => run::<1, WIDTH>([a], state, rows, channels, first),
-        [a, b] => run::<2, WIDTH>([a, b], state, rows, channels, first),
-        [a, b, c] => run::<3, WIDTH>([a, b, c], state, rows, channels, first),
-        [a, b, c, d] => run::<4, WIDTH>([a, b, c, d], state, rows, channels, first),
-        _ => {}
-    }
+    rows_to_sweep: usize,
 }
 
-/// `S` sections over `WIDTH` neighbouring channels; the state lives in registers for the whole call.
-fn run<const S: usize, const WIDTH: usize>(
+/// `S` sections over a group of lanes; the state stays in registers from the first row to the last.
+#[inline(always)]
+fn run<V: Lanes, const S: usize>(
     sections: [Section; S],
     state: &mut GroupState,
-    rows: &mut [f64],
-    channels: usize,
-    first: usize,
+    rows: &[f64],
+    out: &mut [f64],
+    at: Place,
 ) {
-    let mut z = [[[0.0; LANES]; 2]; S];
-    z.copy_from_slice(&state[..S]);
-    for row in rows.chunks_exact_mut(channels) {
-        let lanes = &mut row[first..first + WIDTH];
-        let mut x = [0.0; LANES];
-        for i in 0..WIDTH {
-            x[i] = without_tiny(lanes[i]);
-        }
-        for (section, [z1, z2]) in sections.iter().zip(&mut z) {
-            let ([b0, b1, b2], [a1, a2]) = (section.b, section.a);
-            for i in 0..LANES {
-                let y = b0 * x[i] + z1[i];
-                z1[i] = (b1 * x[i] + z2[i]) - a1 * y;
-                z2[i] = b2 * x[i] - a2 * y;
-                x[i] = y;
+    let sections = sections.map(|s| (s.b.map(V::all), s.a.map(V::all)));
+    // Plain indices and copies: an iterator over references would keep the state in memory, a detour that costs as
+    // much as the arithmetic.
+    let mut z: [[V; 2]; S] = std::array::from_fn(|s| [V::load(&state[s][0]), V::load(&state[s][1])]);
+    let mut out = out.get_mut(at.first..).unwrap_or(&mut []);
+    let mut rows = LaneRows::new(rows, at.channels, at.first);
+    let mut to_sweep = at.rows_to_sweep;
+    'rows: loop {
+        // A loop of its own up to the next sweep keeps the sweep's comparisons out of the recursion.
+        for _ in 0..to_sweep {
+            let (Some(row), Some(place)) = (rows.next(), out.first_chunk_mut()) else { break 'rows };
+            let mut x = V::load(&row).without(TINY);
+            for s in 0..S {
+                let (([b0, b1, b2], [a1, a2]), [z1, z2]) = (sections[s], z[s]);
+                let y = b0.times(x).plus(z1);
+                z[s] = [b1.times(x).plus(z2).minus(a1.times(y)), b2.times(x).minus(a2.times(y))];
+                x = y;
             }
+            x.store(place);
+            out = out.get_mut(at.channels..).unwrap_or(&mut []);
         }
-        lanes.copy_from_slice(&x[..WIDTH]);
+        z = z.map(|pair| pair.map(|z| z.without(TINY)));
+        to_sweep = SWEEP_ROWS;
     }
-    state[..S].copy_from_slice(&z);
+    for s in 0..S {
+        z[s][0].store(&mut state[s][0]);
+        z[s][1].store(&mut state[s][1]);
+    }
 }
 
 #[cfg(test)]
@@ -124,13 +125,19 @@ mod tests {
     use super::*;
     use crate::EmgError;
 
+    fn filtered(bank: &mut BiquadBank, rows: &[f64]) -> Vec<f64> {
+        let mut out = vec![f64::NAN; rows.len() + MARGIN];
+        bank.process(rows, &mut out);
+        out.truncate(rows.len());
+        out
+    }
+
     #[test]
     fn a_constant_comes_out_as_it_went_in_from_the_first_row() -> Result<(), EmgError> {
         for (rate_hz, bound) in [(200.0, 1e-14), (1e3, 1e-13), (3e4, 1e-10), (1e6, 1e-7)] {
             let mut low = BiquadBank::new(&Sos::lowpass(rate_hz, 50.0, 4)?, 1);
             let settled = low.settle(0, 2048.0);
-            let mut rows = vec![2048.0; 5000];
-            low.process(&mut rows);
+            let rows = filtered(&mut low, &vec![2048.0; 5000]);
             assert!((settled / 2048.0 - 1.0).abs() < 1e-14);
             assert!(rows.iter().all(|y| (y / 2048.0 - 1.0).abs() < bound), "{rate_hz}");
         }
@@ -141,8 +148,7 @@ mod tests {
     fn a_high_pass_settled_on_an_offset_is_silent() -> Result<(), EmgError> {
         let mut high = BiquadBank::new(&Sos::highpass(1000.0, 20.0, 4)?, 1);
         assert_eq!(high.settle(0, 2048.0), 0.0);
-        let mut rows = vec![2048.0; 1000];
-        high.process(&mut rows);
+        let rows = filtered(&mut high, &[2048.0; 1000]);
         assert!(rows.iter().all(|y| y.abs() < 1e-9));
         Ok(())
     }
@@ -153,7 +159,7 @@ mod tests {
         let mut rows = vec![0.0; 5 * 40_000];
         rows[..5].fill(1.0);
         rows[5 * 20_000..].fill(f64::MIN_POSITIVE / 8.0);
-        bank.process(&mut rows);
+        let rows = filtered(&mut bank, &rows);
         assert!(rows.iter().all(|y| *y == 0.0 || y.is_normal()));
         assert!(bank.groups.iter().flatten().flatten().flatten().all(|z| *z == 0.0));
         Ok(())
@@ -167,8 +173,7 @@ mod tests {
                 let mut bank = BiquadBank::new(&sos, channels);
                 let input: Vec<f64> =
                     (0..channels * 70).map(|i| ((i * 7919) % 1013) as f64 - 500.0).collect();
-                let mut rows = input.clone();
-                bank.process(&mut rows);
+                let rows = filtered(&mut bank, &input);
                 for channel in 0..channels {
                     let mut wanted: Vec<f64> =
                         input.iter().skip(channel).step_by(channels).copied().collect();

@@ -3,6 +3,8 @@
 use crate::chain::{check_channels, check_rows};
 use crate::error::EmgError;
 use crate::guard::Guard;
+use crate::lanes::{LANES, LaneRows, Lanes};
+use crate::simd;
 
 /// Most samples in a block.
 pub const MAX_TAU: usize = 10_000_000;
@@ -12,14 +14,16 @@ pub const MAX_TAU: usize = 10_000_000;
 pub(crate) struct BlockSum {
     tau: usize,
     rows: usize,
-    sums: Vec<[f64; 2]>,
+    channels: usize,
+    /// Sum and what rounding took from it, by groups of channels.
+    sums: Vec<[[f64; LANES]; 2]>,
 }
 
 impl BlockSum {
     pub(crate) fn new(tau: usize, channels: usize) -> Result<Self, EmgError> {
         check_tau(tau)?;
         check_channels(channels)?;
-        Ok(Self { tau, rows: 0, sums: vec![[0.0; 2]; channels] })
+        Ok(Self { tau, rows: 0, channels, sums: vec![[[0.0; LANES]; 2]; channels.div_ceil(LANES)] })
     }
 
     /// Rows still missing from the present block.
@@ -34,15 +38,25 @@ impl BlockSum {
 
     /// Add rows, no more than are missing.
     pub(crate) fn add(&mut self, rows: &[f64]) {
-        for row in rows.chunks_exact(self.sums.len()) {
-            for ([sum, lost], x) in self.sums.iter_mut().zip(row) {
-                let total = *sum + x;
-                let added = total - *sum;
-                *lost += (*sum - (total - added)) + (x - added);
-                *sum = total;
+        simd::add(self, rows);
+    }
+
+    /// The work of [`BlockSum::add`] on vectors of one kind.
+    #[inline(always)]
+    pub(crate) fn add_rows<V: Lanes>(&mut self, rows: &[f64]) {
+        for (index, sums) in self.sums.iter_mut().enumerate() {
+            let [mut sum, mut lost] = [V::load(&sums[0]), V::load(&sums[1])];
+            for x in LaneRows::new(rows, self.channels, index * LANES) {
+                let x = V::load(&x);
+                let total = sum.plus(x);
+                let added = total.minus(sum);
+                lost = lost.plus(sum.minus(total.minus(added)).plus(x.minus(added)));
+                sum = total;
             }
-            self.rows += 1;
+            sum.store(&mut sums[0]);
+            lost.store(&mut sums[1]);
         }
+        self.rows += rows.len() / self.channels;
     }
 
     /// Append the means if the block is complete, and begin the next block.
@@ -51,8 +65,9 @@ impl BlockSum {
             return false;
         }
         let tau = self.tau as f64;
-        out.extend(self.sums.iter().map(|[sum, lost]| (sum + lost) / tau));
-        self.sums.fill([0.0; 2]);
+        let lanes = self.sums.iter().flat_map(|[sum, lost]| sum.iter().zip(lost));
+        out.extend(lanes.take(self.channels).map(|(sum, lost)| (sum + lost) / tau));
+        self.sums.fill([[0.0; LANES]; 2]);
         self.rows = 0;
         true
     }
@@ -83,7 +98,7 @@ pub(crate) fn check_tau(tau: usize) -> Result<(), EmgError> {
 pub struct BlockMean {
     guard: Guard,
     sum: BlockSum,
-    buffer: Vec<f64>,
+    held: Vec<f64>,
     channels: usize,
 }
 
@@ -94,7 +109,7 @@ impl BlockMean {
     /// [`EmgError::OutOfRange`] unless tau is 1 to [`MAX_TAU`] and there are 1 to 1024 channels.
     pub fn new(tau: usize, channels: usize) -> Result<Self, EmgError> {
         let sum = BlockSum::new(tau, channels)?;
-        Ok(Self { guard: Guard::new(channels, usize::MAX), sum, buffer: vec![0.0; 64 * channels], channels })
+        Ok(Self { guard: Guard::new(channels, usize::MAX), sum, held: vec![0.0; 64 * channels], channels })
     }
 
     /// Take rows of samples, one column a channel, and append one row of means for every block completed.
@@ -105,11 +120,11 @@ impl BlockMean {
         check_rows(samples, self.channels)?;
         out.reserve(self.sum.completed_by(samples.len() / self.channels) * self.channels);
         while !samples.is_empty() {
-            let offered = samples.len().min(self.buffer.len()).min(self.sum.missing() * self.channels);
-            let taken = self.guard.take(&samples[..offered], &mut self.buffer) * self.channels;
-            self.sum.add(&self.buffer[..taken]);
+            let offered = samples.len().min(self.held.len()).min(self.sum.missing() * self.channels);
+            let rows = self.guard.take(&samples[..offered], &mut self.held);
+            self.sum.add(rows);
             self.sum.finish(out);
-            samples = &samples[taken..];
+            samples = &samples[rows.len()..];
         }
         Ok(())
     }

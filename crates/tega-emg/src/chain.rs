@@ -1,12 +1,14 @@
 //! From raw rows to filtered rows: guard, offset removal and rectification as the input kind asks, low-pass.
 
-use crate::bank::BiquadBank;
+use crate::bank::{BiquadBank, MARGIN};
 use crate::butterworth::Sos;
 use crate::error::EmgError;
 use crate::guard::Guard;
 
-/// Rows handled at a time: small enough to stay in the first-level cache.
-const ROWS: usize = 64;
+/// Values handled at a time: few enough to stay in the first-level cache.
+const VALUES: usize = 512;
+/// Rows handled at a time at least.
+const FEWEST_ROWS: usize = 16;
 /// Order of the low-pass and of the offset filter.
 const ORDER: usize = 4;
 /// Cutoff of Eq 10's low-pass.
@@ -62,7 +64,10 @@ pub(crate) struct Chain {
     offset: Option<BiquadBank>,
     lowpass: BiquadBank,
     channels: usize,
-    buffer: Vec<f64>,
+    rows_at_a_time: usize,
+    held: Vec<f64>,
+    swing: Vec<f64>,
+    filtered: Vec<f64>,
 }
 
 impl Chain {
@@ -78,8 +83,11 @@ impl Chain {
     pub(crate) fn filter_only(rate_hz: f64, channels: usize, sos: &Sos) -> Result<Self, EmgError> {
         check_channels(channels)?;
         let guard = Guard::new(channels, patience(rate_hz));
-        let (lowpass, buffer) = (BiquadBank::new(sos, channels), vec![0.0; channels * ROWS]);
-        Ok(Self { guard, offset: None, lowpass, channels, buffer })
+        let rows_at_a_time = (VALUES / channels).max(FEWEST_ROWS);
+        let buffer = vec![0.0; channels * rows_at_a_time + MARGIN];
+        let (held, swing, filtered) = (buffer.clone(), buffer.clone(), buffer);
+        let lowpass = BiquadBank::new(sos, channels);
+        Ok(Self { guard, offset: None, lowpass, channels, rows_at_a_time, held, swing, filtered })
     }
 
     pub(crate) fn channels(&self) -> usize {
@@ -96,9 +104,8 @@ impl Chain {
 
     /// Filter the first rows of `samples`, at most `limit`, and return them; at least one if there is one.
     pub(crate) fn advance(&mut self, samples: &[f64], limit: usize) -> &[f64] {
-        let offered = (samples.len() / self.channels).min(limit).min(ROWS) * self.channels;
-        let taken = self.guard.take(&samples[..offered], &mut self.buffer) * self.channels;
-        let rows = &mut self.buffer[..taken];
+        let offered = (samples.len() / self.channels).min(limit).min(self.rows_at_a_time) * self.channels;
+        let mut rows = self.guard.take(&samples[..offered], &mut self.held);
         for channel in self.guard.restarts() {
             let mut level = rows[channel];
             if let Some(offset) = &mut self.offset {
@@ -107,13 +114,15 @@ impl Chain {
             self.lowpass.settle(channel, level);
         }
         if let Some(offset) = &mut self.offset {
-            offset.process(rows);
-            for x in rows.iter_mut() {
+            offset.process(rows, &mut self.swing);
+            let swing = &mut self.swing[..rows.len()];
+            for x in &mut *swing {
                 *x = x.abs();
             }
+            rows = swing;
         }
-        self.lowpass.process(rows);
-        rows
+        self.lowpass.process(rows, &mut self.filtered);
+        &self.filtered[..rows.len()]
     }
 }
 

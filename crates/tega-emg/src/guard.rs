@@ -27,38 +27,44 @@ fn is_good(x: f64) -> bool {
     x.abs() <= LARGEST_SAMPLE
 }
 
+/// Whether no sample has to be replaced; all of them are looked at, which vectors do faster than stopping early.
+fn all_good(samples: &[f64]) -> bool {
+    samples.iter().fold(true, |good, x| good & is_good(*x))
+}
+
 impl Guard {
     /// `patience` is in samples; `usize::MAX` means a channel never goes bad.
     pub(crate) fn new(channels: usize, patience: usize) -> Self {
         Self { patience: patience.max(1), channels: vec![Channel::default(); channels], calm: false }
     }
 
-    /// Copy rows into `out`, bad samples replaced, and say how many rows were taken.
+    /// The rows to go on with: `rows` as they are, or copied into `held` with their bad samples replaced.
     ///
     /// It stops before a row at which a channel has to start afresh (its first good sample, or the first good one
     /// after it went bad), so that such a row is always the first of a call: [`Guard::restarts`] then names it.
     /// Until its first good sample a channel reads 0.
-    pub(crate) fn take(&mut self, rows: &[f64], out: &mut [f64]) -> usize {
+    pub(crate) fn take<'a>(&mut self, rows: &'a [f64], held: &'a mut [f64]) -> &'a [f64] {
         let width = self.channels.len();
         self.channels.iter_mut().for_each(|c| c.restart = false);
-        if self.calm && rows.iter().all(|x| is_good(*x)) {
-            out[..rows.len()].copy_from_slice(rows);
-            if let Some(last) = rows.chunks_exact(width).last() {
+        if self.calm && all_good(rows) {
+            if let Some(last) = rows.rchunks_exact(width).next() {
                 self.channels.iter_mut().zip(last).for_each(|(c, x)| c.last = Some(*x));
             }
-            return rows.len() / width;
+            return rows;
         }
         self.calm = false;
-        for (index, (row, out)) in rows.chunks_exact(width).zip(out.chunks_exact_mut(width)).enumerate() {
-            if index > 0 && self.channels.iter().zip(row).any(|(c, x)| c.must_restart(*x)) {
-                return index;
+        let mut taken = 0;
+        for (row, out) in rows.chunks_exact(width).zip(held.chunks_exact_mut(width)) {
+            if taken > 0 && self.channels.iter().zip(row).any(|(c, x)| c.must_restart(*x)) {
+                return &held[..taken];
             }
             for ((channel, x), y) in self.channels.iter_mut().zip(row).zip(out) {
                 *y = channel.take(*x, self.patience);
             }
+            taken += width;
         }
         self.calm = self.channels.iter().all(|c| c.last.is_some() && !c.bad && c.run == 0);
-        rows.len() / width
+        &held[..taken]
     }
 
     /// Channels that start afresh with the first row of the last [`Guard::take`].
@@ -112,10 +118,9 @@ mod tests {
     const LOST: f64 = f64::NAN;
 
     fn take(guard: &mut Guard, rows: &[f64]) -> (Vec<f64>, Vec<usize>) {
-        let mut out = vec![0.0; rows.len()];
-        let taken = guard.take(rows, &mut out);
-        out.truncate(taken);
-        (out, guard.restarts().collect())
+        let mut held = vec![0.0; rows.len()];
+        let taken = guard.take(rows, &mut held).to_vec();
+        (taken, guard.restarts().collect())
     }
 
     #[test]

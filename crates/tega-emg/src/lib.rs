@@ -15,7 +15,7 @@
 //! assert_eq!(intent.process(&squeeze)?.fused.last(), Some(&5));
 //! # Ok::<(), tega_emg::EmgError>(())
 //! ```
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)] // allowed in `simd` alone
 
 mod bank;
 mod block_mean;
@@ -26,8 +26,10 @@ mod error;
 mod fusion;
 mod guard;
 mod intent;
+mod lanes;
 mod level;
 mod lowpass;
+mod simd;
 mod steady;
 
 pub use block_mean::{BlockMean, MAX_TAU};

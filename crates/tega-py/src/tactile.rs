@@ -6,7 +6,7 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
 use tega_tactile::{
     CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveScratch, Options, Order, Outline, Pair,
-    PaperScratch, Scratch, Spread, Weights, read_live, read_paper,
+    PaperScratch, Scratch, Spread, Weights, many, read_live, read_paper,
 };
 
 use crate::arguments::{choice, image};
@@ -62,7 +62,43 @@ fn contact_metrics(
     centroid_value: &str,
     gate: Option<(f64, u32)>,
 ) -> Result<Fields, BindError> {
-    let options = Options {
+    let options = options((weights, order, difference, spread, factor, centroid_value, gate))?;
+    let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
+    let pair = Pair::new(frame.as_array(), baseline.as_array())?;
+    let work = |scratch: &mut Scratch| tega_tactile::contact_metrics(&pair, &options, scratch);
+    Ok(fields(compute(py, &pair, || SCRATCH.with_borrow_mut(work))))
+}
+
+#[pyfunction]
+#[pyo3(signature = (frames, baselines, *, weights, order, difference, spread, factor, centroid_value, gate))]
+#[allow(clippy::too_many_arguments)] // as above
+fn contact_metrics_many(
+    py: Python<'_>,
+    frames: Vec<Bound<'_, PyAny>>,
+    baselines: Vec<Bound<'_, PyAny>>,
+    weights: (f64, f64, f64),
+    order: &str,
+    difference: &str,
+    spread: &str,
+    factor: f64,
+    centroid_value: &str,
+    gate: Option<(f64, u32)>,
+) -> Result<Vec<Fields>, BindError> {
+    let options = options((weights, order, difference, spread, factor, centroid_value, gate))?;
+    with_pairs(py, &frames, &baselines, |pairs, pixels| {
+        let work = |pair: &Pair<'_>, scratch: &mut Scratch| {
+            fields(tega_tactile::contact_metrics(pair, &options, scratch))
+        };
+        SCRATCH.with_borrow_mut(|scratch| many::each(pairs, pixels, scratch, work))
+    })
+}
+
+/// The named readings of the equations as they come from Python.
+type Readings<'a> = ((f64, f64, f64), &'a str, &'a str, &'a str, f64, &'a str, Option<(f64, u32)>);
+
+fn options(readings: Readings<'_>) -> Result<Options, BindError> {
+    let (weights, order, difference, spread, factor, centroid_value, gate) = readings;
+    Ok(Options {
         weights: Weights::printed(weights.0, weights.1, weights.2)?,
         order: choice("order", order, &ORDERS)?,
         difference: choice("difference", difference, &DIFFERENCES)?,
@@ -70,11 +106,22 @@ fn contact_metrics(
         factor: Decimal::printed("factor", factor)?,
         centroid_value: choice("centroid_value", centroid_value, &CENTROID_VALUES)?,
         gate: gate.map(|(floor, pixels)| Gate::new(floor, pixels)).transpose()?,
-    };
-    let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
-    let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-    let work = |scratch: &mut Scratch| tega_tactile::contact_metrics(&pair, &options, scratch);
-    Ok(fields(compute(py, &pair, || SCRATCH.with_borrow_mut(work))))
+    })
+}
+
+/// Borrows frames and their baselines and runs `work` on all of them without the interpreter lock.
+fn with_pairs<T: Send>(
+    py: Python<'_>,
+    frames: &[Bound<'_, PyAny>],
+    baselines: &[Bound<'_, PyAny>],
+    work: impl FnOnce(&[Pair<'_>], usize) -> T + Send,
+) -> Result<T, BindError> {
+    let borrow = |name, images: &[_]| images.iter().map(|i| image(name, i)).collect::<Result<Vec<_>, _>>();
+    let (frames, baselines) = (borrow("frame", frames)?, borrow("baseline", baselines)?);
+    let pairs = frames.iter().zip(&baselines).map(|(f, b)| Pair::new(f.as_array(), b.as_array()));
+    let pairs = pairs.collect::<Result<Vec<_>, _>>()?;
+    let pixels = pairs.iter().map(|pair| pair.width() * pair.height()).sum();
+    Ok(py.detach(|| work(&pairs, pixels)))
 }
 
 thread_local! {
@@ -114,14 +161,15 @@ impl Preset {
     ) -> Result<T, BindError> {
         let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
         let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-        let work = |presets: &mut Presets| {
-            let metrics = match self.reading {
-                Reading::Paper => read_paper(&pair, self.order, &mut presets.paper),
-                Reading::Live => read_live(&pair, self.order, self.outline, &mut presets.live),
-            };
-            take(metrics, presets)
-        };
+        let work = |presets: &mut Presets| take(self.metrics(&pair, presets), presets);
         Ok(compute(py, &pair, || PRESETS.with_borrow_mut(work)))
+    }
+
+    fn metrics(&self, pair: &Pair<'_>, presets: &mut Presets) -> ContactMetrics {
+        match self.reading {
+            Reading::Paper => read_paper(pair, self.order, &mut presets.paper),
+            Reading::Live => read_live(pair, self.order, self.outline, &mut presets.live),
+        }
     }
 }
 
@@ -136,6 +184,23 @@ fn read_contact(
     outline: &str,
 ) -> Result<Fields, BindError> {
     Preset::named(reading, order, outline)?.read(py, frame, baseline, |metrics, _| fields(metrics))
+}
+
+#[pyfunction]
+#[pyo3(signature = (frames, baselines, *, reading, order, outline))]
+fn read_contacts(
+    py: Python<'_>,
+    frames: Vec<Bound<'_, PyAny>>,
+    baselines: Vec<Bound<'_, PyAny>>,
+    reading: &str,
+    order: &str,
+    outline: &str,
+) -> Result<Vec<Fields>, BindError> {
+    let preset = Preset::named(reading, order, outline)?;
+    with_pairs(py, &frames, &baselines, |pairs, pixels| {
+        let work = |pair: &Pair<'_>, presets: &mut Presets| fields(preset.metrics(pair, presets));
+        PRESETS.with_borrow_mut(|presets| many::each(pairs, pixels, presets, work))
+    })
 }
 
 #[pyfunction]
@@ -202,7 +267,9 @@ fn instruction_set() -> &'static str {
 
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(contact_metrics, m)?)?;
+    m.add_function(wrap_pyfunction!(contact_metrics_many, m)?)?;
     m.add_function(wrap_pyfunction!(read_contact, m)?)?;
+    m.add_function(wrap_pyfunction!(read_contacts, m)?)?;
     m.add_function(wrap_pyfunction!(contact_mask, m)?)?;
     m.add_function(wrap_pyfunction!(pressure_map, m)?)?;
     m.add_function(wrap_pyfunction!(estimate_baseline, m)?)?;

@@ -128,7 +128,7 @@ impl BaselineSurvey {
 
     fn alike(&self, frames: &[usize], anchor: &Thumbnail) -> Vec<usize> {
         let near = |frame: &usize| {
-            self.frames.get(*frame).is_some_and(|thumbnail| thumbnail.distance(anchor).0 < ALIKE)
+            self.frames.get(*frame).is_some_and(|thumbnail| Thumbnails::distance(thumbnail, anchor).0 < ALIKE)
         };
         frames.iter().copied().filter(near).collect()
     }
@@ -144,7 +144,7 @@ impl BaselineSurvey {
         let chosen = runs.into_iter().find(|run| run.len() >= RUN).unwrap_or(&state);
         let middle = self.middle(chosen);
         let distance = |frame: &usize| {
-            self.frames.get(*frame).map_or(f32::MAX, |thumbnail| thumbnail.distance(&middle).1)
+            self.frames.get(*frame).map_or(f32::MAX, |thumbnail| Thumbnails::distance(thumbnail, &middle).1)
         };
         let mut chosen = chosen.to_vec();
         chosen.sort_by(|a, b| distance(a).total_cmp(&distance(b)));

@@ -76,6 +76,14 @@ impl Kernel {
         row
     }
 
+    /// The same for as many rows as the slices hold, `columns.len()` pixels each.
+    pub(crate) fn rows(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
+        let bytes = 3 * columns.len();
+        for (frame, baseline) in frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes)) {
+            rows.push(self.row(frame, baseline, columns));
+        }
+    }
+
     /// Number of pixels of a row at or above level `first`; the plain form.
     pub(crate) fn count(&self, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
         let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
@@ -92,13 +100,21 @@ impl Kernel {
         totals.clear();
         totals.resize(width, 0);
         let flush_every = self.rows_until_overflow();
-        pair.for_each_row(|y, frame, baseline| {
-            rows.push(simd::row(self, frame, baseline, columns));
-            if (y + 1) % flush_every == 0 {
+        if let Some((frame, baseline)) = pair.contiguous() {
+            let bytes = 3 * width * flush_every;
+            for (frame, baseline) in frame.chunks(bytes).zip(baseline.chunks(bytes)) {
+                simd::rows(self, frame, baseline, columns, rows);
                 flush(columns, totals);
             }
-        });
-        flush(columns, totals);
+        } else {
+            pair.for_each_row(|y, frame, baseline| {
+                simd::rows(self, frame, baseline, columns, rows);
+                if (y + 1) % flush_every == 0 {
+                    flush(columns, totals);
+                }
+            });
+            flush(columns, totals);
+        }
         let sums = moments(rows, totals, self.squares, denominator);
         let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
         let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
@@ -193,7 +209,9 @@ mod tests {
             let mut plain = vec![7; frame.len() / 3];
             let mut fast = plain.clone();
             let wanted = kernel.row(frame, baseline, &mut plain);
-            prop_assert_eq!(simd::row(&kernel, frame, baseline, &mut fast), wanted);
+            let mut rows = Vec::new();
+            simd::rows(&kernel, frame, baseline, &mut fast, &mut rows);
+            prop_assert_eq!(rows, [wanted]);
             prop_assert_eq!(fast, plain);
             prop_assert_eq!(
                 simd::count(&kernel, frame, baseline, first),
@@ -206,9 +224,10 @@ mod tests {
     fn extreme_rows_do_not_overflow() {
         let (frame, baseline) = (vec![255; 3 * 4096], vec![0; 3 * 4096]);
         let kernel = Kernel { weights: [5334, 5333, 5333], difference: Difference::Signed, squares: true };
-        let row = simd::row(&kernel, &frame, &baseline, &mut vec![0; 4096]);
-        assert_eq!(row, kernel.row(&frame, &baseline, &mut vec![0; 4096]));
-        assert_eq!(row.sum, 4096 * 255 * 16_000);
+        let mut rows = Vec::new();
+        simd::rows(&kernel, &frame, &baseline, &mut vec![0; 4096], &mut rows);
+        assert_eq!(rows, [kernel.row(&frame, &baseline, &mut vec![0; 4096])]);
+        assert_eq!(rows[0].sum, 4096 * 255 * 16_000);
     }
 
     #[test]

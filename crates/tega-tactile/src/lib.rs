@@ -22,6 +22,7 @@ mod error;
 mod exact;
 mod frame;
 mod levels;
+pub mod many;
 mod metrics;
 mod paper;
 mod simd;

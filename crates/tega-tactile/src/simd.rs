@@ -90,14 +90,14 @@ pub fn instruction_set() -> &'static str {
     }
 }
 
-/// See [`Kernel::row`].
-pub(crate) fn row(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32]) -> Row {
+/// See [`Kernel::rows`].
+pub(crate) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
     #[cfg(target_arch = "x86_64")]
     if level() >= Level::Avx2 {
         // SAFETY: `level` reports a set only after the processor itself said that it has it.
-        return unsafe { avx2::row(kernel, frame, baseline, columns) };
+        return unsafe { avx2::rows(kernel, frame, baseline, columns, rows) };
     }
-    kernel.row(frame, baseline, columns)
+    kernel.rows(frame, baseline, columns, rows);
 }
 
 /// See [`Kernel::count`].
@@ -147,8 +147,8 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`dent::fold_octets`].
-    fold_octets = dent::fold_octets, (sums: &mut [i16], folded: &mut [i16]) -> ()
+    /// See [`dent::fold_quads`].
+    fold_quads = dent::fold_quads, (sums: &mut [i16], folded: &mut [i16]) -> ()
 }
 
 dispatched! {
@@ -168,7 +168,7 @@ dispatched! {
 
 dispatched! {
     /// See [`dent::quiet_sums`].
-    quiet_sums = dent::quiet_sums, (length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5]
+    quiet_sums = dent::quiet_sums, (level: f32, length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5]
 }
 
 dispatched! {

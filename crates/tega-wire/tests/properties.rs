@@ -1,26 +1,21 @@
 //! What every decoder owes to any bytes at all. The bodies are those of the fuzz targets: here they meet the committed
 //! seeds, and bytes drawn so that headers, footers and separators are common.
 
-#[path = "../../../fuzz/src/lib.rs"]
+#[path = "../../../fuzz/src/bytes.rs"]
+#[allow(dead_code, clippy::all, clippy::pedantic, clippy::unwrap_used)]
+mod bytes;
+#[path = "../../../fuzz/src/wire.rs"]
 #[allow(clippy::all, clippy::pedantic, clippy::unwrap_used)]
 mod fuzz;
-
-use std::path::Path;
+#[path = "../../../fuzz/replay.rs"]
+mod replay;
 
 use proptest::collection::vec;
 use proptest::prelude::*;
 
 #[test]
 fn committed_seeds_hold() {
-    let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
-    for (name, body) in fuzz::TARGETS {
-        let mut count = 0;
-        for entry in std::fs::read_dir(seeds.join(name)).expect(name) {
-            body(&std::fs::read(entry.unwrap().path()).unwrap());
-            count += 1;
-        }
-        assert!(count > 0, "{name} has no seeds");
-    }
+    replay::committed_seeds(fuzz::TARGETS);
 }
 
 /// Bytes of which `often` are far more common than the rest.

@@ -48,9 +48,11 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
             *map(_short, emg["maxima"]), *(f"{s:.1f} s" for s in summary["hand"]["level_s"].values())
         )
         out.print(table)
+    vest = summary["vest"]
+    sent = f", {vest['sent']} sent and {vest['skipped']} as before" if vest["sent"] else ""
     out.print(
-        f"{summary['ended']}: {summary['duration_s']:.2f} s of input, {summary['vest']['frames']} vest frames "
-        f"({summary['vest']['layout']}), {4 * summary['hand']['ticks']} torque frames"
+        f"{summary['ended']}: {summary['duration_s']:.2f} s of input, {vest['frames']} vest frames "
+        f"({vest['layout']}{sent}), {4 * summary['hand']['ticks']} torque frames"
     )
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)

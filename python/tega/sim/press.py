@@ -69,7 +69,9 @@ class PressCamera:
         background = np.moveaxis(np.tensordot(np.array(BACKGROUND, np.float32) * tint, terms, 1), 0, -1)
         still = [background + self._noise() for _ in range(STILL_FRAMES)]
         self._still = np.rint(still).astype(np.int16)
-        self._order = self._rng.integers(STILL_FRAMES, size=4099)
+        # Never the same picture twice in a row: a working sensor does not repeat itself.
+        order = np.cumsum(self._rng.integers(1, STILL_FRAMES, size=4099)) % STILL_FRAMES
+        self._order = order if order[0] != order[-1] else order[:-1]
 
     def baseline(self) -> NDArray[np.uint8]:
         """Return the mean of the still pictures, uint8 (320, 240, 3)."""

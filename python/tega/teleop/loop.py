@@ -14,6 +14,7 @@ import msgspec
 
 from tega.devices.base import HandDriver, VestSink
 from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
+from tega.teleop.keepalive import KeepAlive
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
 from tega.teleop.streams import NEVER_NS, Stream
@@ -27,6 +28,9 @@ __all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder"]
 
 # Before the first block is complete nothing is known of the muscles: the hand keeps its most open pose.
 FIRST_LEVEL = 1
+
+# Without EMG there is no need to wake every 3 ms; sources and the wish to stop are still looked at this often.
+IDLE_NS = 100_000_000
 
 
 class Recorder(Protocol):
@@ -48,7 +52,7 @@ class LoopView(NamedTuple):
         t_ns: Time since the start of the session.
         contacts: The newest metrics of each finger, with their time; a finger without a frame yet is missing.
         felt: What each finger feels now, thumb first.
-        vest: The frame just sent; ``None`` without tactile sources.
+        vest: The frame of this tick; ``None`` without tactile sources.
         block: The newest EMG block; ``None`` before the first.
         angles_rad: The hand's 16 joint angles; ``None`` without a hand.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
@@ -72,7 +76,9 @@ class LoopReport(msgspec.Struct, kw_only=True):
         n_contacts: Frames taken in, by finger.
         n_blocks: EMG blocks taken in.
         n_hand_ticks: Ticks of the hand.
-        n_vest_ticks: Frames sent to the vest by the ticks.
+        n_vest_ticks: Ticks of the vest, each a frame for every sink that takes them all.
+        n_vest_sent: Of these, frames sent to a vest kept alive.
+        n_vest_skipped: Of these, frames not sent to it since they were what it shows already.
         n_stale_ticks: Vest frames in which a finger was silent for want of a fresh frame, by finger.
         level_ticks: Hand ticks spent on each level, 1 to 5.
     """
@@ -83,6 +89,8 @@ class LoopReport(msgspec.Struct, kw_only=True):
     n_blocks: int = 0
     n_hand_ticks: int = 0
     n_vest_ticks: int = 0
+    n_vest_sent: int = 0
+    n_vest_skipped: int = 0
     n_stale_ticks: dict[str, int] = {}
     level_ticks: dict[int, int] = {}
 
@@ -93,15 +101,19 @@ class DualLoop:
     On every way out, an exception included, each vest is sent a frame of zeros and each hand zero torque and
     SERVO OFF.
 
+    What is not there costs nothing: without EMG there are no ticks of the hand, without tactile sources none of the
+    vest, unless an observer wants to see them pass.
+
     Args:
         pacer: Deadlines on the session's clock.
         touch: The back loop; ``None`` without tactile sources.
         contacts: Stream of measured frames, by finger, thumb first.
         levels: Stream of EMG blocks; ``None`` without EMG.
         hand: What turns levels into frames.
-        vests: Where vest frames go.
+        vests: Where vest frames go, every one.
         hands: Where CAN frames go.
         recorder: Keeps what came in.
+        kept: Vests that are sent what changed, and what did not as a keep-alive.
         vest_rate_hz: Vest frames per second.
         observer: Called once per vest tick with what a display may show.
     """
@@ -117,6 +129,7 @@ class DualLoop:
         vests: Sequence[VestSink],
         hands: Sequence[HandDriver],
         recorder: Recorder | None,
+        kept: Sequence[KeepAlive] = (),
         vest_rate_hz: float = 30.0,
         observer: Callable[[LoopView], None] | None = None,
     ) -> None:
@@ -126,6 +139,7 @@ class DualLoop:
         self._levels = levels
         self._hand = hand
         self._vests = vests
+        self._kept = kept
         self._hands = hands
         self._recorder = recorder
         self._vest_rate_hz = vest_rate_hz
@@ -151,30 +165,35 @@ class DualLoop:
             What was done; also in :attr:`report` when an exception ends the run.
         """
         report, last_ns = self.report, 0
+        with_hand = self._levels is not None
+        with_vest = bool(self._contacts) or self._observer is not None
+        step_ns = HAND_TICK_NS if with_hand else IDLE_NS
         try:
-            k_hand = k_vest = 0
+            k_step = k_vest = 0
             while True:
-                hand_ns = k_hand * HAND_TICK_NS
-                vest_ns = round(k_vest * 1_000_000_000 / self._vest_rate_hz)
-                t_ns = min(hand_ns, vest_ns)
+                step_at_ns = k_step * step_ns
+                vest_at_ns = round(k_vest * 1_000_000_000 / self._vest_rate_hz) if with_vest else NEVER_NS
+                t_ns = min(step_at_ns, vest_at_ns)
                 if stop():
                     report.ended = "stopped"
                     break
                 if duration_ns is not None and t_ns >= duration_ns:
-                    last_ns, report.ended = duration_ns, "duration"
+                    self._pacer.wait(duration_ns)
+                    last_ns = duration_ns
+                    last_ns, report.ended = self._last_look(duration_ns)
                     break
                 in_time = self._pacer.wait(t_ns)
+                last_ns = t_ns
                 if t_ns >= self._due_ns:
                     self._take_in(t_ns)
                 if t_ns >= self._end_ns:
                     last_ns, report.ended = self._end_ns, "complete"
                     break
-                last_ns = t_ns
-                if hand_ns == t_ns:
-                    k_hand += 1
-                    if in_time and self._levels is not None:
+                if step_at_ns == t_ns:
+                    k_step += 1
+                    if in_time and with_hand:
                         self._tick_hand(t_ns)
-                if vest_ns == t_ns:
+                if vest_at_ns == t_ns:
                     k_vest += 1
                     if in_time:
                         self._tick_vest(t_ns)
@@ -187,6 +206,14 @@ class DualLoop:
         for problem in self._leave(last_ns):
             raise problem
         return report
+
+    def _last_look(self, duration_ns: int) -> tuple[int, str]:
+        """Take in what came before a set time was over, and tell when and how the run ended."""
+        if self._due_ns < duration_ns:
+            self._take_in(duration_ns - 1)
+        if self._end_ns < duration_ns:
+            return self._end_ns, "complete"
+        return duration_ns, "duration"
 
     def _take_in(self, t_ns: int) -> None:
         """Take in everything stamped up to a time, in the order of the stamps, thumb first among equals."""
@@ -236,6 +263,11 @@ class DualLoop:
         frame = None
         if self._contacts:
             frame = self._touch.frame(t_ns)
+            for kept in self._kept:
+                if kept.offer(t_ns, frame):
+                    self.report.n_vest_sent += 1
+                else:
+                    self.report.n_vest_skipped += 1
             for sink in self._vests:
                 sink.write(t_ns, frame)
             self.report.n_vest_ticks += 1
@@ -268,7 +300,8 @@ class DualLoop:
                 hand.write(t_ns, self._hand.limp())
             except Exception as error:  # reported by the caller
                 problems.append(error)
-        for vest in self._vests:
+        vests: list[KeepAlive | VestSink] = [*self._kept, *self._vests]
+        for vest in vests:
             try:
                 vest.write(t_ns, self._touch.silence())
             except Exception as error:  # reported by the caller

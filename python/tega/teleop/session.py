@@ -17,6 +17,7 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.recording import RunRecorder, prepare_folder
 from tega.teleop.hand import ModelledAllegro
+from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop, LoopReport, LoopView
 from tega.teleop.pacing import Pacer, PacingReport
 from tega.teleop.prepare import Finger, Muscles, Prepared, Progress, prepare
@@ -37,11 +38,13 @@ class Sinks(NamedTuple):
     """What a run writes to.
 
     Attributes:
-        vests: The vest of the settings, the vest recorder.
+        kept: The vest of the settings, if it is a real one.
+        vests: A vest of the settings that only records, the vest recorder.
         hands: The hand of the settings, the CAN recorder.
         recorder: Of contacts and levels; ``None`` without an output folder.
     """
 
+    kept: list[KeepAlive]
     vests: list[VestSink]
     hands: list[HandDriver]
     recorder: RunRecorder | None
@@ -139,6 +142,7 @@ def _run(
         vests=sinks.vests,
         hands=sinks.hands,
         recorder=sinks.recorder,
+        kept=sinks.kept,
         vest_rate_hz=config.vest.rate_hz,
         observer=observer,
     )
@@ -201,18 +205,29 @@ def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Bloc
 
 def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks:
     """Open what is written to: the devices of the settings, then the tables of the output folder."""
+    kept: list[KeepAlive] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
     if config.vest.driver is not None:
-        vests.append(stack.enter_context(driver_class(config.vest.driver, "vest")(config.vest.options)))
+        vest = stack.enter_context(driver_class(config.vest.driver, "vest")(config.vest.options))
+        if vest.info.live:
+            kept.append(
+                KeepAlive(
+                    vest,
+                    keep_alive_ns=round(config.vest.keep_alive_s * 1e9),
+                    period_ns=round(1e9 / config.vest.rate_hz),
+                )
+            )
+        else:
+            vests.append(vest)
     if config.hand.driver is not None:
         hands.append(stack.enter_context(driver_class(config.hand.driver, "hand")(config.hand.options)))
     folder = config.session.out_dir
     if folder is None:
-        return Sinks(vests, hands, None)
+        return Sinks(kept, vests, hands, None)
     vests.append(stack.enter_context(VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))))
     hands.append(stack.enter_context(CanRecorder(CanRecorderOptions(file=folder / "can.csv"))))
     recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
     stack.callback(recorder.close)
     save_calibration(prepared.calibration, folder / "calibration.toml")
-    return Sinks(vests, hands, recorder)
+    return Sinks(kept, vests, hands, recorder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Literal
 
@@ -10,6 +11,7 @@ import msgspec
 from tega.devices.base import EmgSource, TactileSource
 from tega.errors import DeviceUnavailableError, RecordingError, ShapeError, TegaError
 from tega.tactile import ContactMetrics, read_contact
+from tega.teleop.repeats import STUCK_FRAMES, LastFrame
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,6 +24,10 @@ __all__ = ["Block", "Contact", "SourceReport", "grasp_blocks", "measured_contact
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
 
+# Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
+# otherwise keep a core busy with asking.
+SEEN_REST_S = 0.001
+
 Contact = tuple[int, ContactMetrics]
 """Time in nanoseconds, what was measured."""
 
@@ -32,10 +38,15 @@ Block = tuple[int, tuple[int, ...], int]
 class SourceReport(msgspec.Struct, kw_only=True):
     """What became of a source's items.
 
+    Frames measured are ``n_items + n_stuck - n_identical``.
+
     Attributes:
         n_items: Frames or samples used.
         n_dropped: Items of a live source that could not be used, or came faster than they were taken.
         n_missing: Items that never came, by the gaps in their numbers.
+        n_duplicate: Frames delivered again under the number they had before; neither measured nor used.
+        n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
+        n_stuck: Of those, from a live source, the third and later in a row: not used either.
         lost: Why the source went away, if it did.
         end_ns: When the source ended, once it has.
     """
@@ -43,6 +54,9 @@ class SourceReport(msgspec.Struct, kw_only=True):
     n_items: int = 0
     n_dropped: int = 0
     n_missing: int = 0
+    n_duplicate: int = 0
+    n_identical: int = 0
+    n_stuck: int = 0
     lost: str = ""
     end_ns: int | None = None
 
@@ -65,6 +79,10 @@ def measured_contacts(
     In a recording a bad frame is an error. Of a live source it is dropped and counted, and when the source goes
     away the stream ends: after 100 ms the finger falls silent.
 
+    A frame that the source delivers again, by its number, is passed over. One with exactly the pixels of the frame
+    before it is not measured again. Of a live source the third and later of such frames in a row are not passed
+    on: the sensor is stuck, and its finger falls silent like any other without fresh frames until pixels change.
+
     Args:
         source: An open source.
         baseline: Its untouched picture, uint8 (H, W, 3).
@@ -83,12 +101,24 @@ def measured_contacts(
         RecordingError: A recorded frame is unreadable or not of the baseline's size.
     """
     live, end_ns, next_seq = source.info.live, 0, 0
+    last, last_seq = LastFrame(), None
     while not (stopped() or source.ended):
         try:
             frame = source.read(READ_TIMEOUT_S)
             if frame is None:
                 continue
-            metrics = _measure(frame.image, baseline, reading, frame.name)
+            if frame.seq == last_seq:
+                report.n_duplicate += 1
+                if live:
+                    time.sleep(SEEN_REST_S)
+                continue
+            last_seq = frame.seq
+            metrics = last.repeat(frame.image)
+            if metrics is None:
+                metrics = _measure(frame.image, baseline, reading, frame.name)
+                last.keep(frame.image, metrics)
+            else:
+                report.n_identical += 1
         except DeviceUnavailableError as error:
             if not live:
                 raise
@@ -99,11 +129,13 @@ def measured_contacts(
                 raise
             report.drop()
             continue
-        report.n_items += 1
         report.n_missing += max(0, frame.seq - next_seq)
         next_seq = frame.seq + 1
-        t_ns = frame.t_ns - start_ns if live else frame.t_ns
-        end_ns = t_ns
+        end_ns = t_ns = frame.t_ns - start_ns if live else frame.t_ns
+        if live and last.n_equal >= STUCK_FRAMES:
+            report.n_stuck += 1
+            continue
+        report.n_items += 1
         yield t_ns, metrics
     rate_hz = source.info.rate_hz
     if not live and rate_hz:

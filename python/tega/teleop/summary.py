@@ -55,7 +55,11 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         "layout": state.layout,
         "rate_hz": config.vest.rate_hz,
         "frames": loop.n_vest_ticks,
-        "sinks": [sink.info.driver for sink in state.sinks.vests],
+        "sent": loop.n_vest_sent,
+        "skipped": loop.n_vest_skipped,
+        "sinks": [
+            sink.info.driver for sink in (*(vest.sink for vest in state.sinks.kept), *state.sinks.vests)
+        ],
     }
     summary["hand"] = {
         "model": ModelledAllegro.label,
@@ -86,6 +90,9 @@ def _finger(state: RunState, name: str) -> dict[str, Any]:
         "frames": loop.n_contacts[name],
         "dropped": finger.report.n_dropped,
         "missing": finger.report.n_missing,
+        "duplicate": finger.report.n_duplicate,
+        "identical": finger.report.n_identical,
+        "stuck": finger.report.n_stuck,
         "silent_s": loop.n_stale_ticks[name] / state.config.vest.rate_hz,
         "baseline": finger.baseline_origin,
         "cci_max": None if maxima is None else maxima.cci_max,
@@ -129,6 +136,7 @@ def _notes(state: RunState) -> list[str]:
                 f"{name}: no contact was large enough for a CCI maximum, so its front column stays silent"
             )
         notes += [f"{name}: {note}" for note in finger.source.info.notes]
+        notes += _repeats(name, finger.report, live=finger.source.info.live)
         notes += _ending(name, finger.report, end_ns, f"silent {STALE_NS / 1e6:g} ms later")
     if (muscles := state.prepared.muscles) is not None:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
@@ -136,6 +144,24 @@ def _notes(state: RunState) -> list[str]:
             if n_held:
                 notes.append(f"emg: {name}: {n_held} samples were no numbers; the one before was held")
         notes += _ending("emg", muscles.report, end_ns, "its last level held to the end")
+    return notes
+
+
+def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
+    """Say that pixels stood still, which the noise of a sensor does not let them."""
+    notes = []
+    if report.n_duplicate and not live:  # a live source may well be asked faster than it takes pictures
+        notes.append(f"{name}: {report.n_duplicate} frames came again under the same number; used once")
+    if report.n_stuck:
+        notes.append(
+            f"{name}: stuck: {report.n_stuck} frames were the third or later in a row with the same pixels; "
+            "not used, so the finger fell silent where they went on"
+        )
+    elif report.n_identical:
+        notes.append(
+            f"{name}: {report.n_identical} frames have exactly the pixels of the one before, "
+            "as a sensor's raw frames never do; used"
+        )
     return notes
 
 

@@ -54,8 +54,7 @@ class TouchLoop:
         self._layout = layout
         self._maxima = {f: (m.cci_max, m.eda_max) for f, m in maxima.items()}
         self._column = {f: _COLUMNS.index(f) for f in maxima}
-        self._seen_ns: list[int | None] = [None] * len(_COLUMNS)
-        self._felt = [_NOTHING] * len(_COLUMNS)
+        self._newest: dict[int, tuple[int, Felt]] = {}
 
     def update(self, finger: str, t_ns: int, metrics: ContactMetrics) -> Felt:
         """Take one measured frame.
@@ -74,17 +73,16 @@ class TouchLoop:
             cci_norm, front = _scaled(metrics.cci, cci_max)
             eda_norm, back = _scaled(float(metrics.eda), eda_max)
             felt = Felt(cci_norm, eda_norm, front, back)
-        column = self._column[finger]
-        self._felt[column] = felt
-        self._seen_ns[column] = t_ns
+        self._newest[self._column[finger]] = (t_ns, felt)
         return felt
 
     def fresh(self, t_ns: int) -> Sequence[Felt]:
         """Return what each finger feels at a time, thumb first; nothing where its frame is too old."""
-        return [
-            felt if seen is not None and t_ns - seen <= STALE_NS else _NOTHING
-            for felt, seen in zip(self._felt, self._seen_ns, strict=True)
-        ]
+        fresh = [_NOTHING] * len(_COLUMNS)
+        for column, (seen_ns, felt) in self._newest.items():
+            if t_ns - seen_ns <= STALE_NS:
+                fresh[column] = felt
+        return fresh
 
     def frame(self, t_ns: int) -> VestFrame:
         """Return the vest frame for a time."""

@@ -65,7 +65,8 @@ class Course:
 def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None:
     """Draw the camera picture into ``axes[0]`` and the pressure map with its marks into ``axes[1]``.
 
-    Green circle: the brightest pixel. Blue line: the border of the pixels that EDA counts.
+    Green circle: the peak, which is the brightest pixel (`paper`) or the middle of the highest dent (`live`).
+    Blue line: the border of the pixels that EDA counts.
     """
     for ax in axes:
         ax.set_xticks([])

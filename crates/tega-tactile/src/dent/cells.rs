@@ -116,13 +116,13 @@ fn average_octets(
                 Source::Baseline => simd::add_four_rows(&mut strip.sums, baseline),
             }
         }
-        simd::fold_octets(&mut strip.sums, &mut strip.folded);
+        simd::fold_quads(&mut strip.sums, &mut strip.folded);
         // 64 pixels a cell; rounded to sixteenths.
-        let mean = |sum: i16| (sum + 2) >> 2;
-        for (((octet, a), b), c) in strip.sums.chunks_exact(24).zip(p0).zip(p1).zip(p2) {
-            *a = mean(octet[0]);
-            *b = mean(octet[1]);
-            *c = mean(octet[2]);
+        let mean = |left: i16, right: i16| (left + right + 2) >> 2;
+        for (((quads, a), b), c) in strip.sums.chunks_exact(24).zip(p0).zip(p1).zip(p2) {
+            *a = mean(quads[0], quads[12]);
+            *b = mean(quads[1], quads[13]);
+            *c = mean(quads[2], quads[14]);
         }
     }
 }
@@ -195,10 +195,10 @@ pub(crate) fn add_row(sums: &mut [i16], row: &[u8]) {
     }
 }
 
-/// Sums of eight neighbouring pixels from every byte on, in three doublings; each 24th is a cell's. The last pixels of
-/// the row have no eight on their right and hold nothing of use.
+/// Turns column sums into sums of four neighbouring pixels from every byte on, in two doublings. The last pixels of the
+/// row have no four on their right and hold nothing of use.
 #[inline(always)]
-pub(crate) fn fold_octets(sums: &mut [i16], folded: &mut [i16]) {
+pub(crate) fn fold_quads(sums: &mut [i16], folded: &mut [i16]) {
     let double = |from: &[i16], shift: usize, to: &mut [i16]| {
         for ((out, a), b) in to.iter_mut().zip(from).zip(from.get(shift..).unwrap_or_default()) {
             *out = a + b;
@@ -206,8 +206,6 @@ pub(crate) fn fold_octets(sums: &mut [i16], folded: &mut [i16]) {
     };
     double(sums, 3, folded);
     double(folded, 6, sums);
-    double(sums, 12, folded);
-    sums.copy_from_slice(folded);
 }
 
 /// Column sums of `height` rows to cell means, for any side and for cells cut by the border.

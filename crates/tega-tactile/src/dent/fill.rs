@@ -106,11 +106,10 @@ impl Filled {
         if taken == 0 {
             span.fill(1);
             let (n, a, b) = ((end - first) as f64, first as f64, end as f64 - 1.0);
-            let mean = f64::midpoint(a, b);
-            let sum_x = n * mean;
             // Sum of squares of a run: n (mean² + (n² - 1) / 12).
+            let mean = f64::midpoint(a, b);
             self.area += (end - first) as u32;
-            self.x += sum_x;
+            self.x += n * mean;
             self.y += n * y;
             self.square += n * (mean * mean + (n * n - 1.0) / 12.0 + y * y);
             return;

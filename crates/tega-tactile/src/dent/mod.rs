@@ -18,7 +18,7 @@ mod patches;
 mod response;
 mod thumbnail;
 
-pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_octets};
+pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_quads};
 pub(crate) use dots::close;
 pub(crate) use response::{lengths, median, quiet_sums, smooth};
 pub(crate) use thumbnail::{Thumbnail, Thumbnails};
@@ -94,6 +94,23 @@ pub struct LiveScratch {
 }
 
 impl LiveScratch {
+    /// Makes the mask one of zeros, touching only the rows that the last frame's patches lie in.
+    fn clear_mask(&mut self, grid: &Grid) {
+        if self.grid == *grid {
+            for patch in &self.patches {
+                let (_, top, _, bottom) = patch.bounds;
+                if let Some(rows) = self.mask.get_mut(top * grid.width..(bottom + 1) * grid.width) {
+                    rows.fill(0);
+                }
+            }
+        } else {
+            self.mask.clear();
+            self.mask.resize(grid.height * grid.width, 0);
+            self.grid = *grid;
+        }
+        self.patches.clear();
+    }
+
     /// The last frame's mask, row by row: 1 in contact, 0 elsewhere.
     pub fn mask(&self) -> &[u8] {
         &self.mask
@@ -133,10 +150,7 @@ pub fn read_live(
     scratch: &mut LiveScratch,
 ) -> ContactMetrics {
     let grid = Grid::of(pair.height(), pair.width());
-    scratch.grid = grid;
-    scratch.mask.clear();
-    scratch.mask.resize(grid.height * grid.width, 0);
-    scratch.patches.clear();
+    scratch.clear_mask(&grid);
     if !respond(pair, &grid, order, scratch) {
         return ContactMetrics::none(f64::NAN, 0.0, (0, 0));
     }
@@ -182,7 +196,7 @@ fn respond(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch
         scratch.response.whiten(&scratch.closing.difference, grid, order);
         baseline = &scratch.closing.baseline;
     }
-    response::smooth_counts(baseline, grid, &mut scratch.column_sums, &mut scratch.smooth_baseline);
+    response::smooth_counts(baseline, grid, order, &mut scratch.column_sums, &mut scratch.smooth_baseline);
     scratch.response.take_out_colour(&scratch.smooth_baseline, grid);
     scratch.response.count_above(GATE) >= GATE_CELLS
 }

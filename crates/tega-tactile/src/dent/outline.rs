@@ -26,8 +26,6 @@ const COSINES: [f32; RAYS / 4 + 1] = [
     0.130_526_19,
     0.0,
 ];
-/// Times the rays are cast, each from the centroid of the outline before.
-const CASTS: usize = 2;
 /// Distance between samples on a ray, in cells.
 const STEP: f32 = 1.0;
 /// Samples of the longest ray: images are at most 4096 pixels a side, about 50 cells across.
@@ -72,19 +70,30 @@ impl Rays {
         outline: Outline,
     ) -> Option<Polygon> {
         self.single_out(index, length, owners, grid);
-        let (mut centre, frame) = patch.frame();
-        let mut polygon = None;
-        for _ in 0..CASTS {
-            let mut rays = [Ray::default(); RAYS];
-            for (i, ray) in rays.iter_mut().enumerate() {
-                *ray = Ray::towards(i, frame);
-                self.cast(ray, centre, patch, grid, outline.share());
-            }
-            let (found, middle) = enclose(&rays, centre)?;
-            polygon = Some(found);
-            centre = middle;
-        }
-        polygon
+        let (seed, frame) = patch.frame();
+        // Few rays from the middle of the seed cells, which leans to the brighter flank, find the middle of the outline.
+        let few: [Ray; RAYS / 2] = self.cast_all(seed, frame, patch, grid, outline.share());
+        let (_, centre) = enclose(&few, seed)?;
+        let rays: [Ray; RAYS] = self.cast_all(centre, frame, patch, grid, outline.share());
+        let (points, _) = enclose(&rays, centre)?;
+        let levels = rays.iter().filter(|ray| ray.known).map(|ray| ray.level);
+        let known = rays.iter().filter(|ray| ray.known).count();
+        Some(Polygon { points, level: levels.sum::<f32>() / known as f32 })
+    }
+
+    fn cast_all<const N: usize>(
+        &self,
+        centre: [f32; 2],
+        frame: [f32; 3],
+        patch: &Patch,
+        grid: &Grid,
+        share: f32,
+    ) -> [Ray; N] {
+        std::array::from_fn(|i| {
+            let mut ray = Ray::towards(i * (RAYS / N), frame);
+            self.cast(&mut ray, centre, patch, grid, share);
+            ray
+        })
     }
 
     /// Copies the response of the cells that are of this patch or of none.
@@ -106,7 +115,7 @@ impl Rays {
     }
 
     /// Samples one ray and finds where it leaves the patch.
-    fn cast(&mut self, ray: &mut Ray, centre: [f32; 2], patch: &Patch, grid: &Grid, share: f32) {
+    fn cast(&self, ray: &mut Ray, centre: [f32; 2], patch: &Patch, grid: &Grid, share: f32) {
         let border = [-0.5, -0.5, grid.cols as f32 - 0.5, grid.rows as f32 - 0.5];
         let [left, top, right, bottom] = patch.reach.map(|v| v as f32);
         let bounds = [left - 1.0, top - 1.0, right + 1.0, bottom + 1.0];
@@ -189,38 +198,24 @@ fn distance(from: [f32; 2], direction: [f32; 2], [left, top, right, bottom]: [f3
 }
 
 /// Steadies the rays' reach (median of the known neighbours, then 1-2-1) and closes them to a polygon with its centroid.
-fn enclose(rays: &[Ray; RAYS], centre: [f32; 2]) -> Option<(Polygon, [f32; 2])> {
-    let mut known = [0f32; RAYS];
-    let (mut count, mut level) = (0, 0.0);
-    for ray in rays.iter().filter(|ray| ray.known) {
-        known[count] = ray.reach / ray.stretch;
-        level += ray.level;
-        count += 1;
-    }
-    if count == 0 {
-        return None;
-    }
-    let overall = middle(&mut known[..count]);
-    let steady: [f32; RAYS] = std::array::from_fn(|i| {
-        let mut near = [0f32; 2 * NEIGHBOURS + 1];
-        let mut n = 0;
-        for shift in 0..near.len() {
-            let ray = &rays[(i + RAYS + shift - NEIGHBOURS) % RAYS];
-            if ray.known {
-                near[n] = ray.reach / ray.stretch;
-                n += 1;
-            }
+fn enclose<const N: usize>(rays: &[Ray; N], centre: [f32; 2]) -> Option<([[f32; 2]; N], [f32; 2])> {
+    let steady: [f32; N] = std::array::from_fn(|i| {
+        let near: [&Ray; 2 * NEIGHBOURS + 1] =
+            std::array::from_fn(|shift| &rays[(i + N + shift - NEIGHBOURS) % N]);
+        if near.iter().all(|ray| ray.known) {
+            median_of_seven(near.map(|ray| ray.reach / ray.stretch))
+        } else {
+            median_of_known(near.into_iter()).or_else(|| median_of_known(rays.iter())).unwrap_or_default()
         }
-        if n == 0 { overall } else { middle(&mut near[..n]) }
     });
-    let points: [[f32; 2]; RAYS] = std::array::from_fn(|i| {
-        let smooth = (steady[(i + RAYS - 1) % RAYS] + 2.0 * steady[i] + steady[(i + 1) % RAYS]) / 4.0;
+    let points: [[f32; 2]; N] = std::array::from_fn(|i| {
+        let smooth = (steady[(i + N - 1) % N] + 2.0 * steady[i] + steady[(i + 1) % N]) / 4.0;
         let reach = smooth * rays[i].stretch;
         [centre[0] + reach * rays[i].direction[0], centre[1] + reach * rays[i].direction[1]]
     });
     let (mut doubled, mut x, mut y) = (0f32, 0f32, 0f32);
     for (i, p) in points.iter().enumerate() {
-        let q = points[(i + 1) % RAYS];
+        let q = points[(i + 1) % N];
         let (px, py, qx, qy) = (p[0] - centre[0], p[1] - centre[1], q[0] - centre[0], q[1] - centre[1]);
         let cross = px * qy - qx * py;
         doubled += cross;
@@ -230,16 +225,66 @@ fn enclose(rays: &[Ray; RAYS], centre: [f32; 2]) -> Option<(Polygon, [f32; 2])> 
     if doubled.abs() < 1e-6 {
         return None;
     }
-    let centroid = [centre[0] + x / (3.0 * doubled), centre[1] + y / (3.0 * doubled)];
-    Some((Polygon { points, level: level / count as f32 }, centroid))
+    Some((points, [centre[0] + x / (3.0 * doubled), centre[1] + y / (3.0 * doubled)]))
 }
 
-/// Median; of an even number the mean of the two in the middle.
-fn middle(values: &mut [f32]) -> f32 {
-    values.sort_unstable_by(f32::total_cmp);
-    let n = values.len();
-    match (values.get(n.saturating_sub(1) / 2), values.get(n / 2)) {
-        (Some(a), Some(b)) => (a + b) / 2.0,
-        _ => 0.0,
+/// Median reach of the rays that met the patch, in the patch's proportions; of an even number the lower.
+fn median_of_known<'r>(rays: impl Iterator<Item = &'r Ray>) -> Option<f32> {
+    let mut values = [0f32; RAYS];
+    let mut n = 0;
+    for (value, ray) in values.iter_mut().zip(rays.filter(|ray| ray.known)) {
+        *value = ray.reach / ray.stretch;
+        n += 1;
+    }
+    let known = values.get_mut(..n)?;
+    known.sort_unstable_by(f32::total_cmp);
+    known.get(n.saturating_sub(1) / 2).copied()
+}
+
+/// Median of seven without branches: a network of comparisons that leaves it in the middle.
+fn median_of_seven(mut v: [f32; 7]) -> f32 {
+    const NETWORK: [(usize, usize); 13] = [
+        (0, 5),
+        (0, 3),
+        (1, 6),
+        (2, 4),
+        (0, 1),
+        (3, 5),
+        (2, 6),
+        (2, 3),
+        (3, 6),
+        (4, 5),
+        (1, 4),
+        (1, 3),
+        (3, 4),
+    ];
+    for (i, j) in NETWORK {
+        (v[i], v[j]) = (v[i].min(v[j]), v[i].max(v[j]));
+    }
+    v[3]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_network_leaves_the_median_in_the_middle() {
+        // A comparison network that is right for all zeros and ones is right for all numbers.
+        for bits in 0u32..128 {
+            let values: [f32; 7] = std::array::from_fn(|i| f32::from(u8::from(bits >> i & 1 == 1)));
+            let wanted = f32::from(u8::from(bits.count_ones() >= 4));
+            assert_eq!(median_of_seven(values), wanted, "{values:?}");
+        }
+    }
+
+    #[test]
+    fn rays_go_round_once() {
+        for i in 0..RAYS {
+            let ray = Ray::towards(i, [1.0, 0.0, 1.0]);
+            let angle = std::f64::consts::TAU * i as f64 / RAYS as f64;
+            assert!((f64::from(ray.direction[0]) - angle.cos()).abs() < 1e-6);
+            assert!((f64::from(ray.direction[1]) - angle.sin()).abs() < 1e-6);
+        }
     }
 }

@@ -214,10 +214,10 @@ impl Patches {
     }
 }
 
-/// How much two pieces belong together, the larger the more: what kind of pair, how near, how well.
+/// How much two patches belong together: the kind of reason, how near they are, how well they complete each other.
 type Merit = (u8, i32, f64);
 
-/// Why `a` should be joined to `b`; `None` if it should not.
+/// Why `a` should be joined to `b`, comparable; `None` if it should not.
 fn merit(a: &Patch, b: &Patch, grid: &Grid) -> Option<Merit> {
     let gap = a.gap(b);
     if a.count <= SPECK && gap <= NEAR {

@@ -6,17 +6,17 @@ use super::cells::{Grid, Planes, UNITS_PER_COUNT};
 use crate::frame::Order;
 use crate::simd;
 
-/// Temporal noise of one pixel in counts, red, green, blue: measured on a DIGIT at full light. Weighing the channels
+/// Temporal noise of one pixel in counts, blue, green, red: measured on a DIGIT at full light. Weighing the channels
 /// by it keeps the noisiest one from deciding alone; other sensors of the kind are read with the same numbers.
-pub(super) const NOISE_RGB: [f32; 3] = [2.74, 1.65, 3.17];
-/// Root mean square of `NOISE_RGB`: turns a response in noise units into counts of an average channel.
+pub(super) const NOISE: [f32; 3] = [3.17, 1.65, 2.74];
+/// Root mean square of `NOISE`: turns a response in noise units into counts of an average channel.
 pub(super) const COUNTS_PER_UNIT: f32 = 2.6;
 
 /// Cells under this response carry no contact: the colour of the whole picture is fitted on them.
 const QUIET: f32 = 4.0;
-/// A fit needs this share of the cells to be quiet.
+/// With no more than this share of quiet cells the fit takes all.
 const QUIET_SHARE: f32 = 0.1;
-const FITS: usize = 3;
+const FITS: usize = 2;
 
 /// Whitened difference per channel and its length, per cell.
 #[derive(Debug, Default)]
@@ -31,8 +31,7 @@ pub(super) struct Response {
 impl Response {
     /// Smooths `planes` by 1-2-1 both ways, takes out each channel's median and scales by the noise.
     pub fn whiten(&mut self, planes: &Planes, grid: &Grid, order: Order) {
-        let noise = order.arrange(NOISE_RGB);
-        for ((plane, white), noise) in planes.iter().zip(&mut self.white).zip(noise) {
+        for ((plane, white), noise) in blue_first(planes, order).zip(&mut self.white).zip(NOISE) {
             white.resize(grid.cells(), 0.0);
             let middle = simd::median(plane);
             let scale = 1.0 / (16.0 * UNITS_PER_COUNT * noise);
@@ -48,14 +47,15 @@ impl Response {
         simd::lengths(a, b, c, &mut self.length);
     }
 
-    /// Takes out an offset and a gain (against the smoothed baseline, in counts) per channel, fitted on quiet cells.
-    #[inline(never)]
+    /// Takes out an offset and a gain (against the smoothed baseline, in counts) per channel, fitted on quiet cells, or
+    /// on all where hardly any is quiet: the light may have changed so much.
     pub fn take_out_colour(&mut self, baseline: &[Vec<f32>; 3], grid: &Grid) {
         for _ in 0..FITS {
+            let quiet = grid.cells() - self.count_above(QUIET);
+            let level = if quiet as f32 > QUIET_SHARE * grid.cells() as f32 { QUIET } else { f32::MAX };
             for (white, base) in self.white.iter_mut().zip(baseline) {
-                let s = simd::quiet_sums(&self.length, base, white);
-                let [n, b, d, bb, bd] = s;
-                if n < QUIET_SHARE * grid.cells() as f32 || n < 1.0 {
+                let [n, b, d, bb, bd] = simd::quiet_sums(level, &self.length, base, white);
+                if n < 1.0 {
                     return;
                 }
                 let (mean_b, mean_d) = (b / n, d / n);
@@ -77,10 +77,26 @@ impl Response {
     }
 }
 
+/// The planes with blue first, so that the order of the bytes changes nothing that follows.
+fn blue_first(planes: &Planes, order: Order) -> impl Iterator<Item = &Vec<i16>> {
+    let [a, b, c] = planes;
+    match order {
+        Order::Bgr => [a, b, c],
+        Order::Rgb => [c, b, a],
+    }
+    .into_iter()
+}
+
 /// The same smoothing for the baseline, in counts.
-pub(super) fn smooth_counts(planes: &Planes, grid: &Grid, column: &mut Vec<i16>, out: &mut [Vec<f32>; 3]) {
+pub(super) fn smooth_counts(
+    planes: &Planes,
+    grid: &Grid,
+    order: Order,
+    column: &mut Vec<i16>,
+    out: &mut [Vec<f32>; 3],
+) {
     column.resize(grid.cells(), 0);
-    for (plane, out) in planes.iter().zip(out) {
+    for (plane, out) in blue_first(planes, order).zip(out) {
         out.resize(grid.cells(), 0.0);
         simd::smooth(plane, grid.cols, 0, 1.0 / (16.0 * UNITS_PER_COUNT), column, out);
     }
@@ -165,17 +181,17 @@ pub(crate) fn lengths(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
 
 const LANES: usize = 8;
 
-/// Over quiet cells: their number, sums of baseline, difference, baseline squared and the product. Eight running sums
+/// Over cells with a response under `level`: their number, sums of baseline, difference, baseline squared and the product. Eight running sums
 /// in a fixed order, so that every instruction set gives the same bits.
 #[inline(always)]
-pub(crate) fn quiet_sums(length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5] {
+pub(crate) fn quiet_sums(level: f32, length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5] {
     let zero = [0f32; LANES];
     let (mut n, mut sb, mut sd, mut sbb, mut sbd) = (zero, zero, zero, zero, zero);
     let ((length, length_rest), (base, base_rest), (white, white_rest)) =
         (length.as_chunks::<LANES>(), base.as_chunks::<LANES>(), white.as_chunks::<LANES>());
     for ((length, base), white) in length.iter().zip(base).zip(white) {
         for lane in 0..LANES {
-            let on = f32::from(u8::from(length[lane] < QUIET));
+            let on = f32::from(u8::from(length[lane] < level));
             let (b, d) = (base[lane] * on, white[lane] * on);
             n[lane] += on;
             sb[lane] += b;
@@ -184,7 +200,7 @@ pub(crate) fn quiet_sums(length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5
             sbd[lane] += d * base[lane];
         }
     }
-    let rest = length_rest.iter().zip(base_rest).zip(white_rest).filter(|((e, _), _)| **e < QUIET);
+    let rest = length_rest.iter().zip(base_rest).zip(white_rest).filter(|((e, _), _)| **e < level);
     let mut sums = [n, sb, sd, sbb, sbd].map(|lanes| lanes.iter().sum::<f32>());
     for ((_, &b), &d) in rest {
         sums.iter_mut().zip([1.0, b, d, b * b, d * b]).for_each(|(sum, term)| *sum += term);
@@ -208,7 +224,7 @@ mod tests {
 
     #[test]
     fn noise_in_counts_is_the_mean_of_the_channels() {
-        let square: f32 = NOISE_RGB.iter().map(|s| s * s).sum::<f32>() / 3.0;
+        let square: f32 = NOISE.iter().map(|s| s * s).sum::<f32>() / 3.0;
         assert!((square.sqrt() - COUNTS_PER_UNIT).abs() < 1e-3);
     }
 
@@ -220,7 +236,7 @@ mod tests {
         let diff: Planes = [0, 1, 2].map(|c| base[c].iter().map(|b| b / 16 + 100 * (c as i16 + 1)).collect());
         let (mut response, mut counts) = (Response::default(), Default::default());
         response.whiten(&diff, &grid, Order::Bgr);
-        smooth_counts(&base, &grid, &mut Vec::new(), &mut counts);
+        smooth_counts(&base, &grid, Order::Bgr, &mut Vec::new(), &mut counts);
         response.take_out_colour(&counts, &grid);
         let largest = response.length.iter().fold(0f32, |a, &b| a.max(b));
         assert!(largest < 0.2, "{largest}");

@@ -3,9 +3,9 @@
 use ndarray::ArrayView3;
 
 use super::cells::{self, Grid, Planes, Source, Strip, UNITS_PER_COUNT as UNITS};
-use super::response::NOISE_RGB;
+use super::response::NOISE;
 use crate::error::TactileError;
-use crate::frame::{Order, Pair};
+use crate::frame::Pair;
 use crate::simd;
 
 /// One frame's cell means and what they say of it alone.
@@ -14,7 +14,7 @@ pub(crate) struct Thumbnail {
     planes: Planes,
     /// Mean over the picture, in counts.
     pub brightness: f64,
-    /// Mean difference of neighbouring cells, in noise units.
+    /// Mean difference of neighbouring cells, in noise units (blue first; it is compared among like frames only).
     pub roughness: f64,
 }
 
@@ -23,24 +23,6 @@ pub(crate) struct Thumbnail {
 pub(crate) struct Thumbnails {
     grid: Option<Grid>,
     strip: Strip,
-}
-
-impl Thumbnail {
-    /// Largest and mean difference over the cells, in noise units, after each channel's median is taken out.
-    pub fn distance(&self, other: &Self) -> (f32, f32) {
-        let noise = Order::Bgr.arrange(NOISE_RGB);
-        let mut difference = Vec::new();
-        let white: [Vec<f32>; 3] = std::array::from_fn(|c| {
-            difference.clear();
-            difference.extend(self.planes[c].iter().zip(&other.planes[c]).map(|(a, b)| a - b));
-            let middle = simd::median(&difference);
-            difference.iter().map(|d| f32::from(d - middle) / (UNITS * noise[c])).collect()
-        });
-        let mut length = vec![0.0; white[0].len()];
-        simd::lengths(&white[0], &white[1], &white[2], &mut length);
-        let largest = length.iter().fold(0f32, |a, &b| a.max(b));
-        (largest, length.iter().sum::<f32>() / length.len().max(1) as f32)
-    }
 }
 
 impl Thumbnails {
@@ -66,19 +48,32 @@ impl Thumbnails {
         let cols = self.grid.map_or(1, |grid| grid.cols);
         let cells = planes[0].len().max(1) as f64;
         let total: i64 = planes.iter().flatten().map(|&v| i64::from(v)).sum();
-        // The order of the channels does not matter for finding the smoothest of like frames; blue first.
-        let noise = Order::Bgr.arrange(NOISE_RGB);
         let steps = |plane: &[i16]| {
             let across = plane.chunks_exact(cols).flat_map(|row| row.iter().zip(row.iter().skip(1)));
             let down = plane.iter().zip(plane.iter().skip(cols));
             across.chain(down).map(|(a, b)| i64::from((a - b).unsigned_abs())).sum::<i64>()
         };
-        let rough: f64 = planes.iter().zip(noise).map(|(plane, s)| steps(plane) as f64 / f64::from(s)).sum();
+        let rough: f64 = planes.iter().zip(NOISE).map(|(plane, s)| steps(plane) as f64 / f64::from(s)).sum();
         Thumbnail {
             planes,
             brightness: total as f64 / cells / 3.0 / f64::from(UNITS),
             roughness: rough / cells / f64::from(UNITS),
         }
+    }
+
+    /// Largest and mean difference over the cells, in noise units, after each channel's median is taken out.
+    pub fn distance(a: &Thumbnail, b: &Thumbnail) -> (f32, f32) {
+        let mut difference = Vec::new();
+        let white: [Vec<f32>; 3] = std::array::from_fn(|c| {
+            difference.clear();
+            difference.extend(a.planes[c].iter().zip(&b.planes[c]).map(|(a, b)| a - b));
+            let middle = simd::median(&difference);
+            difference.iter().map(|d| f32::from(d - middle) / (UNITS * NOISE[c])).collect()
+        });
+        let mut length = vec![0.0; white[0].len()];
+        simd::lengths(&white[0], &white[1], &white[2], &mut length);
+        let largest = length.iter().fold(0f32, |a, &b| a.max(b));
+        (largest, length.iter().sum::<f32>() / length.len().max(1) as f32)
     }
 
     /// Per cell the median of several.

@@ -5,11 +5,12 @@
 //! of two products leaves its range, and a difference of two such sums is right even where it wraps on the way.
 
 use std::arch::x86_64::{
-    __m256i, _mm_loadu_si128, _mm256_add_epi32, _mm256_add_epi64, _mm256_cmpgt_epi32, _mm256_loadu_si256,
-    _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_max_epi32, _mm256_min_epi32, _mm256_mul_epi32,
-    _mm256_or_si256, _mm256_set_m128i, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setr_epi8,
-    _mm256_setzero_si256, _mm256_shuffle_epi8, _mm256_srli_epi64, _mm256_storeu_si256, _mm256_sub_epi16,
-    _mm256_sub_epi32, _mm256_subs_epu8,
+    __m256i, _mm_cvtsi128_si32, _mm_loadu_si128, _mm_max_epi32, _mm_min_epi32, _mm_shuffle_epi32,
+    _mm256_add_epi32, _mm256_add_epi64, _mm256_castsi256_si128, _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64,
+    _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_max_epi32,
+    _mm256_min_epi32, _mm256_mul_epi32, _mm256_or_si256, _mm256_set_m128i, _mm256_set1_epi16,
+    _mm256_set1_epi32, _mm256_setr_epi8, _mm256_setzero_si256, _mm256_shuffle_epi8, _mm256_srli_epi64,
+    _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32, _mm256_subs_epu8,
 };
 
 use crate::frame::Difference;
@@ -104,53 +105,70 @@ fn lanes_i64(v: __m256i) -> [i64; LANES / 2] {
     out
 }
 
-/// See [`Kernel::row`].
+/// Sum, smallest or largest of eight lanes.
+macro_rules! fold_lanes {
+    ($v:expr, $op:ident) => {{
+        let v = $v;
+        let half = $op(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
+        let pair = $op(half, _mm_shuffle_epi32::<0b01_00_11_10>(half));
+        _mm_cvtsi128_si32($op(pair, _mm_shuffle_epi32::<0b10_11_00_01>(pair)))
+    }};
+}
+
+/// See [`Kernel::rows`].
 #[target_feature(enable = "avx2")]
-pub(super) fn row(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32]) -> Row {
+pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
     match (kernel.difference, kernel.squares) {
-        (Difference::Signed, false) => row_of::<SIGNED, false>(kernel, frame, baseline, columns),
-        (Difference::Signed, true) => row_of::<SIGNED, true>(kernel, frame, baseline, columns),
-        (Difference::Rectified, false) => row_of::<RECTIFIED, false>(kernel, frame, baseline, columns),
-        (Difference::Rectified, true) => row_of::<RECTIFIED, true>(kernel, frame, baseline, columns),
-        (Difference::Absolute, false) => row_of::<ABSOLUTE, false>(kernel, frame, baseline, columns),
-        (Difference::Absolute, true) => row_of::<ABSOLUTE, true>(kernel, frame, baseline, columns),
+        (Difference::Signed, false) => rows_of::<SIGNED, false>(kernel, frame, baseline, columns, rows),
+        (Difference::Signed, true) => rows_of::<SIGNED, true>(kernel, frame, baseline, columns, rows),
+        (Difference::Rectified, false) => rows_of::<RECTIFIED, false>(kernel, frame, baseline, columns, rows),
+        (Difference::Rectified, true) => rows_of::<RECTIFIED, true>(kernel, frame, baseline, columns, rows),
+        (Difference::Absolute, false) => rows_of::<ABSOLUTE, false>(kernel, frame, baseline, columns, rows),
+        (Difference::Absolute, true) => rows_of::<ABSOLUTE, true>(kernel, frame, baseline, columns, rows),
     }
 }
 
 #[target_feature(enable = "avx2")]
-fn row_of<const DIFFERENCE: u8, const SQUARES: bool>(
+fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
     kernel: &Kernel,
     frame: &[u8],
     baseline: &[u8],
     columns: &mut [i32],
-) -> Row {
+    rows: &mut Vec<Row>,
+) {
     let weights = Halves::of(kernel.weights);
-    let (steps, rest) = frame.as_chunks::<BYTES>();
-    let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
-    let (column_steps, columns_rest) = columns.split_at_mut(steps.len() * LANES);
-    let (mut sum, mut squares) = (_mm256_setzero_si256(), _mm256_setzero_si256());
-    let (mut min, mut max) = (_mm256_set1_epi32(i32::MAX), _mm256_set1_epi32(i32::MIN));
-    let column_steps = column_steps.as_chunks_mut::<LANES>().0;
-    for ((f, b), column) in steps.iter().zip(baseline_steps).zip(column_steps) {
-        let n = levels::<DIFFERENCE>(f, b, weights);
-        let at = column.as_mut_ptr().cast();
-        // SAFETY: `column` is exactly 32 bytes, borrowed mutably.
-        unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
-        sum = _mm256_add_epi32(sum, n);
-        min = _mm256_min_epi32(min, n);
-        max = _mm256_max_epi32(max, n);
-        if SQUARES {
-            let odd = _mm256_srli_epi64::<32>(n);
-            squares = _mm256_add_epi64(squares, _mm256_mul_epi32(n, n));
-            squares = _mm256_add_epi64(squares, _mm256_mul_epi32(odd, odd));
+    let bytes = 3 * columns.len();
+    let (column_steps, columns_rest) = columns.as_chunks_mut::<LANES>();
+    for (frame, baseline) in frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes)) {
+        let (steps, rest) = frame.as_chunks::<BYTES>();
+        let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
+        let (mut sum, mut squares) = (_mm256_setzero_si256(), _mm256_setzero_si256());
+        let (mut min, mut max) = (_mm256_set1_epi32(i32::MAX), _mm256_set1_epi32(i32::MIN));
+        for ((f, b), column) in steps.iter().zip(baseline_steps).zip(column_steps.iter_mut()) {
+            let n = levels::<DIFFERENCE>(f, b, weights);
+            let at = column.as_mut_ptr().cast();
+            // SAFETY: `column` is exactly 32 bytes, borrowed mutably.
+            unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
+            sum = _mm256_add_epi32(sum, n);
+            min = _mm256_min_epi32(min, n);
+            max = _mm256_max_epi32(max, n);
+            if SQUARES {
+                let odd = _mm256_srli_epi64::<32>(n);
+                squares = _mm256_add_epi64(squares, _mm256_mul_epi32(n, n));
+                squares = _mm256_add_epi64(squares, _mm256_mul_epi32(odd, odd));
+            }
         }
-    }
-    let tail = kernel.row(rest, baseline_rest, columns_rest);
-    Row {
-        sum: tail.sum + lanes_i32(sum).iter().map(|&n| i64::from(n)).sum::<i64>(),
-        squares: tail.squares + lanes_i64(squares).iter().sum::<i64>(),
-        min: lanes_i32(min).into_iter().fold(tail.min, i32::min),
-        max: lanes_i32(max).into_iter().fold(tail.max, i32::max),
+        let tail = kernel.row(rest, baseline_rest, columns_rest);
+        let squares = if SQUARES { lanes_i64(squares).iter().sum::<i64>() } else { 0 };
+        // The lanes' total may pass `i32`; the eight lanes themselves do not.
+        let [low, high] = [_mm256_castsi256_si128(sum), _mm256_extracti128_si256::<1>(sum)];
+        let wide = _mm256_add_epi64(_mm256_cvtepi32_epi64(low), _mm256_cvtepi32_epi64(high));
+        rows.push(Row {
+            sum: tail.sum + lanes_i64(wide).iter().sum::<i64>(),
+            squares: tail.squares + squares,
+            min: fold_lanes!(min, _mm_min_epi32).min(tail.min),
+            max: fold_lanes!(max, _mm_max_epi32).max(tail.max),
+        });
     }
 }
 

@@ -1,0 +1,26 @@
+//! What the PNG reader owes to any file at all. The body is that of the fuzz target.
+
+#[path = "../../../fuzz/src/bytes.rs"]
+#[allow(dead_code, clippy::all, clippy::pedantic, clippy::unwrap_used)]
+mod bytes;
+#[path = "../../../fuzz/src/image.rs"]
+#[allow(clippy::all, clippy::pedantic, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+mod fuzz;
+#[path = "../../../fuzz/replay.rs"]
+mod replay;
+
+use proptest::prelude::*;
+
+#[test]
+fn committed_seeds_hold() {
+    replay::committed_seeds(fuzz::TARGETS);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn png(data in prop::collection::vec(any::<u8>(), 0..300)) {
+        fuzz::png_decode_never_panics_and_is_whole(&data);
+    }
+}

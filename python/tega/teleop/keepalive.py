@@ -1,0 +1,52 @@
+"""A vest that is told what changed, and the rest only as often as it has to hear from us."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tega.devices.base import VestSink
+    from tega.haptics import VestFrame
+
+__all__ = ["KeepAlive"]
+
+
+class KeepAlive:
+    """Sends a vest every frame that differs from the last one sent, and an equal one before that grows old.
+
+    A vest is reached over a radio link that carries 20 to 50 frames a second, and its driver or the vendor's
+    software lets a frame lapse that is not renewed. An equal frame therefore goes out again so early that, with
+    one offer per period, no two frames are further apart than the keep-alive (or than one period, where that is
+    longer).
+
+    Args:
+        sink: The vest.
+        keep_alive_ns: The longest an unchanged frame may stand; 0 sends every frame.
+        period_ns: Time between two offers.
+    """
+
+    def __init__(self, sink: VestSink, *, keep_alive_ns: int, period_ns: int) -> None:
+        self.sink = sink
+        self._leave_out_ns = keep_alive_ns - period_ns
+        self._last: VestFrame | None = None
+        self._last_ns = 0
+
+    def offer(self, t_ns: int, frame: VestFrame) -> bool:
+        """Send a frame if it has to be sent.
+
+        Args:
+            t_ns: Time since the start of the session.
+            frame: The frame of this tick.
+
+        Returns:
+            Whether it was sent.
+        """
+        if t_ns - self._last_ns <= self._leave_out_ns and frame == self._last:
+            return False
+        self.write(t_ns, frame)
+        return True
+
+    def write(self, t_ns: int, frame: VestFrame) -> None:
+        """Send a frame whatever was sent before."""
+        self.sink.write(t_ns, frame)
+        self._last, self._last_ns = frame, t_ns

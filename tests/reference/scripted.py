@@ -1,0 +1,79 @@
+"""Stand-ins for devices at the edge of the loop: a sensor that follows a script, a sink that keeps what it is sent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference.recordings import pressed
+from tega.devices.base import DeviceInfo, TactileFrame
+from tega.errors import DeviceUnavailableError
+from tega.tactile import ContactMetrics
+
+MS = 1_000_000
+STARTED_NS = 1_000 * MS
+
+
+def touching(eda: int, cci: float = 0.5) -> ContactMetrics:
+    """Return the metrics of a contact of so many pixels; of none where that is 0."""
+    return ContactMetrics(
+        mass=1.0,
+        centroid_xy=(1.0, 1.0),
+        spread=1.0,
+        threshold=1.0,
+        eda=eda,
+        cci=cci,
+        peak=9.0,
+        peak_xy=(1, 1),
+        in_contact=eda > 0,
+    )
+
+
+class Sink:
+    """A sink that keeps what it is sent, and may fail at a time."""
+
+    def __init__(self, fail_at_ns: int | None = None) -> None:
+        self.sent: list[tuple[int, Any]] = []
+        self._fail_at_ns = fail_at_ns
+
+    def write(self, t_ns: int, what: Any) -> Any:
+        """Keep it, or fail."""
+        if self._fail_at_ns is not None and t_ns >= self._fail_at_ns:
+            raise DeviceUnavailableError("the cable is out")
+        self.sent.append((t_ns, what))
+        return what
+
+
+class ScriptedCamera:
+    """A sensor that delivers what it is given, pictures or errors."""
+
+    def __init__(self, script: Sequence[Any], *, live: bool = True) -> None:
+        self._script = list(script)
+        self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=live, rate_hz=60.0)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the script is over."""
+        return not self._script
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        """Do the next step of the script."""
+        assert timeout_s <= 0.1
+        step = self._script.pop(0) if self._script else None
+        if isinstance(step, Exception):
+            raise step
+        picture: TactileFrame | None = step
+        return picture
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+
+def live_frame(k: int, *, image: NDArray[np.uint8] | None = None) -> TactileFrame:
+    """Return frame k of a sensor that takes one every 16 ms, pressed unless another picture is given."""
+    picture = pressed(60, noise=k) if image is None else image
+    return TactileFrame(STARTED_NS + k * 16 * MS, k, picture, f"frame {k}")

@@ -1,0 +1,483 @@
+"""What brings nothing new is left out, and nothing else is."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import itertools
+import json
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import tega.teleop.sources as sources_module
+from reference.recordings import baseline, pressed, write_folder
+from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from tega.calibration import TouchMaxima
+from tega.cli.main import main
+from tega.clock import ManualClock
+from tega.config import check_tree
+from tega.devices.base import TactileFrame
+from tega.errors import DeviceUnavailableError, RecordingError
+from tega.haptics import VestFrame, vest_frame
+from tega.sim.press import PressCamera
+from tega.tactile import read_contact
+from tega.teleop import run_session
+from tega.teleop.hand import ModelledAllegro
+from tega.teleop.keepalive import KeepAlive
+from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.pacing import Pacer
+from tega.teleop.repeats import STUCK_FRAMES, LastFrame
+from tega.teleop.sources import Contact, SourceReport, measured_contacts
+from tega.teleop.streams import PulledStream
+from tega.teleop.touch import STALE_NS, TouchLoop
+
+
+@pytest.fixture
+def n_measured(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
+    """Count how often a picture is really measured."""
+    calls = itertools.count()
+    done = [0]
+
+    def counting(*args: Any, **kwargs: Any) -> Any:
+        done[0] = next(calls) + 1
+        return read_contact(*args, **kwargs)
+
+    monkeypatch.setattr(sources_module, "read_contact", counting)
+    return lambda: done[0]
+
+
+def measure(script: list[Any], *, live: bool = True) -> tuple[list[Contact], SourceReport]:
+    report = SourceReport()
+    camera: Any = ScriptedCamera(script, live=live)
+    start_ns = STARTED_NS if live else 0
+    return list(measured_contacts(camera, baseline(), "live", report, start_ns=start_ns)), report
+
+
+def showing(*pictures: int) -> list[TactileFrame]:
+    """Return frames with numbers of their own that show these pictures."""
+    return [live_frame(k, image=pressed(60, noise=picture)) for k, picture in enumerate(pictures)]
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+# Frames
+
+
+def test_a_frame_delivered_again_is_neither_measured_nor_new(n_measured: Callable[[], int]) -> None:
+    first, second = live_frame(0), live_frame(1)
+    got, report = measure([first, first, first, None, first, second, second, live_frame(4)])
+    assert [t // MS for t, _ in got] == [0, 16, 64]
+    assert n_measured() == 3
+    assert (report.n_items, report.n_duplicate, report.n_missing) == (3, 4, 2)
+    assert (report.n_identical, report.n_stuck) == (0, 0)
+
+
+def test_a_bad_frame_delivered_again_is_not_tried_again() -> None:
+    bad = live_frame(1, image=np.zeros((9, 9, 3), np.uint8))
+    got, report = measure([live_frame(0), bad, bad, RecordingError("torn"), live_frame(2)])
+    assert len(got) == 2
+    assert (report.n_dropped, report.n_duplicate) == (2, 1)
+
+
+def test_numbers_that_begin_again_are_new_frames() -> None:
+    again = live_frame(9)._replace(seq=0)
+    got, report = measure([live_frame(0), live_frame(1), again])
+    assert len(got) == 3
+    assert report.n_duplicate == 0
+
+
+def test_equal_pixels_are_measured_once_and_give_the_same(n_measured: Callable[[], int]) -> None:
+    got, report = measure(showing(0, 0, 1, 1, 2, 2))
+    assert n_measured() == 3
+    assert (report.n_items, report.n_identical, report.n_stuck) == (6, 3, 0)
+    assert [t // MS for t, _ in got] == [0, 16, 32, 48, 64, 80]
+    assert [m for _, m in got] == [
+        read_contact(pressed(60, noise=n), baseline(), reading="live") for n in (0, 0, 1, 1, 2, 2)
+    ]
+
+
+def test_the_third_equal_picture_of_a_live_sensor_is_not_used(n_measured: Callable[[], int]) -> None:
+    assert STUCK_FRAMES == 3
+    got, report = measure(showing(0, 1, 1, 1, 1, 2, 2, 2, 3))
+    assert [t // 16 // MS for t, _ in got] == [0, 1, 2, 5, 6, 8]
+    assert n_measured() == 4
+    assert (report.n_items, report.n_identical, report.n_stuck, report.n_missing) == (6, 5, 3, 0)
+    assert n_measured() == report.n_items + report.n_stuck - report.n_identical
+
+
+def test_the_equal_pictures_of_a_recording_are_used(n_measured: Callable[[], int]) -> None:
+    got, report = measure(showing(*[0] * 10), live=False)
+    assert len(got) == 10
+    assert n_measured() == 1
+    assert (report.n_items, report.n_identical, report.n_stuck) == (10, 9, 0)
+
+
+def test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor() -> None:
+    buffer = np.empty_like(baseline())
+
+    class Reusing(ScriptedCamera):
+        def read(self, timeout_s: float) -> TactileFrame | None:
+            frame = super().read(timeout_s)
+            if frame is None:
+                return None
+            buffer[:] = frame.image
+            return frame._replace(image=buffer)
+
+    report = SourceReport()
+    camera: Any = Reusing(showing(*range(6)))
+    assert len(list(measured_contacts(camera, baseline(), "live", report))) == 6
+    assert report.n_identical == 0
+
+
+def test_a_stuck_sensor_falls_silent_and_comes_back() -> None:
+    contacts, report = measure(showing(0, 1, *[2] * 30, 3, 4, 5, 6))
+    last_used_ns, back_ns = 3 * 16 * MS, 32 * 16 * MS
+    assert [t for t, _ in contacts if last_used_ns < t < back_ns] == []
+    vest = Sink()
+    loop = DualLoop(
+        pacer=Pacer(ManualClock()),
+        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+        contacts={"thumb": PulledStream(contacts)},
+        levels=None,
+        hand=ModelledAllegro(),
+        vests=[vest],  # type: ignore[list-item]
+        hands=[],
+        recorder=None,
+    )
+    loop.run()
+    for t_ns, frame in vest.sent[:-1]:
+        silent = last_used_ns + STALE_NS < t_ns < back_ns
+        assert frame.intensities.any() != silent, t_ns
+    assert loop.report.n_stale_ticks["thumb"] == 11
+    assert report.n_stuck == 28
+
+
+@given(data=st.data())
+def test_pictures_are_equal_exactly_when_every_pixel_is(data: st.DataObject) -> None:
+    height, width = data.draw(st.integers(1, 90)), data.draw(st.integers(1, 90))
+    rng = np.random.default_rng(data.draw(st.integers(0, 99)))
+    one = rng.integers(0, 256, (height, width, 3)).astype(np.uint8)
+    other = one.copy()
+    for _ in range(data.draw(st.integers(0, 2))):
+        at = (
+            data.draw(st.integers(0, height - 1)),
+            data.draw(st.integers(0, width - 1)),
+            data.draw(st.integers(0, 2)),
+        )
+        other[at] = data.draw(st.integers(0, 255))
+    if data.draw(st.booleans()):
+        one, other = one[:, ::-1], other[:, ::-1]
+    last, metrics = LastFrame(), touching(7)
+    assert last.repeat(one) is None
+    last.keep(one, metrics)
+    equal = not np.count_nonzero(one.astype(int) - other.astype(int))
+    assert (last.repeat(other) is metrics) == equal
+    assert last.n_equal == 1 + equal
+    assert last.repeat(one[:-1]) is None
+
+
+def test_a_recording_whose_pixels_stand_still_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_folder(tmp_path / "thumb", 12)
+    for k in (4, 5, 6, 9):
+        cv2.imwrite(str(folder / f"frame_{k}.png"), pressed(60, noise=k if k == 9 else 4))
+    np.save(tmp_path / "gel.npy", baseline())
+    words = ["--tactile", f"thumb={folder}", "--baseline", f"thumb={tmp_path / 'gel.npy'}"]
+    with pytest.raises(SystemExit):
+        main(["replay", "--json", *words, "--out", str(tmp_path / "out")])
+    summary = json.loads(capsys.readouterr().out)
+    thumb = summary["tactile"]["thumb"]
+    assert (thumb["frames"], thumb["duplicate"], thumb["identical"], thumb["stuck"]) == (12, 0, 2, 0)
+    said = (
+        "thumb: 2 frames have exactly the pixels of the one before, as a sensor's raw frames never do; used"
+    )
+    assert said in summary["notes"]
+    rows = table(tmp_path / "out" / "contacts.csv")
+    assert len(rows) == 12
+    assert rows[4]["eda"] == rows[5]["eda"] == rows[6]["eda"]
+
+
+# Vest frames
+
+
+def frame_of(value: int) -> VestFrame:
+    return vest_frame([float(value)] * 4, [0.0] * 4)
+
+
+@given(
+    values=st.lists(st.integers(0, 2), min_size=1, max_size=60),
+    rate_hz=st.floats(5, 100),
+    keep_alive_ms=st.integers(0, 150),
+)
+def test_a_vest_shows_every_frame_and_never_waits_longer_than_the_keep_alive(
+    values: list[int], rate_hz: float, keep_alive_ms: int
+) -> None:
+    vest = Sink()
+    keep_alive_ns, period_ns = keep_alive_ms * MS, round(1e9 / rate_hz)
+    kept = KeepAlive(vest, keep_alive_ns=keep_alive_ns, period_ns=period_ns)  # type: ignore[arg-type]
+    times = [round(k * 1e9 / rate_hz) for k in range(len(values))]
+    sent = []
+    for t_ns, value in zip(times, values, strict=True):
+        sent.append(kept.offer(t_ns, frame_of(value)))
+        assert vest.sent[-1][1] == frame_of(value)
+    assert sum(sent) == len(vest.sent)
+    moments = [t for t, _ in vest.sent]
+    gaps = [b - a for a, b in itertools.pairwise([*moments, times[-1]])]
+    assert max(gaps, default=0) <= max(keep_alive_ns, period_ns) + 1
+    if keep_alive_ms == 0:
+        assert all(sent)
+
+
+def test_an_unchanged_frame_goes_out_every_100_ms_at_30_hz() -> None:
+    vest = Sink()
+    kept = KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)  # type: ignore[arg-type]
+    for k in range(13):
+        kept.offer(round(k * 1e9 / 30), frame_of(5 if k < 8 else 9))
+    assert [t // MS for t, _ in vest.sent] == [0, 100, 200, 266, 366]
+
+
+def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int) -> DualLoop:
+    loop = DualLoop(
+        pacer=Pacer(ManualClock()),
+        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+        contacts={"thumb": PulledStream(contacts, end_ns=end_ns)},
+        levels=None,
+        hand=ModelledAllegro(),
+        vests=[recorder],  # type: ignore[list-item]
+        hands=[],
+        recorder=None,
+        kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
+    )
+    loop.run()
+    return loop
+
+
+def test_the_recorder_gets_every_tick_and_the_vest_what_changed() -> None:
+    vest, recorder = Sink(), Sink()
+    contacts = [(k * 10 * MS, touching(50 if k < 20 else 80)) for k in range(40)]
+    report = run_kept(vest, recorder, contacts, end_ns=400 * MS).report
+    assert [t for t, _ in recorder.sent] == [*(round(k * 1e9 / 30) for k in range(12)), 400 * MS]
+    assert [t // MS for t, _ in vest.sent] == [0, 100, 200, 300, 400]
+    assert (report.n_vest_ticks, report.n_vest_sent, report.n_vest_skipped) == (12, 4, 8)
+    shown = dict(vest.sent)
+    for t_ns, frame in recorder.sent:
+        newest = max(t for t in shown if t <= t_ns)
+        assert shown[newest] == frame
+
+
+def test_the_zeros_of_the_way_out_are_sent_whatever_was_sent_before() -> None:
+    vest = Sink()
+    report = run_kept(vest, Sink(), [(0, touching(0))], end_ns=34 * MS).report
+    assert [t for t, _ in vest.sent] == [0, 34 * MS]
+    assert not any(frame.intensities.any() for _, frame in vest.sent)
+    assert (report.n_vest_sent, report.n_vest_skipped) == (1, 1)
+
+
+def test_a_vest_that_fails_does_not_keep_the_others_from_silence() -> None:
+    recorder = Sink()
+    contacts = [(k * 10 * MS, touching(50 + k)) for k in range(40)]
+    with pytest.raises(DeviceUnavailableError, match="cable"):
+        run_kept(Sink(fail_at_ns=50 * MS), recorder, contacts, end_ns=400 * MS)
+    assert not recorder.sent[-1][1].intensities.any()
+
+
+# What is not there
+
+
+class Waits(ManualClock):
+    """A clock that remembers what was waited for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.times: list[int] = []
+
+    def sleep_until(self, t_ns: int) -> None:
+        self.times.append(t_ns)
+        super().sleep_until(t_ns)
+
+
+def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, Sink, Sink]:
+    clock, vest, hand = Waits(), Sink(), Sink()
+    contacts = [(k * 16 * MS, touching(50)) for k in range(61)] if touch else []
+    levels = [(k * 100 * MS, (2,), 2) for k in range(1, 10)]
+    streams = {"thumb": PulledStream(contacts, end_ns=1000 * MS)} if touch else {}
+    loop = DualLoop(
+        pacer=Pacer(clock),
+        touch=TouchLoop(dict.fromkeys(streams, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="x40"),
+        contacts=streams,
+        levels=PulledStream(levels, end_ns=1000 * MS) if emg else None,
+        hand=ModelledAllegro(),
+        vests=[vest],  # type: ignore[list-item]
+        hands=[hand],  # type: ignore[list-item]
+        recorder=None,
+        kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
+    )
+    loop.run(**how)
+    return loop, clock, vest, hand
+
+
+VEST_TIMES = [round(k * 1e9 / 30) for k in range(30)]
+
+
+def test_without_emg_no_hand_ticks_and_nobody_wakes_for_it() -> None:
+    loop, clock, _, hand = run_parts(touch=True, emg=False)
+    assert [t for t, _ in hand.sent] == [1000 * MS]  # the way out
+    assert (loop.report.n_hand_ticks, loop.report.n_vest_ticks) == (0, 30)
+    assert (loop.report.n_contacts, loop.report.end_ns) == ({"thumb": 61}, 1000 * MS)
+    assert clock.times == sorted({*VEST_TIMES, *range(0, 1001 * MS, 100 * MS)})
+
+
+def test_without_touch_no_vest_ticks_and_nobody_wakes_for_it() -> None:
+    loop, clock, vest, hand = run_parts(touch=False, emg=True)
+    assert [t for t, _ in vest.sent] == [1000 * MS] * 2  # the way out of both sinks
+    assert (loop.report.n_hand_ticks, loop.report.n_vest_ticks, loop.report.n_vest_sent) == (334, 0, 0)
+    assert clock.times == [*range(0, 1000 * MS, 3 * MS), 1002 * MS]
+    assert len(hand.sent) == 335
+
+
+def test_a_set_duration_is_kept_and_takes_in_all_that_came_before_it() -> None:
+    loop, clock, vest, _ = run_parts(touch=True, emg=False, duration_ns=97 * MS)
+    assert (loop.report.ended, loop.report.end_ns) == ("duration", 97 * MS)
+    assert clock.times[-1] == 97 * MS
+    assert loop.report.n_contacts == {"thumb": 7}  # at 0, 16, … 96 ms
+    assert vest.sent[-1][0] == 97 * MS
+    loop, *_ = run_parts(touch=True, emg=False, duration_ns=1000 * MS)
+    assert (loop.report.ended, loop.report.end_ns) == ("duration", 1000 * MS)
+    loop, *_ = run_parts(touch=True, emg=False, duration_ns=1001 * MS)
+    assert (loop.report.ended, loop.report.end_ns) == ("complete", 1000 * MS)
+
+
+PLUGIN = """
+from tega.devices.base import DeviceInfo
+from tega.devices.synthetic import SyntheticTouch
+from tega.devices.vest_recorder import VestRecorder
+
+made, read = [], []
+
+class Driver(SyntheticTouch):
+    def __init__(self, options):
+        super().__init__(options)
+        made.append(self)
+
+    def read(self, timeout_s):
+        read.append(self)
+        return super().read(timeout_s)
+
+class LiveVest(VestRecorder):
+    @property
+    def info(self):
+        return DeviceInfo(driver="live-vest", kind="vest", label="written down", live=True)
+"""
+
+
+@pytest.fixture
+def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Install a tactile driver that remembers its instances and a vest that counts as a real one."""
+    folder = tmp_path / "site"
+    info = folder / "tega_test_skips-1.0.dist-info"
+    info.mkdir(parents=True)
+    (folder / "tega_test_skips.py").write_text(PLUGIN)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: tega_test_skips\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[tega.devices]\ncounted-touch = tega_test_skips:Driver\nlive-vest = tega_test_skips:LiveVest\n"
+    )
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.delitem(sys.modules, "tega_test_skips", raising=False)
+    return importlib.import_module("tega_test_skips")
+
+
+def session(tmp_path: Path, out: str, **tables: Any) -> Any:
+    tree = {
+        "session": {"pace": "fast", "out_dir": str(tmp_path / out)},
+        "tactile": {"index": {"driver": "counted-touch", "options": {"duration_s": 2.0}}},
+        **tables,
+    }
+    return check_tree(tree, {}, base=tmp_path).config
+
+
+def our_threads() -> set[str]:
+    return {t.name for t in threading.enumerate() if t.name.startswith("tega-")}
+
+
+def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> None:
+    while_measuring: set[str] = set()
+    views: list[LoopView] = []
+    running: set[str] = set()
+
+    def progress(_what: str, _done: int, _total: int) -> None:
+        while_measuring.update(our_threads())
+
+    def observer(view: LoopView) -> None:
+        views.append(view)
+        running.update(our_threads())
+
+    first = run_session(session(tmp_path, "one"), observer=observer, progress=progress)
+    assert len(plugin.made) == 1
+    assert plugin.read == plugin.made * len(plugin.read)
+    assert while_measuring == {"tega-measure_0"}
+    assert running == set()  # all was measured beforehand
+
+    plugin.made.clear()
+    plugin.read.clear()
+    calibration = {"file": str(tmp_path / "one" / "calibration.toml")}
+    np.save(tmp_path / "gel.npy", PressCamera(0).baseline())
+    finger = {"driver": "counted-touch", "baseline": "gel.npy", "options": {"duration_s": 2.0}}
+    config = session(tmp_path, "two", calibration=calibration, tactile={"index": finger})
+    second = run_session(config, observer=observer)
+    assert len(plugin.made) == 1
+    assert plugin.read == plugin.made * 120
+    assert running <= {"tega-index"}
+    assert our_threads() == set()
+    for summary in (first, second):
+        assert list(summary["tactile"]) == ["index"]
+        assert (summary["emg"], summary["hand"]["ticks"]) == (None, 0)
+    assert set().union(*(view.contacts for view in views)) == {"index"}
+    rows = table(tmp_path / "two" / "contacts.csv")
+    assert {row["finger"] for row in rows} == {"index"}
+    assert "[tactile.index]" in (tmp_path / "one" / "calibration.toml").read_text()
+    assert "thumb" not in (tmp_path / "one" / "calibration.toml").read_text()
+
+
+def test_the_back_loop_holds_nothing_of_fingers_not_in_use() -> None:
+    touch = TouchLoop({"ring": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32")
+    touch.update("ring", 0, touching(100, 1.0))
+    assert {len(held) for held in (touch._maxima, touch._column, touch._newest)} == {1}
+    assert touch.frame(0).intensities[:4].tolist() == [0, 0, 0, 99]
+
+
+@pytest.mark.usefixtures("plugin")
+def test_a_real_vest_is_spared_and_the_table_stays_the_same(tmp_path: Path) -> None:
+    plain = run_session(session(tmp_path, "plain"))
+    assert (plain["vest"]["frames"], plain["vest"]["sent"], plain["vest"]["skipped"]) == (60, 0, 0)
+    for keep_alive_s, name in ((0.1, "live"), (0.0, "all")):
+        vest = {"driver": "live-vest", "keep_alive_s": keep_alive_s, "options": {"file": f"{name}.csv"}}
+        said = run_session(session(tmp_path, name, vest=vest))["vest"]
+        assert said["sinks"] == ["live-vest", "vest-recorder"]
+        assert said["sent"] + said["skipped"] == said["frames"] == 60
+        assert (said["skipped"] > 0) == (keep_alive_s > 0)
+        sent = (tmp_path / f"{name}.csv").read_text().splitlines()
+        assert len(sent) == 1 + said["sent"] + 1  # the head, and the zeros of the way out
+        recorded = (tmp_path / name / "vest.csv").read_text()
+        assert recorded == (tmp_path / "plain" / "vest.csv").read_text()
+        assert set(sent) <= set(recorded.splitlines())
+
+
+@pytest.mark.usefixtures("plugin")
+def test_a_vest_that_only_records_gets_every_tick(tmp_path: Path) -> None:
+    vest = {"driver": "vest-recorder", "options": {"file": "mine.csv"}}
+    said = run_session(session(tmp_path, "out", vest=vest))["vest"]
+    assert said["sinks"] == ["vest-recorder", "vest-recorder"]
+    assert (said["sent"], said["skipped"]) == (0, 0)
+    assert (tmp_path / "mine.csv").read_bytes() == (tmp_path / "out" / "vest.csv").read_bytes()
