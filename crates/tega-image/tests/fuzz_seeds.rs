@@ -7,6 +7,7 @@ mod bytes;
 #[allow(clippy::all, clippy::pedantic, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 mod fuzz;
 #[path = "../../../fuzz/replay.rs"]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
 mod replay;
 
 use proptest::prelude::*;

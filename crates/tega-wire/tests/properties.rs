@@ -8,6 +8,7 @@ mod bytes;
 #[allow(clippy::all, clippy::pedantic, clippy::unwrap_used)]
 mod fuzz;
 #[path = "../../../fuzz/replay.rs"]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
 mod replay;
 
 use proptest::collection::vec;

@@ -85,11 +85,12 @@ fn compare(metrics: &ContactMetrics, wanted: &Answer) {
     assert_near("centroid y", metrics.centroid_xy.1, y);
     assert_root("spread", metrics.spread, &contact.threshold.variance);
     if let Some([low, high]) = around(metrics.threshold) {
-        let (low, high) = (contact.threshold.is_under(&low), contact.threshold.is_under(&high));
+        let [low, high] = [low, high].map(|end| contact.threshold.is_under(end.numer(), end.denom()));
         assert!(!low && high, "threshold is {}: {low} {high}", metrics.threshold);
     } else {
-        let huge = BigRational::from_float(f64::MAX).unwrap();
-        let beyond = contact.threshold.is_under(&-&huge) || !contact.threshold.is_under(&huge);
+        let huge = BigRational::from_float(f64::MAX).unwrap().to_integer();
+        let one = BigInt::one();
+        let beyond = contact.threshold.is_under(&-&huge, &one) || !contact.threshold.is_under(&huge, &one);
         assert!(beyond, "threshold is {}", metrics.threshold);
     }
     if contact.eda == 0 {

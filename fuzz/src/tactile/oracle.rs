@@ -41,15 +41,18 @@ pub struct Threshold {
 }
 
 impl Threshold {
-    /// Whether `grey` is above it, decided on squares.
-    pub fn is_under(&self, grey: &BigRational) -> bool {
-        let gap = &self.value - grey;
-        let step = &self.factor * &self.factor * &self.variance;
-        match (self.factor.is_negative(), gap.is_negative()) {
+    /// Whether `numerator / denominator` (positive) is above it, decided on squares of integers.
+    pub fn is_under(&self, numerator: &BigInt, denominator: &BigInt) -> bool {
+        let gap = self.value.numer() * denominator - numerator * self.value.denom();
+        let scale = self.value.denom() * denominator;
+        let (f, v) = (&self.factor, &self.variance);
+        let step = f.numer().pow(2) * v.numer() * scale.pow(2);
+        let gap_square = gap.pow(2) * f.denom().pow(2) * v.denom();
+        match (f.is_negative(), gap.is_negative()) {
             (false, true) => true,
             (true, false) => false,
-            (false, false) => step > &gap * &gap,
-            (true, true) => step < &gap * &gap,
+            (false, false) => step > gap_square,
+            (true, true) => step < gap_square,
         }
     }
 }
@@ -93,10 +96,10 @@ impl Map {
     }
 
     /// Pixels of which `counted` is true, each level asked once.
-    fn count(&self, counted: impl Fn(&BigRational) -> bool) -> u32 {
+    fn count(&self, counted: impl Fn(&BigInt) -> bool) -> u32 {
         let mut pixels = BTreeMap::<&BigInt, u32>::new();
         self.levels.iter().for_each(|level| *pixels.entry(level).or_default() += 1);
-        pixels.into_iter().filter(|(level, _)| counted(&self.grey(level))).map(|(_, n)| n).sum()
+        pixels.into_iter().filter(|(level, _)| counted(level)).map(|(_, n)| n).sum()
     }
 
     /// Sum over the pixels of the level times `of(x, y)`.
@@ -120,7 +123,9 @@ pub fn answer(frame: &Array3<u8>, baseline: &Array3<u8>, question: &Question) ->
         peak_xy: (at % map.width, at / map.width),
         contact: None,
     };
-    let gated = question.gate.as_ref().is_some_and(|(floor, least)| map.count(|grey| grey > floor) < *least);
+    let gated = question.gate.as_ref().is_some_and(|(floor, least)| {
+        map.count(|level| level * floor.denom() > floor.numer() * &map.denominator) < *least
+    });
     if gated || !mass.is_positive() {
         return answer;
     }
@@ -141,7 +146,7 @@ pub fn answer(frame: &Array3<u8>, baseline: &Array3<u8>, question: &Question) ->
     }
     let value = value_at(&map, &centroid, question.bilinear);
     let threshold = Threshold { value, factor: question.factor.clone(), variance };
-    let eda = map.count(|grey| threshold.is_under(grey));
+    let eda = map.count(|level| threshold.is_under(level, &map.denominator));
     answer.contact = Some(Contact { centroid, threshold, eda });
     answer
 }
