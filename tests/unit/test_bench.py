@@ -6,8 +6,10 @@ import gc
 import importlib.util
 import json
 import sys
+import tomllib
 from fractions import Fraction
 from functools import partial
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -128,7 +130,7 @@ def test_a_tick_makes_packets_of_the_fingers_that_are_pressed(reading):
         one = tick.Tick(reading, pressed)
         for _ in range(tick.PICTURES):
             stages, packet, data = one.run()
-        assert len(stages) == len(tick.STAGES)
+        assert len(stages) == len(tick.STAGES) + 2
         assert (len(packet), len(data)) == (20, 32)
         assert any(packet) == (pressed > 0)
 
@@ -200,6 +202,7 @@ def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
         (reading, n) for reading in ("live", "paper") for n in range(5)
     }
     assert all(set(row["stages_us"]) == set(tick.STAGES) for row in printed["tick"])
+    assert all(set(row["saved_us"]) == set(tick.SKIPS) for row in printed["tick"])
     assert picture.read_bytes().startswith(b"\x89PNG")
 
     cli_bench._print(msgspec.convert(printed, report.BenchReport))
@@ -213,3 +216,43 @@ def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
         "take turns",
     ):
         assert name in tables
+
+
+def _counts_module():
+    path = Path(__file__).resolve().parents[2] / "benches" / "counts.py"
+    if not path.is_file():
+        pytest.skip("no benches beside the tests: not a checkout")
+    spec = importlib.util.spec_from_file_location("counts", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_count_off_by_more_than_the_tolerance_is_told():
+    counts = _counts_module()
+    committed = {"a": {"avx2": 1000, "baseline": 5000}, "gone": {"baseline": 10}}
+    counted = {"a": {"avx2": 1019, "baseline": 4800}, "new": {"baseline": 7}}
+    ok = {(row.kernel, row.path): row.ok for row in counts.verdicts(committed, counted)}
+    assert ok == {
+        ("a", "avx2"): True,
+        ("a", "baseline"): False,
+        ("gone", "baseline"): False,
+        ("new", "baseline"): False,
+    }
+
+
+def test_a_path_that_this_processor_lacks_is_not_judged():
+    counts = _counts_module()
+    (avx2, baseline) = counts.verdicts({"a": {"avx2": 1000, "baseline": 5000}}, {"a": {"baseline": 5000}})
+    assert (avx2.ok, avx2.change, baseline.ok) == (True, None, True)
+
+
+def test_counts_are_committed_for_both_paths():
+    counts = _counts_module()
+    committed = tomllib.loads(counts.COMMITTED.read_text(encoding="utf-8"))["counts"]
+    tactile = [kernel for kernel in committed if kernel.endswith(counts.SIZE)]
+    assert len(tactile) >= 7
+    for kernel in tactile:
+        assert committed[kernel]["avx2"] < committed[kernel]["baseline"]

@@ -6,7 +6,9 @@ The stages are those of the dual loop, called as it calls them; devices, threads
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import cache
+from itertools import pairwise
 from typing import Literal
 
 import msgspec
@@ -17,15 +19,17 @@ from tega.bench.timing import Timing, in_turns
 from tega.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
-from tega.haptics import FINGERS
+from tega.haptics import FINGERS, VestFrame
 from tega.sim.press import Press, PressCamera
-from tega.tactile import read_contact
+from tega.tactile import ContactMetrics, read_contact
+from tega.teleop.repeats import LastFrame
 from tega.teleop.touch import TouchLoop
 from tega.wire import allegro_torque_frames, x40_ble_frame
 
-__all__ = ["STAGES", "Tick", "TickRow", "time_ticks"]
+__all__ = ["SKIPS", "STAGES", "Tick", "TickRow", "time_ticks"]
 
-STAGES = ("read", "map", "vest encode", "emg", "hand step", "can encode")
+STAGES = ("read", "map", "vest frame", "vest packet", "emg", "hand step", "can encode")
+SKIPS = ("same number", "same pixels", "equal vest frame", "no finger set")
 # 10 ms of three channels at 1 kHz.
 EMG_RATE_HZ, EMG_ROWS = 1000.0, 10
 # Pictures a finger, so that no two ticks in a row show the same one.
@@ -40,14 +44,15 @@ class TickRow(msgspec.Struct, frozen=True, kw_only=True):
         n_in_contact: Fingers that are pressed; the others are read as well.
         stages_us: Median of each stage, microseconds.
         total: Of all stages together.
-        frames_already_seen_us: Median of the same tick where no camera has a new picture, so that none is read.
+        saved_us: Median of what each skip saves in such a tick: every frame has the number of the one before it, or
+            its pixels, the vest shows this already, or touch is not in the settings at all.
     """
 
     reading: str
     n_in_contact: int
     stages_us: dict[str, float]
     total: Timing
-    frames_already_seen_us: float
+    saved_us: dict[str, float]
 
 
 @cache
@@ -75,13 +80,15 @@ class Tick:
         self._samples = 2048 + 300 * rng.standard_normal((PICTURES, EMG_ROWS, 3))
         self._intent = GraspIntent(EMG_RATE_HZ, [300.0, 300.0, 300.0], tau=EMG_ROWS, preset=reading)
         self._hand = ModelledHand()
+        self._seen = [LastFrame() for _ in FINGERS]
         self._number = 0
 
     def run(self) -> tuple[tuple[int, ...], bytes, bytes]:
         """Run one tick.
 
         Returns:
-            Nanoseconds of each stage, the vest's packet, the CAN frames' data.
+            Nanoseconds of each stage, then of telling that the pictures and that the vest frame are the same as
+            before; the vest's packet; the CAN frames' data.
         """
         clock = time.perf_counter_ns
         self._number += 1
@@ -95,23 +102,35 @@ class Tick:
         for finger, metrics in zip(FINGERS, contacts, strict=True):
             self._touch.update(finger, t_ns, metrics)
         mapped = clock()
-        packet = x40_ble_frame(self._touch.frame(t_ns).x40())
+        frame = self._touch.frame(t_ns)
+        framed = clock()
+        packet = x40_ble_frame(frame.x40())
         shown = clock()
         level = int(self._intent.process(self._samples[now])[-1])
         filtered = clock()
         _, torques = self._hand.step(level)
         stepped = clock()
-        data = b"".join(frame.data for frame in allegro_torque_frames(torques))
+        data = b"".join(can.data for can in allegro_torque_frames(torques))
         ended = clock()
-        stages = (
-            read - started,
-            mapped - read,
-            shown - mapped,
-            filtered - shown,
-            stepped - filtered,
-            ended - stepped,
-        )
-        return stages, packet, data
+        alike = self._tell_repeats(t_ns, now, contacts, frame)
+        marks = (started, read, mapped, framed, shown, filtered, stepped, ended)
+        stages = tuple(later - sooner for sooner, later in pairwise(marks))
+        return (*stages, *alike), packet, data
+
+    def _tell_repeats(
+        self, t_ns: int, now: int, contacts: Sequence[ContactMetrics], frame: VestFrame
+    ) -> tuple[int, int]:
+        """Time what the skips do instead of the work: four pictures and a vest frame that are the ones before."""
+        clock = time.perf_counter_ns
+        for last, (images, _), metrics in zip(self._seen, self._fingers, contacts, strict=True):
+            last.keep(images[now], metrics)
+        again = self._touch.frame(t_ns)
+        started = clock()
+        for last, (images, _) in zip(self._seen, self._fingers, strict=True):
+            last.repeat(images[now])
+        compared = clock()
+        bool(again == frame)
+        return compared - started, clock() - compared
 
 
 def time_ticks(*, budget_s: float) -> list[TickRow]:
@@ -135,15 +154,23 @@ def _stages(tick: Tick) -> tuple[int, ...]:
     return tick.run()[0]
 
 
-def _row(reading: str, n_in_contact: int, stages_us: NDArray[np.float64]) -> TickRow:
-    totals = stages_us.sum(axis=1)
-    medians = np.median(stages_us, axis=0)
+def _row(reading: str, n_in_contact: int, times_us: NDArray[np.float64]) -> TickRow:
+    stages, (compare, compare_vest) = times_us[:, : len(STAGES)], times_us[:, len(STAGES) :].T
+    totals = stages.sum(axis=1)
+    of = dict(zip(STAGES, stages.T, strict=True))
+    touch = of["read"] + of["map"]
+    saved = (
+        touch,
+        of["read"] - compare,
+        of["vest packet"] - compare_vest,
+        touch + of["vest frame"] + of["vest packet"],
+    )
     return TickRow(
         reading=reading,
         n_in_contact=n_in_contact,
-        stages_us={name: float(us) for name, us in zip(STAGES, medians, strict=True)},
+        stages_us={name: float(np.median(us)) for name, us in of.items()},
         total=Timing(
             median_us=float(np.median(totals)), p99_us=float(np.percentile(totals, 99)), n_calls=len(totals)
         ),
-        frames_already_seen_us=float(np.median(totals - stages_us[:, 0])),
+        saved_us={name: float(np.median(us)) for name, us in zip(SKIPS, saved, strict=True)},
     )
