@@ -137,7 +137,7 @@ mod tests {
         for (rate_hz, bound) in [(200.0, 1e-14), (1e3, 1e-13), (3e4, 1e-10), (1e6, 1e-7)] {
             let mut low = BiquadBank::new(&Sos::lowpass(rate_hz, 50.0, 4)?, 1);
             let settled = low.settle(0, 2048.0);
-            let rows = filtered(&mut low, &[2048.0; 5000]);
+            let rows = filtered(&mut low, &vec![2048.0; 5000]);
             assert!((settled / 2048.0 - 1.0).abs() < 1e-14);
             assert!(rows.iter().all(|y| (y / 2048.0 - 1.0).abs() < bound), "{rate_hz}");
         }
