@@ -40,6 +40,7 @@ _VERBS = {
     "emg-score": _Verb(
         "Tooling", "tega.cli.emg_score", "emg_score", "Score the levels against a measured force."
     ),
+    "stress": _Verb("Tooling", "tega.cli.stress", "stress", "Try the kernels where numbers go wrong."),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
 }
 
