@@ -76,7 +76,7 @@ def _print(cases: list[StressCase]) -> None:
             if c.group == group:
                 told = f"{c.happened}; {c.timing}" if c.timing else c.happened
                 verdict = short(c.error) if c.passed else f"{short(c.error)} MISSED"
-                table.add_row(*(escape(cell) for cell in (c.name, c.done, told, verdict, short(c.bound))))
+                table.add_row(*(escape(cell) for cell in (c.name, c.done, told, verdict, f"{c.bound:.2g}")))
         console.print(table)
     missed = sum(not c.passed for c in cases)
     console.print(f"{len(cases)} cases, {missed or 'none'} beyond its bound")

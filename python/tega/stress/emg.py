@@ -14,7 +14,7 @@ from tega.errors import InvalidValueError
 from tega.stress.case import StressCase
 from tega.stress.exact_emg import dc_gain, design, filtered, gain_squared
 
-__all__ = ["EMG_CASES", "worst_error"]
+__all__ = ["CUTOFF_HZ", "EMG_CASES", "FULL_SCALE", "ORDER", "bound_at", "worst_error"]
 
 Samples = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def worst_error(got: Samples, exact: list[Decimal]) -> float:
 
 
 def bound_at(rate_hz: float) -> float:
-    """Return the error that passes: rounding feeds back through poles that crowd towards 1 as the square of the rate."""
+    """Return the error that passes: poles crowd towards 1 with the rate, rounding grows as its square."""
     return 1e-14 + 5e-21 * rate_hz**2
 
 
@@ -165,7 +165,7 @@ def _denormals(*, quick: bool) -> list[StressCase]:
     rows = 20_000 if quick else 100_000
     rng = np.random.default_rng(6)
     normal = rng.normal(size=(rows, 3))
-    tiny = rng.integers(-1000, 1001, (rows, 3)) * 5e-324
+    tiny: Samples = rng.integers(-1000, 1001, (rows, 3)) * np.float64(5e-324)
     burst = np.zeros((rows, 3))
     burst[:10] = 1.0
     below_normal = float(np.finfo(np.float64).tiny)

@@ -26,7 +26,7 @@ ALL_WAYS: list[Any] = list(product(("signed", "rectified", "absolute"), ("spatia
 SHAPE = (240, 320, 3)
 # Each number is rounded once or twice from exact sums.
 BOUND = 1e-15
-ERROR_OF = "relative, worst of mass, peak, centroid, spread, threshold, CCI"
+ERROR_OF = "relative, worst number"
 
 
 def _relative(got: float, exact: Fraction | Decimal, size: Fraction | Decimal | None = None) -> float:
@@ -84,7 +84,7 @@ def _judged(
                 errors.append(_error(got, exact))
                 if (difference, spread) == ways[0]:
                     first.append(got)
-        live, paper = (read_contact(frame, baseline, reading=r) for r in ("live", "paper"))  # type: ignore[arg-type]
+        live, paper = (read_contact(frame, baseline, reading=r) for r in ("live", "paper"))
         silent &= not live.in_contact
         readings.append(f"`paper` {_area(paper)}, `live` {_area(live)}")
     wrong = sum(e == float("inf") for e in errors)
