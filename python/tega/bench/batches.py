@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from tega.bench.scenes import SIZE_OF_A_FINGER, scenes
 from tega.bench.timing import Timing, ratio, take_turns, timing
@@ -38,17 +42,19 @@ def batch_rows(*, budget_s: float) -> list[BatchRow]:
     """Measure batches; unlike everything else here they may use all cores."""
     pictures = scenes(SIZE_OF_A_FINGER)
     still = pictures[0].baseline
-    law = (
-        partial(contact_metrics, difference="rectified"),
-        partial(contact_metrics_many, difference="rectified"),
-    )
-    readings = {"rectified, spatial": law, "live": (read_contact, read_contacts)}
+    readings: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
+        "rectified, spatial": (
+            partial(contact_metrics, difference="rectified"),
+            partial(contact_metrics_many, difference="rectified"),
+        ),
+        "live": (read_contact, read_contacts),
+    }
     rows = []
     for reading, (one, many) in readings.items():
         for n_frames in FRAMES:
             frames = [pictures[k % len(pictures)].frame.copy() for k in range(n_frames)]
             calls = {
-                "one by one": lambda one=one, frames=frames: [one(frame, still) for frame in frames],
+                "one by one": partial(_one_by_one, one, frames, still),
                 "at once": partial(many, frames, still),
             }
             turns = take_turns(calls, budget_s=budget_s / 4)
@@ -62,3 +68,9 @@ def batch_rows(*, budget_s: float) -> list[BatchRow]:
                 )
             )
     return rows
+
+
+def _one_by_one(
+    read: Callable[..., Any], frames: list[NDArray[np.uint8]], still: NDArray[np.uint8]
+) -> list[Any]:
+    return [read(frame, still) for frame in frames]
