@@ -34,7 +34,7 @@ impl BiquadBank {
 
     /// Put one channel into the state it would have after an endless constant input, and say what comes out then.
     pub(crate) fn settle(&mut self, channel: usize, input: f64) -> f64 {
-        let (lane, mut x) = (channel % LANES, input);
+        let (lane, [mut x, ..]) = (channel % LANES, [input; LANES].without(TINY));
         let Some(group) = self.groups.get_mut(channel / LANES) else { return 0.0 };
         for (section, state) in self.sections.iter().zip(group) {
             let ([b0, b1, b2], [a1, a2]) = (section.b, section.a);
@@ -162,6 +162,15 @@ mod tests {
         let rows = filtered(&mut bank, &rows);
         assert!(rows.iter().all(|y| *y == 0.0 || y.is_normal()));
         assert!(bank.groups.iter().flatten().flatten().flatten().all(|z| *z == 0.0));
+        Ok(())
+    }
+
+    #[test]
+    fn a_first_sample_that_counts_as_zero_settles_at_zero() -> Result<(), EmgError> {
+        let mut bank = BiquadBank::new(&Sos::lowpass(1000.0, 50.0, 4)?, 1);
+        let tiny = f64::MIN_POSITIVE / 8.0;
+        assert_eq!(bank.settle(0, tiny), 0.0);
+        assert_eq!(filtered(&mut bank, &[tiny; 100]), [0.0; 100]);
         Ok(())
     }
 

@@ -38,10 +38,10 @@ pub struct Bgr {
     pub bytes: Vec<u8>,
 }
 
-/// Decodes a whole PNG file; `None` for 16-bit samples, whose reduction to 8 is the caller's choice.
+/// Decodes a whole PNG file; `None` for a whole one with 16-bit samples or a palette, which no camera writes and whose
+/// conversion is left to the caller.
 ///
-/// Grey is repeated in all channels, palettes are looked up, transparency is dropped. Checksums and the end marker have
-/// to be there.
+/// Grey is repeated in all channels, transparency is dropped. Checksums and the end marker have to be there.
 ///
 /// # Errors
 /// [`ImageError`] when the file is not a whole, undamaged PNG.
@@ -53,25 +53,26 @@ pub struct Bgr {
 pub fn decode_png(file: &[u8]) -> Result<Option<Bgr>, ImageError> {
     let limits = Limits { bytes: 4 * MAX_PIXELS };
     let mut decoder = Decoder::new_with_limits(Cursor::new(file), limits);
-    decoder.set_transformations(Transformations::EXPAND);
+    // Expanding a palette whose length is no multiple of three panics in `png` 0.18, so palettes are not expanded.
+    let indexed = decoder.read_header_info()?.color_type == ColorType::Indexed;
+    decoder.set_transformations(if indexed { Transformations::IDENTITY } else { Transformations::EXPAND });
     let mut reader = decoder.read_info()?;
     let (height, width) = (reader.info().height as usize, reader.info().width as usize);
     if height.saturating_mul(width) > MAX_PIXELS {
         return Err(ImageError::TooLarge { height, width });
     }
-    if reader.info().bit_depth == BitDepth::Sixteen {
-        return Ok(None);
-    }
     let mut decoded = vec![0; reader.output_buffer_size().unwrap_or_default()];
     let frame = reader.next_frame(&mut decoded)?;
     reader.finish()?;
+    if frame.bit_depth != BitDepth::Eight {
+        return Ok(None);
+    }
     let pixels = &decoded[..frame.buffer_size().min(decoded.len())];
     let bytes = match frame.color_type {
         ColorType::Rgb => pixels.as_chunks::<3>().0.iter().flat_map(|[r, g, b]| [*b, *g, *r]).collect(),
         ColorType::Rgba => pixels.as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*b, *g, *r]).collect(),
         ColorType::Grayscale => pixels.iter().flat_map(|v| [*v; 3]).collect(),
         ColorType::GrayscaleAlpha => pixels.as_chunks::<2>().0.iter().flat_map(|[v, _]| [*v; 3]).collect(),
-        // `EXPAND` has looked palettes up.
         ColorType::Indexed => return Ok(None),
     };
     Ok(Some(Bgr { height, width, bytes }))
@@ -102,6 +103,23 @@ mod tests {
         assert_eq!(decode_png(&file).unwrap().unwrap().bytes, [7, 7, 7, 9, 9, 9]);
         let file = encode(ColorType::Rgba, 1, 1, &[1, 2, 3, 0]);
         assert_eq!(decode_png(&file).unwrap().unwrap().bytes, [3, 2, 1]);
+    }
+
+    #[test]
+    fn palettes_and_16_bits_are_left_to_the_caller_but_have_to_be_whole() {
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, 2, 1);
+        encoder.set_color(ColorType::Indexed);
+        encoder.set_palette(vec![1, 2, 3, 4, 5, 6]);
+        encoder.write_header().unwrap().write_image_data(&[0, 1]).unwrap();
+        assert_eq!(decode_png(&file).unwrap(), None);
+        assert!(decode_png(&file[..file.len() - 12]).is_err());
+
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, 1, 1);
+        encoder.set_depth(BitDepth::Sixteen);
+        encoder.write_header().unwrap().write_image_data(&[1, 2]).unwrap();
+        assert_eq!(decode_png(&file).unwrap(), None);
     }
 
     #[test]

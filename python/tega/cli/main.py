@@ -41,6 +41,7 @@ _VERBS = {
         "Tooling", "tega.cli.emg_score", "emg_score", "Score the levels against a measured force."
     ),
     "bench": _Verb("Tooling", "tega.cli.bench", "bench", "Measure run time against error."),
+    "stress": _Verb("Tooling", "tega.cli.stress", "stress", "Try the kernels where numbers go wrong."),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
 }
 

@@ -80,7 +80,7 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
 
 
 def _png(path: Path, data: bytes) -> NDArray[np.uint8] | None:
-    """Decode a PNG file in the extension: faster than OpenCV, and it refuses what is not whole. 16 bits: ``None``."""
+    """Decode a PNG file, or refuse it where it is not whole; 16 bits or a palette: ``None``."""
     try:
         return _native.decode_png(data)
     except RecordingError as error:

@@ -1,0 +1,149 @@
+"""The Butterworth low-pass in 60-digit decimals: design by pole placement, difference equation, response."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from decimal import Decimal, localcontext
+
+__all__ = ["dc_gain", "design", "filtered", "gain_squared", "transfer_function"]
+
+DIGITS = 60
+PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899")
+
+Section = tuple[Decimal, Decimal, Decimal, Decimal, Decimal]
+"""b0, b1, b2, a1, a2."""
+
+
+def _sine_cosine(angle: Decimal) -> tuple[Decimal, Decimal]:
+    """Taylor series; the angles here are at most π."""
+    sine, cosine, term, n = Decimal(0), Decimal(0), Decimal(1), 0
+    while abs(term) > Decimal(10) ** -(DIGITS + 5) or n < 4:
+        part = term if n % 4 in {0, 1} else -term
+        if n % 2:
+            sine += part
+        else:
+            cosine += part
+        n += 1
+        term = term * angle / n
+    return sine, cosine
+
+
+def design(rate_hz: float, cutoff_hz: float, order: int) -> list[Section]:
+    """Place the analogue poles, take them through the bilinear transform, pair them.
+
+    Args:
+        rate_hz: Sample rate.
+        cutoff_hz: Where the gain is down by 3 dB.
+        order: Number of poles.
+
+    Returns:
+        Sections of gain 1 at frequency 0.
+    """
+    with localcontext() as context:
+        context.prec = DIGITS
+        sine, cosine = _sine_cosine(PI * Decimal(cutoff_hz) / Decimal(rate_hz))
+        radius = sine / cosine
+        sections: list[Section] = []
+        for k in range(1, order // 2 + 1):
+            sine, cosine = _sine_cosine(PI * (2 * k + order - 1) / (2 * order))
+            re, im = radius * cosine, radius * sine
+            apart = 1 - 2 * re + radius * radius
+            z_re, z_im = (1 - radius * radius) / apart, 2 * im / apart
+            a1, a2 = -2 * z_re, z_re * z_re + z_im * z_im
+            gain = (1 + a1 + a2) / 4
+            sections.append((gain, 2 * gain, gain, a1, a2))
+        if order % 2:
+            a1 = (radius - 1) / (radius + 1)
+            gain = (1 + a1) / 2
+            sections.append((gain, gain, Decimal(0), a1, Decimal(0)))
+        return sections
+
+
+def filtered(sections: Iterable[Section], samples: Sequence[float]) -> list[Decimal]:
+    """Run the difference equation, settled on the first sample.
+
+    Args:
+        sections: As `design` gives them.
+        samples: One channel.
+
+    Returns:
+        The exact output, to 50 digits or so.
+    """
+    with localcontext() as context:
+        context.prec = DIGITS
+        signal = [Decimal(x) for x in samples]
+        for b0, b1, b2, a1, a2 in sections:
+            x1 = x2 = y1 = y2 = signal[0]
+            out = []
+            for x in signal:
+                y = b0 * x + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2
+                out.append(y)
+                x1, x2, y1, y2 = x, x1, y, y1
+            signal = out
+        return signal
+
+
+def transfer_function(sections: Iterable[Section]) -> tuple[list[float], list[float]]:
+    """Multiply the sections out into one fraction of two polynomials, each coefficient rounded once.
+
+    Args:
+        sections: As `design` gives them.
+
+    Returns:
+        Numerator and denominator, ascending powers of 1/z.
+    """
+    with localcontext() as context:
+        context.prec = DIGITS
+        b, a = [Decimal(1)], [Decimal(1)]
+        for b0, b1, b2, a1, a2 in sections:
+            b, a = _product(b, (b0, b1, b2)), _product(a, (Decimal(1), a1, a2))
+        return [float(x) for x in b], [float(x) for x in a]
+
+
+def _product(p: Sequence[Decimal], q: Sequence[Decimal]) -> list[Decimal]:
+    out = [Decimal(0)] * (len(p) + len(q) - 1)
+    for i, x in enumerate(p):
+        for j, y in enumerate(q):
+            out[i + j] += x * y
+    return out
+
+
+def dc_gain(sos: Iterable[Sequence[float]]) -> Decimal:
+    """Gain at frequency 0 of sections as they are, coefficients rounded or not.
+
+    Args:
+        sos: Rows b0, b1, b2, 1, a1, a2.
+
+    Returns:
+        The gain.
+    """
+    with localcontext() as context:
+        context.prec = DIGITS
+        gain = Decimal(1)
+        for row in sos:
+            b0, b1, b2, _, a1, a2 = (Decimal(c) for c in row)
+            gain *= (b0 + b1 + b2) / (1 + a1 + a2)
+        return gain
+
+
+def gain_squared(sos: Iterable[Sequence[float]], share: float) -> Decimal:
+    """Squared gain of sections as they are.
+
+    Args:
+        sos: Rows b0, b1, b2, 1, a1, a2.
+        share: Frequency as a share of the rate.
+
+    Returns:
+        The squared gain.
+    """
+    with localcontext() as context:
+        context.prec = DIGITS
+        sine, cosine = _sine_cosine(2 * PI * Decimal(share))
+        sine2, cosine2 = 2 * sine * cosine, cosine * cosine - sine * sine
+        gain = Decimal(1)
+        for row in sos:
+            b0, b1, b2, _, a1, a2 = (Decimal(c) for c in row)
+            above = (b0 + b1 * cosine + b2 * cosine2) ** 2 + (b1 * sine + b2 * sine2) ** 2
+            below = (1 + a1 * cosine + a2 * cosine2) ** 2 + (a1 * sine + a2 * sine2) ** 2
+            gain *= above / below
+        return gain
