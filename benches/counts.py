@@ -157,7 +157,7 @@ def show(out: Console, rows: list[Verdict]) -> None:
 
 def main() -> int:
     """Count, then compare or write."""
-    out = Console(highlight=False, width=110)
+    out = Console(highlight=False, width=130)
     committed: dict[str, Any] = (
         tomllib.loads(COMMITTED.read_text(encoding="utf-8")) if COMMITTED.exists() else {}
     )

@@ -188,11 +188,11 @@ def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
     )
     assert done.exit_code == 0
     printed = json.loads(done.stdout)
-    assert set(printed) == {"method", "machine", "threads", "missing", "contact", "emg", "tick"}
+    assert set(printed) == {"method", "machine", "threads", "missing", "contact", "emg", "batches", "tick"}
     help_text = CliRunner().invoke(cli_bench.bench, ["--help"]).stdout
     for part in (printed, printed["machine"], printed["contact"][0], printed["contact"][0]["error"]):
         assert all(key in help_text for key in part)
-    assert all(key in help_text for key in (*printed["emg"][0], *printed["tick"][0]))
+    assert all(key in help_text for key in (*printed["emg"][0], *printed["batches"][0], *printed["tick"][0]))
     ours = [row for row in printed["contact"] if row["variant"].startswith("TEGA") and row["error"]]
     assert {row["error"]["eda_pixels"] for row in ours} == {0.0}
     assert {row["reading"] for row in ours} == {*(law.name for law in CONTACT_LAWS), "presets"}

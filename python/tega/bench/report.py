@@ -10,6 +10,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from tega.bench.batches import BatchRow, batch_rows
 from tega.bench.exact import ContactError, Exact, exact_metrics, exact_paper, measure_error, worst
 from tega.bench.filters import BLOCK_ROWS, CHANNELS, error_of_full_scale, filters, signal, true_response
 from tega.bench.machine import Machine, describe_machine
@@ -93,6 +94,7 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
         missing: Packages that are not installed, whose variants were not measured.
         contact: One row a reading, variant and size; the floor is among them.
         emg: One row a case and variant.
+        batches: One row a reading and number of frames.
         tick: One row a preset and number of fingers in contact.
     """
 
@@ -102,6 +104,7 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
     missing: list[str]
     contact: list[ContactRow]
     emg: list[FilterRow]
+    batches: list[BatchRow]
     tick: list[TickRow]
 
 
@@ -119,14 +122,17 @@ def run_bench(
     """
     budget_s = 0.3 if quick else 3.0
     sizes = [size for size in SIZES if not (quick and size == SIZE_OF_A_SENSOR)]
-    jobs: list[tuple[str, Callable[[], list[ContactRow] | list[FilterRow] | list[TickRow]]]] = []
+    jobs: list[
+        tuple[str, Callable[[], list[ContactRow] | list[FilterRow] | list[BatchRow] | list[TickRow]]]
+    ] = []
     for size in sizes:
         laws = CONTACT_LAWS if size == SIZE_OF_A_FINGER else SCALED_LAWS
         jobs += [(f"{law.name} {size}", partial(contact_rows, law, size, budget_s=budget_s)) for law in laws]
         jobs.append((f"presets {size}", partial(preset_rows, size, budget_s=budget_s)))
     jobs.append(("EMG", partial(filter_rows, budget_s=budget_s)))
+    jobs.append(("batches", partial(batch_rows, budget_s=budget_s)))
     jobs.append(("tick", partial(time_ticks, budget_s=2 * budget_s)))
-    rows: list[ContactRow | FilterRow | TickRow] = []
+    rows: list[ContactRow | FilterRow | BatchRow | TickRow] = []
     machine = describe_machine()
     with single_threaded() as threads:
         for number, (what, job) in enumerate(jobs):
@@ -139,6 +145,7 @@ def run_bench(
         missing=[name for name in ("cv2", "mpmath", "numba", "scipy") if find_spec(name) is None],
         contact=[row for row in rows if isinstance(row, ContactRow)],
         emg=[row for row in rows if isinstance(row, FilterRow)],
+        batches=[row for row in rows if isinstance(row, BatchRow)],
         tick=[row for row in rows if isinstance(row, TickRow)],
     )
 

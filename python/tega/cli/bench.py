@@ -42,6 +42,7 @@ def bench(*, picture: Path | None, quick: bool, as_json: bool) -> None:
       contact   [{reading, variant, size: [height, width], time: {median_us, p99_us, n_calls}, to_floor,
                 to_best_peer, error: {centroid_px, spread_relative, eda_pixels, cci_relative} or null}]
       emg       [{case: block|bulk, variant, n_rows, time, ns_per_sample, to_best_peer, error_of_full_scale}]
+      batches   [{reading, n_frames, one_by_one: {median_us, ...}, at_once: {median_us, ...}, to_one_by_one}]
       tick      [{reading, n_in_contact, stages_us: {stage: ...}, total: {median_us, p99_us, n_calls},
                 saved_us: {skip: ...}}]
     to_floor and to_best_peer are times over the time of the reference: below 1 is faster.
@@ -77,6 +78,7 @@ def _print(report: BenchReport) -> None:
         rows = [row for row in report.contact if (row.reading, row.size) == (reading, size)]
         _print_contact(out, f"{reading}, {size[0]}×{size[1]}", rows)
     _print_emg(out, report)
+    _print_batches(out, report)
     _print_ticks(out, report)
     for name in report.missing:
         out.print(f"note: {name} is not installed, so what needs it was not measured")
@@ -134,6 +136,22 @@ def _print_emg(out: Console, report: BenchReport) -> None:
             "–" if row.to_best_peer is None else f"{row.to_best_peer:.2f}",
             "–" if error is None else f"{error:.0e}",
         )
+    out.print(table)
+
+
+def _print_batches(out: Console, report: BenchReport) -> None:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table(
+        title="many frames, 240×320, all cores: median µs a frame", title_justify="left", box=SIMPLE
+    )
+    table.add_column("reading", no_wrap=True)
+    for name in ("frames", "one by one", "at once", "× one by one"):
+        table.add_column(name, justify="right")
+    for row in report.batches:
+        times = (f"{time.median_us / row.n_frames:.1f}" for time in (row.one_by_one, row.at_once))
+        table.add_row(row.reading, str(row.n_frames), *times, f"{row.to_one_by_one:.2f}")
     out.print(table)
 
 
