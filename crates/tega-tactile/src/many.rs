@@ -15,8 +15,12 @@ pub fn each<T: Sync, S: Default, R: Send>(
     work: impl Fn(&T, &mut S) -> R + Sync,
 ) -> Vec<R> {
     let run = |share: &[T], scratch: &mut S| share.iter().map(|item| work(item, scratch)).collect::<Vec<R>>();
+    if pixels < PARALLEL_FROM_PIXELS || items.len() < 2 {
+        return run(items, scratch);
+    }
+    // Asked only now: the answer may cost tens of microseconds.
     let cores = thread::available_parallelism().map_or(1, NonZero::get);
-    if pixels < PARALLEL_FROM_PIXELS || cores < 2 || items.len() < 2 {
+    if cores < 2 {
         return run(items, scratch);
     }
     let shares: Vec<&[T]> = items.chunks(items.len().div_ceil(cores)).collect();
