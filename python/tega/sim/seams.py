@@ -1,0 +1,94 @@
+"""What the parts of the simulated bench pass to one another: world, gel, operator, loop.
+
+The world steps physics and says what presses each fingertip (:class:`Indenter`) and what is true (:class:`Truth`).
+The gel turns indenters into a picture. The operator is given what a person could perceive (:class:`Percept`) and
+answers with what the person does (:class:`Act`). Nothing here computes.
+
+Fingers are in the order thumb, index, middle, ring. Pad frame of a fingertip: origin on the undeformed gel at its
+middle, x to the right and y down in the upright picture, z out of the gel; right-handed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.haptics import VestFrame
+
+__all__ = ["Act", "Indenter", "Percept", "Truth"]
+
+
+class Indenter(NamedTuple):
+    """A rigid shape that presses a fingertip's gel.
+
+    Attributes:
+        shape: Its kind.
+        size_mm: Sphere: radius, 0, 0. Cylinder and capsule: radius, half length along its own z, 0. Box: half
+            lengths along its own axes. Plane: zeros; its own z is its outward normal.
+        pose_mm: float64 (3, 4), rotation and translation from the shape's own frame to the pad frame, millimetres.
+        force_n: Normal force of this shape on the gel, newtons, 0 or more.
+    """
+
+    shape: Literal["sphere", "cylinder", "capsule", "box", "plane"]
+    size_mm: tuple[float, float, float]
+    pose_mm: NDArray[np.float64]
+    force_n: float
+
+
+class Truth(NamedTuple):
+    """What is so in the simulated world, whatever a sensor says.
+
+    Attributes:
+        t_s: Simulated time since the trial began, seconds.
+        object_height_m: Height of the object over where it stood, metres.
+        lift_off: Whether the object has left the table.
+        pad_force_n: Normal force on each pad, newtons, thumb first.
+        slip_m: How far the object has slid down through the grasp since it left the table, metres.
+        slip_m_s: Speed of that, metres per second.
+        deformation_m: How much narrower the object is than unloaded, metres.
+        damage_m: How much of that stays when let go, metres.
+        dropped: Whether the object was lifted and lies on the table, or below, again.
+        hand_to_object_m: Distance of the grasp's centre from the object's, metres.
+    """
+
+    t_s: float
+    object_height_m: float
+    lift_off: bool
+    pad_force_n: tuple[float, float, float, float]
+    slip_m: float
+    slip_m_s: float
+    deformation_m: float
+    damage_m: float
+    dropped: bool
+    hand_to_object_m: float
+
+
+class Percept(NamedTuple):
+    """What reaches the person now; delays and thresholds are the person's own.
+
+    Attributes:
+        t_s: Simulated time since the trial began, seconds.
+        scene: What is before the eyes.
+        vest: What the vest's motors do now; ``None`` where it is off or not worn.
+    """
+
+    t_s: float
+    scene: Truth
+    vest: VestFrame | None
+
+
+class Act(NamedTuple):
+    """What the person does until asked again.
+
+    Attributes:
+        excitation: Drive of the grip muscles as a share of the strongest, 0 to 1.15; EMG follows it.
+        forearm_m: Where the person moves the hand: height over the grasp pose and distance back from it, metres.
+        phase: What the person is about: ``reach``, ``grasp``, ``lift``, ``hold``, ``place``, ``release``, ``done``.
+    """
+
+    excitation: float
+    forearm_m: tuple[float, float]
+    phase: str
