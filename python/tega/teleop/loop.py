@@ -8,12 +8,11 @@ recorded input and a manual clock it is therefore a function: the same input giv
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import msgspec
 
-from tega.devices.base import HandDriver, VestSink
-from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
+from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
@@ -23,14 +22,25 @@ from tega.teleop.touch import STALE_NS, Felt, TouchLoop
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
     from tega.tactile import ContactMetrics
+    from tega.wire import CanFrame
 
-__all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder"]
+__all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder", "Sink"]
+
+Sent_contra = TypeVar("Sent_contra", contravariant=True)
 
 # Before the first block is complete nothing is known of the muscles: the hand keeps its most open pose.
 FIRST_LEVEL = 1
 
 # Without EMG there is no need to wake every 3 ms; sources and the wish to stop are still looked at this often.
 IDLE_NS = 100_000_000
+
+
+class Sink(Protocol[Sent_contra]):
+    """Where the loop sends to: a vest or a hand's bus, real, recorded or simulated."""
+
+    def write(self, t_ns: int, sent: Sent_contra, /) -> object:
+        """Take what the loop sends at a time counted from the start of the session."""
+        ...
 
 
 class Recorder(Protocol):
@@ -125,9 +135,9 @@ class DualLoop:
         touch: TouchLoop,
         contacts: Mapping[str, Stream[Contact]],
         levels: Stream[Block] | None,
-        hand: ModelledAllegro,
-        vests: Sequence[VestSink],
-        hands: Sequence[HandDriver],
+        hand: Hand,
+        vests: Sequence[Sink[VestFrame]],
+        hands: Sequence[Sink[Sequence[CanFrame]]],
         recorder: Recorder | None,
         kept: Sequence[KeepAlive] = (),
         vest_rate_hz: float = 30.0,
@@ -300,7 +310,7 @@ class DualLoop:
                 hand.write(t_ns, self._hand.limp())
             except Exception as error:  # reported by the caller
                 problems.append(error)
-        vests: list[KeepAlive | VestSink] = [*self._kept, *self._vests]
+        vests: list[Sink[VestFrame]] = [*self._kept, *self._vests]
         for vest in vests:
             try:
                 vest.write(t_ns, self._touch.silence())

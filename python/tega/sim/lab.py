@@ -1,0 +1,119 @@
+"""A person in the lab: gels, electrodes and calibration, made once for a seed and kept over trials.
+
+Calibration is that of people. EMG maxima come from three strong squeezes through the real chain; touch maxima from
+five presses on each fingertip, by the rule that a recording of presses is calibrated with.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from tega.config import FINGERS
+from tega.devices.base import TactileFrame
+from tega.errors import InvalidValueError
+from tega.sim.arms import feels
+from tega.sim.seams import Indenter
+from tega.teleop.maxima import touch_maxima
+from tega.teleop.sources import FrameMeter, SourceReport
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tega.calibration import TouchMaxima
+    from tega.sim.gel import Gel
+    from tega.sim.operator import Calibrated, ForearmEmg, Operator, ScriptedOperator
+    from tega.sim.trial import TrialPlan
+
+__all__ = ["EMG_HZ", "Lab", "lab_of"]
+
+EMG_HZ = 1000.0
+"""Rate of the EMG."""
+
+# The guided press: a practice object of a bottle's size, as firmly as the hand can, five times.
+PRESSES = 5
+PRESS_FRAMES = 24
+PRESS_N = 8.0
+PRACTICE_RADIUS_MM = 35.0
+
+
+class Lab:
+    """What belongs to one person and lasts longer than a trial.
+
+    Args:
+        seed: Who.
+        preset: Readings of the loop.
+
+    Attributes:
+        gels: The four fingertips' gels and cameras.
+        baselines: Their untouched pictures, as recorded before the session.
+        touch: What counts as full, by finger.
+        calibrated: The EMG maxima, and the effort that they stand for.
+    """
+
+    def __init__(self, seed: int, preset: Literal["paper", "live"]) -> None:
+        from tega.sim.gel import Gel
+        from tega.sim.operator import calibrate, draw_person, load_parameters
+
+        self._seed, self.preset = seed, preset
+        self._parameters = load_parameters()
+        self._someone = draw_person(seed, self._parameters)
+        self.calibrated: Calibrated = calibrate(self._someone, seed=seed, rate_hz=EMG_HZ, preset=preset)
+        self.gels: Mapping[str, Gel] = {
+            finger: Gel(len(FINGERS) * seed + number) for number, finger in enumerate(FINGERS)
+        }
+        self.baselines = {finger: gel.baseline() for finger, gel in self.gels.items()}
+        self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
+
+    @property
+    def digest(self) -> str:
+        """First digits of the parameter file's SHA-256."""
+        return self._parameters.digest[:16]
+
+    def emg(self, lift: str) -> ForearmEmg:
+        """Return the forearm's EMG for one lift, by its name: other lifts, other noise."""
+        from tega.sim.operator import ForearmEmg
+
+        return ForearmEmg(self._someone, seed=self._seed, label=lift, rate_hz=EMG_HZ)
+
+    def person(self, plan: TrialPlan) -> Operator | ScriptedOperator:
+        """Return the plan's operator.
+
+        Raises:
+            InvalidValueError: The plan's is at a keyboard.
+        """
+        from tega.sim.operator import Operator, ScriptedOperator
+
+        full_effort = self.calibrated.full_effort
+        if plan.operator == "scripted":
+            return ScriptedOperator(full_effort=full_effort)
+        if plan.operator == "keyboard":
+            raise InvalidValueError("nobody is at the keyboard", "give run_trial() a person")
+        return Operator(self._someone, seed=self._seed, feels=feels(plan.condition), full_effort=full_effort)
+
+    def _press(self, finger: str) -> TouchMaxima:
+        """Take the maxima of the guided press of one fingertip."""
+        meter = FrameMeter(self.baselines[finger], self.preset, SourceReport(), live=False)
+        contacts = []
+        for number in range(PRESSES * PRESS_FRAMES):
+            force_n = PRESS_N * math.sin(math.pi * (number % PRESS_FRAMES + 0.5) / PRESS_FRAMES)
+            image = self.gels[finger].frame([_practice_object(force_n)], number)
+            contact = meter.take(TactileFrame(number, number, image, "simulated press"))
+            if contact is not None:
+                contacts.append(contact)
+        return touch_maxima(contacts)
+
+
+@lru_cache(maxsize=8)
+def lab_of(seed: int, preset: Literal["paper", "live"]) -> Lab:
+    """Return a person's lab, from memory where it was there just now."""
+    return Lab(seed, preset)
+
+
+def _practice_object(force_n: float) -> Indenter:
+    """Return a cylinder that lies across the fingertip, as an upright object does in the grasp."""
+    pose_mm = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, PRACTICE_RADIUS_MM]])
+    return Indenter("cylinder", (PRACTICE_RADIUS_MM, 50.0, 0.0), pose_mm, force_n)
