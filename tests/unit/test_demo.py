@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from rich.console import Console
 
 from tega.cli.main import main
@@ -18,7 +19,6 @@ from tega.devices.synthetic import (
     effort_at,
 )
 from tega.haptics import vest_frame
-from tega.sim.muscle import emg_from_effort
 from tega.sim.press import Press, PressCamera
 from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.loop import LoopView
@@ -145,12 +145,18 @@ def test_a_press_beside_the_picture_leaves_it_alone() -> None:
 
 
 def test_synthetic_emg_follows_effort_and_repeats() -> None:
-    effort = np.repeat([0.0, 0.5, 1.0], 2000)
-    signal = emg_from_effort(effort, seed=2)
-    quiet, half, full = (np.abs(part - part.mean(axis=0)).mean(axis=0) for part in np.split(signal, 3))
-    assert np.all(quiet * 10 < half)
-    assert full / half == pytest.approx(np.full(3, 2.0), rel=0.1)
-    assert np.array_equal(signal, emg_from_effort(effort, seed=2))
+    def samples() -> NDArray[np.float64]:
+        with SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)) as source:
+            chunks = []
+            while (chunk := source.read(0.0)) is not None:
+                chunks.append(chunk.samples)
+            return np.concatenate(chunks)
+
+    signal = samples()
+    assert signal.shape == (10_000, 3)
+    early, squeezed = (part.std(axis=0) for part in (signal[:900], signal[6300:7000]))
+    assert np.all(early * 8 < squeezed)
+    assert np.array_equal(signal, samples())
     with SyntheticEmg(SyntheticEmgOptions(seed=1, duration_s=0.25)) as source:
         assert sum(len(chunk.samples) for _ in range(5) if (chunk := source.read(0.0)) is not None) == 250
         assert source.ended
