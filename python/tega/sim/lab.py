@@ -23,6 +23,8 @@ from tega.teleop.sources import FrameMeter, SourceReport
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
+
     from tega.calibration import TouchMaxima
     from tega.sim.gel import Gel
     from tega.sim.operator import Calibrated, ForearmEmg, Operator, ScriptedOperator
@@ -38,6 +40,7 @@ PRESSES = 5
 PRESS_FRAMES = 24
 PRESS_N = 8.0
 PRACTICE_RADIUS_MM = 35.0
+BASELINE_FRAMES = 30
 
 
 class Lab:
@@ -65,7 +68,7 @@ class Lab:
         self.gels: Mapping[str, Gel] = {
             finger: Gel(len(FINGERS) * seed + number) for number, finger in enumerate(FINGERS)
         }
-        self.baselines = {finger: gel.baseline() for finger, gel in self.gels.items()}
+        self.baselines = {finger: _baseline(gel) for finger, gel in self.gels.items()}
         self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
 
     @property
@@ -111,6 +114,14 @@ class Lab:
 def lab_of(seed: int, preset: Literal["paper", "live"]) -> Lab:
     """Return a person's lab, from memory where it was there just now."""
     return Lab(seed, preset)
+
+
+def _baseline(gel: Gel) -> NDArray[np.uint8]:
+    """Return the untouched gel's picture, as people record it: the mean of 30 frames. It cannot be written into."""
+    frames = [gel.frame([], number).astype(np.uint16) for number in range(BASELINE_FRAMES)]
+    mean = np.rint(np.mean(frames, axis=0)).astype(np.uint8)
+    mean.flags.writeable = False
+    return mean
 
 
 def _practice_object(force_n: float) -> Indenter:

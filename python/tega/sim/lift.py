@@ -122,7 +122,7 @@ class Lift:
     @property
     def end_s(self) -> float:
         """How much time has passed in it, seconds."""
-        return self.rig.t_ns * 1e-9
+        return self.rig.t_ns / 1e9
 
     def go(
         self,

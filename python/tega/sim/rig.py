@@ -133,7 +133,7 @@ class Rig:
         """Let time pass; nothing happens any more once the trial is over."""
         while not self._over:
             due_ns = self.t_ns = min(self._act_ns, self._camera_ns, t_ns)
-            self.world.advance_to(due_ns * 1e-9)
+            self.world.advance_to(due_ns / 1e9)
             if due_ns == self._camera_ns:
                 self._expose(due_ns)
             if due_ns == self._act_ns:
@@ -143,7 +143,7 @@ class Rig:
 
     def write(self, t_ns: int, frame: VestFrame) -> None:
         """Take a vest frame from the loop."""
-        self._vest = self._worn(t_ns * 1e-9, frame)
+        self._vest = self._worn(t_ns / 1e9, frame)
 
     def _expose(self, t_ns: int) -> None:
         """Take four pictures and put what they show on its way to the loop."""
@@ -171,7 +171,7 @@ class Rig:
             for block in self._blocks.take(chunk):
                 self.levels.put(block, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()
-        percept = Percept(t_ns * 1e-9, truth, self._vest, self.closure())
+        percept = Percept(t_ns / 1e9, truth, self._vest, self.closure())
         act = self.act = self._person.act(percept)
         self.world.set_forearm(act.forearm_m)
         self._scorer.take(truth, placing=act.phase in _PLACING)

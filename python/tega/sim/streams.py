@@ -67,7 +67,7 @@ class Streams:
         """Keep one measured frame."""
         self.rows["contacts"].append(
             (
-                t_ns * 1e-9,
+                t_ns / 1e9,
                 finger,
                 metrics.cci,
                 metrics.eda,
@@ -81,13 +81,13 @@ class Streams:
 
     def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
         """Keep one EMG block."""
-        self.rows["levels"].append((t_ns * 1e-9, *channels, fused))
+        self.rows["levels"].append((t_ns / 1e9, *channels, fused))
 
     def write(self, t_ns: int, frame: VestFrame) -> None:
         """Keep one vest frame as the loop sent it."""
         if not self._motors:
             self._motors = tuple(f"m{int(motor)}" for motor in frame.motors)
-        self.rows["vest"].append((t_ns * 1e-9, *frame.intensities.tolist()))
+        self.rows["vest"].append((t_ns / 1e9, *frame.intensities.tolist()))
 
     def columns(self, table: str) -> tuple[str, ...]:
         """Return the column names of a table."""
