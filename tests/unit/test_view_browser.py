@@ -102,16 +102,26 @@ def test_pages_of_other_sites_cannot_connect():
                 pass
 
 
-def press(socket, handle, *values) -> None:
-    for value in values:
-        socket.send(
-            msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value}})
-        )
+def tell(socket, kind: str, **fields) -> None:
+    socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
+
+
+def look(socket) -> None:
+    """Say where the camera is: only then does viser count a page as connected."""
+    tell(
+        socket, "ViewerCameraMessage", wxyz=(1, 0, 0, 0), position=(1, 1, 1), fov=1.0, near=0.1, far=10.0,
+        image_height=600, image_width=800, look_at=(0, 0, 0), up_direction=(0, 0, 1),
+    )  # fmt: skip
+
+
+def press(socket, handle, value) -> None:
+    tell(socket, "GuiUpdateMessage", uuid=handle._impl.uuid, updates={"value": value})
 
 
 def test_buttons_set_what_the_program_looks_at():
     controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "bag"))
     with BrowserView(port=0, controls=controls) as view, websocket(view) as socket:
+        look(socket)
         inputs = view.page.inputs
         assert (controls.stopped, controls.paused, controls.haptics, controls.take_object()) == (
             False, False, True, None,
@@ -143,7 +153,8 @@ def test_what_a_run_cannot_do_is_not_offered():
 
 def test_prints_nothing_and_cannot_be_shared(capfd):
     with BrowserView(port=0) as view, websocket(view) as socket:
-        socket.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
+        look(socket)
+        tell(socket, "ShareUrlRequest")
         press(socket, view.page.inputs["stop"], True)
         until(lambda: view.controls.stopped)
         assert view.url.startswith("http://127.0.0.1:")
