@@ -7,6 +7,8 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 
 use std::sync::OnceLock;
 
@@ -65,10 +67,13 @@ fn level() -> Level {
 
 #[cfg(target_arch = "x86_64")]
 fn detect() -> Level {
+    // Byte permutations and multiply-add of words came with Ice Lake and Zen 4; what lacks them takes AVX2.
     let avx512 = is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")
         && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512dq");
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vbmi")
+        && is_x86_feature_detected!("avx512vnni");
     match (avx512, is_x86_feature_detected!("avx2")) {
         (true, true) => Level::Avx512,
         (false, true) => Level::Avx2,
@@ -93,9 +98,12 @@ pub fn instruction_set() -> &'static str {
 /// See [`Kernel::rows`].
 pub(crate) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
     #[cfg(target_arch = "x86_64")]
-    if level() >= Level::Avx2 {
+    match level() {
         // SAFETY: `level` reports a set only after the processor itself said that it has it.
-        return unsafe { avx2::rows(kernel, frame, baseline, columns, rows) };
+        Level::Avx512 => return unsafe { avx512::rows(kernel, frame, baseline, columns, rows) },
+        // SAFETY: as above.
+        Level::Avx2 => return unsafe { avx2::rows(kernel, frame, baseline, columns, rows) },
+        Level::Baseline => {}
     }
     kernel.rows(frame, baseline, columns, rows);
 }
@@ -103,9 +111,12 @@ pub(crate) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut
 /// See [`Kernel::count`].
 pub(crate) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
     #[cfg(target_arch = "x86_64")]
-    if level() >= Level::Avx2 {
+    match level() {
         // SAFETY: as above.
-        return unsafe { avx2::count(kernel, frame, baseline, first) };
+        Level::Avx512 => return unsafe { avx512::count(kernel, frame, baseline, first) },
+        // SAFETY: as above.
+        Level::Avx2 => return unsafe { avx2::count(kernel, frame, baseline, first) },
+        Level::Baseline => {}
     }
     kernel.count(frame, baseline, first)
 }

@@ -14,7 +14,7 @@ use std::arch::x86_64::{
 };
 
 use crate::frame::Difference;
-use crate::levels::{Kernel, Row};
+use crate::levels::{Kernel, Row, halves};
 
 /// Pixels a step.
 const LANES: usize = 8;
@@ -39,9 +39,7 @@ impl Halves {
             let byte = |c: usize| u32::from(bytes[c] as i8 as u8) << (8 * c);
             _mm256_set1_epi32((byte(0) | byte(1) | byte(2)) as i32)
         };
-        // Rounding the high half keeps the low one within −64..=63.
-        let high = weights.map(|w| (w + 64).div_euclid(128));
-        let low = [0, 1, 2].map(|c| weights[c] - 128 * high[c]);
+        let (low, high) = halves(weights);
         Self { low: group(low), high: group(high) }
     }
 }
@@ -150,7 +148,9 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
             // SAFETY: `column` is exactly 32 bytes, borrowed mutably.
             unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
             sum = _mm256_add_epi32(sum, n);
-            min = _mm256_min_epi32(min, n);
+            if DIFFERENCE == SIGNED {
+                min = _mm256_min_epi32(min, n);
+            }
             max = _mm256_max_epi32(max, n);
             if SQUARES {
                 let odd = _mm256_srli_epi64::<32>(n);
@@ -166,7 +166,7 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
         rows.push(Row {
             sum: tail.sum + lanes_i64(wide).iter().sum::<i64>(),
             squares: tail.squares + squares,
-            min: fold_lanes!(min, _mm_min_epi32).min(tail.min),
+            min: if DIFFERENCE == SIGNED { fold_lanes!(min, _mm_min_epi32).min(tail.min) } else { tail.min },
             max: fold_lanes!(max, _mm_max_epi32).max(tail.max),
         });
     }
