@@ -7,7 +7,7 @@ offers a state does not write into them afterwards.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,24 +18,15 @@ if TYPE_CHECKING:
 
 __all__ = ["EmgTail", "Shape", "ShapeKind", "TouchImage", "ViewState"]
 
-ShapeKind = Literal["box", "sphere", "cylinder", "capsule"]
+ShapeKind: TypeAlias = Literal["sphere", "capsule", "cylinder", "box", "plane"]
 
 
-class Shape(NamedTuple):
-    """A primitive of the 3-D scene.
+Shape: TypeAlias = tuple[str, ShapeKind, tuple[float, float, float], tuple[float, float, float, float]]
+"""A primitive of the 3-D scene: name, kind, size, colour.
 
-    Attributes:
-        name: What it belongs to; shown nowhere, told in errors.
-        kind: Which primitive.
-        size_m: Box: half lengths. Sphere: radius, then zeros. Cylinder and capsule: radius, half length of the straight
-            part along its own z, 0.
-        rgba: Colour and opacity, 0 to 1.
-    """
-
-    name: str
-    kind: ShapeKind
-    size_m: tuple[float, float, float]
-    rgba: tuple[float, float, float, float]
+Size in metres: a box's half lengths; a sphere's radius; radius and half length of the straight part along its own z of a
+cylinder or capsule; half lengths in x and y of a plane. Colour: red, green, blue, opacity, 0 to 1.
+"""
 
 
 class TouchImage(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from tega.haptics import FINGERS, contact_type
 from tega.view.browser.charts import CourseChart, MuscleCharts
-from tega.view.browser.scene import Scene
+from tega.view.browser.scene import Point, Scene
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.view.browser.vest import vest_svg
 
@@ -34,6 +34,8 @@ class Page:
         server: The viser server.
         title: Heading.
         controls: What the buttons set.
+        eye_m: Where the camera begins, world frame.
+        at_m: What it looks at.
 
     Attributes:
         scene: The 3-D scene.
@@ -41,11 +43,13 @@ class Page:
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``stop``.
     """
 
-    def __init__(self, server: viser.ViserServer, *, title: str, controls: Controls) -> None:
+    def __init__(
+        self, server: viser.ViserServer, *, title: str, controls: Controls, eye_m: Point, at_m: Point
+    ) -> None:
         gui = server.gui
         self._server = server
         self._sheet = TouchSheet()
-        self.scene = Scene(server)
+        self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
         gui.set_panel_label(title)

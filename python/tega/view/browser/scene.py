@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
 from tega.errors import InvalidValueError, ShapeError
+from tega.view.state import ShapeKind
 
 if TYPE_CHECKING:
     import viser
@@ -15,11 +16,17 @@ if TYPE_CHECKING:
 
     from tega.view.state import Shape
 
-__all__ = ["Scene"]
+__all__ = ["Point", "Scene"]
 
 # Length of a force's arrow, metres a newton, and the longest that is drawn.
 _M_PER_N, _LONGEST_M = 0.02, 0.2
+_FIELD_OF_VIEW_RAD = 0.7
 _FORCE_RED = (214, 40, 40)
+# A plane is drawn as a board under it, so thick.
+_PLANE_M = 0.01
+
+
+Point: TypeAlias = tuple[float, float, float]
 
 
 class _Part(NamedTuple):
@@ -38,28 +45,27 @@ class Scene:
 
     Args:
         server: The viser server.
+        eye_m: Where the camera of whoever opens the page begins, world frame.
+        at_m: What it looks at.
 
     Attributes:
         batches: viser's handle of each mesh in use, and the parts that are drawn with it.
     """
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(self, server: viser.ViserServer, *, eye_m: Point, at_m: Point) -> None:
         self._server = server
         self._shapes: Sequence[Shape] | None = None
         self.batches: list[tuple[Any, list[_Part]]] = []
         self._arrows: Any = None
         server.scene.set_up_direction("+z")
-        server.scene.configure_environment_map("studio", environment_intensity=0.55)
+        camera = server.initial_camera
+        camera.position, camera.look_at, camera.fov = eye_m, at_m, _FIELD_OF_VIEW_RAD
+        server.scene.configure_environment_map("apartment", environment_intensity=0.4)
         server.scene.configure_default_lights(cast_shadow=True)
         server.scene.add_grid(
             "/floor", width=3, height=3, cell_size=0.1, section_size=0.5, cell_color=(225, 228, 232),
             section_color=(200, 205, 210), position=(0.0, 0.0, -0.002), infinite_grid=False, shadow_opacity=0.0,
         )  # fmt: skip
-
-    def aim(self, eye_m: tuple[float, float, float], at_m: tuple[float, float, float]) -> None:
-        """Place the camera of whoever opens the page next."""
-        camera = self._server.initial_camera
-        camera.position, camera.look_at, camera.fov = eye_m, at_m, 0.7
 
     def draw(
         self,
@@ -91,7 +97,7 @@ class Scene:
             if not parts:
                 continue
             vertices, faces = _unit_mesh(name)
-            rgba = np.array([shapes[part.shape].rgba for part in parts])
+            rgba = np.array([shapes[part.shape][3] for part in parts])
             positions, wxyzs = _placed(parts, poses)
             handle = self._server.scene.add_batched_meshes_simple(
                 f"/world/{name}",
@@ -136,12 +142,14 @@ def _parts(shapes: Sequence[Shape]) -> dict[str, list[_Part]]:
             parts["box"].append(_Part(number, 0.0, (a, b, c)))
         elif kind == "sphere":
             parts["ball"].append(_Part(number, 0.0, (a, a, a)))
+        elif kind == "plane":
+            parts["box"].append(_Part(number, -_PLANE_M, (a, b, _PLANE_M)))
         elif kind in {"cylinder", "capsule"}:
             parts["tube"].append(_Part(number, 0.0, (a, a, b)))
             if kind == "capsule":
                 parts["ball"] += [_Part(number, end, (a, a, a)) for end in (-b, b)]
         else:
-            raise InvalidValueError(f"shape {name!r} is a {kind!r}: expected box, sphere, cylinder or capsule")
+            raise InvalidValueError(f"shape {name!r} is a {kind!r}: expected one of {', '.join(get_args(ShapeKind))}")
     return parts
 
 

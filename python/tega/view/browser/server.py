@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from tega.errors import InvalidValueError, MissingExtraError
 from tega.view.browser.controls import Controls
+from tega.view.state import ViewState
 
 if TYPE_CHECKING:
+    from tega.teleop.loop import LoopView
     from tega.view.browser.page import Page
-    from tega.view.state import ViewState
 
 __all__ = ["BrowserView"]
 
@@ -32,6 +34,10 @@ class BrowserView:
         host: Where to serve: this machine only, unless ``allow_remote``.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         controls: What the page's buttons set.
+        complete: Called by the painting thread with a moment before it is painted; adds what takes time to find, such as
+            pictures that have to be read.
+        eye_m: Where the camera of whoever opens the page begins, metres.
+        at_m: What it looks at.
         rate_hz: Most moments painted per second.
         allow_remote: Let ``host`` be an address that others can reach. Whoever reaches it can press the buttons.
 
@@ -53,6 +59,9 @@ class BrowserView:
         host: str = "127.0.0.1",
         port: int = 8080,
         controls: Controls | None = None,
+        complete: Callable[[ViewState], ViewState] = lambda state: state,
+        eye_m: tuple[float, float, float] = (0.62, 0.42, 0.38),
+        at_m: tuple[float, float, float] = (0.0, 0.0, 0.13),
         rate_hz: float = 30.0,
         allow_remote: bool = False,
     ) -> None:
@@ -67,6 +76,7 @@ class BrowserView:
             raise InvalidValueError(f"rate_hz = {rate_hz} Hz, expected above 0 and at most 60")
         self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
         self._period_s = 1 / rate_hz
+        self._complete, self._camera = complete, (eye_m, at_m)
         self.controls = controls or Controls()
         self.n_offered = self.n_painted = self.n_dropped = 0
         self._slot: tuple[float, ViewState] | None = None
@@ -106,7 +116,8 @@ class BrowserView:
         from tega.view.browser.page import Page
 
         self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)
-        self.page = Page(self._server, title=self._title, controls=self.controls)
+        eye_m, at_m = self._camera
+        self.page = Page(self._server, title=self._title, controls=self.controls, eye_m=eye_m, at_m=at_m)
         self._over.clear()
         self._painter = threading.Thread(target=self._paint_on, name="tega-browser-view", daemon=True)
         self._painter.start()
@@ -139,6 +150,10 @@ class BrowserView:
             self._slot = (time.monotonic(), state)
         self._filled.set()
 
+    def __call__(self, loop: LoopView) -> None:
+        """Take a moment of the loop, as its observer; returns at once."""
+        self.offer(ViewState(loop.t_ns, loop))
+
     def _paint_on(self) -> None:
         """Paint the newest moment whenever there is one, until told to stop."""
         due_s = time.monotonic()
@@ -161,6 +176,7 @@ class BrowserView:
 
     def _paint(self, offered_s: float, state: ViewState) -> None:
         now_s = time.monotonic()
+        state = self._complete(state)
         self._measure(now_s, state)
         latency_ms = dict(state.latency_ms)
         latency_ms["to the page"] = (now_s - offered_s) * 1e3
