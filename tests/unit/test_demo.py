@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rich.console import Console
 
 from tega.cli.main import main
@@ -19,7 +18,8 @@ from tega.devices.synthetic import (
     effort_at,
 )
 from tega.haptics import vest_frame
-from tega.sim.press import Press, PressCamera
+from tega.sim.gel import Gel, ball
+from tega.sim.muscle import emg_from_effort
 from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.loop import LoopView
 from tega.teleop.touch import Felt
@@ -132,31 +132,27 @@ def test_synthetic_touch_is_the_same_however_it_is_read() -> None:
 
 
 def test_deeper_presses_are_felt_as_larger_and_no_press_as_nothing() -> None:
-    camera = PressCamera(seed=9)
-    baseline = camera.baseline()
-    areas = [read_contact(camera.frame(Press(depth)), baseline).eda for depth in (0.0, 0.3, 0.6, 1.2)]
+    gel = Gel(seed=9)
+    baseline = gel.still()
+    areas = [read_contact(gel.frame([ball(force_n=n)], 0), baseline).eda for n in (0.0, 0.5, 1.5, 5.0)]
     assert areas[0] == 0
     assert areas == sorted(set(areas))
 
 
 def test_a_press_beside_the_picture_leaves_it_alone() -> None:
-    camera = PressCamera(seed=9)
-    assert np.array_equal(camera.frame(Press(1.0, (-900.0, 10.0)), 4), camera.frame(Press(0.0), 4))
+    gel = Gel(seed=9)
+    beside = gel.frame([ball(force_n=4.0, centre_xy=(-900.0, 10.0))], 4)
+    assert not gel.truth.touches
+    assert np.array_equal(beside, gel.frame([], 4))
 
 
 def test_synthetic_emg_follows_effort_and_repeats() -> None:
-    def samples() -> NDArray[np.float64]:
-        with SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)) as source:
-            chunks = []
-            while (chunk := source.read(0.0)) is not None:
-                chunks.append(chunk.samples)
-            return np.concatenate(chunks)
-
-    signal = samples()
-    assert signal.shape == (10_000, 3)
-    early, squeezed = (part.std(axis=0) for part in (signal[:900], signal[6300:7000]))
-    assert np.all(early * 8 < squeezed)
-    assert np.array_equal(signal, samples())
+    effort = np.repeat([0.0, 0.5, 1.0], 2000)
+    signal = emg_from_effort(effort, seed=2)
+    quiet, half, full = (np.abs(part - part.mean(axis=0)).mean(axis=0) for part in np.split(signal, 3))
+    assert np.all(quiet * 10 < half)
+    assert full / half == pytest.approx(np.full(3, 2.0), rel=0.1)
+    assert np.array_equal(signal, emg_from_effort(effort, seed=2))
     with SyntheticEmg(SyntheticEmgOptions(seed=1, duration_s=0.25)) as source:
         assert sum(len(chunk.samples) for _ in range(5) if (chunk := source.read(0.0)) is not None) == 250
         assert source.ended

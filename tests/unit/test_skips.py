@@ -28,7 +28,7 @@ from tega.config import check_tree
 from tega.devices.base import TactileFrame
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import VestFrame, vest_frame
-from tega.sim.press import PressCamera
+from tega.sim.gel import Gel
 from tega.tactile import read_contact
 from tega.teleop import run_session
 from tega.teleop.hand import ModelledAllegro
@@ -432,7 +432,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
     plugin.made.clear()
     plugin.read.clear()
     calibration = {"file": str(tmp_path / "one" / "calibration.toml")}
-    np.save(tmp_path / "gel.npy", PressCamera(0).baseline())
+    np.save(tmp_path / "gel.npy", Gel(0).still())
     finger = {"driver": "counted-touch", "baseline": "gel.npy", "options": {"duration_s": 2.0}}
     config = session(tmp_path, "two", calibration=calibration, tactile={"index": finger})
     second = run_session(config, observer=observer)

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 __all__ = ["demo"]
 
 TITLE = "TEGA demo: simulated touch and EMG"
-# The object under each finger: its radius there, how deep the gel gives at full effort, and how late it is met.
+# The object under each finger: its radius there, the force at full effort, and how late it is met.
 _TOUCH = {
-    "thumb": {"radius_mm": 14.0, "depth_mm": 0.7, "delay_s": 0.0},
-    "index": {"radius_mm": 3.0, "depth_mm": 1.4, "delay_s": 0.15},
-    "middle": {"radius_mm": 4.4, "depth_mm": 1.2, "delay_s": 0.25},
-    "ring": {"radius_mm": 8.0, "depth_mm": 0.8, "delay_s": 0.4},
+    "thumb": {"radius_mm": 14.0, "force_n": 4.0, "delay_s": 0.0},
+    "index": {"radius_mm": 3.0, "force_n": 4.0, "delay_s": 0.15},
+    "middle": {"radius_mm": 4.4, "force_n": 5.0, "delay_s": 0.25},
+    "ring": {"radius_mm": 8.0, "force_n": 3.5, "delay_s": 0.4},
 }
 
 
