@@ -84,8 +84,11 @@ def arm_body(inside: str) -> str:
 
 
 def arm_actuators() -> str:
-    """Return one position servo a joint, within the arm's torque."""
+    """Return one servo a joint, within the arm's torque: its input is the speed at which the set angle moves."""
     return "".join(
-        f'<position name="{name}" joint="{name}" kp="{stiffness}" dampratio="1" forcerange="{-torque} {torque}"/>'
-        for name, stiffness, torque in zip(arm_joint_names(), _STIFFNESS_NM, _TORQUES_NM, strict=True)
+        f'<intvelocity name="{name}" joint="{name}" kp="{stiffness}" dampratio="1" '
+        f'actrange="{low} {high}" forcerange="{-torque} {torque}"/>'
+        for name, stiffness, torque, (low, high) in zip(
+            arm_joint_names(), _STIFFNESS_NM, _TORQUES_NM, ARM_LIMITS_RAD, strict=True
+        )
     )

@@ -59,10 +59,10 @@ class ArmFollower:
             self._target_rotation = rotation
         self._still = False
 
-    def tick(self, dt_s: float) -> bool:
-        """Go on by one tick; return whether the joint angles changed."""
+    def tick(self, dt_s: float) -> None:
+        """Go on by one tick."""
         if self._still:
-            return False
+            return
         away = self._target - self._place
         distance = float(np.sqrt(away @ away))
         wanted = np.zeros(3)
@@ -82,7 +82,6 @@ class ArmFollower:
             self._rotation = _rotation(turn * min(1.0, _TURN_RAD_S * dt_s / angle)) @ self._rotation
         left = self._solve(dt_s)
         self._still = left < 1e-6 and distance < 1e-7 and angle < 1e-7
-        return True
 
     def _solve(self, dt_s: float) -> float:
         """Take one step to the joint angles of the place; return how far they went, rad."""

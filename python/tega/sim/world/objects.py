@@ -56,7 +56,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     harm_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.006
     grasp_height_m: Annotated[float, msgspec.Meta(ge=0.07, le=0.2)] = 0.11
     clearance_m: Annotated[float, msgspec.Meta(ge=0, le=0.05)] = 0.003
-    forward_m: Annotated[float, msgspec.Meta(ge=-0.05, le=0.1)] = 0.0
+    forward_m: Annotated[float, msgspec.Meta(ge=-0.05, le=0.1)] = -0.01
     rgba: tuple[float, float, float, float] = (0.6, 0.6, 0.6, 1.0)
 
     @property
@@ -90,7 +90,7 @@ OBJECTS: Final[dict[str, ObjectSpec]] = {
             name="bottle",
             mass_kg=1.04,
             stiffness_n_m=3000.0,
-            friction=0.7,
+            friction=0.6,
             diameter_m=0.082,
             height_m=0.26,
             rgba=(0.35, 0.62, 0.85, 1.0),
@@ -98,9 +98,9 @@ OBJECTS: Final[dict[str, ObjectSpec]] = {
         ObjectSpec(
             name="container",
             mass_kg=0.50,
-            stiffness_n_m=3000.0,
+            stiffness_n_m=1500.0,
             friction=0.7,
-            diameter_m=0.10,
+            diameter_m=0.09,
             height_m=0.19,
             plastic_share=0.33,
             yield_m=0.003,
@@ -110,15 +110,16 @@ OBJECTS: Final[dict[str, ObjectSpec]] = {
         ObjectSpec(
             name="bag",
             mass_kg=0.40,
-            stiffness_n_m=250.0,
+            stiffness_n_m=150.0,
             friction=0.5,
-            diameter_m=0.11,
+            diameter_m=0.10,
             height_m=0.20,
             stiffening_n_m3=2e5,
             damping_ratio=0.3,
             plastic_share=0.33,
             yield_m=0.003,
-            harm_m=0.0275,
+            harm_m=0.020,
+            forward_m=-0.005,
             rgba=(0.86, 0.70, 0.45, 1.0),
         ),
     )

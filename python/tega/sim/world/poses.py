@@ -10,21 +10,31 @@ from tega.hand import CLOSURE_POSES_RAD, HandController
 
 __all__ = ["GRASP_POSES_RAD", "hand_controller"]
 
-# How far along the default poses' way (1 open to 5 tight) each of the bench's is. The defaults share the way out
-# evenly, so that on an object of 80 to 110 mm three of five would not touch it; here the second already does.
+# Fingers: how far along the default poses' way (1 open to 5 tight) each of the bench's is. The defaults share the way
+# out evenly, so that on an object of 80 to 110 mm three of five would not touch it; here the second already does.
 _WAY: Final = (1.0, 3.9, 4.3, 4.65, 5.0)
+# The thumb meets the object with its pad, opposite the index and middle fingers; the default thumb reaches past it.
+_THUMB_RAD: Final = (
+    (1.35, 0.20, 0.30, 0.70),
+    (1.35, 0.20, 0.35, 0.90),
+    (1.35, 0.20, 0.40, 1.10),
+    (1.35, 0.20, 0.45, 1.30),
+)
 
 
-def _along(way: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    before = min(int(way), 4)
-    return CLOSURE_POSES_RAD[before - 1] + (way - before) * (
-        CLOSURE_POSES_RAD[before] - CLOSURE_POSES_RAD[before - 1]
-    )
+def _grasp_poses() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    poses = np.empty((5, 16))
+    for row, way in enumerate(_WAY):
+        before = min(int(way), 4)
+        low, high = CLOSURE_POSES_RAD[before - 1 : before + 1]
+        poses[row] = low + (way - before) * (high - low)
+    poses[1:, 12:] = _THUMB_RAD
+    poses.flags.writeable = False
+    return poses
 
 
-GRASP_POSES_RAD: Final = np.array([_along(way) for way in _WAY])
+GRASP_POSES_RAD: Final = _grasp_poses()
 """Joint angles of levels 1 (open) to 5 (tight), float64 (5, 16); read-only."""
-GRASP_POSES_RAD.flags.writeable = False
 
 
 def hand_controller() -> HandController:

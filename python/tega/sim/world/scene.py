@@ -69,7 +69,7 @@ def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
     )
     xml = (
         '<mujoco model="tega"><compiler angle="radian"/>'
-        f'<option timestep="{physics.timestep_s}" integrator="{physics.integrator}" cone="elliptic" '
+        f'<option timestep="{physics.timestep_s}" jacobian="sparse" integrator="{physics.integrator}" cone="elliptic" '
         f'impratio="{physics.impratio}" noslip_iterations="{physics.noslip}" tolerance="{physics.tolerance}"/>'
         f"<default>{touching}"
         '<default class="still"><geom contype="0" conaffinity="0" rgba="0.2 0.2 0.22 1"/></default>'

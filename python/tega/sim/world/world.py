@@ -84,7 +84,7 @@ class World:
         self._palm_body, self._palm = model.body("palm").id, model.site("palm").id
         self._hand_weight_n = 9.81 * float(model.body_subtreemass[self._palm_body])
         self._arm = ArmFollower(mujoco, model, self._place(*start_m), PALM_ROTATION)
-        data.qpos[:7] = data.ctrl[:7] = self._arm.angles_rad
+        data.qpos[:7] = data.act[:7] = self._arm.angles_rad
         data.qpos[self._joints] = CLOSURE_POSES_RAD[0]
         at = model.joint("object").qposadr[0]
         data.qpos[at : at + 2] += np.random.default_rng(seed).normal(0, _PLACING_M, 2)
@@ -231,8 +231,10 @@ class World:
 
     def _attend(self) -> None:
         """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
-        if self._arm.tick(self._watch_every * self.physics.timestep_s):
-            self.data.ctrl[:7] = self._arm.angles_rad
+        # The arm's set angles move evenly from one look to the next: steps of them would shake what the hand holds.
+        tick_s = self._watch_every * self.physics.timestep_s
+        self._arm.tick(tick_s)
+        self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
         self._mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
         self.data.qfrc_applied[:7] = self._hand_weight_n * self._jacobian[2, :7]
         if self._witness is not None:
