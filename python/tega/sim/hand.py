@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.hand import HandController
 from tega.teleop.hand import limp_frames
 from tega.wire import FINGERS, AllegroServo, AllegroTorque, allegro_decode, allegro_torque_frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tega.hand import HandController
     from tega.wire import CanFrame
 
 __all__ = ["SimulatedAllegro", "SimulatedBus"]
@@ -26,16 +26,23 @@ class SimulatedAllegro:
     """The real controller on the angles that the simulated hand's encoders show.
 
     Args:
-        read_angles_rad: Gives them, float64 (16,), as they are now.
+        controller: The controller, with the poses of the bench.
+        read_angles_rad: Gives the angles, float64 (16,), as they are now.
         device_id: The hand's number on its bus, 0 to 3.
     """
 
     label = "simulated: torques from the angles of a simulated hand"
 
-    def __init__(self, read_angles_rad: Callable[[], NDArray[np.float64]], *, device_id: int = 0) -> None:
+    def __init__(
+        self,
+        controller: HandController,
+        read_angles_rad: Callable[[], NDArray[np.float64]],
+        *,
+        device_id: int = 0,
+    ) -> None:
+        self._controller = controller
         self._read = read_angles_rad
         self._device_id = device_id
-        self._controller = HandController()
         self._torques = np.zeros(16)
 
     @property

@@ -83,7 +83,7 @@ class Lift:
         streams: Streams | None = None,
         skip_untouched: bool = True,
     ) -> None:
-        from tega.sim.world import FULL_DUTY_NM, OBJECTS, World
+        from tega.sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, OBJECTS, World, hand_controller
 
         changes = {
             name: value
@@ -94,6 +94,7 @@ class Lift:
         self._lab, self._plan, self._person = lab, plan, person
         self._streams = streams
         self._full_duty_nm = FULL_DUTY_NM
+        self._controller = hand_controller()
         self._level_sum = self._level_n = 0
         maxima = lab.calibrated
         intent = GraspIntent(EMG_HZ, maxima.maxima, tau=maxima.tau, kind="raw", preset=plan.preset)
@@ -101,6 +102,7 @@ class Lift:
         person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
         self.rig = Rig(
             world=World(spec, seed=plan.seed + number),
+            poses_rad=GRASP_POSES_RAD,
             gels=lab.gels,
             baselines=lab.baselines,
             person=person,
@@ -153,7 +155,7 @@ class Lift:
             touch=TouchLoop(self._lab.touch, layout=_LAYOUT),
             contacts=rig.contacts,
             levels=rig.levels,
-            hand=SimulatedAllegro(encoders),
+            hand=SimulatedAllegro(self._controller, encoders),
             vests=[rig] if self._streams is None else [rig, self._streams],
             hands=[SimulatedBus(motors)],
             recorder=self,

@@ -18,7 +18,6 @@ import numpy as np
 
 from tega.config import FINGERS
 from tega.devices.base import EmgChunk, TactileFrame
-from tega.hand import CLOSURE_POSES_RAD
 from tega.sim.seams import Act, Percept
 from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter
 from tega.teleop.streams import QueuedStream
@@ -44,10 +43,8 @@ CAMERA_HZ = 60.0
 CAMERA_DELAY_NS = 25_000_000
 """From exposure to the loop, nanoseconds; measured systems need 17 to 33 ms."""
 
+_LEVELS = np.arange(1.0, 6.0)
 _PLACING = frozenset({"place", "release", "done"})
-# Along the way from the open pose to the tight one, by the joints that bend.
-_OPEN_RAD = CLOSURE_POSES_RAD[0]
-_CLOSING = (CLOSURE_POSES_RAD[4] - _OPEN_RAD) / ((CLOSURE_POSES_RAD[4] - _OPEN_RAD) ** 2).sum()
 
 
 class Person(Protocol):
@@ -67,6 +64,7 @@ class Rig:
 
     Args:
         world: Hand and object, at the trial's beginning.
+        poses_rad: The hand's closure poses, float64 (5, 16).
         gels: A fingertip's gel and camera, by finger.
         baselines: Their untouched pictures.
         person: Who acts.
@@ -94,6 +92,7 @@ class Rig:
         self,
         *,
         world: World,
+        poses_rad: NDArray[np.float64],
         gels: Mapping[str, Gel],
         baselines: Mapping[str, NDArray[np.uint8]],
         person: Person,
@@ -109,6 +108,8 @@ class Rig:
         on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
     ) -> None:
         self.world = world
+        self._closing = poses_rad[4] - poses_rad[0]
+        self._at_level = poses_rad @ self._closing
         self._gels = [gels[finger] for finger in FINGERS]
         self._meters = [meters[finger] for finger in FINGERS]
         self._person, self._emg, self._worn = person, emg, worn
@@ -171,10 +172,11 @@ class Rig:
             for block in self._blocks.take(chunk):
                 self.levels.put(block, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()
-        percept = Percept(t_ns / 1e9, truth, self._vest, self.closure())
+        t_s = t_ns / 1e9
+        percept = Percept(t_s, truth, self._vest, self.closure())
         act = self.act = self._person.act(percept)
         self.world.set_forearm(act.forearm_m)
-        self._scorer.take(truth, placing=act.phase in _PLACING)
+        self._scorer.take(t_s, truth, placing=act.phase in _PLACING)
         self._on_act(percept, act)
         if self._ends(t_ns, act):
             self._over = True
@@ -182,8 +184,8 @@ class Rig:
                 stream.end(t_ns)
 
     def closure(self) -> float:
-        """Return the hand's closure as it can be seen: 1 at the open pose, 5 at the tight one."""
-        return 1.0 + 4.0 * float((self.world.angles_rad - _OPEN_RAD) @ _CLOSING)
+        """Return the hand's closure as it can be seen: 1 in the open pose, 5 in the tight one."""
+        return float(np.interp(self.world.angles_rad @ self._closing, self._at_level, _LEVELS))
 
     def _ends(self, t_ns: int, act: Act) -> bool:
         if act.phase == "done" or t_ns >= self._end_ns:

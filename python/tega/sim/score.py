@@ -71,26 +71,27 @@ class Scorer:
         self._rest_since_s: float | None = None
         self._squeeze: tuple[float, float] | None = None
 
-    def take(self, truth: Truth, *, placing: bool) -> None:
+    def take(self, t_s: float, truth: Truth, *, placing: bool) -> None:
         """Take what is so now.
 
         Args:
-            truth: It.
+            t_s: Time since the trial's start, seconds.
+            truth: What is so.
             placing: Whether the object is being put down, when it may slide and lie on the table again.
         """
         self.peak_force_n = max(self.peak_force_n, *truth.pad_force_n)
-        self._deform(truth.t_s, truth.deformation_m)
+        self._deform(t_s, truth.deformation_m)
         if not truth.lift_off:
             return
         if self.time_of("lift_off") is None:
-            self.events.append(Event("lift_off", truth.t_s))
+            self.events.append(Event("lift_off", t_s))
         if placing:
             self._end_slip()
             return
         if truth.dropped and self.time_of("drop") is None:
-            self.events.append(Event("drop", truth.t_s))
-        self._rise(truth.t_s, truth.object_height_m)
-        self._slide(truth.t_s, truth.slip_m, truth.slip_m_s)
+            self.events.append(Event("drop", t_s))
+        self._rise(t_s, truth.object_height_m)
+        self._slide(t_s, truth.slip_m, truth.slip_m_s)
 
     def close(self) -> None:
         """End the trial: what is still going on counts as it stands."""
