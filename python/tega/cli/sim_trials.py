@@ -25,12 +25,32 @@ __all__ = ["sim_trials"]
     show_default=True,
     help="Also: constant, unrelated, unfelt (sham arms).",
 )
-@click.option("--seeds", "n_seeds", type=click.IntRange(1, 100_000), default=10, show_default=True, help="How many persons.")
-@click.option("--first-seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="The first one.")
-@click.option("--operator", type=click.Choice(["simulated", "scripted"]), default="simulated", show_default=True)
+@click.option(
+    "--seeds",
+    "n_seeds",
+    type=click.IntRange(1, 100_000),
+    default=10,
+    show_default=True,
+    help="How many persons.",
+)
+@click.option(
+    "--first-seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="The first one."
+)
+@click.option(
+    "--operator", type=click.Choice(["simulated", "scripted"]), default="simulated", show_default=True
+)
 @click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
-@click.option("--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for as many as there are cores.")
-@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), help="Keep results in this file, and go on from it.")
+@click.option(
+    "--jobs",
+    type=click.IntRange(0, 1024),
+    default=0,
+    help="Worker processes; 0 for as many as there are cores.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Keep results in this file, and go on from it.",
+)
 @json_option
 @debug_option
 def sim_trials(

@@ -78,9 +78,7 @@ class SimulatedBus:
         n_rejected: Frames that were no message for this hand.
     """
 
-    def __init__(
-        self, apply_torques: Callable[[NDArray[np.float64]], object], *, device_id: int = 0
-    ) -> None:
+    def __init__(self, apply_torques: Callable[[NDArray[np.float64]], object], *, device_id: int = 0) -> None:
         self._apply = apply_torques
         self._device_id = device_id
         self._torques = np.zeros(16)

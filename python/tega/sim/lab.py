@@ -119,7 +119,7 @@ def lab_of(seed: int, preset: Literal["paper", "live"]) -> Lab:
 def _baseline(gel: Gel) -> NDArray[np.uint8]:
     """Return the untouched gel's picture, as people record it: the mean of 30 frames. It cannot be written into."""
     frames = [gel.frame([], number).astype(np.uint16) for number in range(BASELINE_FRAMES)]
-    mean = np.rint(np.mean(frames, axis=0)).astype(np.uint8)
+    mean: NDArray[np.uint8] = np.rint(np.mean(frames, axis=0)).astype(np.uint8)
     mean.flags.writeable = False
     return mean
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,11 +16,12 @@ from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.rig import Rig
+from tega.sim.rig import CAMERA_DELAY_NS, Rig
 from tega.sim.score import LIFT_WINDOW_S, Scorer
 from tega.teleop.loop import DualLoop, LoopView
 from tega.teleop.sources import BlockMeter, FrameMeter, SourceReport
 from tega.teleop.touch import TouchLoop
+from tega.view.state import EmgTail, TouchImage, ViewState
 from tega.wire import ALLEGRO_RAD_PER_COUNT
 
 if TYPE_CHECKING:
@@ -32,29 +34,14 @@ if TYPE_CHECKING:
     from tega.sim.streams import Streams
     from tega.tactile import ContactMetrics
     from tega.teleop.touch import Felt
+    from tega.view.state import Shape
 
-__all__ = ["Lift", "Moment"]
+__all__ = ["Lift"]
 
 # Time to put the object down and let go, after the window in which it has to be lifted, seconds.
 _AFTER_S = 15.0
 _REST_S = 60.0
 _LAYOUT: Layout = "x40"
-
-
-class Moment(NamedTuple):
-    """What there is to see of a simulated lift, once per vest tick; a display may take what it likes.
-
-    Attributes:
-        view: What the loop shows.
-        rig: The lab, for whoever wants pictures, poses or forces; read at once, for it goes on.
-        plan: The trial.
-        rows: Object, phase, height and the like, in words.
-    """
-
-    view: LoopView
-    rig: Rig
-    plan: TrialPlan
-    rows: dict[str, str]
 
 
 class Lift:
@@ -66,6 +53,7 @@ class Lift:
         person: Who acts.
         number: Of the lift in the trial; another number, other chance.
         streams: Where to keep truth and sensors.
+        muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering.
 
     Raises:
@@ -81,6 +69,7 @@ class Lift:
         number: int,
         *,
         streams: Streams | None = None,
+        muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
     ) -> None:
         from tega.sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, OBJECTS, World, hand_controller
@@ -98,6 +87,7 @@ class Lift:
         self._level_sum = self._level_n = 0
         maxima = lab.calibrated
         intent = GraspIntent(EMG_HZ, maxima.maxima, tau=maxima.tau, kind="raw", preset=plan.preset)
+        self._emg_full = np.array(intent.maxima)
         self.scorer = Scorer(spec.harm_m)
         person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
         self.rig = Rig(
@@ -117,6 +107,7 @@ class Lift:
             scorer=self.scorer,
             end_s=LIFT_WINDOW_S + _AFTER_S,
             lift_by_s=LIFT_WINDOW_S,
+            muted=muted,
             skip_untouched=skip_untouched,
             on_act=self._note,
         )
@@ -126,11 +117,15 @@ class Lift:
         """How much time has passed in it, seconds."""
         return self.rig.t_ns / 1e9
 
+    @cached_property
+    def _shapes(self) -> Sequence[Shape]:
+        return self.rig.world.shapes()
+
     def go(
         self,
         *,
         real_time: bool,
-        observer: Callable[[Moment], None] | None,
+        observer: Callable[[ViewState], None] | None,
         stop: Callable[[], bool],
         paused: Callable[[], bool],
     ) -> None:
@@ -145,7 +140,7 @@ class Lift:
 
         def show(view: LoopView) -> None:
             if observer is not None:
-                observer(Moment(view, rig, self._plan, self._rows()))
+                observer(self._moment(view))
 
         clock = SystemClock() if real_time else ManualClock()
         pacer = SimulatedPacer(clock, rig.advance_to, paused=paused)
@@ -189,7 +184,7 @@ class Lift:
     def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
         """Take note of a measured frame."""
         if self._streams is not None:
-            self._streams.contact(t_ns, finger, metrics, felt)
+            self._streams.contact(t_ns, finger, metrics, felt, self.rig.frames[FINGERS.index(finger)])
 
     def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
         """Take note of an EMG block."""
@@ -202,6 +197,30 @@ class Lift:
     def _note(self, percept: Percept, act: Act) -> None:
         if self._streams is not None:
             self._streams.act(percept, act)
+
+    def _moment(self, view: LoopView) -> ViewState:
+        """Return what there is to see; nothing in it is written into afterwards."""
+        rig, world, lab = self.rig, self.rig.world, self._lab
+        images = {
+            finger: TouchImage(frame, lab.baselines[finger], self._plan.preset)
+            for finger, frame in zip(FINGERS, rig.frames, strict=True)
+        }
+        tail = (
+            EmgTail(np.concatenate(rig.emg_tail), EMG_HZ, self._emg_full, "raw", "µV")
+            if rig.emg_tail
+            else None
+        )
+        return ViewState(
+            view.t_ns,
+            view,
+            images=images,
+            shapes=self._shapes,
+            poses=world.poses(),
+            contact_points=world.contact_points(),
+            emg=tail,
+            rows=self._rows(),
+            latency_ms={"camera": CAMERA_DELAY_NS / 1e6},
+        )
 
     def _rows(self) -> dict[str, str]:
         truth, plan = self.rig.truth, self._plan

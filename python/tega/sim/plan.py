@@ -20,8 +20,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         object: Name in :data:`tega.sim.world.OBJECTS`.
         condition: What the vest does.
         seed: Who the person is, and all chance: the same for all objects and conditions.
-        operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course. ``keyboard``: somebody
-            at the keys, who is given to :func:`run_trial`.
+        operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course. ``keyboard``:
+            somebody at the keys, who is given to :func:`run_trial`.
         practice: Lifts of the same object under the same condition before the one that counts.
         preset: Readings of the loop.
         mass_kg: Instead of the object's own, as the following.

@@ -11,6 +11,7 @@ number, which it knows without looking and takes for a fresh frame without conta
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
@@ -43,6 +44,7 @@ CAMERA_HZ = 60.0
 CAMERA_DELAY_NS = 25_000_000
 """From exposure to the loop, nanoseconds; measured systems need 17 to 33 ms."""
 
+_TAIL = 400
 _LEVELS = np.arange(1.0, 6.0)
 _PLACING = frozenset({"place", "release", "done"})
 
@@ -76,6 +78,7 @@ class Rig:
         scorer: Counts what happens.
         end_s: When the trial is over whatever happens, seconds.
         lift_by_s: When it is over unless the object was lifted by then, seconds.
+        muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether a fingertip that nothing touches goes without rendering.
         on_act: Told after every 10 ms what was perceived and done.
 
@@ -83,6 +86,7 @@ class Rig:
         contacts: Stream of measured frames, by finger, for the loop.
         levels: Stream of EMG blocks, for the loop.
         frames: The newest picture of each finger.
+        emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         act: What the person does now.
         truth: What is so, as of the person's last look.
         t_ns: Time that has passed, nanoseconds.
@@ -104,6 +108,7 @@ class Rig:
         scorer: Scorer,
         end_s: float,
         lift_by_s: float,
+        muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
         on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
     ) -> None:
@@ -115,13 +120,14 @@ class Rig:
         self._person, self._emg, self._worn = person, emg, worn
         self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
         self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
-        self._skip_untouched = skip_untouched
+        self._muted, self._skip_untouched = muted, skip_untouched
         self._on_act = on_act
         self.contacts = {finger: QueuedStream[Contact](due_ns=CAMERA_DELAY_NS) for finger in FINGERS}
         self.levels = QueuedStream[Block](due_ns=block_ns)
         self._streams = list(self.contacts.values())
         self._still = [baselines[finger] for finger in FINGERS]
         self.frames = list(self._still)
+        self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
         self._act_ns = self._camera_ns = 0
         self._n_frames = self._n_samples = 0
         self._vest: VestFrame | None = None
@@ -144,7 +150,7 @@ class Rig:
 
     def write(self, t_ns: int, frame: VestFrame) -> None:
         """Take a vest frame from the loop."""
-        self._vest = self._worn(t_ns / 1e9, frame)
+        self._vest = None if self._muted() else self._worn(t_ns / 1e9, frame)
 
     def _expose(self, t_ns: int) -> None:
         """Take four pictures and put what they show on its way to the loop."""
@@ -167,6 +173,7 @@ class Rig:
         self._act_ns = t_ns + ACT_NS
         if t_ns:
             samples = self._emg.samples(self.act)
+            self.emg_tail.append(samples)
             chunk = EmgChunk(t_ns, self._n_samples, samples)
             self._n_samples += len(samples)
             for block in self._blocks.take(chunk):
@@ -180,8 +187,9 @@ class Rig:
         self._on_act(percept, act)
         if self._ends(t_ns, act):
             self._over = True
-            for stream in (*self._streams, self.levels):
+            for stream in self._streams:
                 stream.end(t_ns)
+            self.levels.end(t_ns)
 
     def closure(self) -> float:
         """Return the hand's closure as it can be seen: 1 in the open pose, 5 in the tight one."""

@@ -10,11 +10,14 @@ import numpy as np
 
 from tega.config import FINGERS
 from tega.recording.csv import CsvWriter
+from tega.tactile import contact_mask, pressure_map, read_contact
+from tega.view.figures import Course, TouchPicture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.haptics import VestFrame
+    from tega.sim.lab import Lab
     from tega.sim.seams import Act, Percept
     from tega.tactile import ContactMetrics
     from tega.teleop.touch import Felt
@@ -55,16 +58,29 @@ class Streams:
     def __init__(self) -> None:
         self.rows: dict[str, list[tuple[Any, ...]]] = {"truth": [], "contacts": [], "levels": [], "vest": []}
         self._motors: tuple[str, ...] = ()
+        self._firmest: dict[str, tuple[int, NDArray[np.uint8]]] = {}
 
     def act(self, percept: Percept, act: Act) -> None:
         """Keep one look at the world and what the person did."""
         scene = percept.scene
         self.rows["truth"].append(
-            (percept.t_s, *scene[1:3], *scene.pad_force_n, *scene[4:], act.excitation, *act.forearm_m, act.phase)
+            (
+                percept.t_s,
+                *scene[1:3],
+                *scene.pad_force_n,
+                *scene[4:],
+                act.excitation,
+                *act.forearm_m,
+                act.phase,
+            )
         )
 
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
-        """Keep one measured frame."""
+    def contact(
+        self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt, image: NDArray[np.uint8]
+    ) -> None:
+        """Keep one measured frame, and the finger's newest picture if no contact before was as large."""
+        if finger not in self._firmest or metrics.eda > self._firmest[finger][0]:
+            self._firmest[finger] = metrics.eda, image
         self.rows["contacts"].append(
             (
                 t_ns / 1e9,
@@ -108,6 +124,38 @@ class Streams:
             key = names.index(where[0])
             rows = [row for row in rows if row[key] == where[1]]
         return np.array([row[index] for row in rows])
+
+    def picture(self, finger: str, lab: Lab) -> TouchPicture:
+        """Return a finger's firmest contact, ready to be drawn."""
+        baseline, reading = lab.baselines[finger], lab.preset
+        frame = self._firmest[finger][1] if finger in self._firmest else baseline
+        metrics = read_contact(frame, baseline, reading=reading)
+        maxima = lab.touch[finger]
+        return TouchPicture(
+            frame=frame,
+            pressure=pressure_map(frame, baseline, reading=reading),
+            mask=contact_mask(frame, baseline, reading=reading),
+            metrics=metrics,
+            cci_norm=min(metrics.cci / (maxima.cci_max or np.inf), 1.0),
+            eda_norm=min(metrics.eda / (maxima.eda_max or np.inf), 1.0),
+        )
+
+    def course(self) -> Course:
+        """Return touch, as the mean over the fingers in contact, and level over time."""
+        at: dict[float, list[tuple[float, float]]] = {}
+        for t_s, _, _, _, cci_norm, eda_norm, in_contact, _, _ in self.rows["contacts"]:
+            touching = at.setdefault(t_s, [])
+            if in_contact:
+                touching.append((cci_norm, eda_norm))
+        means = np.array([np.mean(pairs, axis=0) if pairs else (0.0, 0.0) for pairs in at.values()])
+        means = means.reshape(-1, 2)
+        return Course(
+            touch_t_s=np.array(list(at)),
+            cci_norm=means[:, 0],
+            eda_norm=means[:, 1],
+            level_t_s=self.array("levels", "t_s"),
+            level=self.array("levels", "fused"),
+        )
 
     def write_tables(self, folder: Path) -> None:
         """Write each table as a CSV file of its name.

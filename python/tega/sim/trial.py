@@ -13,12 +13,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from tega.sim.lab import lab_of
-from tega.sim.lift import Lift, Moment
+from tega.sim.lift import Lift
 from tega.sim.plan import TrialPlan, TrialResult
 
 if TYPE_CHECKING:
     from tega.sim.rig import Person
     from tega.sim.streams import Streams
+    from tega.view.state import ViewState
 
 __all__ = ["TrialPlan", "TrialResult", "run_trial"]
 
@@ -28,10 +29,11 @@ def run_trial(
     *,
     person: Person | None = None,
     real_time: bool = False,
-    observer: Callable[[Moment], None] | None = None,
+    observer: Callable[[ViewState], None] | None = None,
     streams: Streams | None = None,
     stop: Callable[[], bool] = lambda: False,
     paused: Callable[[], bool] = lambda: False,
+    muted: Callable[[], bool] = lambda: False,
     skip_untouched: bool = True,
 ) -> TrialResult:
     """Run a trial.
@@ -44,6 +46,7 @@ def run_trial(
         streams: Where to keep the truth and what the sensors said of the lift that counts.
         stop: Asked all the time whether to end; the trial then counts as it stands.
         paused: Asked all the time whether to stand still.
+        muted: Asked at every vest frame whether somebody has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering; the results are the same.
 
     Raises:
@@ -55,7 +58,15 @@ def run_trial(
     simulated_s = 0.0
     for lift in range(plan.practice + 1):
         last = lift == plan.practice
-        run = Lift(lab, plan, someone, lift, streams=streams if last else None, skip_untouched=skip_untouched)
+        run = Lift(
+            lab,
+            plan,
+            someone,
+            lift,
+            streams=streams if last else None,
+            muted=muted,
+            skip_untouched=skip_untouched,
+        )
         run.go(real_time=real_time, observer=observer, stop=stop, paused=paused)
         simulated_s += run.end_s
         if stop():

@@ -10,21 +10,18 @@ import itertools
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO
 
 import msgspec
 
 from tega.errors import MissingExtraError, RecordingError
 from tega.sim.trial import TrialPlan, TrialResult, run_trial
 
-if TYPE_CHECKING:
-    from tega.sim.arms import Condition
-
 __all__ = ["plan_trials", "read_results", "run_trials"]
 
 
 def plan_trials(
-    objects: Sequence[str], conditions: Sequence[Condition], seeds: Iterable[int], **settings: object
+    objects: Sequence[str], conditions: Sequence[str], seeds: Iterable[int], **settings: object
 ) -> list[TrialPlan]:
     """Plan every object under every condition with every seed.
 
@@ -143,5 +140,7 @@ def _write(path: Path, plans: Sequence[TrialPlan], known: dict[TrialPlan, TrialR
     """Write what is known in the order of the plans, other plans' results behind; equal runs give equal bytes."""
     ordered = dict.fromkeys([*plans, *known])
     beside = path.with_name(path.name + ".new")
-    beside.write_bytes(b"".join(msgspec.json.encode(known[plan]) + b"\n" for plan in ordered if plan in known))
+    beside.write_bytes(
+        b"".join(msgspec.json.encode(known[plan]) + b"\n" for plan in ordered if plan in known)
+    )
     beside.replace(path)

@@ -275,7 +275,11 @@ class BlockMeter:
         blocks: list[Block] = []
         for channels, level in zip(self._intent.levels.tolist(), fused.tolist(), strict=True):
             self._n_blocks += 1
-            t_ns = self.end_ns if self._live else round(self._n_blocks * self._tau * 1_000_000_000 / self._rate_hz)
+            t_ns = (
+                self.end_ns
+                if self._live
+                else round(self._n_blocks * self._tau * 1_000_000_000 / self._rate_hz)
+            )
             blocks.append((t_ns, tuple(channels), level))
         return blocks
 

@@ -1,5 +1,6 @@
-"""Streams of stamped items for the loop: pulled where waiting costs nothing, read by a thread where it does, or
-filled in step with the loop where the world is a simulated one.
+"""Streams of stamped items for the loop: pulled where waiting costs nothing, read by a thread where it does.
+
+Where the world is a simulated one, a stream is filled in step with the loop.
 
 A stream is made of an iterator whose items are tuples beginning with a time in nanoseconds since the start of
 the session, in rising order. Its iterator may return the time at which the stream ends (the last frame lasts
