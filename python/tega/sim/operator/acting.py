@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.sim.operator.belief import ObjectBelief
+from tega.sim.operator.belief import ObjectBelief, Panel
 from tega.sim.operator.forearm import Forearm
 from tega.sim.operator.grip import Decision, Grip
 from tega.sim.operator.motor import Motor
@@ -24,6 +24,7 @@ __all__ = ["Operator"]
 
 _TICK_S = 0.01
 _VEST_READ_S = 0.5
+_PANELS: tuple[Panel, Panel] = ("front", "back")
 
 
 @dataclass
@@ -153,21 +154,17 @@ class Operator:
         skin.look(t_s, LOOK_S)
         if grip.phase == "grasp" and (event := skin.onset(t_s)) is not None:
             trial.pending.append(event)
-        front, back = grip.belief.lines["front"], grip.belief.lines["back"]
+        closure = grip.closure
         if grip.steady(t_s):
             # As the person is told, stronger is tighter, unless this object has taught the contrary.
-            falls = (not (front.known and front.slope < 0), not (back.known and back.slope < 0))
-            if (event := skin.weaker(t_s, falls)) is not None:
+            front, back = (not (closure.known(panel) and closure.slope(panel) < 0) for panel in _PANELS)
+            if (event := skin.weaker(t_s, (front, back))) is not None:
                 trial.pending.append(event)
-        if t_s < trial.next_vest_read_s or not grip.touching:
-            return
-        trial.next_vest_read_s = t_s + _VEST_READ_S
-        for panel, line in (("front", front), ("back", back)):
-            if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is None:
-                continue
-            if line.known:
-                grip.observe(*line.read(*felt, grip.x))
-            line.learn(*felt, grip.x, grip.var)
+        if t_s >= trial.next_vest_read_s and grip.touching:
+            trial.next_vest_read_s = t_s + _VEST_READ_S
+            for panel in _PANELS:
+                if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is not None:
+                    closure.feel(panel, *felt)
 
     def _recall(self, name: str) -> ObjectBelief:
         """What is believed of an object: faded from its last trial, or a first guess drawn to the last object's."""
