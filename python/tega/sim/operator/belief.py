@@ -90,6 +90,11 @@ class Closure:
         self._cov[0, :] = self._cov[:, 0] = 0.0
         self._cov[0, 0] = var
 
+    def fade(self, var: float) -> None:
+        """Become less sure of how strong the vest is felt altogether."""
+        for n in _LINE.values():
+            self._cov[n, n] += var
+
     def drift(self, var: float) -> None:
         """Become less sure."""
         self._cov[0, 0] += var
@@ -140,8 +145,13 @@ class ObjectBelief:
         self.harm = (self.grip.harm, self.grip.harm_sd)
         self.closure = Closure(self.grip)
 
-    def fade(self) -> None:
-        """Forget a little, as between two trials."""
+    def fade(self, felt_var: float) -> None:
+        """Forget a little, as between two trials.
+
+        Args:
+            felt_var: How much the felt strength of the vest may have changed, variance of the logarithm.
+        """
+        self.closure.fade(felt_var)
         forgotten = self.grip.between_sd**2
         self.need = (self.need[0], math.sqrt(self.need[1] ** 2 + forgotten))
         self.harm = (self.harm[0], math.sqrt(self.harm[1] ** 2 + forgotten))
