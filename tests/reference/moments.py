@@ -15,12 +15,12 @@ from tega.teleop.touch import Felt
 from tega.view.state import EmgTail, Shape, TouchImage, ViewState
 
 RATE_HZ = 1000.0
-SHAPES = (
-    Shape("table", "box", (0.4, 0.5, 0.02), (0.87, 0.83, 0.77, 1.0)),
-    Shape("palm", "box", (0.02, 0.056, 0.05), (0.25, 0.27, 0.3, 1.0)),
-    Shape("finger", "capsule", (0.012, 0.04, 0.0), (0.25, 0.27, 0.3, 1.0)),
-    Shape("tip", "sphere", (0.013, 0.0, 0.0), (0.9, 0.55, 0.2, 1.0)),
-    Shape("bottle", "cylinder", (0.033, 0.09, 0.0), (0.2, 0.5, 0.8, 0.9)),
+SHAPES: tuple[Shape, ...] = (
+    ("table", "box", (0.4, 0.5, 0.02), (0.87, 0.83, 0.77, 1.0)),
+    ("palm", "box", (0.02, 0.056, 0.05), (0.25, 0.27, 0.3, 1.0)),
+    ("finger", "capsule", (0.012, 0.04, 0.0), (0.25, 0.27, 0.3, 1.0)),
+    ("tip", "sphere", (0.013, 0.0, 0.0), (0.9, 0.55, 0.2, 1.0)),
+    ("bottle", "cylinder", (0.033, 0.09, 0.0), (0.2, 0.5, 0.8, 0.9)),
 )
 _RADII_MM = {"thumb": 14.0, "index": 3.0, "middle": 4.4, "ring": 8.0}
 

@@ -20,7 +20,7 @@ from tega.view.browser.charts import drives
 from tega.view.browser.scene import Scene
 from tega.view.browser.touch import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.view.browser.vest import vest_svg
-from tega.view.state import EmgTail, Shape
+from tega.view.state import EmgTail
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +167,7 @@ def test_a_capsule_is_a_tube_with_a_ball_at_either_end():
         scene = view.page.scene
         half = np.sqrt(0.5)
         lying = np.array([[1.0, 2.0, 3.0, half, half, 0.0, 0.0]])  # its z turned to the world's -y
-        scene.draw([Shape("finger", "capsule", (0.01, 0.2, 0.0), (1, 0, 0, 1))], lying, None)
+        scene.draw([("finger", "capsule", (0.01, 0.2, 0.0), (1, 0, 0, 1))], lying, None)
         placed = {handle.name: handle.batched_positions for handle, _ in scene.batches}
         np.testing.assert_allclose(placed["/world/tube"], [[1, 2, 3]])
         np.testing.assert_allclose(placed["/world/ball"], [[1, 2.2, 3], [1, 1.8, 3]], atol=1e-6)
@@ -186,7 +186,7 @@ def test_a_new_set_of_shapes_takes_the_place_of_the_old(moments):
         scene.draw(None, None, None)
         assert scene.batches == []
         with pytest.raises(InvalidValueError, match="'cup' is a 'cone'"):
-            scene.draw([Shape("cup", "cone", (1, 1, 1), (1, 1, 1, 1))], np.zeros((1, 7)), None)
+            scene.draw([("cup", "cone", (1, 1, 1), (1, 1, 1, 1))], np.zeros((1, 7)), None)
 
 
 def test_the_touch_map_has_its_marks_where_the_contact_is(moments):

@@ -126,6 +126,7 @@ class DualLoop:
         kept: Vests that are sent what changed, and what did not as a keep-alive.
         vest_rate_hz: Vest frames per second.
         observer: Called once per vest tick with what a display may show.
+        haptics: Asked once per vest tick; every motor rests while it says no.
     """
 
     def __init__(
@@ -142,6 +143,7 @@ class DualLoop:
         kept: Sequence[KeepAlive] = (),
         vest_rate_hz: float = 30.0,
         observer: Callable[[LoopView], None] | None = None,
+        haptics: Callable[[], bool] = lambda: True,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -154,6 +156,7 @@ class DualLoop:
         self._recorder = recorder
         self._vest_rate_hz = vest_rate_hz
         self._observer = observer
+        self._haptics = haptics
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._due_ns = 0
@@ -272,7 +275,7 @@ class DualLoop:
     def _tick_vest(self, t_ns: int) -> None:
         frame = None
         if self._contacts:
-            frame = self._touch.frame(t_ns)
+            frame = self._touch.frame(t_ns) if self._haptics() else self._touch.silence()
             for kept in self._kept:
                 if kept.offer(t_ns, frame):
                     self.report.n_vest_sent += 1

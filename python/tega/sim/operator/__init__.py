@@ -1,6 +1,6 @@
 """The simulated person at the task: perception, decisions, muscles, EMG. Simulated, and labelled so."""
 
-from tega.sim.operator.acting import Operator
+from tega.sim.operator.acting import Operator, Rules
 from tega.sim.operator.calibrate import Calibrated, calibrate
 from tega.sim.operator.emg import CHANNELS, ForearmEmg
 from tega.sim.operator.emg_noise import TICK_HZ
@@ -22,6 +22,7 @@ __all__ = [
     "Operator",
     "Parameters",
     "Person",
+    "Rules",
     "ScriptedOperator",
     "Sham",
     "calibrate",

@@ -6,12 +6,14 @@ the vest everything but the vest's own percepts is the same: guesses, costs, gaz
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.sim.operator.belief import ObjectBelief
+from tega.sim.operator.belief import ObjectBelief, Panel
 from tega.sim.operator.forearm import Forearm
 from tega.sim.operator.grip import Decision, Grip
 from tega.sim.operator.motor import Motor
@@ -20,10 +22,11 @@ from tega.sim.operator.vest_sense import LOOK_S, Skin
 from tega.sim.operator.vision import Event, Eyes
 from tega.sim.seams import Act, Percept
 
-__all__ = ["Operator"]
+__all__ = ["Operator", "Rules"]
 
 _TICK_S = 0.01
 _VEST_READ_S = 0.5
+_PANELS: tuple[Panel, Panel] = ("front", "back")
 
 
 @dataclass
@@ -39,6 +42,20 @@ class _Trial:
     next_vest_read_s: float = 0.0
 
 
+class Rules(NamedTuple):
+    """Which rules the person follows: switched off one at a time to see what each does.
+
+    Attributes:
+        onset: Vibration after silence is taken for contact.
+        weaker: Weakening vibration is answered by one level more.
+        reading: Closure is read from the vest once its lines are known.
+    """
+
+    onset: bool = True
+    weaker: bool = True
+    reading: bool = True
+
+
 class Operator:
     """A person at the task.
 
@@ -50,6 +67,7 @@ class Operator:
         feels: Whether what the vest does is felt at all; ``False`` is the control who cannot feel it.
         full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has
             taught (:func:`tega.sim.operator.calibrate`); none means the effort of the calibration itself.
+        rules: Which rules are followed.
 
     Raises:
         InvalidValueError: ``full_effort`` is not above 0.
@@ -65,8 +83,15 @@ class Operator:
     """
 
     def __init__(
-        self, person: Person, *, seed: int, feels: bool = True, full_effort: float | None = None
+        self,
+        person: Person,
+        *,
+        seed: int,
+        feels: bool = True,
+        full_effort: float | None = None,
+        rules: Rules | None = None,
     ) -> None:
+        self._rules = rules or Rules()
         self.person = person
         self._seed, self._feels = seed, feels
         self._full = person.motor.calibration_effort if full_effort is None else full_effort
@@ -151,25 +176,21 @@ class Operator:
     def _attend(self, t_s: float, trial: _Trial) -> None:
         skin, grip = self._skin, trial.grip
         skin.look(t_s, LOOK_S)
-        if grip.phase == "grasp" and (event := skin.onset(t_s)) is not None:
+        if self._rules.onset and grip.phase == "grasp" and (event := skin.onset(t_s)) is not None:
             trial.pending.append(event)
-        front, back = grip.belief.lines["front"], grip.belief.lines["back"]
-        if grip.steady(t_s):
+        closure = grip.closure
+        if self._rules.weaker and grip.steady(t_s):
             # As the person is told, stronger is tighter, unless this object has taught the contrary.
-            falls = (not (front.known and front.slope < 0), not (back.known and back.slope < 0))
-            if (event := skin.weaker(t_s, falls)) is not None:
+            front, back = (not (closure.known(panel) and closure.slope(panel) < 0) for panel in _PANELS)
+            if (event := skin.weaker(t_s, (front, back))) is not None:
                 trial.pending.append(event)
-        if t_s < trial.next_vest_read_s or not grip.touching:
-            return
-        trial.next_vest_read_s = t_s + _VEST_READ_S
-        for panel, line in (("front", front), ("back", back)):
-            if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is None:
-                continue
-            if line.known:
-                grip.observe(*line.read(*felt, grip.x))
-            line.learn(*felt, grip.x, grip.var)
+        if self._rules.reading and t_s >= trial.next_vest_read_s and grip.touching:
+            trial.next_vest_read_s = t_s + _VEST_READ_S
+            for panel in _PANELS:
+                if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is not None:
+                    closure.feel(panel, *felt)
 
-    def _recall(self, name: str) -> ObjectBelief:
+    def _recall(self, name: str, rest_s: float) -> ObjectBelief:
         """What is believed of an object: faded from its last trial, or a first guess drawn to the last object's."""
         belief = self.beliefs.get(name)
         if belief is None:
@@ -178,7 +199,9 @@ class Operator:
                 mean, sd = belief.need
                 belief.need = (mean + self.person.grip.carry_over * (self._last_belief.need[0] - mean), sd)
         else:
-            belief.fade()
+            # The skin adapts and recovers; how far, the person cannot tell.
+            vest = self.person.vest
+            belief.fade(math.log1p(vest.adapt_gain) ** 2 * -math.expm1(-rest_s / vest.adapt_s))
         self._last_belief = belief
         return belief
 
@@ -191,7 +214,7 @@ class Operator:
             rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
         )
         self._trial = _Trial(
-            grip=Grip(person, self._recall(name), Forearm((0.0, person.forearm.back_m))),
+            grip=Grip(person, self._recall(name, rest_s), Forearm((0.0, person.forearm.back_m))),
             eyes=Eyes(
                 person.vision,
                 width_m=width_m,

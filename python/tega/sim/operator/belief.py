@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,12 @@ from numpy.typing import NDArray
 from tega.sim.operator.sections import Grip
 from tega.sim.operator.vision import normal_cdf
 
-__all__ = ["Line", "ObjectBelief", "above", "below", "best_level", "cost"]
+__all__ = ["Closure", "ObjectBelief", "Panel", "above", "below", "best_level", "cost"]
+
+Panel: TypeAlias = Literal["front", "back"]
+# Where a panel's line stands in the state: x, front b0 and b1, back b0 and b1.
+_LINE: dict[Panel, int] = {"front": 1, "back": 3}
+_LEAST_CLOSED, _MOST_CLOSED = 0.5, 5.5
 
 
 def above(mean: float, sd: float, x: float, var: float, floor: float) -> tuple[float, float]:
@@ -40,44 +46,81 @@ def _narrowed(sd: float, u: float, factor: float, floor: float) -> float:
     return max(math.sqrt(max(sd * sd * (1 - sd * sd / (u * u) * factor), 0.0)), floor)
 
 
-class Line:
-    """A learned line from closure to the log intensity of one panel: ``ln I = b0 + b1 x``.
+class Closure:
+    """What is believed of the closure ``x`` together with what the vest says about it (extended Kalman filter).
 
-    It starts with slope 0, so that nothing is read from the vest before it has been learned.
+    For each panel a line ``ln I = b0 + b1 x`` is learned along with ``x``. They are estimated jointly because one
+    closure is felt many times: taken in turn, the same error of ``x`` would be counted anew with each reading. Slopes
+    start at 0, and ``x`` is not moved by a panel before its slope is known, so that nothing is read from the vest
+    that has not been learned.
 
     Args:
         grip: The person's numbers.
     """
 
     def __init__(self, grip: Grip) -> None:
-        self._b = np.array([math.log(0.5), 0.0])
-        self._cov = np.diag([grip.line_intercept_sd**2, grip.line_slope_sd**2])
+        log_half = math.log(0.5)
+        self._mean = np.array([1.0, log_half, 0.0, log_half, 0.0])
+        line = [grip.line_intercept_sd**2, grip.line_slope_sd**2]
+        self._cov = np.diag([0.0, *line, *line])
         self._least = grip.line_slope_min
 
     @property
-    def slope(self) -> float:
-        """Change of log intensity with one level."""
-        return float(self._b[1])
+    def x(self) -> float:
+        """The closure, levels."""
+        return float(self._mean[0])
 
     @property
-    def known(self) -> bool:
+    def var(self) -> float:
+        """Variance of that."""
+        return float(self._cov[0, 0])
+
+    def slope(self, panel: Panel) -> float:
+        """Change of a panel's log intensity with one level."""
+        return float(self._mean[_LINE[panel] + 1])
+
+    def known(self, panel: Panel) -> bool:
         """Whether the slope stands two standard deviations clear of 0, and is not flat."""
-        return bool(abs(self.slope) > max(2 * math.sqrt(self._cov[1, 1]), self._least))
+        n = _LINE[panel] + 1
+        return abs(self.slope(panel)) > max(2 * math.sqrt(self._cov[n, n]), self._least)
 
-    def read(self, y: float, var: float, x: float) -> tuple[float, float]:
-        """Return the closure that a log intensity speaks for, and its variance; ask :attr:`known` first."""
-        h = np.array([1.0, x])
-        total = var + float(h @ self._cov @ h)
-        return float((y - self._b[0]) / self._b[1]), total / float(self._b[1] ** 2)
+    def set(self, x: float, var: float) -> None:
+        """Start from a new command: its error has nothing to do with the last one's."""
+        self._mean[0] = min(max(x, _LEAST_CLOSED), _MOST_CLOSED)
+        self._cov[0, :] = self._cov[:, 0] = 0.0
+        self._cov[0, 0] = var
 
-    def learn(self, y: float, var: float, x: float, x_var: float) -> None:
-        """Take in one mean log intensity felt at closure ``x``."""
-        h: NDArray[np.float64] = np.array([1.0, x])
+    def fade(self, var: float) -> None:
+        """Become less sure of how strong the vest is felt altogether."""
+        for n in _LINE.values():
+            self._cov[n, n] += var
+
+    def drift(self, var: float) -> None:
+        """Become less sure."""
+        self._cov[0, 0] += var
+
+    def observe(self, level: float, var: float) -> None:
+        """Take in one independent reading of the closure."""
+        self._update(level - self.x, np.array([1.0, 0.0, 0.0, 0.0, 0.0]), var, moves_x=True)
+
+    def feel(self, panel: Panel, y: float, var: float) -> None:
+        """Take in one mean log intensity of a panel."""
+        n = _LINE[panel]
+        b0, b1 = self._mean[n], self._mean[n + 1]
+        h = np.zeros(5)
+        h[0], h[n], h[n + 1] = b1, 1.0, self.x
+        self._update(y - float(b0 + b1 * self.x), h, var, moves_x=self.known(panel))
+
+    def _update(self, surprise: float, h: NDArray[np.float64], var: float, *, moves_x: bool) -> None:
         spread = self._cov @ h
-        total = float(h @ spread) + var + float(self._b[1] ** 2) * x_var
-        gain = spread / total
-        self._b = self._b + gain * (y - float(h @ self._b))
-        self._cov = self._cov - np.outer(gain, spread)
+        gain = spread / (float(h @ spread) + var)
+        if not moves_x:
+            gain[0] = 0.0
+        self._mean = self._mean + gain * surprise
+        self._mean[0] = min(max(self._mean[0], _LEAST_CLOSED), _MOST_CLOSED)
+        # The form that holds for any gain.
+        keep = np.eye(5) - np.outer(gain, h)
+        self._cov = keep @ self._cov @ keep.T + var * np.outer(gain, gain)
 
 
 @dataclass
@@ -88,22 +131,27 @@ class ObjectBelief:
         grip: The person's numbers.
         need: Closure it needs, and the standard deviation of that.
         harm: Closure that harms it, likewise.
-        lines: What front and back of the vest tell about the closure on it.
+        closure: How closed the hand is on it, and what the vest tells about that.
     """
 
     grip: Grip
     need: tuple[float, float] = (0.0, 0.0)
     harm: tuple[float, float] = (0.0, 0.0)
-    lines: dict[str, Line] = field(default_factory=dict)
+    closure: Closure = field(init=False)
 
     def __post_init__(self) -> None:
         """Start from the person's first guesses."""
         self.need = (self.grip.need, self.grip.need_sd)
         self.harm = (self.grip.harm, self.grip.harm_sd)
-        self.lines = {"front": Line(self.grip), "back": Line(self.grip)}
+        self.closure = Closure(self.grip)
 
-    def fade(self) -> None:
-        """Forget a little, as between two trials."""
+    def fade(self, felt_var: float) -> None:
+        """Forget a little, as between two trials.
+
+        Args:
+            felt_var: How much the felt strength of the vest may have changed, variance of the logarithm.
+        """
+        self.closure.fade(felt_var)
         forgotten = self.grip.between_sd**2
         self.need = (self.need[0], math.sqrt(self.need[1] ** 2 + forgotten))
         self.harm = (self.harm[0], math.sqrt(self.harm[1] ** 2 + forgotten))

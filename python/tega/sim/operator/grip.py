@@ -47,10 +47,9 @@ class Grip:
 
     def __init__(self, person: Person, belief: ObjectBelief, forearm: Forearm) -> None:
         self._grip, self._arm, self._aim_sd = person.grip, person.forearm, person.motor.aim_sd
-        self.belief, self.forearm = belief, forearm
+        self.belief, self.closure, self.forearm = belief, belief.closure, forearm
         self.phase = "reach"
         self.level = 1
-        self.x, self.var = 1.0, 0.0
         self.commands: list[Decision] = []
         self._set_closure(1.0)
         self._commanded_s = 0.0
@@ -80,23 +79,17 @@ class Grip:
         """Return how long the last command has stood."""
         return t_s - self._commanded_s
 
-    def observe(self, level: float, var: float) -> None:
-        """Take in one independent reading of the closure (Kalman step)."""
-        gain = self.var / (self.var + var)
-        self.x = min(max(self.x + gain * (level - self.x), 0.5), 5.5)
-        self.var *= 1 - gain
-
     def judge_effort(self, felt_level: float, effort_sd: float) -> None:
         """Weigh the own effort against what was aimed at, once a command."""
         if not self._judged:
             self._judged = True
-            self.observe(felt_level, max((effort_sd * max(felt_level - 0.5, 0.25)) ** 2, 0.01))
+            self.closure.observe(felt_level, max((effort_sd * max(felt_level - 0.5, 0.25)) ** 2, 0.01))
 
     def judge_pose(self, seen: tuple[float, float] | None) -> None:
         """Take in the hand's pose before it touches: once a command, where the eyes were on it."""
         if seen is not None and not self._posed:
             self._posed = True
-            self.observe(*seen)
+            self.closure.observe(*seen)
 
     def decide(self, t_s: float, dt_s: float, events: list[Event], scene: Truth) -> Decision | None:
         """Go on by one decision interval.
@@ -110,7 +103,7 @@ class Grip:
         Returns:
             The new command, if there is one.
         """
-        self.var += self._grip.closure_drift**2 * dt_s
+        self.closure.drift(self._grip.closure_drift**2 * dt_s)
         kinds = {event.kind for event in events}
         if self.phase == "grasp" and self._contact_s is None and kinds & {"contact", "onset", "slip"}:
             self._contact_s = t_s
@@ -123,16 +116,16 @@ class Grip:
 
     def _learn(self, t_s: float, kinds: set[Kind]) -> None:
         if "slip" in kinds and self.phase in _HELD:
-            self.belief.slipped(self.x, self.var)
+            self.belief.slipped(self.closure.x, self.closure.var)
             self._quiet = True
         if "deformation" in kinds:
-            self.belief.harmed(self.x, self.var)
+            self.belief.harmed(self.closure.x, self.closure.var)
         if (
             self.phase == "hold"
             and not self._quiet
             and t_s - max(self._commanded_s, self._phase_s) >= self._grip.quiet_s
         ):
-            self.belief.sufficed(self.x, self.var)
+            self.belief.sufficed(self.closure.x, self.closure.var)
             self._quiet = True
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
@@ -140,9 +133,11 @@ class Grip:
             return (self.level + 1, "slip" if "slip" in kinds else "weaker") if self.level < 5 else (None, "")
         if "deformation" in kinds:
             return (self.level - 1, "deformation") if self.level > 1 else (None, "")
-        here = cost(self.belief, self.x, self.var)
+        here = cost(self.belief, self.closure.x, self.closure.var)
         options = {
-            step: cost(self.belief, self.x + step, self.var + (self._aim_sd * self.x) ** 2)
+            step: cost(
+                self.belief, self.closure.x + step, self.closure.var + (self._aim_sd * self.closure.x) ** 2
+            )
             for step in (-1, 1)
             if 1 <= self.level + step <= 5
         }
@@ -152,7 +147,7 @@ class Grip:
     def _command(self, t_s: float, level: int, why: str) -> Decision:
         step = level - self.level
         adjusted = why not in {"close", "open"} and abs(step) == 1
-        self._set_closure(self.x + step if adjusted else float(level))
+        self._set_closure(self.closure.x + step if adjusted else float(level))
         self.level = level
         self._commanded_s, self._free_s = t_s, t_s + self._grip.refractory_ms / 1e3
         self._judged = self._posed = self._quiet = False
@@ -160,8 +155,7 @@ class Grip:
         return self.commands[-1]
 
     def _set_closure(self, x: float) -> None:
-        self.x = min(max(x, 0.5), 5.5)
-        self.var = (self._aim_sd * self.level) ** 2 + self._grip.closure_sd**2
+        self.closure.set(x, (self._aim_sd * self.level) ** 2 + self._grip.closure_sd**2)
 
     def _task(self, t_s: float, scene: Truth) -> tuple[int | None, str]:
         """Go through the phases; return a level where the phase itself asks for one."""
@@ -214,7 +208,7 @@ class Grip:
 
     def _missed(self, t_s: float) -> tuple[int | None, str]:
         """The object stayed behind: learn from it, go back down open, try again or give up."""
-        self.belief.slipped(self.x, self.var)
+        self.belief.slipped(self.closure.x, self.closure.var)
         if self._attempts >= self._arm.attempts:
             return self._let_go(t_s)
         self._attempts += 1

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Page"]
 
+# The scene is painted every time, the rest by turns: no moment costs much more than another.
+_TURNS = 3
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
 _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
@@ -94,7 +96,7 @@ class Page:
         stop.on_click(lambda _event: controls.stop())
 
     def paint(self, state: ViewState, *, number: int, rates_hz: dict[str, float], latency_ms: dict[str, float]) -> None:
-        """Put a moment on the page: the scene always, pictures every second time, the rest every third.
+        """Put a moment on the page: the scene, and in turn pictures, text or charts.
 
         Args:
             state: The moment.
@@ -105,13 +107,14 @@ class Page:
         self._course.note(state)
         with self._server.atomic():
             self.scene.draw(state.shapes, state.poses, state.contact_points)
-            if number % 2 == 0 and state.images:
+            if number % _TURNS == 0 and state.images:
                 self._images.image = self._sheet.draw(state.images)
-            if number % 3 == 0:
+            elif number % _TURNS == 1:
                 self.status.content = _status(state)
                 self._captions.content = _captions(state)
                 self._vest.content = vest_svg(state.loop.vest)
                 self._rates.content = _rates(rates_hz, latency_ms)
+            elif number % _TURNS == 2:
                 self._course.draw()
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
     from tega.view.state import TouchImage
 
-__all__ = ["TouchSheet"]
+    Pixels: TypeAlias = slice | NDArray[np.intp]
 
-# Of one finger's tile, px.
-TILE_HEIGHT, TILE_WIDTH, GAP = 224, 168, 8
+__all__ = ["EDA_BLUE", "GAP", "PEAK_GREEN", "TILE_HEIGHT", "TILE_WIDTH", "TouchSheet"]
+
+# Of one finger's tile, px: half of a DIGIT's QVGA picture, a little more than the page shows.
+TILE_HEIGHT, TILE_WIDTH, GAP = 160, 120, 6
 # RGB.
 PEAK_GREEN, EDA_BLUE = (39, 208, 69), (59, 140, 255)
 _PAPER, _NO_SENSOR = 255, 236
 # Until a finger has been pressed harder, so many counts of the map are white: noise stays dark.
 _LEAST_WHITE = 12.0
-_LINE_PX, _PEAK_RADIUS_PX = 2.2, 7.0
-
-Picture = "NDArray[np.uint8]"
+_PEAK_RADIUS_PX = 5.0
 
 
 class TouchSheet:
@@ -51,66 +51,61 @@ class TouchSheet:
             if (image := images.get(finger)) is None:
                 upper[...] = lower[...] = _NO_SENSOR
                 continue
-            rows, columns = _sampling(image.frame.shape[:2])
+            rows, columns = _sampling(image.frame.shape)
             upper[...] = image.frame[rows, columns, ::-1]
             self._map(lower, finger, image, rows, columns)
         return sheet
 
     def _map(
-        self,
-        tile: NDArray[np.uint8],
-        finger: str,
-        image: TouchImage,
-        rows: NDArray[np.intp],
-        columns: NDArray[np.intp],
+        self, tile: NDArray[np.uint8], finger: str, image: TouchImage, rows: Pixels, columns: Pixels
     ) -> None:
         frame, baseline, reading = image
         pressure = pressure_map(frame, baseline, reading)[rows, columns]
         white = self._white[finger] = max(self._white[finger], float(pressure.max()))
-        tile[...] = np.clip(pressure * (255 / white), 0, 255).astype(np.uint8)[..., None]
+        tile[...] = (pressure * (255 / white)).astype(np.uint8)[..., None]
         metrics = read_contact(frame, baseline, reading=reading)
         if not metrics.in_contact:
             return
         height, width = frame.shape[:2]
-        to_tile = np.array([TILE_WIDTH / width, TILE_HEIGHT / height])
-        mask = contact_mask(frame, baseline, reading)
-        if mask.any():
-            _tint(tile, _border(mask[rows, columns]), EDA_BLUE)
-            centre = np.array([np.mean(axis) for axis in np.nonzero(mask)[::-1]]) * to_tile
-            _circle(tile, centre, math.sqrt(metrics.eda / math.pi * to_tile.prod()), EDA_BLUE)
-        _circle(tile, np.array(metrics.peak_xy) * to_tile, _PEAK_RADIUS_PX, PEAK_GREEN)
+        scale_x, scale_y = TILE_WIDTH / width, TILE_HEIGHT / height
+        mask = contact_mask(frame, baseline, reading)[rows, columns]
+        if n := int(np.count_nonzero(mask)):
+            tile[_border(mask)] = EDA_BLUE
+            middle_x = float(mask.sum(axis=0) @ np.arange(TILE_WIDTH)) / n
+            middle_y = float(mask.sum(axis=1) @ np.arange(TILE_HEIGHT)) / n
+            _circle(tile, middle_x, middle_y, math.sqrt(metrics.eda / math.pi * scale_x * scale_y), EDA_BLUE)
+        x, y = metrics.peak_xy
+        _circle(tile, x * scale_x, y * scale_y, _PEAK_RADIUS_PX, PEAK_GREEN)
 
 
-def _sampling(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _sampling(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:
     """Return the rows and columns of a picture that a tile shows."""
-    height, width = shape
+    height, width = shape[:2]
+    if height % TILE_HEIGHT == 0 and width % TILE_WIDTH == 0:
+        return slice(None, None, height // TILE_HEIGHT), slice(None, None, width // TILE_WIDTH)
     rows = (np.arange(TILE_HEIGHT) * height // TILE_HEIGHT)[:, None]
     columns = (np.arange(TILE_WIDTH) * width // TILE_WIDTH)[None, :]
     return rows, columns
 
 
-def _border(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return how much of each pixel is the mask's outer border: 1 there, 0 elsewhere."""
+def _border(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the mask's outermost pixels."""
     inner = mask.copy()
     inner[1:] &= mask[:-1]
     inner[:-1] &= mask[1:]
     inner[:, 1:] &= mask[:, :-1]
     inner[:, :-1] &= mask[:, 1:]
-    return (mask & ~inner).astype(np.float32)
+    border: NDArray[np.bool_] = mask & ~inner
+    return border
 
 
 def _circle(
-    tile: NDArray[np.uint8],
-    centre_xy: NDArray[np.float64],
-    radius: float,
-    colour: tuple[int, int, int],
+    tile: NDArray[np.uint8], middle_x: float, middle_y: float, radius: float, colour: tuple[int, int, int]
 ) -> None:
-    y, x = np.ogrid[:TILE_HEIGHT, :TILE_WIDTH]
-    off_line = np.abs(np.hypot(x - centre_xy[0], y - centre_xy[1]) - radius)
-    _tint(tile, np.clip((_LINE_PX + 1) / 2 - off_line, 0, 1).astype(np.float32), colour)
-
-
-def _tint(tile: NDArray[np.uint8], share: NDArray[np.float32], colour: tuple[int, int, int]) -> None:
-    where = share > 0
-    part = share[where][:, None]
-    tile[where] = (tile[where] * (1 - part) + np.array(colour, np.float32) * part).astype(np.uint8)
+    """Draw a line of two pixels, as much of it as lies within the tile."""
+    turn = np.linspace(0, 2 * math.pi, max(16, round(8 * radius)), endpoint=False)
+    reach = np.array([[radius - 0.5], [radius + 0.5]])
+    x = np.rint(middle_x + reach * np.cos(turn)).astype(np.intp)
+    y = np.rint(middle_y + reach * np.sin(turn)).astype(np.intp)
+    inside = (x >= 0) & (x < TILE_WIDTH) & (y >= 0) & (y < TILE_HEIGHT)
+    tile[y[inside], x[inside]] = colour
