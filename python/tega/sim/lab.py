@@ -16,7 +16,7 @@ from tega.config import FINGERS
 from tega.devices.base import TactileFrame
 from tega.errors import InvalidValueError
 from tega.sim.arms import feels
-from tega.sim.seams import Indenter
+from tega.sim.gel import Gel, ball
 from tega.teleop.maxima import touch_maxima
 from tega.teleop.sources import FrameMeter, SourceReport
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.calibration import TouchMaxima
-    from tega.sim.gel import Gel
     from tega.sim.operator import Calibrated, ForearmEmg, Operator, ScriptedOperator
     from tega.sim.trial import TrialPlan
 
@@ -35,11 +34,12 @@ __all__ = ["EMG_HZ", "Lab", "lab_of"]
 EMG_HZ = 1000.0
 """Rate of the EMG."""
 
-# The guided press: a practice object of a bottle's size, as firmly as the hand can, five times.
+# The guided press: a large marble, as firmly as the hand can, five times. It is small enough to be sharp and large
+# enough to be broad, so that both maxima come from one object; chosen before any comparison of conditions.
 PRESSES = 5
 PRESS_FRAMES = 24
 PRESS_N = 8.0
-PRACTICE_RADIUS_MM = 35.0
+MARBLE_RADIUS_MM = 12.0
 BASELINE_FRAMES = 30
 
 
@@ -58,7 +58,6 @@ class Lab:
     """
 
     def __init__(self, seed: int, preset: Literal["paper", "live"]) -> None:
-        from tega.sim.gel import Gel
         from tega.sim.operator import calibrate, draw_person, load_parameters
 
         self._seed, self.preset = seed, preset
@@ -103,7 +102,7 @@ class Lab:
         contacts = []
         for number in range(PRESSES * PRESS_FRAMES):
             force_n = PRESS_N * math.sin(math.pi * (number % PRESS_FRAMES + 0.5) / PRESS_FRAMES)
-            image = self.gels[finger].frame([_practice_object(force_n)], number)
+            image = self.gels[finger].frame([ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)], number)
             contact = meter.take(TactileFrame(number, number, image, "simulated press"))
             if contact is not None:
                 contacts.append(contact)
@@ -122,9 +121,3 @@ def _baseline(gel: Gel) -> NDArray[np.uint8]:
     mean: NDArray[np.uint8] = np.rint(np.mean(frames, axis=0)).astype(np.uint8)
     mean.flags.writeable = False
     return mean
-
-
-def _practice_object(force_n: float) -> Indenter:
-    """Return a cylinder that lies across the fingertip, as an upright object does in the grasp."""
-    pose_mm = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, PRACTICE_RADIUS_MM]])
-    return Indenter("cylinder", (PRACTICE_RADIUS_MM, 50.0, 0.0), pose_mm, force_n)
