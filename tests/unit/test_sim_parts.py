@@ -16,7 +16,7 @@ from tega.teleop.repeats import LastFrame
 from tega.teleop.streams import NEVER_NS, QueuedStream
 from tega.wire import CanFrame, allegro_torque_frames
 
-NOTHING = Truth(0.0, 0.0, False, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, False, 0.1)  # noqa: FBT003
+NOTHING = Truth(0.0, 0.0, False, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, False, 0.1)
 
 
 def score(course: list[tuple[float, dict[str, object]]], *, placing_from_s: float = np.inf) -> Scorer:
@@ -93,7 +93,10 @@ def test_a_deformation_is_over_when_the_object_has_eased() -> None:
 
 
 def test_the_strongest_fingertip_counts() -> None:
-    assert score([(0.1, {"pad_force_n": (1.0, 4.5, 0.0, 2.0)}), (0.2, {"pad_force_n": (0.0,) * 4})]).peak_force_n == 4.5
+    assert (
+        score([(0.1, {"pad_force_n": (1.0, 4.5, 0.0, 2.0)}), (0.2, {"pad_force_n": (0.0,) * 4})]).peak_force_n
+        == 4.5
+    )
 
 
 def test_a_queued_stream_gives_items_when_their_time_has_come() -> None:

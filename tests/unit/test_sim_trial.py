@@ -121,7 +121,8 @@ def test_an_observer_sees_pictures_poses_and_muscles() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"object": "brick"}, {"condition": "loud"}, {"seed": -1}, {"practice": 1000}, {"preset": "best"}]
+    "wrong",
+    [{"object": "brick"}, {"condition": "loud"}, {"seed": -1}, {"practice": 1000}, {"preset": "best"}],
 )
 def test_a_plan_with_a_mistake_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InvalidValueError):
@@ -172,7 +173,11 @@ def test_what_a_file_holds_is_not_run_again(tmp_path: Path, monkeypatch: pytest.
     run_trials(plans, out=out, progress=lambda *what: told.append(what))
     assert done == ["bag", "bottle", "bottle", "container"]
     assert told[0] == ("trials", 1, 3)
-    assert [json.loads(line)["object"] for line in out.read_text().splitlines()] == ["bag", "bottle", "container"]
+    assert [json.loads(line)["object"] for line in out.read_text().splitlines()] == [
+        "bag",
+        "bottle",
+        "container",
+    ]
     content = out.read_bytes()
     run_trials(plans[1:], out=out)
     assert out.read_bytes() == content
@@ -189,7 +194,17 @@ def run_verb(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str,
 
 
 def test_the_verb_prints_trials_and_means(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    words = ["sim-trials", "--objects", "bag", "--conditions", "non-haptic", "--seeds", "1", "--operator", "scripted"]
+    words = [
+        "sim-trials",
+        "--objects",
+        "bag",
+        "--conditions",
+        "non-haptic",
+        "--seeds",
+        "1",
+        "--operator",
+        "scripted",
+    ]
     code, out, err = run_verb(capsys, *words, "--jobs", "1", "--out", str(tmp_path / "a.jsonl"), "--json")
     assert code == 0, err
     report = json.loads(out)
