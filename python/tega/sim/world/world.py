@@ -90,7 +90,8 @@ class World:
         data.qpos[at : at + 2] += np.random.default_rng(seed).normal(0, _PLACING_M, 2)
         self._steps = 0
         self._watch_every = max(1, round(_WATCH_S / self.physics.timestep_s))
-        self._jacobian = np.zeros((3, model.nv))
+        self._lead_every = 2 * self._watch_every
+        self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
         mujoco.mj_forward(model, data)
         self._touch = Touch(mujoco, model, data)
         self._witness: Witness | None = None
@@ -192,7 +193,7 @@ class World:
     def hand_forces_n(self) -> tuple[NDArray[np.float64], float]:
         """Return normal forces on the pads, float64 (4,) thumb first, and on links and palm together, newtons."""
         pads, rest, _ = self._touch.read()
-        return pads, rest
+        return np.array(pads), rest
 
     def shapes(self) -> list[Shape]:
         """Return the primitives to draw, in the order of :meth:`poses`."""
@@ -231,10 +232,11 @@ class World:
 
     def _attend(self) -> None:
         """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
-        # The arm's set angles move evenly from one look to the next: steps of them would shake what the hand holds.
-        tick_s = self._watch_every * self.physics.timestep_s
-        self._arm.tick(tick_s)
-        self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
+        if self._steps % self._lead_every == 0:
+            # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
+            tick_s = self._lead_every * self.physics.timestep_s
+            self._arm.tick(tick_s)
+            self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
         self._mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
         self.data.qfrc_applied[:7] = self._hand_weight_n * self._jacobian[2, :7]
         if self._witness is not None:
@@ -248,5 +250,6 @@ class World:
             self.step(1)
 
     def _palm_speed_m_s(self) -> float:
-        self._mujoco.mj_jacSite(self.model, self.data, self._jacobian, None, self._palm)
-        return float(self._jacobian[2] @ self.data.qvel)
+        kind = self._mujoco.mjtObj.mjOBJ_SITE
+        self._mujoco.mj_objectVelocity(self.model, self.data, kind, self._palm, self._velocity, 0)
+        return float(self._velocity[5])
