@@ -75,7 +75,7 @@ class World:
                 raise InvalidValueError(f"there is no object {spec!r}", f"one of {', '.join(OBJECTS)}")
             spec = OBJECTS[spec]
         self.spec, self.physics = spec, physics or Physics()
-        self._mujoco = mujoco = import_mujoco()
+        self.mujoco = mujoco = import_mujoco()
         self.model = model = build(mujoco, spec, self.physics)
         self.data = data = mujoco.MjData(model)
         self._grasp = grasp_palm_m(spec)
@@ -170,7 +170,7 @@ class World:
             if self._steps % every == 0:
                 self._attend()
             chunk = min(n - done, every - self._steps % every)
-            self._mujoco.mj_step(self.model, self.data, chunk)
+            self.mujoco.mj_step(self.model, self.data, chunk)
             self._steps += chunk
             done += chunk
 
@@ -220,7 +220,7 @@ class World:
         poses = np.empty((len(self._drawn), 7))
         poses[:, :3] = self.data.geom_xpos[self._drawn]
         for row, i in enumerate(self._drawn):
-            self._mujoco.mju_mat2Quat(poses[row, 3:], self.data.geom_xmat[i])
+            self.mujoco.mju_mat2Quat(poses[row, 3:], self.data.geom_xmat[i])
         return poses
 
     def contact_points(self) -> NDArray[np.float64]:
@@ -237,7 +237,7 @@ class World:
             tick_s = self._lead_every * self.physics.timestep_s
             self._arm.tick(tick_s)
             self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
-        self._mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
+        self.mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
         self.data.qfrc_applied[:7] = self._hand_weight_n * self._jacobian[2, :7]
         if self._witness is not None:
             self._witness.watch()
@@ -250,6 +250,6 @@ class World:
             self.step(1)
 
     def _palm_speed_m_s(self) -> float:
-        kind = self._mujoco.mjtObj.mjOBJ_SITE
-        self._mujoco.mj_objectVelocity(self.model, self.data, kind, self._palm, self._velocity, 0)
+        kind = self.mujoco.mjtObj.mjOBJ_SITE
+        self.mujoco.mj_objectVelocity(self.model, self.data, kind, self._palm, self._velocity, 0)
         return float(self._velocity[5])
