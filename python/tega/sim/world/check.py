@@ -105,7 +105,7 @@ def _long(seconds: float) -> None:
 
 def _settings(jobs: int) -> dict[str, Error]:
     click.echo(
-        f"Run time against error; largest difference from {1e3 * REFERENCE.timestep_s:g} ms, impratio 100, over six lifts"
+        f"Run time against error; largest difference over six lifts from {1e3 * REFERENCE.timestep_s:g} ms, implicitfast, impratio 100"
     )
     errors = compare(jobs=jobs)
     for name, error in errors.items():

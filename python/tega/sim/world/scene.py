@@ -36,7 +36,7 @@ class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noslip: Annotated[int, msgspec.Meta(ge=0, le=20)] = 0
     solref_s: Annotated[float, msgspec.Meta(ge=2e-3, le=0.1)] = 0.01
     tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-3)] = 1e-8
-    integrator: Literal["implicitfast", "implicit", "discrete"] = "implicitfast"
+    integrator: Literal["implicitfast", "implicit", "discrete"] = "discrete"
 
 
 def import_mujoco() -> Any:

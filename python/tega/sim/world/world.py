@@ -228,7 +228,9 @@ class World:
         return self._touch.arrows()
 
     def _place(self, height_m: float, back_m: float) -> NDArray[np.float64]:
-        return self._grasp + np.array([-back_m, 0.0, height_m])
+        # Back is away from the fingertips and from the palm alike: straight fingers would brush the object's side.
+        aside_m = back_m * 0.5**0.5
+        return self._grasp + np.array([-aside_m, -aside_m, height_m])
 
     def _attend(self) -> None:
         """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
