@@ -75,8 +75,8 @@ class Page:
 
     def _add_buttons(self, gui: viser.GuiApi, controls: Controls) -> None:
         if controls.objects:
-            choice = self.inputs["object"] = gui.add_dropdown("object", controls.objects)
-            choice.on_update(lambda event: controls.choose(event.target.value))
+            choice = self.inputs["object"] = gui.add_button_group("lift now", controls.objects)
+            choice.on_click(lambda event: controls.choose(event.target.value))
         if controls.can_mute:
             haptics = self.inputs["haptics"] = gui.add_checkbox("haptics on", initial_value=True)
 
