@@ -7,6 +7,7 @@ use super::Outline;
 use super::basins::LOW;
 use super::cells::Grid;
 use super::patches::{FREE, Patch};
+use crate::simd;
 
 /// Rays of one patch; a multiple of four.
 pub(super) const RAYS: usize = 48;
@@ -63,7 +64,7 @@ impl Rays {
     #[inline(never)]
     pub fn outline(
         &mut self,
-        index: usize,
+        index: u8,
         patch: &Patch,
         (length, owners): (&[f32], &[u8]),
         grid: &Grid,
@@ -98,15 +99,14 @@ impl Rays {
 
     /// Copies the response of the cells that are of this patch or of none.
     #[inline(never)]
-    fn single_out(&mut self, index: usize, length: &[f32], owners: &[u8], grid: &Grid) {
+    fn single_out(&mut self, index: u8, length: &[f32], owners: &[u8], grid: &Grid) {
         let (cols, stride) = (grid.cols, grid.stride());
         self.field.resize(grid.padded_cells(), 0.0);
         let owners = owners.chunks_exact(stride).skip(1);
         let rows = self.field.chunks_exact_mut(stride).skip(1).zip(length.chunks_exact(cols)).zip(owners);
         for ((to, from), owners) in rows {
-            for ((to, from), &owner) in to.iter_mut().skip(1).zip(from).zip(owners.iter().skip(1)) {
-                *to = if owner == FREE || usize::from(owner) == index { *from } else { 0.0 };
-            }
+            let (cells, owners) = (to.get_mut(1..=cols), owners.get(1..=cols));
+            simd::own(index, from, owners.unwrap_or_default(), cells.unwrap_or_default());
             to[0] = to[1];
             to[cols + 1] = to[cols];
         }
@@ -199,15 +199,20 @@ fn distance(from: [f32; 2], direction: [f32; 2], [left, top, right, bottom]: [f3
 
 /// Steadies the rays' reach (median of the known neighbours, then 1-2-1) and closes them to a polygon with its centroid.
 fn enclose<const N: usize>(rays: &[Ray; N], centre: [f32; 2]) -> Option<([[f32; 2]; N], [f32; 2])> {
-    let steady: [f32; N] = std::array::from_fn(|i| {
-        let near: [&Ray; 2 * NEIGHBOURS + 1] =
-            std::array::from_fn(|shift| &rays[(i + N + shift - NEIGHBOURS) % N]);
-        if near.iter().all(|ray| ray.known) {
-            median_of_seven(near.map(|ray| ray.reach / ray.stretch))
-        } else {
-            median_of_known(near.into_iter()).or_else(|| median_of_known(rays.iter())).unwrap_or_default()
+    let mut steady = rays.each_ref().map(|ray| ray.reach / ray.stretch);
+    if rays.iter().all(|ray| ray.known) {
+        // Seen from one ray, its neighbours go round the end.
+        let mut round = [0f32; RAYS + 2 * NEIGHBOURS];
+        for (to, i) in round.iter_mut().zip(N - NEIGHBOURS..2 * N + NEIGHBOURS) {
+            *to = steady[i % N];
         }
-    });
+        simd::medians_of_seven(&round, &mut steady);
+    } else {
+        steady = std::array::from_fn(|i| {
+            let near = (N - NEIGHBOURS..=N + NEIGHBOURS).map(|shift| &rays[(i + shift) % N]);
+            median_of_known(near).or_else(|| median_of_known(rays.iter())).unwrap_or_default()
+        });
+    }
     let points: [[f32; 2]; N] = std::array::from_fn(|i| {
         let smooth = (steady[(i + N - 1) % N] + 2.0 * steady[i] + steady[(i + 1) % N]) / 4.0;
         let reach = smooth * rays[i].stretch;
@@ -241,8 +246,9 @@ fn median_of_known<'r>(rays: impl Iterator<Item = &'r Ray>) -> Option<f32> {
     known.get(n.saturating_sub(1) / 2).copied()
 }
 
-/// Median of seven without branches: a network of comparisons that leaves it in the middle.
-fn median_of_seven(mut v: [f32; 7]) -> f32 {
+/// Median of every seven neighbours: a network of comparisons that leaves it in the middle.
+#[inline(always)]
+pub(crate) fn medians_of_seven(values: &[f32], medians: &mut [f32]) {
     const NETWORK: [(usize, usize); 13] = [
         (0, 5),
         (0, 3),
@@ -258,10 +264,21 @@ fn median_of_seven(mut v: [f32; 7]) -> f32 {
         (1, 3),
         (3, 4),
     ];
-    for (i, j) in NETWORK {
-        (v[i], v[j]) = (v[i].min(v[j]), v[i].max(v[j]));
+    for (median, seven) in medians.iter_mut().zip(values.windows(7)) {
+        let Some(&(mut v)) = seven.first_chunk::<7>() else { return };
+        for (i, j) in NETWORK {
+            (v[i], v[j]) = if v[j] < v[i] { (v[j], v[i]) } else { (v[i], v[j]) };
+        }
+        *median = v[3];
     }
-    v[3]
+}
+
+/// The response of the cells that patch `index` or none owns, 0 for the others.
+#[inline(always)]
+pub(crate) fn own(index: u8, response: &[f32], owners: &[u8], out: &mut [f32]) {
+    for ((out, &e), &owner) in out.iter_mut().zip(response).zip(owners) {
+        *out = if owner == FREE || owner == index { e } else { 0.0 };
+    }
 }
 
 #[cfg(test)]
@@ -274,7 +291,9 @@ mod tests {
         for bits in 0u32..128 {
             let values: [f32; 7] = std::array::from_fn(|i| f32::from(u8::from(bits >> i & 1 == 1)));
             let wanted = f32::from(u8::from(bits.count_ones() >= 4));
-            assert_eq!(median_of_seven(values), wanted, "{values:?}");
+            let mut median = [f32::NAN];
+            medians_of_seven(&values, &mut median);
+            assert_eq!(median, [wanted], "{values:?}");
         }
     }
 

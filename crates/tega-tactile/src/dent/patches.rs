@@ -156,8 +156,8 @@ impl Patches {
     }
 
     /// The patches that are contact, with their index.
-    pub fn contacts(&self) -> impl Iterator<Item = (usize, &Patch)> {
-        self.all.iter().enumerate().filter(|(_, patch)| patch.peak >= self.floor)
+    pub fn contacts(&self) -> impl Iterator<Item = (u8, &Patch)> {
+        (0..).zip(&self.all).filter(|(_, patch)| patch.peak >= self.floor)
     }
 
     /// One patch for each basin whose peak is contact, the strongest only where there are many.
