@@ -200,3 +200,23 @@ dispatched! {
     /// See [`dent::own`].
     own = dent::own, (index: u8, response: &[f32], owners: &[u8], out: &mut [f32]) -> ()
 }
+
+dispatched! {
+    /// See [`dent::sort_keys`].
+    sort_keys = dent::sort_keys, (length: &[f32], keys: &mut [u16]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::walk`].
+    walk = dent::walk, (walk: &dent::Walk, stride: i32, places: [&mut [[i32; dent::BUNDLE]]; 3]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::between`].
+    between = dent::between, (x: &[i32], y: &[i32], corners: &[Vec<f32>; 4], samples: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::crossing`].
+    crossing = dent::crossing, (samples: &[[f32; dent::BUNDLE]], share: f32) -> dent::Crossing
+}

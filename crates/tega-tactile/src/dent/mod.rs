@@ -18,9 +18,10 @@ mod patches;
 mod response;
 mod thumbnail;
 
+pub(crate) use basins::sort_keys;
 pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_octets};
 pub(crate) use dots::close;
-pub(crate) use outline::{medians_of_seven, own};
+pub(crate) use outline::{BUNDLE, Crossing, Walk, between, crossing, medians_of_seven, own, walk};
 pub(crate) use response::{LANES, count_above, lengths, mark_quiet, median, quiet_lanes, smooth, take_out};
 pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 
