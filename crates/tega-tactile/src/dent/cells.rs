@@ -77,13 +77,42 @@ pub(super) struct Strip {
 }
 
 impl Strip {
-    /// Sizes the buffers and clears the sums; returns the bytes of a row of whole cells.
-    pub fn clear(&mut self, grid: &Grid) -> usize {
+    /// Sizes the buffers and clears the sums.
+    pub fn clear(&mut self, grid: &Grid) {
         let length = 3 * grid.side * grid.cols;
         self.sums.clear();
         self.sums.resize(length + OCTET, 0);
         self.folded.resize(length, 0);
-        length
+    }
+
+    /// Sums down the columns of whole cells.
+    pub fn sums(&mut self) -> &mut [i16] {
+        let length = self.sums.len().saturating_sub(OCTET);
+        self.sums.get_mut(..length).unwrap_or_default()
+    }
+}
+
+/// Least and greatest of some values.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Range {
+    least: i32,
+    most: i32,
+}
+
+impl Default for Range {
+    fn default() -> Self {
+        Self { least: i32::MAX, most: i32::MIN }
+    }
+}
+
+impl Range {
+    fn add(&mut self, value: i32) {
+        self.least = self.least.min(value);
+        self.most = self.most.max(value);
+    }
+
+    pub fn width(self) -> i32 {
+        self.most - self.least
     }
 }
 
@@ -214,6 +243,27 @@ pub(crate) fn fold_octets(sums: &[i16], shift: u32, folded: &mut [i16]) {
     let right = from(4).iter().zip(from(5)).zip(from(6)).zip(from(7));
     for ((out, (((a, b), c), d)), (((e, f), g), h)) in folded.iter_mut().zip(left).zip(right) {
         *out = (a + b + c + d + e + f + g + h + half) >> shift;
+    }
+}
+
+/// Widens the ranges by the strip's cells, as sums over their pixels; a cell that the border cuts counts as if whole.
+pub(super) fn widen(strip: &mut Strip, grid: &Grid, ranges: &mut [Range; 3]) {
+    if grid.side == 8 && grid.width.is_multiple_of(8) {
+        simd::fold_octets(&strip.sums, 0, &mut strip.folded);
+        for octet in strip.folded.as_chunks::<OCTET>().0 {
+            for (range, &sum) in ranges.iter_mut().zip(octet) {
+                range.add(i32::from(sum));
+            }
+        }
+        return;
+    }
+    let cells = strip.sums.chunks_exact(3 * grid.side).take(grid.cols);
+    for (col, pixels) in cells.enumerate() {
+        let width = grid.side.min(grid.width - col * grid.side);
+        for (c, range) in ranges.iter_mut().enumerate() {
+            let sum: i32 = pixels.iter().skip(c).step_by(3).map(|&v| i32::from(v)).sum();
+            range.add(sum * grid.side as i32 / width as i32);
+        }
     }
 }
 
