@@ -1,4 +1,4 @@
-"""The picture of simulated trials: a row each, fingertips at their firmest beside the course of touch, pose and height."""
+"""The picture of simulated trials: a row each, fingertips at their firmest beside the course of touch and pose."""
 
 from __future__ import annotations
 
