@@ -104,15 +104,13 @@ def _long(seconds: float) -> None:
 
 
 def _settings(jobs: int) -> dict[str, Error]:
-    click.echo(
-        f"Run time against error; largest difference over six lifts from {1e3 * REFERENCE.timestep_s:g} ms, implicitfast, impratio 100"
-    )
+    click.echo(f"Run time against error: largest difference over six lifts from {1e3 * REFERENCE.timestep_s:g} ms")
     errors = compare(jobs=jobs)
     for name, error in errors.items():
         click.echo(
-            f"  {name:38} {error.cpu_us:6.1f} µs/ms  slip {1e3 * error.slip_m:5.2f} mm  force "
+            f"  {name:44} {error.cpu_us:6.1f} µs/ms  slip {1e3 * error.slip_m:5.2f} mm  force "
             f"{100 * error.force_share:4.1f} %  height {1e3 * error.height_m:5.2f} mm  width "
-            f"{1e3 * error.narrowing_m:4.2f} mm  creep {1e6 * error.creep_m_s:6.1f} µm/s"
+            f"{1e3 * error.narrowing_m:4.2f} mm  creep {1e6 * error.creep_m_s:5.0f} µm/s  chatter {1e3 * error.chatter_n:4.0f} mN"
             f"{'' if error.same_outcomes else '  OTHER OUTCOME'}"
         )
     return errors

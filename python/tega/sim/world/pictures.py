@@ -138,11 +138,11 @@ def _settings(figure: Any, errors: dict[str, Error]) -> Any:
     panels = figure.subplots(1, 2)
     marks = {0.5: "s", 1.0: "D", 1.5: "o", 3.0: "^"}
     kinds = dict.fromkeys(name.rsplit(", ", 1)[0] for name in errors)
-    colours = dict(zip(kinds, ("#2166ac", "#b2182b", "#4d9221", "#7b3294", "#999999"), strict=False))
+    colours = dict(zip(kinds, ("#2166ac", "#b2182b", "#4d9221", "#7b3294", "#999999", "#e08214"), strict=False))
     for name, error in errors.items():
         kind, step = name.rsplit(", ", 1)
         step_ms = float(step.split()[0])
-        default = step_ms == 1e3 * chosen.timestep_s and kind == "discrete, impratio 100"
+        default = step_ms == 1e3 * chosen.timestep_s and kind == "default"
         for axes, value in zip(panels, (1e3 * error.slip_m, 100 * error.force_share), strict=True):
             axes.plot(error.cpu_us, value, marks[step_ms], color=colours[kind], ms=7, label=kind if step_ms == 3 else "")
             if default:

@@ -27,14 +27,18 @@ class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         impratio: How much harder friction is than the normal force; more creeps less.
         noslip: Sweeps that take the remaining creep away.
         solref_s: Time constant of a contact, at least two steps.
+        onset: How hard a contact is at first touch, of 0.99 at ``width_m``; a hard onset makes sliding pads chatter.
+        width_m: Depth at which a contact is as hard as it gets.
         tolerance: Where the solver stops.
         integrator: MuJoCo's name of it.
     """
 
     timestep_s: Annotated[float, msgspec.Meta(ge=1e-4, le=3e-3)] = 1.5e-3
-    impratio: Annotated[float, msgspec.Meta(ge=1, le=10_000)] = 100.0
+    impratio: Annotated[float, msgspec.Meta(ge=1, le=10_000)] = 1000.0
     noslip: Annotated[int, msgspec.Meta(ge=0, le=20)] = 0
     solref_s: Annotated[float, msgspec.Meta(ge=2e-3, le=0.1)] = 0.01
+    onset: Annotated[float, msgspec.Meta(ge=0.1, le=0.98)] = 0.3
+    width_m: Annotated[float, msgspec.Meta(ge=1e-4, le=0.01)] = 0.002
     tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-3)] = 1e-8
     integrator: Literal["implicitfast", "implicit", "discrete"] = "discrete"
 
@@ -71,7 +75,7 @@ def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
 
 def preamble(physics: Physics) -> str:
     """Return the settings of the solver and the classes of shapes: who touches whom, and how hard."""
-    contact = f'condim="4" solref="{physics.solref_s} 1" solimp="0.95 0.99 0.001 0.5 2"'
+    contact = f'condim="4" solref="{physics.solref_s} 1" solimp="{physics.onset} 0.99 {physics.width_m} 0.5 2"'
     dark, unseen = 'rgba="0.2 0.2 0.22 1"', 'rgba="0 0 0 0"'
     classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {dark}' for n in range(4)}
     classes |= {
