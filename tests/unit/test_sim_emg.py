@@ -81,7 +81,7 @@ def test_block_means_vary_as_band_limited_gaussian_noise_does(block_s: float) ->
 def test_neighbouring_flexors_share_signal_as_the_crosstalk_says() -> None:
     same = {"ecr_uv": 300, "fcu_uv": 300, "fds_uv": 300}
     samples = squeeze(person(**CLEAN, **FRESH, **same, crosstalk_extensor=0.0), 0.5, 60)
-    correlation = np.corrcoef(samples.T)
+    correlation = np.asarray(np.corrcoef(samples.T))
     assert correlation[1, 2] == pytest.approx(2 * 0.2 / (1 + 0.2**2), abs=0.03)
     assert correlation[0, 1:] == pytest.approx(np.zeros(2), abs=0.03)
 

@@ -164,6 +164,10 @@ class ObjectBelief:
         """Learn that closure ``x`` did."""
         self.need = below(*self.need, x, var + self.grip.quiet_sd**2, self.grip.belief_floor_sd)
 
+    def spared(self, x: float, var: float) -> None:
+        """Learn that closure ``x`` was not too much."""
+        self.harm = above(*self.harm, x, var + self.grip.quiet_sd**2, self.grip.belief_floor_sd)
+
     def harmed(self, x: float, var: float) -> None:
         """Learn that closure ``x`` was too much."""
         self.harm = below(*self.harm, x, var, self.grip.belief_floor_sd)

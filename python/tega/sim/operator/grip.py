@@ -2,7 +2,8 @@
 
 The person wants the object lifted with the least force. Percepts become named events, events become rules, rules
 become a level; at most one command in a refractory time. Rules: slip seen or weakening felt, one level up;
-deformation seen, one down; else the neighbour of least expected cost.
+deformation seen, one down; else the neighbour of least expected cost, as long as that does not undo what was just
+seen to be needed.
 """
 
 from __future__ import annotations
@@ -18,8 +19,11 @@ from tega.sim.seams import Truth
 __all__ = ["Decision", "Grip"]
 
 _CARRYING = frozenset({"lift", "place"})
+_CONTACT = frozenset({"contact", "onset", "slip", "deformation"})
 _HELD = frozenset({"lift", "hold", "place"})
 _LIFTED_M = 0.005
+# Level 1 is the open hand: who holds something does not go there.
+_LOOSEST = 2
 
 
 class Decision(NamedTuple):
@@ -56,8 +60,10 @@ class Grip:
         self._free_s = 0.0
         self._phase_s = 0.0
         self._contact_s: float | None = None
-        self._judged = self._posed = self._quiet = False
-        self._attempts = 1
+        self._judged = self._posed = self._quiet = self._unharmed = False
+        self._before = (1.0, 0.0)
+        self._barred = 0
+        self._attempts, self._least = 1, 1
         self._give_up_s: float | None = None
         forearm.move((0.0, 0.0), 0.0, self._arm.reach_s)
 
@@ -105,52 +111,65 @@ class Grip:
         """
         self.closure.drift(self._grip.closure_drift**2 * dt_s)
         kinds = {event.kind for event in events}
-        if self.phase == "grasp" and self._contact_s is None and kinds & {"contact", "onset", "slip"}:
+        if self.phase == "grasp" and self._contact_s is None and kinds & _CONTACT:
             self._contact_s = t_s
         level, why = self._task(t_s, scene)
         if level is None and self.touching:
-            self._learn(t_s, kinds)
+            self._learn(t_s, events)
             if t_s >= self._free_s:
                 level, why = self._adjust(kinds)
         return None if level is None else self._command(t_s, level, why)
 
-    def _learn(self, t_s: float, kinds: set[Kind]) -> None:
-        if "slip" in kinds and self.phase in _HELD:
-            self.belief.slipped(self.closure.x, self.closure.var)
-            self._quiet = True
-        if "deformation" in kinds:
-            self.belief.harmed(self.closure.x, self.closure.var)
-        if (
-            self.phase == "hold"
-            and not self._quiet
-            and t_s - max(self._commanded_s, self._phase_s) >= self._grip.quiet_s
-        ):
+    def _learn(self, t_s: float, events: list[Event]) -> None:
+        for event in events:
+            # The hand needs a moment to follow a command: what was seen before belongs to the closure before it.
+            late = event.began_s < self._commanded_s + self._grip.closing_step_s
+            x, var = self._before if late else (self.closure.x, self.closure.var)
+            if event.kind == "slip" and self.phase in _HELD:
+                self.belief.slipped(x, var)
+                self._quiet = True
+            elif event.kind == "deformation":
+                self.belief.harmed(x, var)
+                self._unharmed = True
+        if t_s - max(self._commanded_s, self._phase_s) < self._grip.quiet_s:
+            return
+        # Once a command: to go on holding is no new evidence.
+        if self.phase == "hold" and not self._quiet:
             self.belief.sufficed(self.closure.x, self.closure.var)
-            self._quiet = True
+            self._quiet, self._barred = True, max(self._barred, 0)
+        if not self._unharmed:
+            self.belief.spared(self.closure.x, self.closure.var)
+            self._unharmed = True
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
         if self.phase in _HELD and kinds & {"slip", "weaker"}:
+            self._barred = -1
             return (self.level + 1, "slip" if "slip" in kinds else "weaker") if self.level < 5 else (None, "")
         if "deformation" in kinds:
-            return (self.level - 1, "deformation") if self.level > 1 else (None, "")
-        here = cost(self.belief, self.closure.x, self.closure.var)
+            self._barred = 1
+            return (self.level - 1, "deformation") if self.level > _LOOSEST else (None, "")
+        closure = self.closure
+        here = cost(self.belief, closure.x, closure.var)
         options = {
-            step: cost(
-                self.belief, self.closure.x + step, self.closure.var + (self._aim_sd * self.closure.x) ** 2
-            )
+            step: cost(self.belief, closure.x + step, closure.var + (self._aim_sd * closure.x) ** 2)
             for step in (-1, 1)
-            if 1 <= self.level + step <= 5
+            if max(self._least, _LOOSEST) <= self.level + step <= 5 and step != self._barred
         }
-        step = min(options, key=lambda s: options[s])
-        return (self.level + step, "cost") if here - options[step] > self._grip.gain_to_act else (None, "")
+        step = min(options, key=lambda s: options[s], default=0)
+        return (
+            (self.level + step, "cost")
+            if step and here - options[step] > self._grip.gain_to_act
+            else (None, "")
+        )
 
     def _command(self, t_s: float, level: int, why: str) -> Decision:
         step = level - self.level
         adjusted = why not in {"close", "open"} and abs(step) == 1
+        self._before = (self.closure.x, self.closure.var)
         self._set_closure(self.closure.x + step if adjusted else float(level))
         self.level = level
         self._commanded_s, self._free_s = t_s, t_s + self._grip.refractory_ms / 1e3
-        self._judged = self._posed = self._quiet = False
+        self._judged = self._posed = self._quiet = self._unharmed = False
         self.commands.append(Decision(t_s, level, why))
         return self.commands[-1]
 
@@ -187,15 +206,16 @@ class Grip:
         return None, ""
 
     def _close(self, t_s: float) -> tuple[int | None, str]:
-        waited = t_s - self._commanded_s
+        grip, waited = self._grip, t_s - self._commanded_s
+        direct = self.belief.need[1] < grip.direct_sd or self._attempts > 1
+        if self.level == 1:
+            best = best_level(self.belief, self._aim_sd) if direct else 2
+            return max(best, self._least, _LOOSEST), "close"
         if self._contact_s is not None:
-            if t_s - self._contact_s >= self._grip.contact_wait_s:
+            if t_s - self._contact_s >= grip.contact_wait_s:
                 self._lift(t_s)
             return None, ""
-        direct = self.belief.need[1] < self._grip.direct_sd
-        if self.level == 1:
-            return max(best_level(self.belief, self._aim_sd), 2) if direct else 2, "close"
-        if waited < (self._grip.closing_wait_s if direct or self.level == 5 else self._grip.closing_step_s):
+        if waited < (grip.closing_wait_s if direct or self.level == 5 else grip.closing_step_s):
             return None, ""
         if self.level == 5:
             self._lift(t_s)
@@ -207,8 +227,10 @@ class Grip:
         self.forearm.move((self._arm.lift_m, 0.0), t_s, self._arm.lift_s)
 
     def _missed(self, t_s: float) -> tuple[int | None, str]:
-        """The object stayed behind: learn from it, go back down open, try again or give up."""
-        self.belief.slipped(self.closure.x, self.closure.var)
+        """The object stayed behind: learn from it, go back down open, try again more firmly or give up."""
+        late = t_s < self._commanded_s + self._grip.closing_step_s
+        self.belief.slipped(*(self._before if late else (self.closure.x, self.closure.var)))
+        self._least = min(self.level + (not late), 5)
         if self._attempts >= self._arm.attempts:
             return self._let_go(t_s)
         self._attempts += 1

@@ -169,4 +169,4 @@ class Skin:
     def _noticed(self, t_s: float, kind: Kind) -> Event:
         p = self._p
         late = reaction_s(self._reaction, p.rt_ms, p.rt_sigma_ms, p.rt_tau_ms, self._floor_ms)
-        return Event(t_s + late + self._choice_s + p.dual_ms / 1e3, kind)
+        return Event(t_s + late + self._choice_s + p.dual_ms / 1e3, kind, t_s)

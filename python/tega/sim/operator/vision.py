@@ -29,10 +29,12 @@ class Event(NamedTuple):
     Attributes:
         due_s: When the person can act on it.
         kind: What it is.
+        began_s: When it was there to be noticed.
     """
 
     due_s: float
     kind: Kind
+    began_s: float
 
 
 def normal_cdf(z: float) -> float:
@@ -139,4 +141,4 @@ class Eyes:
     def _noticed(self, t_s: float, kind: Kind) -> Event:
         p = self._p
         late = reaction_s(self._reaction, p.rt_ms, p.rt_sigma_ms, p.rt_tau_ms, p.rt_floor_ms)
-        return Event(t_s + late + (p.choice_ms + p.delay_ms) / 1e3, kind)
+        return Event(t_s + late + (p.choice_ms + p.delay_ms) / 1e3, kind, t_s)

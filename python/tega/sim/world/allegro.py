@@ -24,7 +24,8 @@ __all__ = [
 ]
 
 FULL_DUTY_NM: Final = 1.0
-"""Torque of a joint at full motor duty, N·m: what the older hand's data sheet gives as its maximum."""
+"""Torque of a joint at full motor duty, N·m. Nominal: what the vendor's drivers call it. The older hand's data sheet
+gives 0.7 at 7.5 V; version 4 runs at 12 V. No source measures it."""
 
 TORQUE_LIMITS_NM: Final = TORQUE_LIMITS * FULL_DUTY_NM
 """The vendor's limits of each joint, N·m, float64 (16,)."""
@@ -46,6 +47,7 @@ _DAMPING: Final = FULL_DUTY_NM / 9.52
 _ARMATURE: Final = 0.07 * _DAMPING
 _STOP_MARGIN_RAD: Final = 0.1
 _LINK_RADIUS_M: Final = 0.011
+_SHORT_M: Final = 0.03
 
 # name: base position, base rotation (quaternion of the published roll, pitch, yaw)
 _BASES: Final = {
@@ -78,14 +80,15 @@ def _finger(number: int, name: str) -> str:
         else:
             pos, quat = f"0 0 {links[joint - 1][0]}", "1 0 0 0"
         low, high = JOINT_LIMITS_RAD[4 * number + joint]
-        # The printed limits lie inside the stops, but for the thumb's lowest, where that sign is a slip.
+        # The printed limits lie that far inside the stops.
         text += (
             f'<body name="{name}_link{joint}" pos="{pos}" quat="{quat}">'
             f'<joint name="{name}{joint}" axis="{axis}" range="{low - _STOP_MARGIN_RAD} {high + _STOP_MARGIN_RAD}" '
             f'limited="true" damping="{_DAMPING}" armature="{_ARMATURE}"/>'
         )
+        geom = f'<geom name="{name}_geom{joint}" type="capsule" mass="{mass}"'
         if thumb and joint == 0:
-            text += f'<geom name="{name}_geom0" class="still" type="capsule" size="0.015" mass="{mass}" fromto="-0.018 0.005 0.0 -0.018 0.005 0.03"/>'
+            text += f'{geom} class="still" size="0.015" fromto="-0.018 0.005 0 -0.018 0.005 0.03"/>'
         elif joint == 3:
             middle = length - PAD_HALF_LENGTH_M
             text += (
@@ -93,12 +96,11 @@ def _finger(number: int, name: str) -> str:
                 f'size="{PAD_RADIUS_M} {PAD_HALF_LENGTH_M}" pos="0 0 {middle}" rgba="0.95 0.95 0.92 1"/>'
                 f'<site name="{name}_pad" pos="{PAD_RADIUS_M} 0 {middle}"/>'
             )
-        elif length < 0.03:
-            text += f'<geom name="{name}_geom{joint}" class="still" type="capsule" size="{_LINK_RADIUS_M} {length / 2}" pos="0 0 {length / 2}" mass="{mass}"/>'
         else:
+            # The shortest links lie between longer ones and need no contacts of their own.
+            touching, shorter = ("still", 0.0) if length < _SHORT_M else (f"finger{number}", 0.005)
             text += (
-                f'<geom name="{name}_geom{joint}" class="finger{number}" type="capsule" mass="{mass}" '
-                f'size="{_LINK_RADIUS_M} {length / 2 - 0.005}" pos="0 0 {length / 2}"/>'
+                f'{geom} class="{touching}" size="{_LINK_RADIUS_M} {length / 2 - shorter}" pos="0 0 {length / 2}"/>'
             )
         close += "</body>"
     return text + close

@@ -50,7 +50,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     diameter_m: Annotated[float, msgspec.Meta(ge=0.04, le=0.12)]
     height_m: Annotated[float, msgspec.Meta(ge=0.14, le=0.35)]
     stiffening_n_m3: Annotated[float, msgspec.Meta(ge=0, le=1e7)] = 0.0
-    damping_ratio: Annotated[float, msgspec.Meta(ge=0.01, le=2)] = 0.1
+    damping_ratio: Annotated[float, msgspec.Meta(ge=0.01, le=2)] = 0.5
     plastic_share: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.0
     yield_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.1
     harm_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.006
@@ -115,7 +115,7 @@ OBJECTS: Final[dict[str, ObjectSpec]] = {
             diameter_m=0.10,
             height_m=0.20,
             stiffening_n_m3=2e5,
-            damping_ratio=0.3,
+            damping_ratio=0.7,
             plastic_share=0.33,
             yield_m=0.003,
             harm_m=0.020,

@@ -44,44 +44,42 @@ class Touch:
         self._object = {*shells, model.geom("core").id, model.geom("object").id}
         self._force = np.zeros(6)
 
-    def read(self) -> tuple[NDArray[np.float64], float, float]:
-        """Return normal forces: on each pad (4,) thumb first, on the rest of the hand, and on the table; newtons."""
-        pads, rest, table = np.zeros(4), 0.0, 0.0
+    def read(self) -> tuple[list[float], float, float]:
+        """Return normal forces, newtons: on each pad thumb first, on the rest of the hand, on the table."""
+        pads, rest, table = [0.0, 0.0, 0.0, 0.0], 0.0, 0.0
         data, force = self._data, self._force
         for number, (one, other) in enumerate(data.contact.geom.tolist()):
             self._mujoco.mj_contactForce(self._model, data, number, force)
+            newtons = float(force[0])
             pad = self._pads.get(one, self._pads.get(other))
             if pad is not None:
-                pads[pad] += force[0]
+                pads[pad] += newtons
             elif self._table in (one, other):
-                table += force[0]
+                table += newtons
             else:
-                rest += force[0]
-        return pads, float(rest), float(table)
+                rest += newtons
+        return pads, rest, table
 
     def indenters(self) -> list[list[Indenter]]:
         """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""
-        found: list[dict[int, tuple[float, NDArray[np.float64], NDArray[np.float64]]]] = [
-            {} for _ in SEAM_FINGERS
-        ]
+        found: list[dict[int, tuple[float, NDArray[np.float64], NDArray[np.float64]]]] = [{} for _ in SEAM_FINGERS]
         data, force = self._data, self._force
+        places, frames = data.contact.pos, data.contact.frame
         for number, (one, other) in enumerate(data.contact.geom.tolist()):
-            pad = self._pads.get(one)
-            shape, sign = other, 1.0
+            pad, shape, sign = self._pads.get(one), other, 1.0
             if pad is None:
                 pad, shape, sign = self._pads.get(other), one, -1.0
             if pad is None:
                 continue
             self._mujoco.mj_contactForce(self._model, data, number, force)
-            if force[0] <= 0:
+            newtons = float(force[0])
+            if newtons <= 0:
                 continue
-            contact = data.contact[number]
-            newtons, place, normal = found[pad].get(shape, (0.0, np.zeros(3), np.zeros(3)))
-            found[pad][shape] = (
-                newtons + force[0],
-                place + force[0] * contact.pos,
-                normal + force[0] * sign * contact.frame[:3],
-            )
+            place, normal = newtons * places[number], (sign * newtons) * frames[number, :3]
+            if shape in found[pad]:
+                before = found[pad][shape]
+                newtons, place, normal = before[0] + newtons, before[1] + place, before[2] + normal
+            found[pad][shape] = newtons, place, normal
         return [
             [self._indenter(pad, shape, *sums) for shape, sums in shapes.items()]
             for pad, shapes in enumerate(found)
@@ -89,15 +87,14 @@ class Touch:
 
     def arrows(self) -> NDArray[np.float64]:
         """Return place and force of each contact with the object, world frame, float64 (k, 6), metres and newtons."""
-        rows = []
         data, force = self._data, self._force
-        for number, (one, other) in enumerate(data.contact.geom.tolist()):
+        places, frames = data.contact.pos, data.contact.frame
+        rows = []
+        for number, (_, other) in enumerate(data.contact.geom.tolist()):
             self._mujoco.mj_contactForce(self._model, data, number, force)
             if force[0] > 0:
-                contact = data.contact[number]
                 sign = 1.0 if other in self._object else -1.0
-                rows.append([*contact.pos, *(sign * (contact.frame.reshape(3, 3).T @ force[:3]))])
-                del one
+                rows.append([*places[number], *(sign * (frames[number].reshape(3, 3).T @ force[:3]))])
         return np.array(rows, np.float64).reshape(-1, 6)
 
     def _indenter(

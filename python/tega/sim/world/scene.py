@@ -13,7 +13,7 @@ from tega.sim.world.arm import arm_actuators, arm_body
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.shells import object_body, object_tendons
 
-__all__ = ["PALM_ROTATION", "Physics", "build", "grasp_palm_m", "import_mujoco"]
+__all__ = ["PALM_ROTATION", "Physics", "build", "grasp_palm_m", "import_mujoco", "preamble"]
 
 PALM_ROTATION: Final = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Palm to world: the fingers point along x, the palm faces y, the index finger is on top. float64 (3, 3)."""
@@ -36,7 +36,7 @@ class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noslip: Annotated[int, msgspec.Meta(ge=0, le=20)] = 0
     solref_s: Annotated[float, msgspec.Meta(ge=2e-3, le=0.1)] = 0.01
     tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-3)] = 1e-8
-    integrator: Literal["implicitfast", "implicit", "discrete"] = "implicitfast"
+    integrator: Literal["implicitfast", "implicit", "discrete"] = "discrete"
 
 
 def import_mujoco() -> Any:
@@ -60,27 +60,35 @@ def grasp_palm_m(spec: ObjectSpec) -> np.ndarray[tuple[int], np.dtype[np.float64
 
 def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
     """Return the model: table, arm, hand, object."""
-    contact = f'condim="4" solref="{physics.solref_s} 1" solimp="0.95 0.99 0.001 0.5 2"'
-    touching = "".join(
-        f'<default class="finger{n}"><geom contype="{1 << n}" conaffinity="0" {contact} rgba="0.2 0.2 0.22 1"/></default>'
-        f'<default class="shell{n}"><geom contype="0" conaffinity="{1 << n}" priority="1" {contact} rgba="0 0 0 0"/>'
-        "</default>"
-        for n in range(4)
-    )
-    xml = (
-        '<mujoco model="tega"><compiler angle="radian"/>'
-        f'<option timestep="{physics.timestep_s}" jacobian="sparse" integrator="{physics.integrator}" cone="elliptic" '
-        f'impratio="{physics.impratio}" noslip_iterations="{physics.noslip}" tolerance="{physics.tolerance}"/>'
-        f"<default>{touching}"
-        '<default class="still"><geom contype="0" conaffinity="0" rgba="0.2 0.2 0.22 1"/></default>'
-        f'<default class="palm"><geom contype="16" conaffinity="0" {contact} rgba="0.2 0.2 0.22 1"/></default>'
-        f'<default class="core"><geom contype="0" conaffinity="16" priority="1" {contact} rgba="0 0 0 0"/></default>'
-        f'<default class="base"><geom contype="0" conaffinity="32" priority="1" {contact}/></default>'
-        f'<default class="table"><geom contype="32" conaffinity="0" {contact} rgba="0.75 0.72 0.68 1"/></default>'
-        "</default><worldbody>"
+    return mujoco.MjModel.from_xml_string(
+        f'<mujoco model="tega">{preamble(physics)}<worldbody>'
         '<geom name="table" class="table" type="plane" size="0.4 0.4 0.02"/>'
         f"{arm_body(hand_body())}{object_body(spec)}"
         f"</worldbody><tendon>{object_tendons(spec)}</tendon>"
         f"<actuator>{arm_actuators()}{hand_actuators()}</actuator></mujoco>"
     )
-    return mujoco.MjModel.from_xml_string(xml)
+
+
+def preamble(physics: Physics) -> str:
+    """Return the settings of the solver and the classes of shapes: who touches whom, and how hard."""
+    contact = f'condim="4" solref="{physics.solref_s} 1" solimp="0.95 0.99 0.001 0.5 2"'
+    dark, unseen = 'rgba="0.2 0.2 0.22 1"', 'rgba="0 0 0 0"'
+    classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {dark}' for n in range(4)}
+    classes |= {
+        f"shell{n}": f'contype="0" conaffinity="{1 << n}" priority="1" {contact} {unseen}' for n in range(4)
+    }
+    classes |= {
+        "still": f'contype="0" conaffinity="0" {dark}',
+        "palm": f'contype="16" conaffinity="0" {contact} {dark}',
+        "core": f'contype="0" conaffinity="16" priority="1" {contact} {unseen}',
+        "base": f'contype="0" conaffinity="32" priority="1" {contact}',
+        "table": f'contype="32" conaffinity="0" {contact} rgba="0.75 0.72 0.68 1"',
+    }
+    defaults = "".join(f'<default class="{name}"><geom {text}/></default>' for name, text in classes.items())
+    # The sparse solver is half as dear here as the dense one, which the size of the model would choose.
+    return (
+        '<compiler angle="radian"/>'
+        f'<option timestep="{physics.timestep_s}" jacobian="sparse" integrator="{physics.integrator}" '
+        f'cone="elliptic" impratio="{physics.impratio}" noslip_iterations="{physics.noslip}" '
+        f'tolerance="{physics.tolerance}"/><default>{defaults}</default>'
+    )

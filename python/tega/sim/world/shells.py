@@ -14,7 +14,7 @@ from tega.sim.world.objects import ObjectSpec
 __all__ = ["object_body", "object_tendons", "shell_mass_kg"]
 
 # Light bodies make soft contacts, as their stiffness scales with mass; so shells are given a fair share of it.
-_SHELL_SHARE: Final = 0.12
+_SHELL_SHARE: Final = 0.08
 _REACH_M: Final = 0.9
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -10,9 +10,6 @@ from tega.sim.seams import Truth
 from tega.sim.world.allegro import FINGERS
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.pads import Touch
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["Witness"]
 
@@ -43,21 +40,24 @@ class Witness:
 
     def __init__(self, model: Any, data: Any, spec: ObjectSpec, touch: Touch) -> None:
         self._data, self._spec, self._touch = data, spec, touch
-        self._object = model.body("object").id
-        self._palm = model.site("palm").id
-        self._dof = model.joint("object").dofadr[0]
-        self._shells = [
-            [model.joint(f"{finger}_shell_{axis}").qposadr[0] for axis in "xy"] for finger in FINGERS
-        ]
-        self._plastic: list[list[int]] = []
-        if spec.plastic_share > 0:
-            self._plastic = [
-                [model.tendon_plasticadr[model.tendon(f"{finger}_set_{axis}").id] for axis in "xy"]
-                for finger in FINGERS
-            ]
-        self._rest_m = float(data.xpos[self._object][2])
-        self._started = data.time
-        self._lifted = self._ever_lifted = self._dropped = False
+        thing, palm = model.body("object").id, model.site("palm").id
+        # Views of MuJoCo's own memory: they follow the state.
+        self._at, self._turned = data.xpos[thing], data.xmat[thing]
+        self._palm, self._palm_turned = data.site_xpos[palm], data.site_xmat[palm]
+        self._speed = data.qvel[model.joint("object").dofadr[0] + 2 :]
+        self._shells = np.array(
+            [model.joint(f"{finger}_shell_{axis}").qposadr[0] for finger in FINGERS for axis in "xy"]
+        )
+        self._plastic = np.array(
+            [
+                model.tendon_plasticadr[model.tendon(f"{finger}_set_{axis}").id]
+                for finger in (FINGERS if spec.plastic_share > 0 else ())
+                for axis in "xy"
+            ],
+            np.intp,
+        )
+        self._rest_m = float(self._at[2])
+        self._lifted = self._dropped = False
         self._reference_m = 0.0
         self._untouched_since: float | None = None
 
@@ -65,7 +65,7 @@ class Witness:
         """Take note of what only shows as it happens; call every few milliseconds."""
         height = self._lowest_m()
         if not self._lifted and height > _LIFTED_M:
-            self._lifted = self._ever_lifted = True
+            self._lifted = True
             self._reference_m = self._over_palm_m()
         elif self._lifted and height < _LIFTED_M / 2:
             self._lifted = False
@@ -73,8 +73,8 @@ class Witness:
             return
         if self._slip_m() > _LOST_M:
             self._dropped = True
-        pads, rest, _ = self._touch.read() if self._data.ncon else (np.zeros(4), 0.0, 0.0)
-        if pads.any() or rest > 0:
+        pads, rest, _ = self._touch.read()
+        if rest > 0 or any(pads):
             self._untouched_since = None
         elif self._untouched_since is None:
             self._untouched_since = self._data.time
@@ -83,56 +83,58 @@ class Witness:
 
     def truth(self, t_s: float, palm_speed_m_s: float) -> Truth:
         """Return what is so now."""
-        data = self._data
         pads, _, _ = self._touch.read()
-        spec = self._spec
-        out, forward = spec.palm_to_axis_m
-        grasp = data.site_xpos[self._palm] + data.site_xmat[self._palm].reshape(3, 3) @ np.array(
-            [out, 0.0, forward]
-        )
-        turned = data.xmat[self._object].reshape(3, 3)
-        held = data.xpos[self._object] + turned @ np.array([0, 0, spec.grasp_height_m - spec.height_m / 2])
-        away = grasp - held
-        dents = np.array([[data.qpos[x], data.qpos[y]] for x, y in self._shells])
-        lifted = self._lifted
+        spec, lifted = self._spec, self._lifted
+        x, y, z = self._at.tolist()
         return Truth(
             t_s=t_s,
-            object_height_m=float(data.xpos[self._object][2]) - self._rest_m,
+            object_height_m=z - self._rest_m,
             lift_off=lifted,
-            pad_force_n=(float(pads[0]), float(pads[1]), float(pads[2]), float(pads[3])),
+            pad_force_n=(pads[0], pads[1], pads[2], pads[3]),
             slip_m=self._slip_m() if lifted else 0.0,
-            slip_m_s=palm_speed_m_s - float(data.qvel[self._dof + 2]) if lifted else 0.0,
-            deformation_m=_narrowing(dents),
-            damage_m=_narrowing(self._set_m()),
+            slip_m_s=palm_speed_m_s - float(self._speed[0]) if lifted else 0.0,
+            deformation_m=_narrowing(self._data.qpos[self._shells].tolist()),
+            damage_m=self._damage_m(),
             dropped=self._dropped,
-            hand_to_object_m=float(np.sqrt(away @ away)),
+            hand_to_object_m=self._reach_m(spec, x, y, z),
         )
 
+    def _reach_m(self, spec: ObjectSpec, x: float, y: float, z: float) -> float:
+        """Return the distance from the middle of the grasp to where the object is to be held."""
+        out, forward = spec.palm_to_axis_m
+        palm, palm_turned, turned = self._palm.tolist(), self._palm_turned.tolist(), self._turned.tolist()
+        over = spec.grasp_height_m - spec.height_m / 2
+        square = 0.0
+        for axis, middle in enumerate((x, y, z)):
+            grasp = palm[axis] + palm_turned[3 * axis] * out + palm_turned[3 * axis + 2] * forward
+            square += (grasp - middle - turned[3 * axis + 2] * over) ** 2
+        return square**0.5
+
     def _lowest_m(self) -> float:
-        up = float(self._data.xmat[self._object][8])
-        spec = self._spec
-        middle = float(self._data.xpos[self._object][2])
-        return middle - spec.height_m / 2 * abs(up) - spec.diameter_m / 2 * max(0.0, 1 - up * up) ** 0.5
+        up, spec = float(self._turned[8]), self._spec
+        return (
+            float(self._at[2]) - spec.height_m / 2 * abs(up) - spec.diameter_m / 2 * max(0.0, 1 - up * up) ** 0.5
+        )
 
     def _over_palm_m(self) -> float:
-        return float(self._data.xpos[self._object][2] - self._data.site_xpos[self._palm][2])
+        return float(self._at[2]) - float(self._palm[2])
 
     def _slip_m(self) -> float:
         return self._reference_m - self._over_palm_m()
 
-    def _set_m(self) -> NDArray[np.float64]:
-        share = self._spec.plastic_share
-        if not self._plastic:
-            return np.zeros((4, 2))
-        return share * np.array([[self._data.plastic[x], self._data.plastic[y]] for x, y in self._plastic])
+    def _damage_m(self) -> float:
+        if not len(self._plastic):
+            return 0.0
+        return self._spec.plastic_share * _narrowing(self._data.plastic[self._plastic].tolist())
 
 
-def _narrowing(dents: NDArray[np.float64]) -> float:
-    """Return the largest narrowing of four dents in the horizontal plane, float64 (4, 2), metres."""
-    size = np.sqrt((dents * dents).sum(axis=1))
+def _narrowing(dents: list[float]) -> float:
+    """Return the largest narrowing, metres, of the fingers' dents: x and y of each, metres."""
+    pairs = list(zip(dents[::2], dents[1::2], strict=True))
     largest = 0.0
-    for dent, own in zip(dents, size, strict=True):
+    for x, y in pairs:
+        own = (x * x + y * y) ** 0.5
         if own > 1e-9:
-            opposite = -float((dents @ (dent / own)).min())
-            largest = max(largest, float(own) + max(0.0, opposite))
+            opposite = -min(x * u + y * v for u, v in pairs) / own
+            largest = max(largest, own + max(0.0, opposite))
     return largest

@@ -75,7 +75,7 @@ class World:
                 raise InvalidValueError(f"there is no object {spec!r}", f"one of {', '.join(OBJECTS)}")
             spec = OBJECTS[spec]
         self.spec, self.physics = spec, physics or Physics()
-        self._mujoco = mujoco = import_mujoco()
+        self.mujoco = mujoco = import_mujoco()
         self.model = model = build(mujoco, spec, self.physics)
         self.data = data = mujoco.MjData(model)
         self._grasp = grasp_palm_m(spec)
@@ -90,7 +90,8 @@ class World:
         data.qpos[at : at + 2] += np.random.default_rng(seed).normal(0, _PLACING_M, 2)
         self._steps = 0
         self._watch_every = max(1, round(_WATCH_S / self.physics.timestep_s))
-        self._jacobian = np.zeros((3, model.nv))
+        self._lead_every = 2 * self._watch_every
+        self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
         mujoco.mj_forward(model, data)
         self._touch = Touch(mujoco, model, data)
         self._witness: Witness | None = None
@@ -169,7 +170,7 @@ class World:
             if self._steps % every == 0:
                 self._attend()
             chunk = min(n - done, every - self._steps % every)
-            self._mujoco.mj_step(self.model, self.data, chunk)
+            self.mujoco.mj_step(self.model, self.data, chunk)
             self._steps += chunk
             done += chunk
 
@@ -192,7 +193,7 @@ class World:
     def hand_forces_n(self) -> tuple[NDArray[np.float64], float]:
         """Return normal forces on the pads, float64 (4,) thumb first, and on links and palm together, newtons."""
         pads, rest, _ = self._touch.read()
-        return pads, rest
+        return np.array(pads), rest
 
     def shapes(self) -> list[Shape]:
         """Return the primitives to draw, in the order of :meth:`poses`."""
@@ -219,7 +220,7 @@ class World:
         poses = np.empty((len(self._drawn), 7))
         poses[:, :3] = self.data.geom_xpos[self._drawn]
         for row, i in enumerate(self._drawn):
-            self._mujoco.mju_mat2Quat(poses[row, 3:], self.data.geom_xmat[i])
+            self.mujoco.mju_mat2Quat(poses[row, 3:], self.data.geom_xmat[i])
         return poses
 
     def contact_points(self) -> NDArray[np.float64]:
@@ -227,15 +228,18 @@ class World:
         return self._touch.arrows()
 
     def _place(self, height_m: float, back_m: float) -> NDArray[np.float64]:
-        return self._grasp + np.array([-back_m, 0.0, height_m])
+        # Back is away from the fingertips and from the palm alike: straight fingers would brush the object's side.
+        aside_m = back_m * 0.5**0.5
+        return self._grasp + np.array([-aside_m, -aside_m, height_m])
 
     def _attend(self) -> None:
         """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
-        # The arm's set angles move evenly from one look to the next: steps of them would shake what the hand holds.
-        tick_s = self._watch_every * self.physics.timestep_s
-        self._arm.tick(tick_s)
-        self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
-        self._mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
+        if self._steps % self._lead_every == 0:
+            # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
+            tick_s = self._lead_every * self.physics.timestep_s
+            self._arm.tick(tick_s)
+            self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
+        self.mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
         self.data.qfrc_applied[:7] = self._hand_weight_n * self._jacobian[2, :7]
         if self._witness is not None:
             self._witness.watch()
@@ -248,5 +252,6 @@ class World:
             self.step(1)
 
     def _palm_speed_m_s(self) -> float:
-        self._mujoco.mj_jacSite(self.model, self.data, self._jacobian, None, self._palm)
-        return float(self._jacobian[2] @ self.data.qvel)
+        kind = self.mujoco.mjtObj.mjOBJ_SITE
+        self.mujoco.mj_objectVelocity(self.model, self.data, kind, self._palm, self._velocity, 0)
+        return float(self._velocity[5])
