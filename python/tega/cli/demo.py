@@ -169,7 +169,7 @@ def _shown(
     from tega.view.browser import BrowserView, Controls
 
     controls = Controls(can_pause=True, can_mute=True, objects=objects)
-    with BrowserView(TITLE, port=port, controls=controls) as view:
+    with BrowserView("TEGA demo, simulated", port=port, controls=controls) as view:
         click.echo(f"the view is at {view.url}; Ctrl-C or the page's stop ends it", err=True)
         yield (
             view.offer,

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.teleop.loop import LoopView
     from tega.view.browser import BrowserView, Controls
-    from tega.view.state import ViewState
 
 __all__ = ["browser_observer", "run_viewed", "view_options"]
 
@@ -36,7 +35,7 @@ def browser_observer(
     *,
     port: int = DEFAULT_PORT,
     controls: Controls | None = None,
-    complete: Callable[[ViewState], ViewState] = lambda state: state,
+    **options: Any,
 ) -> Iterator[BrowserView]:
     """Serve the page and say on stderr where.
 
@@ -44,7 +43,7 @@ def browser_observer(
         title: Heading of the page.
         port: TCP port.
         controls: What the page's buttons set; the caller looks.
-        complete: Adds to a moment what takes time to find; called by the thread that paints.
+        options: Further arguments of :class:`~tega.view.browser.BrowserView`.
 
     Yields:
         The view: call it with a loop's moment, as its observer, or :meth:`~tega.view.browser.BrowserView.offer` it
@@ -55,7 +54,7 @@ def browser_observer(
     """
     from tega.view.browser import BrowserView
 
-    with BrowserView(title, port=port, controls=controls, complete=complete) as view:
+    with BrowserView(title, port=port, controls=controls, **options) as view:
         click.echo(f"view: {view.url}", err=True)
         yield view
 
@@ -90,11 +89,14 @@ def run_viewed(
     from tega.teleop import run_session
     from tega.view.browser import Controls
     from tega.view.browser.feed import SessionFeed
+    from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
 
     controls = Controls(can_pause=can_pause, can_mute=True)
     with (
         closing(SessionFeed(config, {"preset": config.session.preset})) as feed,
-        browser_observer(title, port=port, controls=controls, complete=feed.complete) as view,
+        browser_observer(
+            title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M
+        ) as view,
     ):
 
         def observe(loop: LoopView) -> None:

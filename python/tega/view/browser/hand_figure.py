@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
     from tega.view.state import Shape, ShapeKind
 
-__all__ = ["HandFigure"]
+__all__ = ["EYE_M", "LOOK_AT_M", "HandFigure"]
+
+EYE_M, LOOK_AT_M = (0.55, 0.36, 0.33), (0.0, 0.01, 0.12)
+"""Where to look at the figure from, and what at, metres."""
 
 _DARK = (0.2, 0.2, 0.22, 1.0)
 # The palm stands with its fingers up, so high over the floor.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -132,11 +133,15 @@ def _status(state: ViewState) -> str:
     if block is not None:
         rows["hand"] = f"level {block[2]}: {_POSES[block[2] - 1]}"
         rows["muscles"] = "levels " + " · ".join(str(level) for level in block[1])
-    cells = "".join(
-        f'<tr><td style="color:#868e96;padding-right:14px">{escape(name)}</td><td><b>{escape(text)}</b></td></tr>'
+    pairs = [
+        f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'
+        f'<td style="padding-right:14px"><b>{escape(text)}</b></td>'
         for name, text in rows.items()
-    )
-    return f'<table style="{_FONT};font-size:13px;margin:4px 10px">{cells}</table>'
+    ]
+    # Two pairs a line, in columns: the first half on the left.
+    half = (len(pairs) + 1) // 2
+    lines = "".join(f"<tr>{left}{right}</tr>" for left, right in zip_longest(pairs[:half], pairs[half:], fillvalue=""))
+    return f'<table style="{_FONT};margin:2px 8px;line-height:1.5">{lines}</table>'
 
 
 def _captions(state: ViewState) -> str:
@@ -152,11 +157,11 @@ def _captions(state: ViewState) -> str:
                 f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
                 f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>'
             )
-        cells.append(f'<td style="width:25%;text-align:center"><b>{finger}</b><br>{text}</td>')
-    return f'<table style="{_FONT};width:100%;table-layout:fixed;padding:4px 8px"><tr>{"".join(cells)}</tr></table>'
+        cells.append(f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>')
+    return f'<table style="{_FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"><tr>{"".join(cells)}</tr></table>'
 
 
 def _rates(rates_hz: dict[str, float], latency_ms: dict[str, float]) -> str:
     rates = " · ".join(f"{escape(name)} {rate:.0f} Hz" for name, rate in rates_hz.items())
     delays = " · ".join(f"{escape(name)} {delay:.1f} ms" for name, delay in latency_ms.items())
-    return f'<div style="{_FONT};padding:6px 10px">{rates}<br>{delays}</div>'
+    return f'<div style="{_FONT};font-size:11px;color:#6c757d;padding:2px 10px">{rates}<br>{delays}</div>'

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Point", "Scene"]
 
 # Length of a force's arrow, metres a newton, and the longest that is drawn.
-_M_PER_N, _LONGEST_M = 0.02, 0.2
+_M_PER_N, _LONGEST_M = 0.01, 0.15
 _FIELD_OF_VIEW_RAD = 0.7
 _FORCE_RED = (214, 40, 40)
 # A plane is drawn as a board under it, so thick.
@@ -62,9 +62,9 @@ class Scene:
         camera.position, camera.look_at, camera.fov = eye_m, at_m, _FIELD_OF_VIEW_RAD
         server.scene.configure_environment_map("apartment", environment_intensity=0.4)
         server.scene.configure_default_lights(cast_shadow=True)
-        server.scene.add_grid(
+        self._floor = server.scene.add_grid(
             "/floor", width=3, height=3, cell_size=0.1, section_size=0.5, cell_color=(225, 228, 232),
-            section_color=(200, 205, 210), position=(0.0, 0.0, -0.002), infinite_grid=False, shadow_opacity=0.0,
+            section_color=(200, 205, 210), shadow_opacity=0.0,
         )  # fmt: skip
 
     def draw(
@@ -93,6 +93,9 @@ class Scene:
         for handle, _ in self.batches:
             handle.remove()
         self._shapes, self.batches = shapes, []
+        if len(shapes):
+            lowest_m = min(pose[2] - max(shape[2]) for shape, pose in zip(shapes, poses, strict=True) if shape[1] != "plane")
+            self._floor.position = (0.0, 0.0, min(0.0, lowest_m))
         for name, parts in _parts(shapes).items():
             if not parts:
                 continue

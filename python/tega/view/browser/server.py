@@ -60,8 +60,8 @@ class BrowserView:
         port: int = 8080,
         controls: Controls | None = None,
         complete: Callable[[ViewState], ViewState] = lambda state: state,
-        eye_m: tuple[float, float, float] = (0.62, 0.42, 0.38),
-        at_m: tuple[float, float, float] = (0.0, 0.0, 0.13),
+        eye_m: tuple[float, float, float] = (0.92, 0.64, 0.48),
+        at_m: tuple[float, float, float] = (-0.03, 0.07, 0.19),
         rate_hz: float = 30.0,
         allow_remote: bool = False,
     ) -> None:
