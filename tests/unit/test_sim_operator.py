@@ -393,6 +393,11 @@ def test_who_cannot_feel_the_vest_acts_as_if_there_were_none() -> None:
         assert deaf.acts == without.acts == silent.acts, name
 
 
+def test_which_finger_vibrates_changes_nothing() -> None:
+    real = grasp(Operator(draw_person(4), seed=5), sham_vest("informative"))
+    assert grasp(Operator(draw_person(4), seed=5), sham_vest("permuted", seed=2)).acts == real.acts
+
+
 def test_rules_switched_off_leave_a_vest_without_effect() -> None:
     rules = Rules(onset=False, weaker=False, reading=False)
     without = grasp(Operator(draw_person(4), seed=5), None)
