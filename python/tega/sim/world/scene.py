@@ -40,7 +40,7 @@ class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     onset: Annotated[float, msgspec.Meta(ge=0.1, le=0.98)] = 0.3
     width_m: Annotated[float, msgspec.Meta(ge=1e-4, le=0.01)] = 0.002
     tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-3)] = 1e-8
-    integrator: Literal["implicitfast", "implicit", "discrete"] = "discrete"
+    integrator: Literal["implicitfast", "implicit", "discrete"] = "implicitfast"
 
 
 def import_mujoco() -> Any:

@@ -26,8 +26,8 @@ SETTINGS: Final[dict[str, Physics]] = {
     for name, extra in (
         ("default", {}),
         ("impratio 100", {"impratio": 100.0}),
-        ("implicitfast", {"integrator": "implicitfast"}),
-        ("implicitfast, impratio 10, noslip 3", {"integrator": "implicitfast", "impratio": 10.0, "noslip": 3}),
+        ("discrete", {"integrator": "discrete"}),
+        ("impratio 10, noslip 3", {"impratio": 10.0, "noslip": 3}),
         ("tolerance 1e-5", {"tolerance": 1e-5}),
         ("hard onset", {"onset": 0.95, "width_m": 0.001}),
     )
