@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from tega.haptics import FINGERS, intensity, vest_frame
-from tega.sim.muscle import emg_from_effort
-from tega.sim.press import Press, PressCamera
+from tega.sim.gel import Gel, ball
 from tega.tactile import read_contact
 from tega.teleop.loop import LoopView
 from tega.teleop.touch import Felt
@@ -29,20 +28,19 @@ class Moments:
     """Moments of a made-up grasp; the same seed makes the same ones."""
 
     def __init__(self, seed: int = 1) -> None:
-        self._cameras = {finger: PressCamera(seed + k) for k, finger in enumerate(FINGERS)}
-        self._baselines = {finger: camera.baseline() for finger, camera in self._cameras.items()}
-        effort = [0.5 + 0.45 * math.sin(k / 900) for k in range(20_000)]
-        self._emg = emg_from_effort(effort, seed=seed)
-        self._maxima = np.abs(self._emg - self._emg.mean(axis=0)).mean(axis=0) * 1.6
+        self._gels = {finger: Gel(seed + k) for k, finger in enumerate(FINGERS)}
+        self._baselines = {finger: gel.still() for finger, gel in self._gels.items()}
+        effort = 0.5 + 0.45 * np.sin(np.arange(20_000) / 900)
+        self._emg = np.random.default_rng(seed).normal(0, 200, (20_000, 3)) * effort[:, None]
+        self._maxima = np.full(3, 160.0)
 
     def at(self, t_s: float, *, images: bool = True, scene: bool = True, emg: bool = True) -> ViewState:
         squeeze = 0.5 - 0.5 * math.cos(t_s)
         pictures, contacts, felts = {}, {}, []
         for k, finger in enumerate(FINGERS):
-            press = Press(1.2 * squeeze, (120 + 10 * k, 150.0), _RADII_MM[finger])
-            picture = TouchImage(
-                self._cameras[finger].frame(press, round(t_s * 60)), self._baselines[finger], "live"
-            )
+            pressed = ball(force_n=6 * squeeze, centre_xy=(120.0 + 10 * k, 150.0), radius_mm=_RADII_MM[finger])
+            frame = self._gels[finger].frame([pressed], round(t_s * 60))
+            picture = TouchImage(frame, self._baselines[finger], "live")
             metrics = read_contact(*picture[:2], reading=picture.reading)
             cci, eda = (min(metrics.cci / 4, 1.0), min(metrics.eda / 20_000, 1.0)) if metrics.in_contact else (0.0, 0.0)
             felts.append(Felt(cci, eda, intensity(cci, 1.0), intensity(eda, 1.0)))
@@ -65,9 +63,9 @@ class Moments:
             images=pictures if images else None,
             shapes=SHAPES if scene else None,
             poses=_poses(squeeze) if scene else None,
-            contact_points=np.array([[0.036, 0.0, 0.14, -3 * squeeze, 0.0, 0.5]]) if scene else None,
+            contact_points=np.array([[0.033, 0.0, 0.1 + 0.1 * squeeze, 6 * squeeze, 3 * squeeze, 3.0]]) if scene else None,
             emg=EmgTail(self._emg[max(0, n - 6000) : n], RATE_HZ, self._maxima, "raw", "µV") if emg else None,
-            rows={"object": "bottle", "condition": "haptics on", "phase": "hold"},
+            rows={"object": "bottle", "condition": "haptic", "phase": "hold"},
         )
 
 
@@ -77,9 +75,9 @@ def _poses(squeeze: float) -> np.ndarray:
     return np.array(
         [
             (0.0, 0.0, -0.02, *upright),
-            (0.09, 0.0, 0.12 + lift, *upright),
-            (0.06, 0.03, 0.12 + lift, math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0),
-            (0.046, 0.0, 0.14 + lift, *upright),
+            (-0.09, 0.0, 0.12 + lift, *upright),
+            (-0.06, 0.03, 0.12 + lift, math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0),
+            (-0.046, 0.0, 0.14 + lift, *upright),
             (0.0, 0.0, 0.09 + lift, *upright),
         ]
     )

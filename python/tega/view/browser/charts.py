@@ -66,7 +66,9 @@ class CourseChart:
     def note(self, state: ViewState) -> None:
         """Remember a moment."""
         t_s, loop = state.t_ns / 1e9, state.loop
-        if self._course and t_s < self._course[-1][0]:
+        if self._course and t_s <= self._course[-1][0]:
+            if t_s == self._course[-1][0]:
+                return
             self._course.clear()
         touching = [
             felt

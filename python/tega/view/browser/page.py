@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Page"]
 
-# The scene is painted every time, the rest by turns: no moment costs much more than another.
-_TURNS = 3
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
 _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
@@ -96,26 +94,29 @@ class Page:
         stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
         stop.on_click(lambda _event: controls.stop())
 
-    def paint(self, state: ViewState, *, number: int, rates_hz: dict[str, float], latency_ms: dict[str, float]) -> None:
+    def paint(
+        self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]
+    ) -> None:
         """Put a moment on the page: the scene, and in turn pictures, text or charts.
 
         Args:
             state: The moment.
-            number: How many were painted before.
+            turn: Whose turn it is, 0 to 2.
             rates_hz: Measured rates.
             latency_ms: Measured delays.
         """
         self._course.note(state)
         with self._server.atomic():
             self.scene.draw(state.shapes, state.poses, state.contact_points)
-            if number % _TURNS == 0 and state.images:
-                self._images.image = self._sheet.draw(state.images)
-            elif number % _TURNS == 1:
+            if turn == 0:
+                if state.images:
+                    self._images.image = self._sheet.draw(state.images)
+            elif turn == 1:
                 self.status.content = _status(state)
                 self._captions.content = _captions(state)
                 self._vest.content = vest_svg(state.loop.vest)
                 self._rates.content = _rates(rates_hz, latency_ms)
-            elif number % _TURNS == 2:
+            else:
                 self._course.draw()
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)

@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from tega.teleop.loop import LoopView
     from tega.view.browser.page import Page
 
-__all__ = ["BrowserView"]
+__all__ = ["N_TURNS", "BrowserView"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+# The scene is painted every time, pictures, text and charts by turns: no moment costs much more than another.
+N_TURNS = 3
 # Without anyone at the page it is still kept fresh for whoever opens it.
 _UNWATCHED_HZ = 2.0
 
@@ -89,6 +91,7 @@ class BrowserView:
         self._failure: Exception | None = None
         self._counted: tuple[float, dict[str, int]] | None = None
         self._rates_hz: dict[str, float] = {}
+        self._wait_ms = 0.0
 
     @property
     def url(self) -> str:
@@ -157,35 +160,43 @@ class BrowserView:
     def _paint_on(self) -> None:
         """Paint the newest moment whenever there is one, until told to stop."""
         due_s = time.monotonic()
+        state: ViewState | None = None
+        offered_s, turn, n_owed = 0.0, 0, 0
         while not self._over.is_set():
-            self._filled.wait()
+            # A moment that no other follows is painted to the end: nothing on the page stays older than the rest.
+            self._filled.wait(self._period_s if n_owed else None)
             if self._over.wait(max(0.0, due_s - time.monotonic())):
                 return
             with self._lock:
                 taken, self._slot = self._slot, None
                 self._filled.clear()
-            if taken is None:
-                continue
             try:
-                self._paint(*taken)
+                if taken is not None:
+                    offered_s, state = taken[0], self._complete(taken[1])
+                    self._measure(state)
+                    n_owed = N_TURNS
+                if state is None or self.page is None or n_owed == 0:
+                    continue
+                latency_ms = {**state.latency_ms, "to the page": self._waited_ms(offered_s, new=taken is not None)}
+                self.page.paint(state, turn=turn, rates_hz=self._rates_hz, latency_ms=latency_ms)
             except Exception as error:  # told when the view is closed: the run goes on without a picture
                 self._failure = error
                 return
+            turn, n_owed = (turn + 1) % N_TURNS, n_owed - 1
+            if taken is not None:
+                self.n_painted += 1
             watched = bool(self._server.get_clients())
             due_s = time.monotonic() + (self._period_s if watched else 1 / _UNWATCHED_HZ)
 
-    def _paint(self, offered_s: float, state: ViewState) -> None:
-        now_s = time.monotonic()
-        state = self._complete(state)
-        self._measure(now_s, state)
-        latency_ms = dict(state.latency_ms)
-        latency_ms["to the page"] = (now_s - offered_s) * 1e3
-        if self.page is not None:
-            self.page.paint(state, number=self.n_painted, rates_hz=self._rates_hz, latency_ms=latency_ms)
-        self.n_painted += 1
+    def _waited_ms(self, offered_s: float, *, new: bool) -> float:
+        """Return how long the newest moment painted had been waiting."""
+        if new:
+            self._wait_ms = (time.monotonic() - offered_s) * 1e3
+        return self._wait_ms
 
-    def _measure(self, now_s: float, state: ViewState) -> None:
+    def _measure(self, state: ViewState) -> None:
         """Work the rates out over the last second."""
+        now_s = time.monotonic()
         counts = {**state.loop.counts, "page": self.n_painted}
         if self._counted is None:
             self._counted = (now_s, counts)
