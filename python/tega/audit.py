@@ -66,9 +66,6 @@ class ReadingScore(msgspec.Struct, frozen=True):
         iou: Median overlap of its pixels with the marked circle (intersection over union); likewise.
         iou_low: The tenth of the presses that overlap least lie below this.
         area_correlation: Of EDA with marked area over the presses; likewise.
-        eda_follows: Rank correlation, over the frames, of EDA with how far the picture is from the baseline (mean
-            absolute difference): 1 if it rises and falls with the press. ``None`` where either does not vary.
-        cci_follows: Likewise of CCI.
     """
 
     reading: str
@@ -81,8 +78,6 @@ class ReadingScore(msgspec.Struct, frozen=True):
     iou: float | None = None
     iou_low: float | None = None
     area_correlation: float | None = None
-    eda_follows: float | None = None
-    cci_follows: float | None = None
 
 
 def _printed(**options: str) -> Callable[[Image, Image], Outcome]:
@@ -161,34 +156,17 @@ def audit_frames(
         One score a reading.
     """
     marks = marks or [None] * len(frames)
-    press = mean_difference(frames, baseline)
-    return [_score(name, frames, baseline, marks, at_rest, press) for name in readings]
+    return [_score(name, frames, baseline, marks, at_rest) for name in readings]
 
 
 def mean_difference(frames: Sequence[Image], baseline: Image) -> NDArray[np.float64]:
     """Return how far each frame is from the baseline: mean absolute difference in counts, float64 (n,)."""
     still = baseline.astype(np.int16)
-    return np.array([np.abs(frame - still).mean() for frame in frames])
-
-
-def _rank_correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float | None:
-    """Spearman's: of the ranks, equal values sharing the mean of theirs."""
-    if len(a) < 3 or a.std() == 0 or b.std() == 0:
-        return None
-    ranks = []
-    for values in (a, b):
-        _, group, size = np.unique(values, return_inverse=True, return_counts=True)
-        ranks.append((np.cumsum(size) - (size - 1) / 2)[group])
-    return float(np.corrcoef(*ranks)[0, 1])
+    return np.array([np.abs(frame - still).mean() for frame in frames], np.float64)
 
 
 def _score(
-    name: str,
-    frames: Sequence[Image],
-    baseline: Image,
-    marks: Sequence[Mark | None],
-    at_rest: Image | None,
-    press: NDArray[np.float64],
+    name: str, frames: Sequence[Image], baseline: Image, marks: Sequence[Mark | None], at_rest: Image | None
 ) -> ReadingScore:
     read = READINGS[name]
     outcomes = [read(frame, baseline) for frame in frames]
@@ -199,8 +177,6 @@ def _score(
         eda=[o.eda for o in outcomes],
         cci=[o.cci for o in outcomes],
         eda_at_rest=None if at_rest is None else read(at_rest, baseline).eda,
-        eda_follows=_rank_correlation(np.array([o.eda for o in outcomes], np.float64), press),
-        cci_follows=_rank_correlation(np.array([o.cci for o in outcomes]), press),
     )
     marked = [(o, mark) for o, mark in zip(outcomes, marks, strict=True) if mark is not None]
     if not marked:

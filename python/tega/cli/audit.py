@@ -52,8 +52,7 @@ def audit(
     """Apply every reading of the contact equations to RECORDING, a folder of pictures or a video.
 
     Without --baseline it is estimated from the quietest frames. With --marks each reading's area is compared with
-    the marked circles, and a frame without contact is composed from what lies far from them; without, EDA and CCI are
-    ranked against how far each picture is from the baseline. With --json a list of
+    the marked circles, and a frame without contact is composed from what lies far from them. With --json a list of
     objects is printed, one a reading, with the fields of tega.audit.ReadingScore.
     """
     import msgspec
@@ -106,7 +105,6 @@ def _print(scores: list[ReadingScore], *, n_pixels: int) -> None:
     table = Table(title=f"{first.n_frames} frames of {n_pixels} pixels", title_justify="left", box=SIMPLE)
     table.add_column("reading", no_wrap=True)
     columns = ["found", "EDA least", "median", "most"]
-    columns += ["EDA follows", "CCI follows"] if first.iou is None else []
     columns += ["at rest"] if first.eda_at_rest is not None else []
     columns += ["area / mark", "overlap", "worst tenth", "r with mark"] if first.iou is not None else []
     for name in columns:
@@ -114,8 +112,6 @@ def _print(scores: list[ReadingScore], *, n_pixels: int) -> None:
     for s in scores:
         areas = sorted(s.eda)
         row = [f"{s.n_found}", *(str(areas[i]) for i in (0, len(areas) // 2, -1))]
-        if s.iou is None:
-            row += [_number(v) for v in (s.eda_follows, s.cci_follows)]
         row += [str(s.eda_at_rest)] if s.eda_at_rest is not None else []
         if s.iou is not None:
             row += [_number(v) for v in (s.area_ratio, s.iou, s.iou_low, s.area_correlation)]

@@ -81,7 +81,7 @@ def draw_curves(
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    presets = [score for score in scores if score.reading.split(" ")[0] in ("live", "paper")]
+    presets = [score for score in scores if score.reading.split(" ")[0] in ("paper", "live")]
     figure = new_figure(figsize=(8, 2.2 * len(presets) + 0.6))
     figure.suptitle(title, fontsize=9)
     press = mean_difference(frames, baseline)
@@ -91,12 +91,15 @@ def draw_curves(
         ax.fill_between(
             range(len(press)), press / max(press.max(), 1e-9), color="0.88", label="mean difference"
         )
-        for values, name, colour in ((score.eda, "EDA", EDA_GREEN), (score.cci, "CCI", CCI_BLUE)):
+        for values, name, form, colour in (
+            (score.eda, "EDA", "d", EDA_GREEN),
+            (score.cci, "CCI", ".3f", CCI_BLUE),
+        ):
             ax.plot(
                 np.array(values) / max(*values, 1e-9),
                 color=colour,
                 lw=1.3,
-                label=f"{name}, most {max(values):.4g}",
+                label=f"{name}, most {max(values):{form}}",
             )
         ax.set_ylabel(f"{score.reading}\nshare of the most", fontsize=8)
         ax.set_ylim(-0.02, 1.05)
