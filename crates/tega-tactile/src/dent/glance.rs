@@ -36,7 +36,9 @@ fn range(pair: &Pair<'_>, grid: &Grid, order: Order, strip: &mut Strip, enough: 
         let height = grid.side.min(grid.height - first);
         strip.clear(grid);
         for row in [first + height / 4, first + 3 * height / 4] {
-            pair.with_row(row, |frame, baseline| simd::add_difference(strip.sums(), frame, baseline));
+            pair.with_rows(row..row + 1, |frame, baseline| {
+                simd::add_difference(strip.sums(), frame, baseline)
+            });
         }
         cells::widen(strip, grid, &mut ranges);
         let [a, b, c] = [0, 1, 2].map(|c| ranges[c].width() as f32 * scale[c]);
