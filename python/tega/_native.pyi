@@ -126,7 +126,7 @@ def channel_maxima(
 # --- gel ---
 
 _Indenter = tuple[str, tuple[float, float, float], NDArray[np.float64], float]
-_Touch = tuple[bool, int, float, float, tuple[float, float], float]
+_Touch = tuple[bool, int, float, float, tuple[float, float]]
 
 GEL_PX_PER_MM: Final[float]
 GEL_LENGTH_MM: Final[float]
