@@ -12,7 +12,7 @@ __all__ = ["GRASP_POSES_RAD", "hand_controller"]
 
 # Open, but no wider than the objects ask for: no joint is 0.59 rad or more from the next level, so that a move
 # from one level to the next keeps its 0.6 s.
-_OPEN_RAD: Final = ((0.0, 0.50, 0.40, 0.30), (0.80, 0.15, 0.10, 0.20))
+_OPEN_RAD: Final = ((0.0, 0.50, 0.40, 0.30), (1.35, 0.20, -0.14, 0.15))
 # Fingers: how far along the default poses' way (1 open to 5 tight) levels 2 to 5 of the bench are. The defaults share
 # the way out evenly, so that on an object of 80 to 100 mm three of five would not touch it; here the second does.
 _WAY: Final = (3.9, 4.3, 4.65, 5.0)
