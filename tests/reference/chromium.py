@@ -25,17 +25,27 @@ def chromium() -> str:
 
 
 @contextmanager
-def opened(url: str) -> Iterator[Any]:
-    """Open a page; close the browser afterwards."""
+def launched() -> Iterator[Any]:
+    """Start the browser; end it afterwards."""
+    path = chromium()
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium(), args=list(FLAGS))
+        browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
         try:
-            page = browser.new_page(viewport=SIZE)
-            page.goto(url)
-            # viser warns where WebGL has no graphics card behind it.
-            page.locator(".mantine-Notification-closeButton").first.click(timeout=20_000)
-            yield page
+            yield browser
         finally:
             browser.close()
+
+
+@contextmanager
+def opened(browser: Any, url: str) -> Iterator[Any]:
+    """Open the view's page; close it afterwards."""
+    page = browser.new_page(viewport=SIZE)
+    try:
+        page.goto(url)
+        # viser warns where WebGL has no graphics card behind it.
+        page.locator(".mantine-Notification-closeButton").first.click(timeout=20_000)
+        yield page
+    finally:
+        page.close()

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-
 import msgspec
 import numpy as np
 import pytest
 from reference.moments import SHAPES, Moments
+from reference.waiting import until
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
@@ -26,15 +24,6 @@ from tega.view.state import EmgTail
 @pytest.fixture(scope="module")
 def moments() -> Moments:
     return Moments()
-
-
-def until(what: Callable[[], bool]) -> None:
-    """Wait for something that another thread does."""
-    for _ in range(1000):
-        if what():
-            return
-        time.sleep(0.01)
-    pytest.fail("nothing happened for 10 s")
 
 
 def test_the_slot_keeps_the_newest_moment_and_counts_those_it_drops(moments):

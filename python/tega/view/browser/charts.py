@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CourseChart", "MuscleCharts", "drives"]
 
-SHOWN_S = 6.0
+COURSE_S, MUSCLES_S = 6.0, 4.0
 _MUSCLES = ("#0b7285", "#e8590c", "#862e9c")
 CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
 # Eq 11: level = floor(4 · drive + 1).
@@ -79,14 +79,14 @@ class CourseChart:
         cci, eda = sum(f.cci_norm for f in touching) / n, sum(f.eda_norm for f in touching) / n
         pose = 0.0 if loop.block is None else (loop.block[2] - 1) / 4
         self._course.append((t_s, cci, eda, pose))
-        while self._course[0][0] < t_s - SHOWN_S:
+        while self._course[0][0] < t_s - COURSE_S:
             self._course.popleft()
 
     def draw(self) -> None:
         """Draw what is remembered."""
         if self._course:
             self._plot.data = tuple(np.array(self._course).T.copy())
-            self._plot.scales = _scales(self._course[-1][0], 1.05)
+            self._plot.scales = _scales(self._course[-1][0], COURSE_S, 1.05)
 
 
 class MuscleCharts:
@@ -103,7 +103,7 @@ class MuscleCharts:
 
     def draw(self, t_s: float, emg: EmgTail) -> None:
         """Draw the newest seconds."""
-        samples = emg.samples[-round(SHOWN_S * emg.rate_hz) :]
+        samples = emg.samples[-round(MUSCLES_S * emg.rate_hz) :]
         n, channels = samples.shape
         if n == 0:
             return
@@ -121,7 +121,9 @@ class MuscleCharts:
         share = np.minimum(drives(emg._replace(samples=samples)), 1.2)
         limits = (np.full(len(share), threshold) for threshold in THRESHOLDS)
         self._drive.data = (np.linspace(t[0], t[-1], len(share)), *limits, *share.T.copy())
-        self._raw.scales, self._drive.scales = _scales(t_s, float(channels)), _scales(t_s, 1.2)
+        self._raw.scales, self._drive.scales = (
+            _scales(t_s, MUSCLES_S, top) for top in (float(channels), 1.2)
+        )
 
 
 def _plot(gui: viser.GuiApi, series: tuple[Any, ...], top: float, *, y_axis: bool = True) -> Any:
@@ -129,7 +131,7 @@ def _plot(gui: viser.GuiApi, series: tuple[Any, ...], top: float, *, y_axis: boo
     return gui.add_uplot(
         data=(none,) * (len(series) + 1),
         series=({}, *series),
-        scales=_scales(0.0, top),
+        scales=_scales(0.0, COURSE_S, top),
         axes=({"size": 26}, {"size": 36, "show": y_axis}),
         legend={"show": False},
         height=_HEIGHT_PX,
@@ -149,8 +151,8 @@ def _caption(text: str, names: Sequence[tuple[str, str]]) -> str:
     )
 
 
-def _scales(t_s: float, top: float) -> dict[str, Any]:
-    shown = (max(t_s - SHOWN_S, 0.0), max(t_s, SHOWN_S))
+def _scales(t_s: float, shown_s: float, top: float) -> dict[str, Any]:
+    shown = (max(t_s - shown_s, 0.0), max(t_s, shown_s))
     return {"x": {"time": False, "range": shown}, "y": {"range": (0.0, top)}}
 
 
@@ -161,8 +163,8 @@ def _lanes(samples: NDArray[np.float64], emg: EmgTail) -> tuple[NDArray[np.intp]
     whole = samples[n % stretch :].reshape(-1, stretch, channels)
     pair = np.stack([whole.min(axis=1), whole.max(axis=1)], axis=1).reshape(-1, channels)
     rows = n % stretch + np.arange(len(pair)) * stretch // 2
-    # A lane is one high; full effort's rectified mean is a sixth of it, which leaves room for the peaks.
-    lanes = pair / (6 * emg.maxima)
+    # A lane is one high; full effort's rectified mean is an eighth of it, which leaves room for the peaks.
+    lanes = pair / (8 * emg.maxima)
     middle = 0.5 if emg.kind == "raw" else 0.1
     order = np.arange(channels)[::-1]
     return rows, np.clip(lanes - (lanes.mean(axis=0) if emg.kind == "raw" else 0), -0.48, 0.9) + order + middle

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["SessionFeed"]
 
 # Seconds of muscle signal kept for the page.
-_KEPT_S = 8.0
+_KEPT_S = 5.0
 
 Item = TypeVar("Item")
 
