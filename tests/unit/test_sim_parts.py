@@ -180,10 +180,10 @@ def test_a_pause_holds_the_world_and_goes_on_from_there() -> None:
 
 def test_the_bus_does_what_the_frames_say() -> None:
     applied: list[np.ndarray] = []
-    bus = SimulatedBus(applied.append)
+    bus = SimulatedBus(applied.append, full_duty=0.7)
     torques = np.linspace(-0.1, 0.1, 16)
     bus.write(0, allegro_torque_frames(torques))
-    assert np.abs(applied[-1] - torques).max() <= 0.5 / 1200
+    assert np.abs(applied[-1] / 0.7 - torques).max() <= 0.5 / 1200 + 1e-12
     bus.write(0, [CanFrame(0x7FF, b"")])
     assert bus.n_rejected == 1
     assert applied[-1].any()

@@ -145,9 +145,6 @@ class Lift:
         def encoders() -> NDArray[np.float64]:
             return np.rint(world.angles_rad / ALLEGRO_RAD_PER_COUNT) * ALLEGRO_RAD_PER_COUNT
 
-        def motors(torques: NDArray[np.float64]) -> None:
-            world.set_torques(torques * self._full_duty_nm)
-
         def show(view: LoopView) -> None:
             if observer is not None:
                 observer(self._moment(view))
@@ -162,7 +159,7 @@ class Lift:
             levels=rig.levels,
             hand=SimulatedAllegro(self._controller, encoders),
             vests=[rig] if self._streams is None else [rig, self._streams],
-            hands=[SimulatedBus(motors)],
+            hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
             recorder=self,
             observer=None if observer is None else show,
         )
