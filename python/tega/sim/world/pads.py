@@ -62,7 +62,9 @@ class Touch:
 
     def indenters(self) -> list[list[Indenter]]:
         """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""
-        found: list[dict[int, tuple[float, NDArray[np.float64], NDArray[np.float64]]]] = [{} for _ in SEAM_FINGERS]
+        found: list[dict[int, tuple[float, NDArray[np.float64], NDArray[np.float64]]]] = [
+            {} for _ in SEAM_FINGERS
+        ]
         data, force = self._data, self._force
         places, frames = data.contact.pos, data.contact.frame
         for number, (one, other) in enumerate(data.contact.geom.tolist()):
