@@ -232,6 +232,19 @@ def test_the_arm_reaches_its_whole_workspace(forearm_m):
     np.testing.assert_allclose(turned[:, 1], [0, 0, 1], atol=0.01)
 
 
+def test_the_palm_goes_to_a_place_and_a_turn():
+    world = World("bag", start_m=(0.2, 0.1))
+    place, turned = world.palm_pose
+    turn = np.array([[np.cos(0.3), 0, np.sin(0.3)], [0, 1, 0], [-np.sin(0.3), 0, np.cos(0.3)]])
+    world.set_palm(place + [0.03, -0.04, 0.05], turn @ turned)
+    for _ in range(60):
+        world.set_torques(1.5 * (GRASP_POSES_RAD[0] - world.angles_rad) - 0.08 * world.velocities_rad_s)
+        world.step(30)
+    there, now = world.palm_pose
+    np.testing.assert_allclose(there, place + [0.03, -0.04, 0.05], atol=0.002)
+    np.testing.assert_allclose(now, turn @ turned, atol=0.01)
+
+
 def test_torques_are_cut_to_the_vendors_limits():
     world = World("bag")
     world.set_torques(np.full(16, 5.0))
