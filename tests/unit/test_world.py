@@ -7,10 +7,10 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 
-from tega.errors import InvalidValueError, MissingExtraError, ShapeError  # noqa: E402
-from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES  # noqa: E402
-from tega.sim.seams import Truth  # noqa: E402
-from tega.sim.world import (  # noqa: E402
+from tega.errors import InvalidValueError, MissingExtraError, ShapeError
+from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
+from tega.sim.seams import Truth
+from tega.sim.world import (
     FULL_DUTY_NM,
     GRASP_POSES_RAD,
     OBJECTS,
@@ -20,9 +20,9 @@ from tega.sim.world import (  # noqa: E402
     World,
     hand_controller,
 )
-from tega.sim.world.events import slips  # noqa: E402
-from tega.sim.world.lift import lift  # noqa: E402
-from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n  # noqa: E402
+from tega.sim.world.events import slips
+from tega.sim.world.lift import lift
+from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
 
 TICK_S = 0.003
 
@@ -138,7 +138,9 @@ def test_slip_is_counted_from_lift_off_and_against_the_palm(lifted):
     truth = lifted.world.truth()
     palm, _ = lifted.world.palm_pose
     assert 0 < truth.slip_m < 0.01
-    assert palm[2] - OBJECTS["bottle"].grasp_height_m - truth.object_height_m == pytest.approx(truth.slip_m, abs=0.002)
+    assert palm[2] - OBJECTS["bottle"].grasp_height_m - truth.object_height_m == pytest.approx(
+        truth.slip_m, abs=0.002
+    )
     assert abs(truth.slip_m_s) < 0.001
 
 
@@ -230,6 +232,19 @@ def test_the_arm_reaches_its_whole_workspace(forearm_m):
     np.testing.assert_allclose(turned[:, 1], [0, 0, 1], atol=0.01)
 
 
+def test_the_palm_goes_to_a_place_and_a_turn():
+    world = World("bag", start_m=(0.2, 0.1))
+    place, turned = world.palm_pose
+    turn = np.array([[np.cos(0.3), 0, np.sin(0.3)], [0, 1, 0], [-np.sin(0.3), 0, np.cos(0.3)]])
+    world.set_palm(place + [0.03, -0.04, 0.05], turn @ turned)
+    for _ in range(60):
+        world.set_torques(1.5 * (GRASP_POSES_RAD[0] - world.angles_rad) - 0.08 * world.velocities_rad_s)
+        world.step(30)
+    there, now = world.palm_pose
+    np.testing.assert_allclose(there, place + [0.03, -0.04, 0.05], atol=0.002)
+    np.testing.assert_allclose(now, turn @ turned, atol=0.01)
+
+
 def test_torques_are_cut_to_the_vendors_limits():
     world = World("bag")
     world.set_torques(np.full(16, 5.0))
@@ -257,9 +272,11 @@ def test_a_torque_bends_the_joint_of_its_name():
 
 def test_the_bench_s_poses_are_the_controller_s_to_use():
     assert GRASP_POSES_RAD.shape == (5, 16)
-    assert np.abs(np.diff(GRASP_POSES_RAD, axis=0)).max() < 0.593, "a move between neighbours would not keep its 0.6 s"
-    assert (GRASP_POSES_RAD > JOINT_LIMITS_RAD[:, 0]).all()
-    assert (GRASP_POSES_RAD < JOINT_LIMITS_RAD[:, 1]).all()
+    assert np.abs(np.diff(GRASP_POSES_RAD, axis=0)).max() < 0.593, (
+        "a move between neighbours would not keep its 0.6 s"
+    )
+    assert (JOINT_LIMITS_RAD[:, 0] < GRASP_POSES_RAD).all()
+    assert (JOINT_LIMITS_RAD[:, 1] > GRASP_POSES_RAD).all()
     assert not GRASP_POSES_RAD.flags.writeable
 
 

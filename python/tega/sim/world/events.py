@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Final, NamedTuple
+from collections.abc import Iterable, Iterator
+from itertools import groupby
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
 
 from tega.sim.seams import Truth
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["Slip", "slips"]
 
@@ -14,8 +20,7 @@ _FAST_FOR_S: Final = 0.03
 _FAR_M: Final = 0.001
 _FAR_WITHIN_S: Final = 0.2
 _STILL_M_S: Final = 0.002
-_STILL_FOR_S: Final = 0.1
-_MERGE_S: Final = 0.2
+_PAUSE_S: Final = 0.2
 
 
 class Slip(NamedTuple):
@@ -37,54 +42,46 @@ class Slip(NamedTuple):
 def slips(truths: Iterable[Truth]) -> list[Slip]:
     """Return the slips after lift-off in a course of truths.
 
-    A slip has begun when the object was faster than 5 mm/s for 30 ms and went 1 mm within 200 ms; it has ended
-    when it was slower than 2 mm/s for 100 ms, or no longer held up. Slips less than 200 ms apart are one.
+    A slip is a stretch of sliding (2 mm/s and faster, pauses under 200 ms included) in which the object was faster
+    than 5 mm/s for at least 30 ms on end and went at least 1 mm within 200 ms. Creep and jerks too short to be seen
+    are none.
 
     Args:
         truths: In order of time, 10 ms apart at most.
     """
     found: list[Slip] = []
-    start: Truth | None = None
-    last_fast: Truth | None = None
-    fastest, fast_run_s, longest_run_s, reached_m = 0.0, 0.0, 0.0, 0.0
-    before: Truth | None = None
-
-    def close(end: Truth) -> None:
-        nonlocal start
-        if start is not None and longest_run_s >= _FAST_FOR_S and reached_m >= _FAR_M:
-            one = Slip(start.t_s, end.t_s, end.slip_m - start.slip_m, fastest)
-            if found and one.start_s - found[-1].end_s < _MERGE_S:
-                first = found.pop()
-                one = Slip(
-                    first.start_s,
-                    one.end_s,
-                    first.distance_m + one.distance_m,
-                    max(first.speed_m_s, one.speed_m_s),
-                )
-            found.append(one)
-        start = None
-
-    for truth in truths:
-        step_s = truth.t_s - before.t_s if before is not None else 0.0
-        if not truth.lift_off:
-            if before is not None:
-                close(before)
-            before = None
-            continue
-        fast = truth.slip_m_s > _FAST_M_S
-        if fast and start is None:
-            start, fastest, longest_run_s, reached_m, fast_run_s = before or truth, 0.0, 0.0, 0.0, 0.0
-        if start is not None:
-            fast_run_s = fast_run_s + step_s if fast else 0.0
-            longest_run_s = max(longest_run_s, fast_run_s)
-            fastest = max(fastest, truth.slip_m_s)
-            if truth.t_s - start.t_s <= _FAR_WITHIN_S or fast:
-                reached_m = max(reached_m, truth.slip_m - start.slip_m)
-            if truth.slip_m_s > _STILL_M_S:
-                last_fast = truth
-            elif last_fast is not None and truth.t_s - last_fast.t_s >= _STILL_FOR_S:
-                close(last_fast)
-        before = truth
-    if before is not None:
-        close(before)
+    for in_the_air, group in groupby(truths, lambda truth: truth.lift_off):
+        if in_the_air:
+            rows = np.array([(truth.t_s, truth.slip_m, truth.slip_m_s) for truth in group])
+            found += _slips(*rows.T)
     return found
+
+
+def _slips(
+    t_s: NDArray[np.float64], slip_m: NDArray[np.float64], speed_m_s: NDArray[np.float64]
+) -> Iterator[Slip]:
+    sliding = np.flatnonzero(speed_m_s > _STILL_M_S)
+    if not len(sliding):
+        return
+    pauses = np.flatnonzero(np.diff(t_s[sliding]) >= _PAUSE_S) + 1
+    for stretch in np.split(sliding, pauses):
+        first, last = max(int(stretch[0]) - 1, 0), int(stretch[-1])
+        span = slice(first, last + 1)
+        t, x, v = t_s[span], slip_m[span], speed_m_s[span]
+        before = np.searchsorted(t, t - _FAR_WITHIN_S)
+        if (x - x[before]).max() >= _FAR_M and _longest_s(t, v > _FAST_M_S) >= _FAST_FOR_S:
+            yield Slip(float(t[0]), float(t[-1]), float(x[-1] - x[0]), float(v.max()))
+
+
+def _longest_s(t_s: NDArray[np.float64], is_fast: NDArray[np.bool_]) -> float:
+    """Return how long the longest run of fast samples lasted, counted from the sample before it."""
+    longest = begun = 0.0
+    before = float(t_s[0])
+    running = False
+    for time, fast in zip(t_s.tolist(), is_fast.tolist(), strict=True):
+        if fast and not running:
+            begun = before
+        running, before = fast, time
+        if fast:
+            longest = max(longest, time - begun)
+    return longest

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import msgspec
 import numpy as np
@@ -12,6 +12,9 @@ from tega.sim.world.allegro import hand_actuators, hand_body
 from tega.sim.world.arm import arm_actuators, arm_body
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.shells import object_body, object_tendons
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["PALM_ROTATION", "Physics", "build", "grasp_palm_m", "import_mujoco", "preamble"]
 
@@ -56,10 +59,11 @@ def import_mujoco() -> Any:
     return mujoco
 
 
-def grasp_palm_m(spec: ObjectSpec) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def grasp_palm_m(spec: ObjectSpec) -> NDArray[np.float64]:
     """Return where the palm is in the grasp pose, world frame, with the object's axis at the origin."""
     out, forward = spec.palm_to_axis_m
-    return np.array([0.0, 0.0, spec.grasp_height_m]) - PALM_ROTATION @ np.array([out, 0.0, forward])
+    away: NDArray[np.float64] = PALM_ROTATION @ np.array([out, 0.0, forward])
+    return np.array([0.0, 0.0, spec.grasp_height_m]) - away
 
 
 def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
@@ -75,7 +79,9 @@ def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
 
 def preamble(physics: Physics) -> str:
     """Return the settings of the solver and the classes of shapes: who touches whom, and how hard."""
-    contact = f'condim="4" solref="{physics.solref_s} 1" solimp="{physics.onset} 0.99 {physics.width_m} 0.5 2"'
+    contact = (
+        f'condim="4" solref="{physics.solref_s} 1" solimp="{physics.onset} 0.99 {physics.width_m} 0.5 2"'
+    )
     dark, unseen = 'rgba="0.2 0.2 0.22 1"', 'rgba="0 0 0 0"'
     classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {dark}' for n in range(4)}
     classes |= {

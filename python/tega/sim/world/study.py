@@ -22,7 +22,7 @@ REFERENCE: Final = Physics(timestep_s=2.5e-4, tolerance=1e-10)
 """What errors are counted from."""
 
 SETTINGS: Final[dict[str, Physics]] = {
-    f"{name}, {step_s * 1e3:g} ms": Physics(timestep_s=step_s, **extra)  # type: ignore[arg-type]
+    f"{name}, {step_s * 1e3:g} ms": Physics(timestep_s=step_s, **extra)
     for name, extra in (
         ("default", {}),
         ("impratio 100", {"impratio": 100.0}),
@@ -108,8 +108,8 @@ def _error(lifts: list[Lift], reference: list[Lift]) -> Error:
 
 
 def _creep_m_s(one: Lift) -> float:
-    before = [truth for truth in one.trace if truth.t_s >= one.trace[-1].t_s - 0.5][0]
     end = one.trace[-1]
+    before = next(truth for truth in one.trace if truth.t_s >= end.t_s - 0.5)
     return (end.slip_m - before.slip_m) / (end.t_s - before.t_s)
 
 
@@ -140,7 +140,9 @@ class Bounds(NamedTuple):
     held: bool
 
 
-def bounds(name: str = "bottle", level: int = 4, *, seconds: float = 600.0, physics: Physics | None = None) -> Bounds:
+def bounds(
+    name: str = "bottle", level: int = 4, *, seconds: float = 600.0, physics: Physics | None = None
+) -> Bounds:
     """Grasp, lift, and hold an object for a long time while the grip goes between two levels twice a minute.
 
     Args:
@@ -171,4 +173,6 @@ def bounds(name: str = "bottle", level: int = 4, *, seconds: float = 600.0, phys
             finite = finite and bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
     truth = world.truth()
     slip = truth.slip_m - up_slip
-    return Bounds(seconds, penetration, kinetic, slip, slip / seconds, finite, truth.lift_off and not truth.dropped)
+    return Bounds(
+        seconds, penetration, kinetic, slip, slip / seconds, finite, truth.lift_off and not truth.dropped
+    )

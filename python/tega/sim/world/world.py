@@ -58,6 +58,13 @@ class World:
         physics: How the motion is computed.
         start_m: Where the hand waits: height over the grasp pose and distance back from it, metres.
 
+    Attributes:
+        spec: The object.
+        physics: How the motion is computed.
+        mujoco: MuJoCo's module.
+        model: Its model of the scene; to read, not to change.
+        data: Its state, likewise.
+
     Raises:
         InvalidValueError: There is no such object.
         MissingExtraError: mujoco-core is not installed.
@@ -231,7 +238,8 @@ class World:
 
     def _place(self, height_m: float, back_m: float) -> NDArray[np.float64]:
         # Back is away from the palm, and somewhat from the fingertips: so an open hand comes to the object untouched.
-        return self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])
+        place: NDArray[np.float64] = self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])
+        return place
 
     def _attend(self) -> None:
         """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
