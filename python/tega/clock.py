@@ -69,16 +69,19 @@ class PausableClock:
 
     Args:
         paused: Asked by every wait; the clock stands still, and the wait lasts, while it says so.
+
+    Attributes:
+        held_ns: The pauses so far, nanoseconds.
     """
 
     def __init__(self, paused: Callable[[], bool]) -> None:
         self._paused = paused
         self._clock = SystemClock()
-        self._held_ns = 0
+        self.held_ns = 0
 
     def now_ns(self) -> int:
         """Return the machine's monotonic time less the pauses so far, in nanoseconds."""
-        return self._clock.now_ns() - self._held_ns
+        return self._clock.now_ns() - self.held_ns
 
     def sleep_until(self, t_ns: int) -> None:
         """Sleep through a pause, then until the clock shows ``t_ns``."""
@@ -86,5 +89,5 @@ class PausableClock:
             held_since_ns = self._clock.now_ns()
             while self._paused():
                 time.sleep(_PAUSE_LOOK_S)
-            self._held_ns += self._clock.now_ns() - held_since_ns
-        self._clock.sleep_until(t_ns + self._held_ns)
+            self.held_ns += self._clock.now_ns() - held_since_ns
+        self._clock.sleep_until(t_ns + self.held_ns)

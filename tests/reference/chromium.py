@@ -17,11 +17,15 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 
 def chromium() -> str:
     """Return the path of the browser, or skip the test that asks."""
-    pytest.importorskip("playwright.sync_api", reason="no browser test: pip install '.[browser]' for playwright")
+    pytest.importorskip(
+        "playwright.sync_api", reason="no browser test: pip install '.[browser]' for playwright"
+    )
     for name in NAMES:
         if (path := shutil.which(name)) is not None:
             return path
-    return pytest.skip(f"no browser test: none of {', '.join(NAMES)} is installed (Debian: apt install chromium)")
+    return pytest.skip(
+        f"no browser test: none of {', '.join(NAMES)} is installed (Debian: apt install chromium)"
+    )
 
 
 @contextmanager

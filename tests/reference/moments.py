@@ -38,11 +38,17 @@ class Moments:
         squeeze = 0.5 - 0.5 * math.cos(t_s)
         pictures, contacts, felts = {}, {}, []
         for k, finger in enumerate(FINGERS):
-            pressed = ball(force_n=6 * squeeze, centre_xy=(120.0 + 10 * k, 150.0), radius_mm=_RADII_MM[finger])
+            pressed = ball(
+                force_n=6 * squeeze, centre_xy=(120.0 + 10 * k, 150.0), radius_mm=_RADII_MM[finger]
+            )
             frame = self._gels[finger].frame([pressed], round(t_s * 60))
             picture = TouchImage(frame, self._baselines[finger], "live")
             metrics = read_contact(*picture[:2], reading=picture.reading)
-            cci, eda = (min(metrics.cci / 4, 1.0), min(metrics.eda / 20_000, 1.0)) if metrics.in_contact else (0.0, 0.0)
+            cci, eda = (
+                (min(metrics.cci / 4, 1.0), min(metrics.eda / 20_000, 1.0))
+                if metrics.in_contact
+                else (0.0, 0.0)
+            )
             felts.append(Felt(cci, eda, intensity(cci, 1.0), intensity(eda, 1.0)))
             contacts[finger] = (round(t_s * 1e9), metrics)
             pictures[finger] = picture
@@ -55,7 +61,12 @@ class Moments:
             vest=vest_frame([f.front for f in felts], [f.back for f in felts], layout="x40"),
             block=(round(t_s * 1e9), (level, level, max(level - 1, 1)), level),
             angles_rad=None,
-            counts={"touch": round(60 * t_s), "levels": round(10 * t_s), "hand": round(333 * t_s), "vest": round(30 * t_s)},
+            counts={
+                "touch": round(60 * t_s),
+                "levels": round(10 * t_s),
+                "hand": round(333 * t_s),
+                "vest": round(30 * t_s),
+            },
         )
         return ViewState(
             t_ns=loop.t_ns,
@@ -63,7 +74,9 @@ class Moments:
             images=pictures if images else None,
             shapes=SHAPES if scene else None,
             poses=_poses(squeeze) if scene else None,
-            contact_points=np.array([[0.033, 0.0, 0.1 + 0.1 * squeeze, 6 * squeeze, 3 * squeeze, 3.0]]) if scene else None,
+            contact_points=np.array([[0.033, 0.0, 0.1 + 0.1 * squeeze, 6 * squeeze, 3 * squeeze, 3.0]])
+            if scene
+            else None,
             emg=EmgTail(self._emg[max(0, n - 6000) : n], RATE_HZ, self._maxima, "raw", "µV") if emg else None,
             rows={"object": "bottle", "condition": "haptic", "phase": "hold"},
         )

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import msgspec
 import numpy as np
 import pytest
-from reference.moments import SHAPES, Moments
-from reference.waiting import until
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
+from websockets.typing import Subprotocol
 
+from reference.moments import SHAPES, Moments
+from reference.waiting import until
 from tega.errors import InvalidValueError, ShapeError
 from tega.haptics import vest_frame
 from tega.tactile import read_contact
@@ -18,7 +21,7 @@ from tega.view.browser.charts import drives
 from tega.view.browser.scene import Scene
 from tega.view.browser.touch import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.view.browser.vest import vest_svg
-from tega.view.state import EmgTail
+from tega.view.state import EmgTail, ShapeKind
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +58,12 @@ def test_paints_what_there_is(moments, left_out):
 
 
 def test_a_moment_that_cannot_be_painted_is_told_at_the_end(moments):
-    with pytest.raises(ShapeError, match=r"poses have shape \(4, 7\)"), BrowserView(port=0) as view:
-        state = moments.at(1.0)
-        view.offer(state._replace(poses=state.poses[:4]))
-        until(lambda: not view.painting)
+    view, state = BrowserView(port=0), moments.at(1.0)
+    view.__enter__()
+    view.offer(state._replace(poses=state.poses[:4]))
+    until(lambda: not view.painting)
+    with pytest.raises(ShapeError, match=r"poses have shape \(4, 7\)"):
+        view.__exit__(None, None, None)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.7", "::", "example.org"])
@@ -78,7 +83,10 @@ def websocket(view: BrowserView, **options):
     import viser
 
     return connect(
-        view.url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None, **options
+        view.url.replace("http", "ws"),
+        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+        max_size=None,
+        **options,
     )
 
 
@@ -175,7 +183,7 @@ def test_a_new_set_of_shapes_takes_the_place_of_the_old(moments):
         scene.draw(None, None, None)
         assert scene.batches == []
         with pytest.raises(InvalidValueError, match="'cup' is a 'cone'"):
-            scene.draw([("cup", "cone", (1, 1, 1), (1, 1, 1, 1))], np.zeros((1, 7)), None)
+            scene.draw([("cup", cast("ShapeKind", "cone"), (1, 1, 1), (1, 1, 1, 1))], np.zeros((1, 7)), None)
 
 
 def test_the_touch_map_has_its_marks_where_the_contact_is(moments):

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+
 from reference.chromium import launched, opened
 from reference.moments import Moments
 from reference.waiting import until
-
 from tega.view.browser import BrowserView, Controls
 from tega.view.state import ViewState
 
@@ -34,7 +34,10 @@ def seen(browser):
     """Open the page on a made-up grasp, and return it with its controls."""
     controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "container", "bag"))
     moments = Moments()
-    with BrowserView("TEGA made-up grasp", port=0, controls=controls) as view, opened(browser, view.url) as page:
+    with (
+        BrowserView("TEGA made-up grasp", port=0, controls=controls) as view,
+        opened(browser, view.url) as page,
+    ):
         for k in range(12):
             view.offer(moments.at(2.0 + k / 30))
             time.sleep(0.15)
@@ -66,7 +69,9 @@ def test_pictures_vest_and_charts(seen):
     assert [498, 326] in sizes
     assert page.get_by_label("vest").locator("circle").count() == 40
     assert page.locator(".uplot canvas").count() == 3
-    drawn = "canvas => new Set(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data).size"
+    drawn = (
+        "canvas => new Set(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data).size"
+    )
     for chart in page.locator(".uplot canvas").all():
         assert chart.evaluate(drawn) > 20
 
@@ -101,11 +106,13 @@ def test_the_bench_with_an_object_held_up(name, browser):
     last = held[min(10, len(held) - 1)]
     moment = course[last]
     controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "container", "bag"))
-    with BrowserView("TEGA demo, simulated", port=0, controls=controls) as view, opened(browser, view.url) as page:
+    with (
+        BrowserView("TEGA demo, simulated", port=0, controls=controls) as view,
+        opened(browser, view.url) as page,
+    ):
         for state in course[last % 3 : last + 1 : 3]:
-            n_before = view.n_painted
             view.offer(state)
-            until(lambda n=n_before: view.n_painted > n)
+            until(lambda: view.n_painted + view.n_dropped == view.n_offered)
         page.get_by_text(f"{moment.t_ns / 1e9:.1f} s", exact=True).wait_for(timeout=20_000)
         page.wait_for_timeout(3_000)
         shown = picture(page)

@@ -25,7 +25,9 @@ def view_options(function: _Function) -> _Function:
         "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
         help="TCP port of the page; the next free one where it is taken, any for 0.",
     )  # fmt: skip
-    view = click.option("--view", is_flag=True, help="Show the run on a page in the browser, on this machine only.")
+    view = click.option(
+        "--view", is_flag=True, help="Show the run on a page in the browser, on this machine only."
+    )
     return view(port(function))
 
 

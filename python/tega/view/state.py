@@ -24,8 +24,8 @@ ShapeKind: TypeAlias = Literal["sphere", "capsule", "cylinder", "box", "plane"]
 Shape: TypeAlias = tuple[str, ShapeKind, tuple[float, float, float], tuple[float, float, float, float]]
 """A primitive of the 3-D scene: name, kind, size, colour.
 
-Size in metres: a box's half lengths; a sphere's radius; radius and half length of the straight part along its own z of a
-cylinder or capsule; half lengths in x and y of a plane. Colour: red, green, blue, opacity, 0 to 1.
+Size in metres: a box's half lengths; a sphere's radius; radius and half length of the straight part along its own z of
+a cylinder or capsule; half lengths in x and y of a plane. Colour: red, green, blue, opacity, 0 to 1.
 """
 
 

@@ -157,14 +157,16 @@ def _scales(t_s: float, shown_s: float, top: float) -> dict[str, Any]:
 
 
 def _lanes(samples: NDArray[np.float64], emg: EmgTail) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the rows to draw and the channels there, each in a lane of its own: lowest and highest of every stretch."""
+    """Return the rows to draw, lowest and highest of every stretch, and each channel there in a lane of its own."""
     n, channels = samples.shape
     stretch = max(1, n // _POINTS)
     whole = samples[n % stretch :].reshape(-1, stretch, channels)
     pair = np.stack([whole.min(axis=1), whole.max(axis=1)], axis=1).reshape(-1, channels)
     rows = n % stretch + np.arange(len(pair)) * stretch // 2
     # A lane is one high; full effort's rectified mean is an eighth of it, which leaves room for the peaks.
-    lanes = pair / (8 * emg.maxima)
-    middle = 0.5 if emg.kind == "raw" else 0.1
-    order = np.arange(channels)[::-1]
-    return rows, np.clip(lanes - (lanes.mean(axis=0) if emg.kind == "raw" else 0), -0.48, 0.9) + order + middle
+    height = pair / (8 * emg.maxima)
+    middle = np.arange(channels)[::-1] + 0.1
+    if emg.kind == "raw":
+        height, middle = height - height.mean(axis=0), middle + 0.4
+    lanes: NDArray[np.float64] = np.clip(height, -0.48, 0.9) + middle
+    return rows, lanes

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
-from tega.devices.base import EmgSource, SkippingSource, TactileFrame, TactileSource
+from tega.devices.base import SkippingSource, TactileFrame, TactileSource
 from tega.devices.registry import driver_class
 from tega.view.browser.hand_figure import HandFigure
 from tega.view.state import EmgTail, TouchImage, ViewState
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tega.config import SessionConfig, TactileConfig
-    from tega.devices.base import DeviceInfo, EmgChunk
+    from tega.devices.base import EmgChunk
     from tega.teleop.prepare import Muscles, Prepared
 
 __all__ = ["SessionFeed"]
@@ -55,11 +55,13 @@ class SessionFeed:
         for name, finger in prepared.fingers.items():
             if finger.source.info.live:
                 live = self._pictures[name] = _Live()
-                fingers[name] = finger._replace(source=_Watched(finger.source, live.see))
+                watched: Any = _Watched(finger.source, live.see)
+                fingers[name] = finger._replace(source=watched)
             else:
                 self._pictures[name] = _Reread(self._config.tactile.in_use()[name])
         if muscles is not None:
-            muscles = muscles._replace(source=_Watched(muscles.source, self._hear))
+            heard: Any = _Watched(muscles.source, self._hear)
+            muscles = muscles._replace(source=heard)
         self._prepared = prepared
         return prepared._replace(fingers=fingers, muscles=muscles)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, cast
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -61,7 +61,7 @@ class HandFigure:
         self.shapes: list[Shape] = []
         self._links: list[_Link] = []
         self._solids: list[_Solid] = []
-        root = ElementTree.fromstring(hand_body())
+        root = ET.fromstring(hand_body())
         root.set("pos", f"0 0 {_HEIGHT_M}")
         self._add(root, -1)
 
@@ -89,7 +89,7 @@ class HandFigure:
             ]
         )
 
-    def _add(self, body: ElementTree.Element, parent: int) -> None:
+    def _add(self, body: ET.Element, parent: int) -> None:
         """Add a body of the description, what is fixed to it and what hangs on it."""
         number, joint = len(self._links), body.find("joint")
         axis = np.zeros(3) if joint is None else _numbers(joint.get("axis", "0 0 1"))
@@ -108,7 +108,7 @@ class HandFigure:
         for child in body.findall("body"):
             self._add(child, number)
 
-    def _add_solid(self, geom: ElementTree.Element, link: int) -> None:
+    def _add_solid(self, geom: ET.Element, link: int) -> None:
         size = [*_numbers(geom.get("size", "")), 0.0, 0.0][:3]
         place, turn = _numbers(geom.get("pos", "0 0 0")), np.array(_STRAIGHT)
         if (ends := geom.get("fromto")) is not None:

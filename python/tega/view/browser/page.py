@@ -141,7 +141,9 @@ def _status(state: ViewState) -> str:
     ]
     # Two pairs a line, in columns: the first half on the left.
     half = (len(pairs) + 1) // 2
-    lines = "".join(f"<tr>{left}{right}</tr>" for left, right in zip_longest(pairs[:half], pairs[half:], fillvalue=""))
+    lines = "".join(
+        f"<tr>{left}{right}</tr>" for left, right in zip_longest(pairs[:half], pairs[half:], fillvalue="")
+    )
     return f'<table style="{_FONT};margin:2px 8px;line-height:1.5">{lines}</table>'
 
 
@@ -158,8 +160,11 @@ def _captions(state: ViewState) -> str:
                 f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
                 f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>'
             )
-        cells.append(f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>')
-    return f'<table style="{_FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"><tr>{"".join(cells)}</tr></table>'
+        cells.append(
+            f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>'
+        )
+    style = f"{_FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
+    return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
 
 
 def _rates(rates_hz: dict[str, float], latency_ms: dict[str, float]) -> str:

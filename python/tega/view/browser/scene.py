@@ -94,7 +94,11 @@ class Scene:
             handle.remove()
         self._shapes, self.batches = shapes, []
         if len(shapes):
-            lowest_m = min(pose[2] - max(shape[2]) for shape, pose in zip(shapes, poses, strict=True) if shape[1] != "plane")
+            lowest_m = min(
+                pose[2] - max(shape[2])
+                for shape, pose in zip(shapes, poses, strict=True)
+                if shape[1] != "plane"
+            )
             self._floor.position = (0.0, 0.0, min(0.0, lowest_m))
         for name, parts in _parts(shapes).items():
             if not parts:
@@ -152,7 +156,9 @@ def _parts(shapes: Sequence[Shape]) -> dict[str, list[_Part]]:
             if kind == "capsule":
                 parts["ball"] += [_Part(number, end, (a, a, a)) for end in (-b, b)]
         else:
-            raise InvalidValueError(f"shape {name!r} is a {kind!r}: expected one of {', '.join(get_args(ShapeKind))}")
+            raise InvalidValueError(
+                f"shape {name!r} is a {kind!r}: expected one of {', '.join(get_args(ShapeKind))}"
+            )
     return parts
 
 

@@ -36,8 +36,8 @@ class BrowserView:
         host: Where to serve: this machine only, unless ``allow_remote``.
         port: TCP port; where it is taken, the next free one. 0 takes any free one.
         controls: What the page's buttons set.
-        complete: Called by the painting thread with a moment before it is painted; adds what takes time to find, such as
-            pictures that have to be read.
+        complete: Called by the painting thread with a moment before it is painted; adds what takes time to find,
+            such as pictures that have to be read.
         eye_m: Where the camera of whoever opens the page begins, metres.
         at_m: What it looks at.
         rate_hz: Most moments painted per second.
@@ -48,7 +48,7 @@ class BrowserView:
         n_offered: Moments offered.
         n_painted: Of these, those painted.
         n_dropped: Of these, those a newer one replaced before they were painted.
-        page: What is on the page, while it is served.
+        page: What is on the page; from when it is first served.
 
     Raises:
         InvalidValueError: ``host`` is not this machine, or the rate or port is out of range.
@@ -86,7 +86,7 @@ class BrowserView:
         self._filled = threading.Event()
         self._over = threading.Event()
         self._server: Any = None
-        self.page: Page | None = None
+        self.page: Page
         self._painter: threading.Thread | None = None
         self._failure: Exception | None = None
         self._counted: tuple[float, dict[str, int]] | None = None
@@ -140,7 +140,7 @@ class BrowserView:
             self._painter.join()
         if self._server is not None:
             self._server.stop()
-        self._server = self.page = self._painter = None
+        self._server = self._painter = None
         if self._failure is not None and error is None:
             raise self._failure
 
@@ -175,9 +175,12 @@ class BrowserView:
                     offered_s, state = taken[0], self._complete(taken[1])
                     self._measure(state)
                     n_owed = N_TURNS
-                if state is None or self.page is None or n_owed == 0:
+                if state is None or n_owed == 0:
                     continue
-                latency_ms = {**state.latency_ms, "to the page": self._waited_ms(offered_s, new=taken is not None)}
+                latency_ms = {
+                    **state.latency_ms,
+                    "to the page": self._waited_ms(offered_s, new=taken is not None),
+                }
                 self.page.paint(state, turn=turn, rates_hz=self._rates_hz, latency_ms=latency_ms)
             except Exception as error:  # told when the view is closed: the run goes on without a picture
                 self._failure = error

@@ -33,15 +33,15 @@ _PEAK_RADIUS_PX = 5.0
 class TouchSheet:
     """Draws the fingers' pictures side by side, thumb first.
 
-    A touch map is grey, white being the most this finger has shown so far. Green circle: the peak. Blue line: the border
-    of the pixels that EDA counts; blue circle: a disc of their area at their middle.
+    A touch map is grey, white being the most this finger has shown so far. Green circle: the peak. Blue line: the
+    border of the pixels that EDA counts; blue circle: a disc of their area at their middle.
     """
 
     def __init__(self) -> None:
         self._white = dict.fromkeys(FINGERS, _LEAST_WHITE)
 
     def draw(self, images: Mapping[str, TouchImage]) -> NDArray[np.uint8]:
-        """Return the sheet, uint8 (2 tiles + gap, 4 tiles + gaps, 3), RGB; a finger without a picture is a grey tile."""
+        """Return the sheet, uint8 (326, 498, 3), RGB; a finger without a picture is two grey tiles."""
         n = len(FINGERS)
         sheet = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), _PAPER, np.uint8)
         for column, finger in enumerate(FINGERS):
