@@ -37,7 +37,7 @@ fn range(pair: &Pair<'_>, grid: &Grid, order: Order, strip: &mut Strip, enough: 
         strip.clear(grid);
         for row in [first + height / 4, first + 3 * height / 4] {
             pair.with_rows(row..row + 1, |frame, baseline| {
-                simd::add_difference(strip.sums(), frame, baseline)
+                simd::add_difference(strip.sums(), frame, baseline);
             });
         }
         cells::widen(strip, grid, &mut ranges);
