@@ -218,8 +218,8 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`dent::fold_quads`].
-    fold_quads = dent::fold_quads, (sums: &mut [i16], folded: &mut [i16]) -> ()
+    /// See [`dent::fold_octets`].
+    fold_octets = dent::fold_octets, (sums: &[i16], shift: u32, folded: &mut [i16]) -> ()
 }
 
 dispatched! {
@@ -238,11 +238,56 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`dent::quiet_sums`].
-    quiet_sums = dent::quiet_sums, (level: f32, length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5]
+    /// See [`dent::quiet_lanes`].
+    quiet_lanes = dent::quiet_lanes, (quiet: &[f32], base: &[f32], white: &[f32]) -> [[f32; dent::LANES]; 5]
 }
 
 dispatched! {
     /// See [`dent::close`].
     close = dent::close, (plane: &[i16], cols: usize, across: &mut [i16], dilated: &mut [i16], out: &mut [i16]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::take_out`].
+    take_out = dent::take_out, (offset: f32, gain: f32, base: &[f32], white: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::count_above`].
+    count_above = dent::count_above, (level: f32, values: &[f32]) -> u32
+}
+
+dispatched! {
+    /// See [`dent::mark_quiet`].
+    mark_quiet = dent::mark_quiet, (level: f32, length: &[f32], quiet: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::medians_of_seven`].
+    medians_of_seven = dent::medians_of_seven, (values: &[f32], medians: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::own`].
+    own = dent::own, (index: u8, response: &[f32], owners: &[u8], out: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::sort_keys`].
+    sort_keys = dent::sort_keys, (length: &[f32], keys: &mut [u16]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::walk`].
+    walk = dent::walk, (walk: &dent::Walk, stride: i32, places: [&mut [[i32; dent::BUNDLE]]; 3]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::between`].
+    between = dent::between, (x: &[i32], y: &[i32], corners: &[Vec<f32>; 4], samples: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`dent::crossing`].
+    crossing = dent::crossing, (samples: &[[f32; dent::BUNDLE]], share: f32) -> dent::Crossing
 }
