@@ -50,7 +50,7 @@ class Error(NamedTuple):
         creep_m_s: Sinking of the held object in the last half second; not an error but what is to be small.
         chatter_n: Mean change of a pad's force from one 3 ms to the next while gripping; likewise.
         same_outcomes: Whether the same lifts held.
-        cpu_us: Processor time of one simulated millisecond, median over the cases, microseconds.
+        cpu_us: Processor time that the world took for a simulated millisecond, median over the cases, microseconds.
     """
 
     slip_m: float
