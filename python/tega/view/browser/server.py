@@ -24,6 +24,7 @@ N_TURNS = 3
 # Without anyone at the page it is still kept fresh for whoever opens it.
 _UNWATCHED_HZ = 2.0
 _LOOK_S = 0.004
+_REST_SHARE = 4.0
 
 
 class BrowserView:
@@ -170,7 +171,9 @@ class BrowserView:
                 return
             if painted:
                 period_s = self._period_s if self._server.get_clients() else 1 / _UNWATCHED_HZ
-                rest_s = max(0.0, period_s - (time.monotonic() - began_s))
+                took_s = time.monotonic() - began_s
+                # Where painting takes long the machine is busy: better fewer moments than the run's time.
+                rest_s = max(period_s - took_s, _REST_SHARE * took_s)
 
     def _paint_next(self, now_s: float) -> bool:
         """Paint a new moment, or more of the last one if no other follows; tell whether there was anything to do."""
