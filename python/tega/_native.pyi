@@ -54,7 +54,7 @@ def pressure_map(
     frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
 ) -> NDArray[np.float32]: ...
 def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], list[int]]: ...
-def instruction_set() -> Literal["baseline", "avx2", "avx512"]: ...
+def instruction_set() -> Literal["baseline", "neon", "avx2", "avx512"]: ...
 
 # --- haptics ---
 
@@ -126,7 +126,7 @@ def channel_maxima(
 # --- gel ---
 
 _Indenter = tuple[str, tuple[float, float, float], NDArray[np.float64], float]
-_Touch = tuple[bool, int, float, float, tuple[float, float], float]
+_Touch = tuple[bool, int, float, float, tuple[float, float]]
 
 GEL_PX_PER_MM: Final[float]
 GEL_LENGTH_MM: Final[float]

@@ -13,6 +13,7 @@ from tega.sim.world import FULL_DUTY_NM, World, hand_controller  # noqa: E402
 from tega.wire import (  # noqa: E402
     AllegroInfo,
     AllegroPosition,
+    AllegroTemperature,
     CanFrame,
     allegro_angle_counts,
     allegro_angles_rad,
@@ -103,7 +104,10 @@ def test_the_world_moves_the_same_by_torques_and_by_frames():
 
 def test_nothing_is_sent_before_a_period_and_no_torque_flows_before_servo_on():
     angles = np.linspace(-0.1, 0.4, 16)
-    with AllegroOnBus(channel="test-quiet") as hand, can.Bus(interface="virtual", channel="test-quiet") as bus:
+    with (
+        AllegroOnBus(channel="test-quiet") as hand,
+        can.Bus(interface="virtual", channel="test-quiet") as bus,
+    ):
         driver = host("test-quiet")
         hand.tick(0.0, angles)
         assert received(bus) == []
@@ -120,7 +124,10 @@ def test_nothing_is_sent_before_a_period_and_no_torque_flows_before_servo_on():
 
 
 def test_positions_come_at_the_period_asked_for():
-    with AllegroOnBus(channel="test-period") as hand, can.Bus(interface="virtual", channel="test-period") as bus:
+    with (
+        AllegroOnBus(channel="test-period") as hand,
+        can.Bus(interface="virtual", channel="test-period") as bus,
+    ):
         driver = host("test-period")
         driver.write(0, [allegro_set_period(6)])
         counts = []
@@ -135,7 +142,11 @@ def test_requests_are_answered():
     angles = np.linspace(-0.1, 0.4, 16)
     with AllegroOnBus(channel="test-ask") as hand, can.Bus(interface="virtual", channel="test-ask") as bus:
         driver = host("test-ask")
-        asked = [allegro_request_info(), allegro_request_position("ring"), allegro_request_temperature("thumb")]
+        asked = [
+            allegro_request_info(),
+            allegro_request_position("ring"),
+            allegro_request_temperature("thumb"),
+        ]
         driver.write(0, [allegro_servo_on(), *asked])
         hand.tick(0.0, angles)
         said = [allegro_decode(f) for f in received(bus) if not f.remote and f.id != allegro_servo_on().id]
@@ -145,6 +156,7 @@ def test_requests_are_answered():
         assert info.side == "right"
         assert isinstance(position, AllegroPosition)
         np.testing.assert_allclose(position.angles_rad, angles[8:12], atol=5e-5)
+        assert isinstance(temperature, AllegroTemperature)
         assert temperature.finger == "thumb"
         driver.close()
 

@@ -24,7 +24,7 @@ def answers(*command: str, simd: str = "") -> tuple[str, str]:
 @pytest.mark.parametrize("simd", ["baseline", "avx2"])
 def test_a_lower_instruction_set_gives_the_same_bits(simd):
     used, digest = answers(simd=simd)
-    assert used in {simd, "baseline"}
+    assert used in ({"baseline"} if simd == "baseline" else {"avx2", "baseline", "neon"})
     assert digest == answers()[1]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError, ShapeError
-from tega.sim.gel import Gel, ball
+from tega.sim.gel import PX_PER_MM, STIFFNESS_N_MM3, Gel, ball
 from tega.sim.seams import Indenter
 
 STRAIGHT = np.hstack([np.eye(3), np.zeros((3, 1))])
@@ -52,9 +52,11 @@ def test_the_gel_carries_the_force_and_the_mask_is_the_area() -> None:
         [Indenter("plane", (0.0, 0.0, 0.0), STRAIGHT * [[1], [-1], [-1]], 2.0)],
     ):
         truth = gel.press(press)
-        assert truth.force_n == pytest.approx(2.0, rel=0.03)
+        displacement = gel.displacement_mm()
+        carried = STIFFNESS_N_MM3 * displacement.sum() * (4 / PX_PER_MM) ** 2
+        assert carried == pytest.approx(2.0, rel=0.05)
+        assert displacement.max() == pytest.approx(truth.depth_mm)
         assert gel.contact_mask().sum() == truth.area_px > 0
-        assert gel.displacement_mm().max() == pytest.approx(truth.depth_mm)
 
 
 def test_bad_input_is_refused() -> None:

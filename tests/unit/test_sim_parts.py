@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 import pytest
 
@@ -19,16 +22,14 @@ from tega.wire import CanFrame, allegro_torque_frames
 NOTHING = Truth(0.0, 0.0, False, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, False, 0.1)
 
 
-def score(course: list[tuple[float, dict[str, object]]], *, placing_from_s: float = np.inf) -> Scorer:
+def score(course: Sequence[tuple[float, Mapping[str, object]]], *, placing_from_s: float = np.inf) -> Scorer:
     """Score what is so from each time on, a hundred times a second for a second after the last."""
     scorer = Scorer(harm_m=0.01)
-    truth, steps = NOTHING, iter(course)
-    upcoming = next(steps)
+    truth, left = NOTHING, deque(course)
     for tick in range(round((course[-1][0] + 1.0) * 100) + 1):
         t_s = tick / 100
-        while upcoming is not None and t_s >= upcoming[0] - 1e-9:
-            truth = truth._replace(**upcoming[1])  # type: ignore[arg-type]
-            upcoming = next(steps, None)
+        while left and t_s >= left[0][0] - 1e-9:
+            truth = truth._replace(**left.popleft()[1])  # type: ignore[arg-type]
         moved_m = truth.slip_m + truth.slip_m_s / 100
         truth = truth._replace(slip_m=moved_m)
         scorer.take(t_s, truth, placing=t_s >= placing_from_s)
@@ -37,11 +38,11 @@ def score(course: list[tuple[float, dict[str, object]]], *, placing_from_s: floa
 
 
 def test_lifted_is_a_second_at_the_height() -> None:
-    up = [(1.0, {"lift_off": True, "object_height_m": 0.1}), (2.0, {"object_height_m": 0.21}), (3.1, {})]
+    up: list[tuple[float, dict[str, object]]] = [(1.0, {"lift_off": True, "object_height_m": 0.1}), (2.0, {"object_height_m": 0.21}), (3.1, {})]
     scorer = score(up)
     assert scorer.time_of("lift_off") == 1.0
     assert scorer.time_of("lifted") == pytest.approx(3.0)
-    down = [*up[:2], (2.9, {"object_height_m": 0.19}), (3.0, {"object_height_m": 0.21})]
+    down: list[tuple[float, dict[str, object]]] = [*up[:2], (2.9, {"object_height_m": 0.19}), (3.0, {"object_height_m": 0.21})]
     assert score([*down, (3.5, {})]).time_of("lifted") == pytest.approx(4.0)
 
 
@@ -73,7 +74,7 @@ def test_two_slips_are_one_without_a_rest_in_between(rest_s: float, slips: int) 
 
 def test_sliding_counts_neither_on_the_table_nor_while_it_is_put_down() -> None:
     assert score([(1.0, {"slip_m_s": 0.05})]).count("slip") == 0
-    put_down = [(1.0, {"lift_off": True}), (2.0, {"slip_m_s": 0.05, "dropped": True})]
+    put_down: list[tuple[float, dict[str, object]]] = [(1.0, {"lift_off": True}), (2.0, {"slip_m_s": 0.05, "dropped": True})]
     assert score(put_down, placing_from_s=1.5).count("slip") == 0
     assert score(put_down, placing_from_s=1.5).count("drop") == 0
     assert score(put_down).count("drop") == 1
@@ -115,7 +116,7 @@ def test_a_queued_stream_gives_items_when_their_time_has_come() -> None:
 
 
 def test_a_picture_that_cannot_change_is_known_without_looking_and_one_that_can_is_looked_at() -> None:
-    class Counted(np.ndarray):  # type: ignore[type-arg]
+    class Counted(np.ndarray):
         n_read = 0
 
         def tobytes(self, *_: object, **__: object) -> bytes:
@@ -178,11 +179,11 @@ def test_a_pause_holds_the_world_and_goes_on_from_there() -> None:
 
 
 def test_the_bus_does_what_the_frames_say() -> None:
-    applied: list[np.ndarray] = []  # type: ignore[type-arg]
-    bus = SimulatedBus(applied.append)
+    applied: list[np.ndarray] = []
+    bus = SimulatedBus(applied.append, full_duty=0.7)
     torques = np.linspace(-0.1, 0.1, 16)
     bus.write(0, allegro_torque_frames(torques))
-    assert np.abs(applied[-1] - torques).max() <= 0.5 / 1200
+    assert np.abs(applied[-1] / 0.7 - torques).max() <= 0.5 / 1200 + 1e-12
     bus.write(0, [CanFrame(0x7FF, b"")])
     assert bus.n_rejected == 1
     assert applied[-1].any()

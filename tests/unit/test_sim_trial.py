@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -109,7 +110,7 @@ def test_switching_the_vest_off_takes_it_away_at_once() -> None:
 
 
 def test_an_observer_sees_pictures_poses_and_muscles() -> None:
-    seen = []
+    seen: list[Any] = []
     run_trial(TrialPlan(object="bottle"), person=Onlooker(), observer=seen.append)
     assert len(seen) == 10
     state = seen[-1]

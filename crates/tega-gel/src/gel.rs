@@ -1,7 +1,7 @@
 //! A fingertip: what presses it, the picture, and what is true of the contact.
 
 use crate::error::GelError;
-use crate::membrane::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS, MAX_INDENTERS, Membrane, PX_PER_MM};
+use crate::membrane::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, MAX_INDENTERS, Membrane, PX_PER_MM};
 use crate::noise::{EPOCH_FRAMES, Noise};
 use crate::paint::Canvas;
 use crate::shape::Indenter;
@@ -27,8 +27,6 @@ pub struct Touch {
     pub depth_mm: f64,
     /// Where the touching cells' displacement has its middle, pixels (column, row); NaN where nothing touches.
     pub centre_xy: [f64; 2],
-    /// Force that the solved gel carries, newtons, beside the picture too; that asked for within the solver's error.
-    pub force_n: f64,
 }
 
 /// A simulated fingertip.
@@ -119,12 +117,9 @@ impl Gel {
         if !self.touch.touches {
             return;
         }
-        let (mut heights, mut touching) = ([0.0; COLS], [false; COLS]);
-        for (r, rows) in out.chunks_exact_mut(CELL_PX * WIDTH).enumerate() {
-            self.membrane.read_row(r + MARGIN_ROWS, &mut heights, Some(&mut touching));
-            for row in rows.chunks_exact_mut(WIDTH) {
-                let cells = row.chunks_exact_mut(CELL_PX).zip(&touching[MARGIN_COLS..]);
-                cells.for_each(|(pixels, touches)| pixels.fill(*touches));
+        for (y, row) in out.chunks_exact_mut(WIDTH).enumerate() {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = self.membrane.touches(y / CELL_PX + MARGIN_ROWS, x / CELL_PX + MARGIN_COLS);
             }
         }
     }
@@ -135,10 +130,8 @@ impl Gel {
         if !self.touch.touches {
             return;
         }
-        let mut heights = [0.0; COLS];
-        for (r, row) in out.chunks_exact_mut(WIDTH / CELL_PX).enumerate() {
-            self.membrane.read_row(r + MARGIN_ROWS, &mut heights, None);
-            row.copy_from_slice(&heights[MARGIN_COLS..COLS - MARGIN_COLS]);
+        for (r, row) in out.chunks_exact_mut(CELLS[1]).enumerate() {
+            row.copy_from_slice(&self.membrane.heights(r + MARGIN_ROWS + 1)[MARGIN_COLS + 1..][..CELLS[1]]);
         }
     }
 
@@ -166,7 +159,6 @@ impl Gel {
             } else {
                 [f64::NAN; 2]
             },
-            force_n: self.membrane.pressed.iter().map(|p| f64::from(p.force)).sum(),
         }
     }
 }

@@ -1,8 +1,7 @@
 //! The gel: a skin on springs, and shapes that it may not enter.
 //!
 //! The displacement `h` minimises the sum of h² + l²|∇h|² over all that lie above the shapes. It is found on three
-//! grids, each started from the coarser one's answer, by a fixed number of red and black over-relaxed sweeps, so that
-//! an answer depends on what presses now and on nothing before. A shape goes in until the springs under it carry its
+//! grids, each started from the coarser one's answer, by a fixed number of sweeps over even and odd rows, so that an answer depends on what presses now and on nothing before. A shape goes in until the springs under it carry its
 //! force: with `k` the springs' stiffness, the pressure is p = k(h - l²∇²h) where it touches and 0 elsewhere.
 
 use crate::shape::{CLEAR, Indenter};
@@ -18,20 +17,38 @@ pub const DOME_MM: f64 = 100.0;
 /// Shapes that may press at once.
 pub const MAX_INDENTERS: usize = 8;
 
-/// Cells of the finest grid and of the gel: the picture and 40 (across) or 64 (along) pixels around it.
+/// Cells of the finest grid: the picture and 72 pixels (across) or 64 (along) around it, 20.6 mm x 24 mm.
 pub(crate) const CELL_PX: usize = 4;
-pub(crate) const COLS: usize = 80;
+pub(crate) const COLS: usize = 96;
 pub(crate) const ROWS: usize = 112;
 /// Cells of the finest grid that lie outside the picture on each side.
-pub(crate) const MARGIN_COLS: usize = 10;
+pub(crate) const MARGIN_COLS: usize = 18;
 pub(crate) const MARGIN_ROWS: usize = 16;
 
-/// Displacement that is not worth a cell's work, millimetres: the picture would change by half a count.
-const NEGLIGIBLE_MM: f32 = 0.002;
-/// Sums are kept in so many lanes, in this order, whatever the instruction set.
+/// Displacement that is not worth a cell's work, millimetres: the picture would change by a count at most.
+const NEGLIGIBLE_MM: f32 = 0.004;
+/// Columns are worked on so many at a time, and sums kept in so many lanes, whatever the instruction set.
 const LANES: usize = 8;
 
-/// Rows and columns of cells, ends excluded; columns are multiples of 16, so that half of them fill vectors.
+/// How often a grid matches the forces, its sweeps before each match and after the last, and their over-relaxation.
+#[derive(Debug, Clone, Copy)]
+struct Steps {
+    /// At least, and at most while a force is off by more than a seventh.
+    matches: usize,
+    most: usize,
+    sweeps: usize,
+    last: usize,
+    relax: f32,
+}
+
+/// From the coarsest grid on; `docs/sim-touch.md` has the error that this leaves.
+const SCHEDULE: [Steps; 3] = [
+    Steps { matches: 3, most: 3, sweeps: 2, last: 1, relax: 1.4 },
+    Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.4 },
+    Steps { matches: 1, most: 4, sweeps: 3, last: 2, relax: 1.4 },
+];
+
+/// Rows and columns of cells, ends excluded; columns are multiples of [`LANES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Window {
     pub(crate) rows: [usize; 2],
@@ -47,43 +64,77 @@ pub(crate) struct Pressed {
     pub(crate) force: f32,
 }
 
-/// A grid. Cells of one colour lie together: cell (r, 2j + (r + colour) % 2) at (r + 1, j + 1) of that colour's plane.
+/// Sums over the touching cells of the picture, and the largest displacement in it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Measured {
+    pub(crate) cells: usize,
+    pub(crate) depth: f32,
+    /// Of displacement, and of it times column and row; millimetres, cells of the picture.
+    pub(crate) sum: f32,
+    pub(crate) right: f32,
+    pub(crate) down: f32,
+}
+
+/// A grid. `height` has a still cell around it: cell (r, c) is at (r + 1) * (cols + 2) + c + 1. `floor` and `gaps` have
+/// not: r * cols + c.
 #[derive(Debug, Clone)]
 struct Level {
     rows: usize,
-    half: usize,
+    cols: usize,
     cell_mm: f32,
+    /// l² in cells, squared.
+    square: f32,
     window: Window,
-    height: [Vec<f32>; 2],
-    floor: [Vec<f32>; 2],
+    height: Vec<f32>,
+    /// What the next sweep writes; still around the window like `height`.
+    next: Vec<f32>,
+    floor: Vec<f32>,
     gaps: Vec<Vec<f32>>,
+    /// Level of each shape's foremost cell in its gaps.
+    tops: [f32; MAX_INDENTERS],
 }
 
 impl Level {
     fn new(shrink: usize) -> Self {
-        let (rows, half) = (ROWS / shrink, COLS / shrink / 2);
-        let plane = vec![0.0; (rows + 2) * (half + 2)];
+        let (rows, cols) = (ROWS / shrink, COLS / shrink);
+        let cell_mm = ((shrink * CELL_PX) as f64 / PX_PER_MM) as f32;
+        let length = LENGTH_MM as f32 / cell_mm;
         Self {
             rows,
-            half,
-            cell_mm: ((shrink * CELL_PX) as f64 / PX_PER_MM) as f32,
+            cols,
+            cell_mm,
+            square: length * length,
             window: Window::default(),
-            height: [plane.clone(), plane.clone()],
-            floor: [plane.clone(), plane],
-            gaps: vec![vec![CLEAR; rows * half * 2]; MAX_INDENTERS],
+            height: vec![0.0; (rows + 2) * (cols + 2)],
+            next: vec![0.0; (rows + 2) * (cols + 2)],
+            floor: vec![0.0; rows * cols],
+            gaps: vec![vec![CLEAR; rows * cols]; MAX_INDENTERS],
+            tops: [CLEAR; MAX_INDENTERS],
         }
     }
 
+    /// Where a row's window lies in `height`.
     #[inline(always)]
-    fn stride(&self) -> usize {
-        self.half + 2
+    fn tall(&self, row: usize) -> std::ops::Range<usize> {
+        let start = (row + 1) * (self.cols + 2) + 1;
+        start + self.window.cols[0]..start + self.window.cols[1]
     }
 
-    /// l² in cells, squared.
+    /// Where a row's window lies in `floor` and `gaps`.
     #[inline(always)]
-    fn square(&self) -> f32 {
-        let l = LENGTH_MM as f32 / self.cell_mm;
-        l * l
+    fn flat(&self, row: usize) -> std::ops::Range<usize> {
+        row * self.cols + self.window.cols[0]..row * self.cols + self.window.cols[1]
+    }
+
+    /// A cell's row of the window with a cell before and after, and the rows above and below it.
+    #[inline(always)]
+    fn around(&self, row: usize) -> [&[f32]; 3] {
+        let (here, stride) = (self.tall(row), self.cols + 2);
+        [
+            &self.height[here.start - 1..=here.end],
+            &self.height[here.start - stride..here.end - stride],
+            &self.height[here.start + stride..here.end + stride],
+        ]
     }
 }
 
@@ -93,23 +144,7 @@ pub(crate) struct Membrane {
     levels: [Level; 3],
     pub(crate) pressed: [Pressed; MAX_INDENTERS],
     row: Vec<f32>,
-    pub(crate) schedule: [Steps; 3],
 }
-
-/// How often a grid matches the forces, and its sweeps each time and after.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Steps {
-    pub(crate) matches: usize,
-    pub(crate) sweeps: usize,
-    pub(crate) last: usize,
-    pub(crate) relax: f32,
-}
-
-const SCHEDULE: [Steps; 3] = [
-    Steps { matches: 8, sweeps: 3, last: 2, relax: 1.3 },
-    Steps { matches: 3, sweeps: 3, last: 2, relax: 1.3 },
-    Steps { matches: 2, sweeps: 2, last: 3, relax: 1.3 },
-];
 
 impl Membrane {
     pub(crate) fn new() -> Self {
@@ -117,31 +152,35 @@ impl Membrane {
             levels: [4, 2, 1].map(Level::new),
             pressed: [Pressed::default(); MAX_INDENTERS],
             row: vec![0.0; COLS + 2],
-            schedule: SCHEDULE,
         }
     }
 
     /// Presses the shapes in; false where none of them lies over the gel.
     #[inline(always)]
     pub(crate) fn solve(&mut self, indenters: &[Indenter]) -> bool {
+        self.solve_in(indenters, &SCHEDULE)
+    }
+
+    #[inline(always)]
+    fn solve_in(&mut self, indenters: &[Indenter], schedule: &[Steps; 3]) -> bool {
         let n = indenters.len();
         let mut any = false;
         for (i, indenter) in indenters.iter().enumerate() {
             let over = indenter.force_n > 0.0 && self.lay_over(i, indenter);
-            // A ball of 10 mm needs about this much; the first matches find the rest.
-            let depth =
-                if over { (indenter.force_n / (62.8 * STIFFNESS_N_MM3)).sqrt() as f32 } else { CLEAR };
+            let force = indenter.force_n as f32;
+            let depth = if over { guess(&self.levels[0], i, force) } else { CLEAR };
             self.pressed[i] = Pressed { depth, force: 0.0 };
             any |= over;
         }
         if !any {
             return false;
         }
-        for level in 0..3 {
+        for (level, steps) in schedule.iter().enumerate() {
             if level == 0 {
                 let grid = &mut self.levels[0];
-                grid.window = Window { rows: [0, grid.rows], cols: [0, 2 * grid.half] };
-                grid.height.iter_mut().for_each(|plane| plane.fill(0.0));
+                grid.window = Window { rows: [0, grid.rows], cols: [0, grid.cols] };
+                grid.height.fill(0.0);
+                grid.next.fill(0.0);
                 raise_floor(grid, &self.pressed[..n]);
             } else {
                 let [coarse, fine] = &mut self.levels[level - 1..=level] else { continue };
@@ -150,25 +189,34 @@ impl Membrane {
                 refine(coarse, fine, &mut self.row);
             }
             let grid = &mut self.levels[level];
-            let steps = self.schedule[level];
-            for _ in 0..steps.matches {
+            for done in 1..=steps.most {
                 for _ in 0..steps.sweeps {
                     sweep(grid, steps.relax);
                 }
                 carry(grid, &mut self.pressed[..n]);
+                let (mut most, mut off) = (0.0f32, false);
                 for (pressed, indenter) in self.pressed.iter_mut().zip(indenters) {
                     // Force goes with depth to the power 1.9 for a ball, 1 for a flat face.
                     let ratio =
                         if pressed.force > 0.0 { indenter.force_n as f32 / pressed.force } else { 4.0 };
-                    pressed.depth *= ratio.clamp(0.25, 4.0).sqrt();
+                    let change = ratio.clamp(0.25, 4.0).sqrt();
+                    off |= pressed.depth > 0.0 && !(0.93..1.07).contains(&change);
+                    pressed.depth *= change;
+                    most = if pressed.depth > 0.0 && change > most { change } else { most };
                 }
                 raise_floor(grid, &self.pressed[..n]);
+                if most < 1.0 {
+                    // A skin is soon up but slow to come down.
+                    settle(grid, most);
+                }
+                if done >= steps.matches && !off {
+                    break;
+                }
             }
             for _ in 0..steps.last {
                 sweep(grid, steps.relax);
             }
         }
-        carry(&self.levels[2], &mut self.pressed[..n]);
         true
     }
 
@@ -177,26 +225,51 @@ impl Membrane {
         self.levels[2].window
     }
 
-    /// Writes a row of displacements of the finest grid, millimetres, and whether each cell touches; `heights` and
-    /// `touching` are [`COLS`] long, row -1 and [`ROWS`] are still.
+    /// A row of displacements of the finest grid, millimetres, with a still cell before and after; -1 and [`ROWS`] are
+    /// still rows, `row` is one more.
+    pub(crate) fn heights(&self, row: usize) -> &[f32] {
+        &self.levels[2].height[row * (COLS + 2)..(row + 1) * (COLS + 2)]
+    }
+
+    /// Whether the gel touches something in a cell of the finest grid.
+    pub(crate) fn touches(&self, row: usize, col: usize) -> bool {
+        let (window, floor) = (self.window(), self.levels[2].floor[row * COLS + col]);
+        let inside = (window.rows[0]..window.rows[1]).contains(&row)
+            && (window.cols[0]..window.cols[1]).contains(&col);
+        inside && floor > 0.0 && self.heights(row + 1)[col + 1] <= floor
+    }
+
+    /// Measures the part of the gel that is in the picture.
     #[inline(always)]
-    pub(crate) fn read_row(&self, row: usize, heights: &mut [f32], touching: Option<&mut [bool]>) {
+    pub(crate) fn measure(&self) -> Measured {
         let grid = &self.levels[2];
-        let start = (row + 1) * grid.stride() + 1;
-        let (first, second) = if row.is_multiple_of(2) { (0, 1) } else { (1, 0) };
-        let a = &grid.height[first][start..start + grid.half];
-        let b = &grid.height[second][start..start + grid.half];
-        for ((pair, a), b) in heights.chunks_exact_mut(2).zip(a).zip(b) {
-            pair[0] = *a;
-            pair[1] = *b;
-        }
-        if let Some(touching) = touching {
-            let fa = &grid.floor[first][start..start + grid.half];
-            let fb = &grid.floor[second][start..start + grid.half];
-            for (j, pair) in touching.chunks_exact_mut(2).enumerate() {
-                pair[0] = fa[j] > 0.0 && a[j] <= fa[j];
-                pair[1] = fb[j] > 0.0 && b[j] <= fb[j];
+        let [first, last] = grid.window.rows;
+        let mut cells = [0u32; LANES];
+        let mut deepest = [0.0f32; LANES];
+        let (mut sum, mut right, mut down) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+        for r in first.max(MARGIN_ROWS)..last.min(ROWS - MARGIN_ROWS) {
+            let (heights, floors) = (chunks(&grid.height[grid.tall(r)]), chunks(&grid.floor[grid.flat(r)]));
+            let y = (r - MARGIN_ROWS) as i32 as f32;
+            for (at, (h, floor)) in heights.iter().zip(floors).enumerate() {
+                for k in 0..LANES {
+                    let c = (grid.window.cols[0] + at * LANES + k) as i32 - MARGIN_COLS as i32;
+                    let seen = if c >= 0 && c < (COLS - 2 * MARGIN_COLS) as i32 { h[k] } else { 0.0 };
+                    let touches = h[k] <= floor[k] && floor[k] > 0.0 && seen > 0.0;
+                    let held = if touches { seen } else { 0.0 };
+                    cells[k] += u32::from(touches);
+                    deepest[k] = if seen > deepest[k] { seen } else { deepest[k] };
+                    sum[k] += held;
+                    right[k] += held * c as f32;
+                    down[k] += held * y;
+                }
             }
+        }
+        Measured {
+            cells: cells.iter().sum::<u32>() as usize,
+            depth: deepest.iter().fold(0.0, |top, h| if *h > top { *h } else { top }),
+            sum: sum.iter().sum(),
+            right: right.iter().sum(),
+            down: down.iter().sum(),
         }
     }
 
@@ -207,31 +280,68 @@ impl Membrane {
         let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * step;
         let curve = (0.5 / DOME_MM) as f32;
         let gap = &mut self.levels[2].gaps[i];
-        let mut tops = [CLEAR; LANES];
+        // The gel's dome drops away from its middle.
+        let mut drop = [0.0; COLS];
+        for (c, drop) in drop.iter_mut().enumerate() {
+            *drop = at(COLS, c) * at(COLS, c) * curve;
+        }
         for (r, row) in gap.chunks_exact_mut(COLS).enumerate() {
             let y = at(ROWS, r);
             indenter.lowest(at(COLS, 0), step, y, row);
-            for (c, low) in row.iter_mut().enumerate() {
-                let x = at(COLS, 0) + c as i32 as f32 * step;
-                *low -= (x * x + y * y) * curve;
-            }
-            for lanes in row.chunks_exact(LANES) {
-                tops.iter_mut()
-                    .zip(lanes)
-                    .for_each(|(top, low)| *top = if *low > *top { *low } else { *top });
+            for (low, drop) in row.iter_mut().zip(&drop) {
+                *low -= drop + y * y * curve;
             }
         }
-        let top = tops.iter().fold(CLEAR, |top, low| if *low > top { *low } else { top });
-        if top <= CLEAR / 2.0 {
-            return false;
-        }
-        gap.iter_mut().for_each(|low| *low -= top);
         for level in [1, 0] {
             let [coarse, fine] = &mut self.levels[level..=level + 1] else { continue };
-            pool(&fine.gaps[i], &mut coarse.gaps[i], 4 * coarse.half);
+            pool(&fine.gaps[i], &mut coarse.gaps[i], fine.cols);
         }
-        true
+        for grid in &mut self.levels {
+            grid.tops[i] = highest(&grid.gaps[i]);
+        }
+        self.levels[2].tops[i] > CLEAR / 2.0
     }
+}
+
+#[inline(always)]
+fn highest(gaps: &[f32]) -> f32 {
+    let mut tops = [CLEAR; LANES];
+    for lanes in chunks(gaps) {
+        for k in 0..LANES {
+            tops[k] = if lanes[k] > tops[k] { lanes[k] } else { tops[k] };
+        }
+    }
+    tops.iter().fold(CLEAR, |top, gap| if *gap > top { *gap } else { top })
+}
+
+/// A depth to start from, rather too small: a skin is soon up but slow to come down. Springs carry the volume that lies
+/// inside the shape and, about, what the skin pulls down beside it.
+#[inline(always)]
+fn guess(grid: &Level, i: usize, force: f32) -> f32 {
+    let cell = grid.cell_mm * grid.cell_mm;
+    let top = grid.tops[i];
+    let mut depth = (force / 80.0).sqrt();
+    for _ in 0..6 {
+        let (mut inside, mut over) = ([0.0f32; LANES], [0.0f32; LANES]);
+        for lanes in chunks(&grid.gaps[i]) {
+            for k in 0..LANES {
+                let h = lanes[k] + (depth - top);
+                inside[k] += if h > 0.0 { h } else { 0.0 };
+                over[k] += if h > 0.0 { 1.0 } else { 0.0 };
+            }
+        }
+        let (inside, over) = (inside.iter().sum::<f32>() * cell, over.iter().sum::<f32>() * cell);
+        let length = LENGTH_MM as f32;
+        let beside = depth * length * (over.sqrt() + 2.0 * length);
+        depth *= (force / (STIFFNESS_N_MM3 as f32 * (inside + beside))).clamp(0.25, 4.0).sqrt();
+    }
+    depth
+}
+
+/// A window's columns, a few at a time.
+#[inline(always)]
+fn chunks(line: &[f32]) -> &[[f32; LANES]] {
+    line.as_chunks().0
 }
 
 /// Means of four cells, or the nearest of them where the shape does not lie over all.
@@ -239,7 +349,7 @@ impl Membrane {
 fn pool(fine: &[f32], coarse: &mut [f32], cols: usize) {
     for (two, out) in fine.chunks_exact(2 * cols).zip(coarse.chunks_exact_mut(cols / 2)) {
         let (upper, lower) = two.split_at(cols);
-        for ((out, a), b) in out.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
+        for ((out, a), b) in out.iter_mut().zip(upper.as_chunks::<2>().0).zip(lower.as_chunks::<2>().0) {
             let (low0, high0) = if a[0] < a[1] { (a[0], a[1]) } else { (a[1], a[0]) };
             let (low1, high1) = if b[0] < b[1] { (b[0], b[1]) } else { (b[1], b[0]) };
             let low = if low0 < low1 { low0 } else { low1 };
@@ -252,264 +362,226 @@ fn pool(fine: &[f32], coarse: &mut [f32], cols: usize) {
 /// Where the coarse grid is displaced at all.
 #[inline(always)]
 fn reach(grid: &Level) -> Window {
-    let mut found = Window { rows: [grid.rows, 0], cols: [2 * grid.half, 0] };
-    for r in 0..grid.rows {
-        let start = (r + 1) * grid.stride() + 1;
-        for plane in &grid.height {
-            for (j, h) in plane[start..start + grid.half].iter().enumerate() {
-                if *h > NEGLIGIBLE_MM {
-                    found.rows = [found.rows[0].min(r), r + 1];
-                    found.cols = [found.cols[0].min(2 * j), found.cols[1].max(2 * j + 2)];
-                }
-            }
+    let mut highest = [0.0f32; COLS];
+    let mut rows = [grid.rows, 0];
+    let [c0, c1] = grid.window.cols;
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let mut any = false;
+        for (high, h) in highest[c0..c1].iter_mut().zip(&grid.height[grid.tall(r)]) {
+            any |= *h > NEGLIGIBLE_MM;
+            *high = if *h > *high { *h } else { *high };
+        }
+        if any {
+            rows = [rows[0].min(r), r + 1];
         }
     }
-    found
+    let displaced = |high: &f32| *high > NEGLIGIBLE_MM;
+    let first = highest.iter().position(displaced).unwrap_or(grid.cols);
+    let last = highest.iter().rposition(displaced).map_or(0, |c| c + 1);
+    Window { rows, cols: [first, last] }
 }
 
 /// A coarse window with a cell around it, in a grid twice as fine.
 fn wider(coarse: Window, fine: &Level) -> Window {
-    let cols = 2 * fine.half;
-    let (r0, r1) = (2 * coarse.rows[0].saturating_sub(1), (2 * coarse.rows[1] + 2).min(fine.rows));
-    let (c0, c1) = (2 * coarse.cols[0].saturating_sub(1), (2 * coarse.cols[1] + 2).min(cols));
-    let whole = 2 * LANES;
-    let end = c1.next_multiple_of(whole).min(cols);
-    Window { rows: [r0.min(r1), r1], cols: [(c0 / whole * whole).min(end), end] }
+    let both = |[from, to]: [usize; 2], whole: usize, limit: usize| {
+        let end = (2 * to + 2).next_multiple_of(whole).min(limit);
+        [(2 * from.saturating_sub(1) / whole * whole).min(end), end]
+    };
+    Window { rows: both(coarse.rows, 1, fine.rows), cols: both(coarse.cols, LANES, fine.cols) }
 }
 
 /// The highest shape over each cell, at least the still gel.
 #[inline(always)]
 fn raise_floor(grid: &mut Level, pressed: &[Pressed]) {
-    let (stride, cols) = (grid.stride(), 2 * grid.half);
-    let [j0, j1] = grid.window.cols.map(|c| c / 2);
     for r in grid.window.rows[0]..grid.window.rows[1] {
-        for colour in 0..2 {
-            let parity = (r + colour) % 2;
-            let start = (r + 1) * stride + 1;
-            let floor = &mut grid.floor[colour][start + j0..start + j1];
-            for (i, pressed) in pressed.iter().enumerate() {
-                let gaps = &grid.gaps[i][r * cols + 2 * j0..r * cols + 2 * j1];
-                for (floor, pair) in floor.iter_mut().zip(gaps.chunks_exact(2)) {
-                    let inside = pair[parity] + pressed.depth;
-                    let under = if i == 0 { 0.0 } else { *floor };
-                    *floor = if inside > under { inside } else { under };
-                }
+        let at = grid.flat(r);
+        let floor = &mut grid.floor[at.clone()];
+        for (i, (pressed, top)) in pressed.iter().zip(&grid.tops).enumerate() {
+            let lift = pressed.depth - top;
+            for (floor, gap) in floor.iter_mut().zip(&grid.gaps[i][at.clone()]) {
+                let under = if i == 0 { 0.0 } else { *floor };
+                let inside = gap + lift;
+                *floor = if inside > under { inside } else { under };
             }
+        }
+    }
+}
+
+/// Lowers the skin by a share, but not into the shapes.
+#[inline(always)]
+fn settle(grid: &mut Level, share: f32) {
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let (tall, flat) = (grid.tall(r), grid.flat(r));
+        for (h, floor) in grid.height[tall].iter_mut().zip(&grid.floor[flat]) {
+            let lower = *h * share;
+            *h = if lower > *floor { lower } else { *floor };
         }
     }
 }
 
 /// Starts the fine grid from the coarse one, straight lines between cells; all outside the window is still.
 #[inline(always)]
-fn refine(coarse: &Level, fine: &mut Level, row: &mut [f32]) {
-    fine.height.iter_mut().for_each(|plane| plane.fill(0.0));
-    let [j0, j1] = fine.window.cols.map(|c| c / 2);
-    let cs = coarse.stride();
+fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
+    fine.height.fill(0.0);
+    fine.next.fill(0.0);
+    let stride = coarse.cols + 2;
     for r in fine.window.rows[0]..fine.window.rows[1] {
-        // Coarse rows around this one; the one nearer has 3/4.
+        // Coarse rows around this one, counted with the still one before the first; the nearer has 3/4.
         let near = r / 2 + 1;
         let far = if r.is_multiple_of(2) { near - 1 } else { near + 1 };
-        // row[m + 1] is coarse column m; beyond the gel it is still.
-        row.fill(0.0);
-        for (line, share) in [(near, 0.75), (far, 0.25)] {
-            // A line's first column is of colour 0 in even rows (lines are rows + 1).
-            let (first, second) = if line % 2 == 1 { (0, 1) } else { (1, 0) };
-            let a = &coarse.height[first][line * cs + 1..=line * cs + coarse.half];
-            let b = &coarse.height[second][line * cs + 1..=line * cs + coarse.half];
-            for ((pair, a), b) in row[1..].chunks_exact_mut(2).zip(a).zip(b) {
-                pair[0] += share * a;
-                pair[1] += share * b;
-            }
+        let rows =
+            coarse.height[near * stride..][..stride].iter().zip(&coarse.height[far * stride..][..stride]);
+        for (line, (near, far)) in line.iter_mut().zip(rows) {
+            *line = 0.75 * near + 0.25 * far;
         }
-        for colour in 0..2 {
-            let parity = (r + colour) % 2;
-            let start = (r + 1) * fine.stride() + 1;
-            let height = &mut fine.height[colour][start + j0..start + j1];
-            let floor = &fine.floor[colour][start + j0..start + j1];
-            let (near, far) = (&row[1 + j0..1 + j1], &row[2 * parity + j0..2 * parity + j1]);
-            for (((h, floor), near), far) in height.iter_mut().zip(floor).zip(near).zip(far) {
-                let start = 0.75 * near + 0.25 * far;
-                *h = if start > *floor { start } else { *floor };
+        // line[m + 1] is coarse column m.
+        let [m0, m1] = fine.window.cols.map(|c| c / 2);
+        let (before, here, after) = (&line[m0..m1], &line[m0 + 1..=m1], &line[m0 + 2..m1 + 2]);
+        let (tall, flat) = (fine.tall(r), fine.flat(r));
+        let cells =
+            fine.height[tall].as_chunks_mut::<2>().0.iter_mut().zip(fine.floor[flat].as_chunks::<2>().0);
+        for ((height, floor), ((before, here), after)) in cells.zip(before.iter().zip(here).zip(after)) {
+            let start = [0.75 * here + 0.25 * before, 0.75 * here + 0.25 * after];
+            for side in 0..2 {
+                height[side] = if start[side] > floor[side] { start[side] } else { floor[side] };
             }
         }
     }
 }
 
-/// Relaxes every cell of the window once, one colour after the other.
+/// Relaxes every cell of the window once: even rows from what all were, then odd ones from the new even ones.
 #[inline(always)]
 fn sweep(grid: &mut Level, relax: f32) {
-    let square = grid.square();
-    let share = square / (1.0 + 4.0 * square);
-    let stride = grid.stride();
-    let [j0, j1] = grid.window.cols.map(|c| c / 2);
-    let n = j1 - j0;
-    for colour in 0..2 {
-        let (own, other) = {
-            let [a, b] = &mut grid.height;
-            if colour == 0 { (a, &*b) } else { (b, &*a) }
-        };
-        for r in grid.window.rows[0]..grid.window.rows[1] {
-            let parity = (r + colour) % 2;
-            let start = (r + 1) * stride + 1 + j0;
-            let side = start + 2 * parity - 1;
-            let own = &mut own[start..start + n];
-            let floor = &grid.floor[colour][start..start + n];
-            let (up, down) = (&other[start - stride..][..n], &other[start + stride..][..n]);
-            let (mid, side) = (&other[start..start + n], &other[side..side + n]);
-            relax_row(own, floor, [up, down], [mid, side], [share, relax]);
-        }
+    let shares = [relax * grid.square / (1.0 + 4.0 * grid.square), 1.0 - relax];
+    let (stride, [first, last]) = (grid.cols + 2, grid.window.rows);
+    let mut next = std::mem::take(&mut grid.next);
+    for r in (first.next_multiple_of(2)..last).step_by(2) {
+        let [here, up, down] = grid.around(r);
+        relax_row(&mut next[grid.tall(r)], &grid.floor[grid.flat(r)], here, up, down, shares);
     }
+    for r in (first | 1..last).step_by(2) {
+        let (at, [here, ..]) = (grid.tall(r), grid.around(r));
+        let (before, rest) = next.split_at_mut(at.start);
+        let (own, after) = rest.split_at_mut(at.len());
+        let up = &before[at.start - stride..][..at.len()];
+        let down = &after[stride - at.len()..][..at.len()];
+        relax_row(own, &grid.floor[grid.flat(r)], here, up, down, shares);
+    }
+    grid.next = std::mem::replace(&mut grid.height, next);
 }
 
-/// Relaxes cells of one colour in a row; a function of its own, so that the compiler knows that its arguments do not
-/// overlap.
+/// Relaxes a row; a function of its own, so that the compiler knows that its arguments do not overlap.
 #[inline(always)]
 fn relax_row(
-    own: &mut [f32],
+    out: &mut [f32],
     floor: &[f32],
-    rows: [&[f32]; 2],
-    sides: [&[f32]; 2],
-    [share, relax]: [f32; 2],
+    here: &[f32],
+    up: &[f32],
+    down: &[f32],
+    [share, keep]: [f32; 2],
 ) {
-    let ([up, down], [mid, side]) = (rows, sides);
-    let cells = own.iter_mut().zip(floor).zip(up.iter().zip(down)).zip(mid.iter().zip(side));
-    for (((own, floor), (up, down)), (mid, side)) in cells {
-        let around = (up + down) + (mid + side);
-        let h = *own + relax * (around * share - *own);
-        *own = if h > *floor { h } else { *floor };
+    let n = out.len();
+    let (left, here, right) = (&here[..n], &here[1..=n], &here[2..n + 2]);
+    let (floor, up, down) = (&floor[..n], &up[..n], &down[..n]);
+    for c in 0..n {
+        let h = here[c] * keep + ((up[c] + down[c]) + (left[c] + right[c])) * share;
+        out[c] = if h > floor[c] { h } else { floor[c] };
     }
 }
 
 /// What the springs under each shape carry; a cell belongs to the shape that lies highest over it.
 #[inline(always)]
 fn carry(grid: &Level, pressed: &mut [Pressed]) {
-    let square = grid.square();
-    let stride = grid.stride();
-    let [j0, j1] = grid.window.cols.map(|c| c / 2);
-    let n = j1 - j0;
     let scale = STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm;
-    let cols = 2 * grid.half;
     let alone = pressed.len() == 1;
-    for (i, pressed) in pressed.iter_mut().enumerate() {
+    for (i, (pressed, top)) in pressed.iter_mut().zip(&grid.tops).enumerate() {
         let mut sums = [0.0f32; LANES];
-        for colour in 0..2 {
-            let (own, other) = (&grid.height[colour], &grid.height[1 - colour]);
-            for r in grid.window.rows[0]..grid.window.rows[1] {
-                let parity = (r + colour) % 2;
-                let start = (r + 1) * stride + 1 + j0;
-                let side = start + 2 * parity - 1;
-                let cells = Cells {
-                    own: &own[start..start + n],
-                    floor: &grid.floor[colour][start..start + n],
-                    around: [
-                        &other[start - stride..][..n],
-                        &other[start + stride..][..n],
-                        &other[start..start + n],
-                        &other[side..side + n],
-                    ],
-                };
-                if alone {
-                    carry_row(&cells, square, None, &mut sums);
-                } else {
-                    let gaps = &grid.gaps[i][r * cols + 2 * j0 + parity..r * cols + 2 * j1];
-                    carry_row(&cells, square, Some((gaps, pressed.depth)), &mut sums);
-                }
-            }
+        for r in grid.window.rows[0]..grid.window.rows[1] {
+            let at = grid.flat(r);
+            let shape = if alone { None } else { Some((&grid.gaps[i][at.clone()], pressed.depth - top)) };
+            carry_row(&grid.floor[at], grid.around(r), grid.square, shape, &mut sums);
         }
         pressed.force = scale * sums.iter().sum::<f32>();
     }
 }
 
-/// Cells of one colour in a row, and their neighbours.
-struct Cells<'a> {
-    own: &'a [f32],
-    floor: &'a [f32],
-    around: [&'a [f32]; 4],
-}
-
-/// Adds a row's pressures; of one shape's cells only where its gaps (every other one) and depth are given.
+/// Adds a row's pressures; of one shape's cells only where its gaps and how far it is lifted are given.
 #[inline(always)]
-fn carry_row(cells: &Cells<'_>, square: f32, shape: Option<(&[f32], f32)>, sums: &mut [f32; LANES]) {
-    let n = cells.own.len();
-    let mut at = 0;
-    while at < n {
-        let (own, floor) = (lanes(cells.own, at), lanes(cells.floor, at));
-        let [up, down, mid, side] = cells.around.map(|line| lanes(line, at));
-        let mut mine = [true; LANES];
-        if let Some((gaps, depth)) = shape {
-            for (k, mine) in mine.iter_mut().enumerate() {
-                *mine = gaps.get(2 * (at + k)).is_some_and(|gap| gap + depth >= floor[k]);
-            }
-        }
+fn carry_row(
+    floor: &[f32],
+    around: [&[f32]; 3],
+    square: f32,
+    shape: Option<(&[f32], f32)>,
+    sums: &mut [f32; LANES],
+) {
+    let n = floor.len();
+    let [here, up, down] = around;
+    let (left, here, right) = (chunks(&here[..n]), chunks(&here[1..=n]), chunks(&here[2..n + 2]));
+    let (floor, up, down) = (chunks(floor), chunks(&up[..n]), chunks(&down[..n]));
+    let gaps = shape.map(|(gaps, lift)| (chunks(gaps), lift));
+    for at in 0..floor.len() {
         for k in 0..LANES {
-            let around = (up[k] + down[k]) + (mid[k] + side[k]);
-            let p = (1.0 + 4.0 * square) * own[k] - square * around;
-            let touches = (own[k] <= floor[k]) & (floor[k] > 0.0) & mine[k] & (p > 0.0);
-            sums[k] += if touches { p } else { 0.0 };
+            let (h, floor) = (here[at][k], floor[at][k]);
+            let sum = (up[at][k] + down[at][k]) + (left[at][k] + right[at][k]);
+            let pressure = (1.0 + 4.0 * square) * h - square * sum;
+            let touches = h <= floor && floor > 0.0 && pressure > 0.0;
+            let mine = gaps.is_none_or(|(gaps, lift)| gaps[at][k] + lift >= floor);
+            sums[k] += if touches && mine { pressure } else { 0.0 };
         }
-        at += LANES;
     }
 }
 
-/// Some cells of a line from one on; beyond its end 0.
-#[inline(always)]
-fn lanes(line: &[f32], at: usize) -> [f32; LANES] {
-    if let Some(whole) = line.get(at..).and_then(<[f32]>::first_chunk) {
-        return *whole;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::Shape;
+
+    /// Far longer on every grid than anything here needs.
+    const PATIENT: [Steps; 3] = [Steps { matches: 40, most: 40, sweeps: 10, last: 200, relax: 1.0 }; 3];
+
+    fn tilted(tilt: f64, x: f64, y: f64) -> [[f64; 4]; 3] {
+        let (c, s) = (tilt.cos(), tilt.sin());
+        [[1.0, 0.0, 0.0, x], [0.0, c, -s, y], [0.0, s, c, 0.0]]
     }
-    let mut some = [0.0; LANES];
-    some.iter_mut().zip(&line[at..]).for_each(|(to, from)| *to = *from);
-    some
-}
 
-/// Sums over the touching cells of the picture, and the largest displacement in it.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Measured {
-    pub(crate) cells: usize,
-    pub(crate) depth: f32,
-    /// Of displacement, and of it times column and row; millimetres, cells of the picture.
-    pub(crate) sum: f32,
-    pub(crate) right: f32,
-    pub(crate) down: f32,
-}
-
-/// Measures the part of the gel that is in the picture.
-#[inline(always)]
-pub(crate) fn measure(membrane: &Membrane) -> Measured {
-    let grid = &membrane.levels[2];
-    let window = grid.window;
-    let (first, last) = (window.rows[0].max(MARGIN_ROWS), window.rows[1].min(ROWS - MARGIN_ROWS));
-    let (j0, j1) = (MARGIN_COLS / 2, (COLS - MARGIN_COLS) / 2);
-    let mut cells = [0u32; LANES];
-    let mut deepest = [0.0f32; LANES];
-    let (mut sum, mut right, mut down) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
-    for r in first..last {
-        for colour in 0..2 {
-            let parity = (r + colour) % 2;
-            let start = (r + 1) * grid.stride() + 1;
-            let line = start + j0..start + j1;
-            let (heights, floors) = (&grid.height[colour][line.clone()], &grid.floor[colour][line]);
-            let mut at = 0;
-            while at < heights.len() {
-                let (h, floor) = (lanes(heights, at), lanes(floors, at));
-                for k in 0..LANES {
-                    let touches = (h[k] <= floor[k]) & (floor[k] > 0.0);
-                    let held = if touches { h[k] } else { 0.0 };
-                    cells[k] += u32::from(touches);
-                    deepest[k] = if h[k] > deepest[k] { h[k] } else { deepest[k] };
-                    sum[k] += held;
-                    right[k] += held * (2 * (at + k) + parity) as i32 as f32;
-                    down[k] += held * (r - MARGIN_ROWS) as i32 as f32;
+    /// Largest errors of the displacement relative to its peak, and of the depth, over these shapes and forces.
+    fn errors(shapes: &[Shape], tilts: &[f64], forces_n: &[f64]) -> [f32; 2] {
+        let (mut few, mut many) = (Membrane::new(), Membrane::new());
+        let mut worst = [0.0f32; 2];
+        for shape in shapes {
+            for force_n in forces_n {
+                for (tilt, x) in tilts.iter().zip([0.0, 0.1, 0.2]) {
+                    let indenter =
+                        Indenter { shape: *shape, pose_mm: tilted(*tilt, x, x / 3.0), force_n: *force_n };
+                    assert!(few.solve(&[indenter]) && many.solve_in(&[indenter], &PATIENT));
+                    let (a, b) = (&few.levels[2].height, &many.levels[2].height);
+                    let peak = b.iter().fold(0.0f32, |top, h| top.max(*h));
+                    let height = a.iter().zip(b).fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) / peak;
+                    let depth = (few.pressed[0].depth / many.pressed[0].depth - 1.0).abs();
+                    worst = [worst[0].max(height), worst[1].max(depth)];
                 }
-                at += LANES;
             }
         }
+        worst
     }
-    Measured {
-        cells: cells.iter().sum::<u32>() as usize,
-        depth: deepest.iter().fold(0.0, |top, h| if *h > top { *h } else { top }),
-        sum: sum.iter().sum(),
-        right: right.iter().sum(),
-        down: down.iter().sum(),
+
+    #[test]
+    fn few_sweeps_come_close_to_many() {
+        let round = [
+            Shape::Sphere { radius: 4.4 },
+            Shape::Sphere { radius: 30.0 },
+            Shape::Cylinder { radius: 33.0, half_length: 100.0 },
+            Shape::Box { half: [30.0, 30.0, 30.0] },
+        ];
+        let worst = errors(&round, &[0.0, std::f64::consts::FRAC_PI_2], &[0.3, 1.0, 5.0, 15.0]);
+        assert!(worst[0] < 0.03 && worst[1] < 0.03, "{worst:?}");
+        let sharp = [
+            Shape::Sphere { radius: 1.0 },
+            Shape::Capsule { radius: 1.0, half_length: 4.0 },
+            Shape::Cylinder { radius: 3.0, half_length: 6.0 },
+            Shape::Box { half: [2.5, 2.5, 2.5] },
+        ];
+        let worst = errors(&sharp, &[0.0, std::f64::consts::FRAC_PI_2, 0.5], &[0.1, 1.0, 5.0]);
+        assert!(worst[0] < 0.25 && worst[1] < 0.11, "{worst:?}");
     }
 }

@@ -1,6 +1,6 @@
 //! Displacement to colour to bytes: shading on cells, straight lines between them, noise on top.
 
-use crate::membrane::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS, Membrane, PX_PER_MM, ROWS};
+use crate::membrane::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, Membrane, PX_PER_MM, ROWS};
 use crate::noise::{Noise, Part};
 use crate::unit::{HEIGHT, LINE, LIT_COLS, LIT_ROWS, Unit, WIDTH};
 
@@ -17,7 +17,6 @@ const FIRST: usize = 6;
 /// What painting needs to remember between its steps.
 #[derive(Debug, Clone)]
 pub(crate) struct Canvas {
-    heights: [Vec<f32>; 3],
     colours: [Vec<i16>; 3],
     spread: Vec<i16>,
     shares: [Vec<i16>; 2],
@@ -29,14 +28,14 @@ pub(crate) struct Canvas {
 pub(crate) struct Area {
     pub(crate) rows: [usize; 2],
     pub(crate) bytes: [usize; 2],
+    /// Lit cells of a row whose colours are needed.
+    lit: [usize; 2],
 }
 
 impl Canvas {
     pub(crate) fn new() -> Self {
-        let row = vec![0.0; COLS + 2];
         let share = |side: usize| (0..SPAN).map(|j| SHARES[j % 12 / 3][side]).collect();
         Self {
-            heights: [row.clone(), row.clone(), row],
             colours: std::array::from_fn(|_| vec![0; LIT_COLS]),
             spread: vec![0; SPAN + 12],
             shares: [share(0), share(1)],
@@ -54,7 +53,7 @@ impl Canvas {
         (noise, part): (&Noise, Part),
         out: &mut [u8],
     ) {
-        let area = membrane.map_or(Area { rows: [0, 0], bytes: [0, 0] }, area);
+        let area = membrane.map_or(Area { rows: [0, 0], bytes: [0, 0], lit: [0, 0] }, area);
         for y in (0..area.rows[0]).chain(area.rows[1]..HEIGHT) {
             plain(&still[y * LINE..][..LINE], noise.row(part, y), &mut out[y * LINE..][..LINE]);
         }
@@ -69,9 +68,9 @@ impl Canvas {
                 if below == v {
                     self.lines.swap(0, 1);
                 } else {
-                    self.line(membrane, unit, v, 0);
+                    self.line(membrane, unit, (v, area.lit), 0);
                 }
-                self.line(membrane, unit, v + 1, 1);
+                self.line(membrane, unit, (v + 1, area.lit), 1);
                 below = v + 1;
             }
             let (still, noise) = (&still[y * LINE..][..LINE], noise.row(part, y));
@@ -93,40 +92,59 @@ impl Canvas {
 
     /// Shades a lit row and draws lines between its cells, into `lines[side]`; eighths of a count.
     #[inline(always)]
-    fn line(&mut self, membrane: &Membrane, unit: &Unit, lit: usize, side: usize) {
+    fn line(
+        &mut self,
+        membrane: &Membrane,
+        unit: &Unit,
+        (lit, [from, to]): (usize, [usize; 2]),
+        side: usize,
+    ) {
         let row = lit + MARGIN_ROWS - 1;
-        for (k, heights) in self.heights.iter_mut().enumerate() {
-            membrane.read_row(row + k - 1, &mut heights[1..=COLS], None);
-        }
-        let [above, here, under] = &self.heights;
+        let [above, here, under] = [0, 1, 2].map(|k| membrane.heights(row + k));
         // Half a step each way, millimetres.
         let per = (PX_PER_MM / (2.0 * CELL_PX as f64)) as f32;
-        let at = lit * LIT_COLS..(lit + 1) * LIT_COLS;
-        // Of a lit cell c: column c + MARGIN_COLS - 1, one further in rows that begin with a still cell.
-        let first = MARGIN_COLS;
-        let (left, right) = (&here[first - 1..][..LIT_COLS], &here[first + 1..][..LIT_COLS]);
-        let (up, down) = (&above[first..][..LIT_COLS], &under[first..][..LIT_COLS]);
+        let (at, n) = (lit * LIT_COLS + from..lit * LIT_COLS + to, to - from);
+        // Lit cell c is column c + MARGIN_COLS - 1, one further in rows that begin with a still cell.
+        let first = MARGIN_COLS + from;
+        let (left, right) = (&here[first - 1..][..n], &here[first + 1..][..n]);
+        let (up, down) = (&above[first..][..n], &under[first..][..n]);
+        let mut normals = [[0.0f32; LIT_COLS]; 3];
+        let [nx, ny, nz] = normals.each_mut().map(|normals| &mut normals[..n]);
+        for c in 0..n {
+            let (gx, gy) = ((right[c] - left[c]) * per, (down[c] - up[c]) * per);
+            let q = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
+            (nx[c], ny[c], nz[c]) = (gx * q, gy * q, q - 1.0);
+        }
         for (light, colours) in unit.light.iter().zip(&mut self.colours) {
-            let [px, py, pz] = [0, 1, 2].map(|k| &light[k][at.clone()]);
-            for c in 0..LIT_COLS {
-                let (gx, gy) = ((right[c] - left[c]) * per, (down[c] - up[c]) * per);
-                let q = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
-                let change = (px[c] * (gx * q) + py[c] * (gy * q) + pz[c] * (q - 1.0)) * FINE;
-                colours[c] = nearest(change.clamp(-LARGEST, LARGEST));
-            }
+            shade(&mut colours[..n], [0, 1, 2].map(|k| &light[k][at.clone()]), &normals);
         }
         let [blue, green, red] = &self.colours;
-        for (c, out) in self.spread.chunks_exact_mut(12).enumerate() {
-            let (b, g, r) = (blue[c], green[c], red[c]);
-            out.copy_from_slice(&[b, g, r, b, g, r, b, g, r, b, g, r]);
+        let cells = self.spread[12 * from..12 * to].as_chunks_mut::<12>().0.iter_mut();
+        for (out, ((b, g), r)) in cells.zip(blue.iter().zip(green).zip(red)) {
+            *out = [*b, *g, *r, *b, *g, *r, *b, *g, *r, *b, *g, *r];
         }
-        let [before, after] = &self.shares;
-        let (near, far) = (&self.spread[..SPAN], &self.spread[12..]);
-        for ((((out, near), far), before), after) in
-            self.lines[side].iter_mut().zip(near).zip(far).zip(before).zip(after)
+        let span = 12 * from..12 * (to - 1);
+        let [before, after] = [0, 1].map(|k| &self.shares[k][span.clone()]);
+        let (near, far) = (&self.spread[span.clone()], &self.spread[span.start + 12..span.end + 12]);
+        let shares = before.iter().zip(after);
+        for ((out, (near, far)), (before, after)) in
+            self.lines[side][span].iter_mut().zip(near.iter().zip(far)).zip(shares)
         {
             *out = (near * before + far * after + 4) >> 3;
         }
+    }
+}
+
+/// Colour change of a row of cells, eighths of a count.
+#[inline(always)]
+fn shade(out: &mut [i16], light: [&[f32]; 3], normals: &[[f32; LIT_COLS]; 3]) {
+    let n = out.len();
+    let [px, py, pz] = light.map(|l| &l[..n]);
+    let [nx, ny, nz] = normals.each_ref().map(|normals| &normals[..n]);
+    for c in 0..n {
+        let change = ((px[c] * nx[c] + py[c] * ny[c]) + pz[c] * nz[c]) * FINE;
+        let below = if change < LARGEST { change } else { LARGEST };
+        out[c] = nearest(if below > -LARGEST { below } else { -LARGEST });
     }
 }
 
@@ -154,7 +172,9 @@ fn area(membrane: &Membrane) -> Area {
         [from.min(to), to]
     };
     let cols = pixels(window.cols, MARGIN_COLS, WIDTH);
-    Area { rows: pixels(window.rows, MARGIN_ROWS, HEIGHT), bytes: cols.map(|x| 3 * x) }
+    // Pixels 4c - 2 to 4c + 1 lie between lit cells c and c + 1.
+    let lit = [(cols[0] + 2) / CELL_PX, (cols[1] + 1) / CELL_PX + 2];
+    Area { rows: pixels(window.rows, MARGIN_ROWS, HEIGHT), bytes: cols.map(|x| 3 * x), lit }
 }
 
 const _: () = assert!(LIT_ROWS + MARGIN_ROWS < ROWS, "every lit row has rows around it");

@@ -7,7 +7,7 @@
 
 use std::sync::OnceLock;
 
-use crate::membrane::{self, Measured, Membrane};
+use crate::membrane::{Measured, Membrane};
 use crate::noise::{Noise, Part};
 use crate::paint::Canvas;
 use crate::shape::Indenter;
@@ -95,8 +95,8 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`membrane::measure`].
-    measure = membrane::measure, (membrane: &Membrane) -> Measured
+    /// See [`Membrane::measure`].
+    measure = Membrane::measure, (membrane: &Membrane) -> Measured
 }
 
 dispatched! {

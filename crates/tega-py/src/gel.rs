@@ -8,7 +8,7 @@ use crate::errors::{BindError, InvalidValueError, ShapeError};
 
 type Picture<'py> = Bound<'py, PyArray3<u8>>;
 type Pressing<'py> = (String, [f64; 3], PyReadonlyArray2<'py, f64>, f64);
-type Found = (bool, usize, f64, f64, (f64, f64), f64);
+type Found = (bool, usize, f64, f64, (f64, f64));
 
 #[pyclass(module = "tega._native")]
 struct Gel(tega_gel::Gel);
@@ -110,7 +110,7 @@ fn collect(indenters: Vec<Pressing<'_>>) -> Result<Vec<Indenter>, BindError> {
 
 fn found(touch: Touch) -> Found {
     let [x, y] = touch.centre_xy;
-    (touch.touches, touch.area_px, touch.area_mm2, touch.depth_mm, (x, y), touch.force_n)
+    (touch.touches, touch.area_px, touch.area_mm2, touch.depth_mm, (x, y))
 }
 
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {

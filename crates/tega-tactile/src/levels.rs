@@ -16,13 +16,6 @@ pub(crate) const MAX_WEIGHT_SUM: i32 = 16_000;
 /// Largest |weight|: its two 7-bit halves stay in the range of 8-bit multiplication.
 pub(crate) const MAX_WEIGHT: i32 = 8_191;
 
-/// Weights as `128·high + low`, for the byte multiplications of the vector forms: returns (low, high).
-pub(crate) fn halves(weights: [i32; 3]) -> ([i32; 3], [i32; 3]) {
-    // Rounding the high half keeps the low one within −64..=63.
-    let high = weights.map(|weight| (weight + 64).div_euclid(128));
-    ([0, 1, 2].map(|c| weights[c] - 128 * high[c]), high)
-}
-
 /// Columns in a cache line of 64 bytes.
 const CACHE_LINE: usize = 16;
 

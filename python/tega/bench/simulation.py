@@ -20,13 +20,17 @@ __all__ = ["SimReport", "SimRow", "SkipRow", "bench_simulation"]
 
 METHOD = (
     "Scripted lifts of every object, median over repeats; one process, one thread. Stages and the first factor are by "
-    "processor time, which other work on the machine disturbs least; the second factor is by the wall clock. The "
-    "building of the scene and the calibration are left out. Grasping: while the object is touched."
+    "processor time, which other work on the machine disturbs least; the second factor is by the wall clock. Factors "
+    "are of runs whose stages are not timed, as that costs time itself. The building of the scene and the calibration "
+    "are left out. Grasping: while the object is touched."
 )
 REST = "loop and the rest"
 
 Part = Literal["whole", "grasping"]
 PARTS: tuple[Part, ...] = ("whole", "grasping")
+
+_Way = Literal["plain", "timed", "all rendered"]
+WAYS: tuple[_Way, ...] = ("plain", "timed", "all rendered")
 
 
 class SimRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -149,28 +153,27 @@ def bench_simulation(
         for name in objects
     ]
     lab_of(1, preset)
-    watches: dict[tuple[str, bool], list[_Watch]] = {}
-    done, total = 0, 2 * repeats * len(plans)
+    watches: dict[tuple[str, _Way], list[_Watch]] = {}
+    done, total = 0, len(WAYS) * repeats * len(plans)
     for number in range(repeats):
         for plan in plans:
-            for skip in (True, False) if number % 2 else (False, True):
-                with _watched() as watch:
-                    run_trial(plan, skip_untouched=skip)
-                watches.setdefault((plan.object, skip), []).append(watch)
+            for way in WAYS if number % 2 else reversed(WAYS):
+                with _watched(stages=way != "plain") as watch:
+                    run_trial(plan, skip_untouched=way != "all rendered")
+                watches.setdefault((plan.object, way), []).append(watch)
                 done += 1
                 progress("lifts", done, total)
-    rows = [_row(plan.object, part, watches[plan.object, True]) for plan in plans for part in PARTS]
-    skips = [
-        row
-        for plan in plans
-        for row in _skips(plan.object, watches[plan.object, True], watches[plan.object, False])
-    ]
+    rows, skips = [], []
+    for name in objects:
+        plain, timed, rendered = (watches[name, way] for way in WAYS)
+        rows += [_row(name, part, timed, plain) for part in PARTS]
+        skips += _skips(_row(name, "whole", timed, plain), _row(name, "whole", rendered, rendered))
     return SimReport(method=METHOD, machine=describe_machine(), repeats=repeats, rows=rows, skips=skips)
 
 
 @contextmanager
-def _watched() -> Iterator[_Watch]:
-    """Time the parts of every trial that is run in the block."""
+def _watched(*, stages: bool) -> Iterator[_Watch]:
+    """Time every trial that is run in the block; with ``stages``, its parts, too."""
     from tega.sim.gel import Gel
     from tega.sim.hand import SimulatedAllegro, SimulatedBus
     from tega.sim.operator import ForearmEmg, ScriptedOperator
@@ -182,7 +185,7 @@ def _watched() -> Iterator[_Watch]:
     from tega.teleop.touch import TouchLoop
 
     watch = _Watch()
-    stages: Mapping[str, Sequence[tuple[type, str]]] = {
+    parts: Mapping[str, Sequence[tuple[type, str]]] = {
         "physics": [(World, "advance_to")],
         "contact reads and truth": [(World, "pads"), (World, "truth")],
         "render": [(Gel, "frame")],
@@ -193,7 +196,6 @@ def _watched() -> Iterator[_Watch]:
         "operator": [(ScriptedOperator, "act"), (World, "set_forearm")],
         "hand controller": [(SimulatedAllegro, "step")],
         "CAN bus": [(SimulatedBus, "write")],
-        "scoring": [(Scorer, "take")],
     }
     changed = []
 
@@ -213,50 +215,50 @@ def _watched() -> Iterator[_Watch]:
 
     try:
         replace(DualLoop, "run", start)
-        for stage, methods in stages.items():
+        replace(Scorer, "take", look)
+        for stage, methods in parts.items() if stages else ():
             for owner, name in methods:
-                method = look if (owner, name) == (Scorer, "take") else getattr(owner, name)
-                replace(owner, name, watch.timed(stage, method))
+                replace(owner, name, watch.timed(stage, getattr(owner, name)))
         yield watch
     finally:
         for owner, name, method in reversed(changed):
             setattr(owner, name, method)
 
 
-def _row(name: str, part: Part, watches: Sequence[_Watch]) -> SimRow:
+def _row(name: str, part: Part, timed: Sequence[_Watch], plain: Sequence[_Watch]) -> SimRow:
+    """Sum up one object's runs: stages of those that were timed, factors of those that were not."""
     states = (True, False) if part == "whole" else (True,)
-    simulated_s = sum(watches[0].simulated[state] for state in states)
-    busy = [sum(watch.busy[state] for state in states) for watch in watches]
-    walls = [sum(watch.wall[state] for state in states) for watch in watches]
+    simulated_s = sum(timed[0].simulated[state] for state in states)
     per_s = 1e3 / simulated_s if simulated_s else 0.0
     stages: dict[str, list[float]] = {}
-    for watch, all_s in zip(watches, busy, strict=True):
+    for watch in timed:
         totals: dict[str, float] = {}
         for (stage, state), spent in watch.stages.items():
             if state in states:
                 totals[stage] = totals.get(stage, 0.0) + spent
-        totals[REST] = all_s - sum(totals.values())
+        totals[REST] = sum(watch.busy[state] for state in states) - sum(totals.values())
         for stage, spent in totals.items():
             stages.setdefault(stage, []).append(spent * per_s)
+    busy_s = statistics.median(sum(watch.busy[state] for state in states) for watch in plain)
+    wall_s = statistics.median(sum(watch.wall[state] for state in states) for watch in plain)
     return SimRow(
         object=name,
         part=part,
         simulated_s=simulated_s,
-        real_time_factor=simulated_s / statistics.median(busy),
-        wall_factor=simulated_s / statistics.median(walls),
-        stages_ms={stage: statistics.median(spent) for stage, spent in stages.items()},
+        real_time_factor=simulated_s / busy_s if busy_s else 0.0,
+        wall_factor=simulated_s / wall_s if wall_s else 0.0,
+        stages_ms={stage: statistics.median(spent) for stage, spent in sorted(stages.items())},
     )
 
 
-def _skips(name: str, with_it: Sequence[_Watch], without: Sequence[_Watch]) -> list[SkipRow]:
+def _skips(own: SimRow, rendered: SimRow) -> list[SkipRow]:
     """Return what is saved by not rendering what nothing touches, and by not measuring it again."""
-    own, other = _row(name, "whole", with_it), _row(name, "whole", without)
-    whole_ms = 1e3 / other.real_time_factor
+    whole_ms = sum(rendered.stages_ms.values())
     rows = []
-    for skip, stages in (
-        ("untouched fingertips are not rendered", ("render",)),
-        ("their known frames are not measured", ("tactile read",)),
+    for skip, stage in (
+        ("untouched fingertips are not rendered", "render"),
+        ("their known frames are not measured", "tactile read"),
     ):
-        saved_ms = sum(other.stages_ms[stage] - own.stages_ms.get(stage, 0.0) for stage in stages)
-        rows.append(SkipRow(object=name, skip=skip, saved_ms=saved_ms, share=saved_ms / whole_ms))
+        saved_ms = rendered.stages_ms[stage] - own.stages_ms.get(stage, 0.0)
+        rows.append(SkipRow(object=own.object, skip=skip, saved_ms=saved_ms, share=saved_ms / whole_ms))
     return rows

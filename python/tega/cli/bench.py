@@ -124,8 +124,8 @@ def _print_simulation(report: SimReport) -> None:
         table.add_column(name, no_wrap=True)
     for name in ("ms per simulated second", "share"):
         table.add_column(name, justify="right")
-    for row in report.skips:
-        table.add_row(row.object, row.skip, f"{row.saved_ms:.1f}", f"{row.share:.0%}")
+    for skip in report.skips:
+        table.add_row(skip.object, skip.skip, f"{skip.saved_ms:.1f}", f"{skip.share:.0%}")
     out.print(table)
     out.print(report.method, style="dim")
 

@@ -199,7 +199,7 @@ def _print(report: DemoReport, *, real_time: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    out = Console(highlight=False)
+    out = Console(highlight=False, width=110)
     table = Table(title="simulated lifts", title_justify="left", box=SIMPLE)
     names = (
         "object",

@@ -109,7 +109,7 @@ def _print(results: list[TrialResult], table: list[Row], *, wall_s: float, jobs:
     from rich.console import Console
     from rich.table import Table
 
-    out = Console(highlight=False)
+    out = Console(highlight=False, width=110)
     shown = Table(title="simulated trials, means", title_justify="left", box=SIMPLE)
     columns: list[tuple[str, Any]] = [
         ("object", lambda row: row.object),

@@ -87,7 +87,8 @@ class AllegroOnBus:
             self._bus = can.Bus(interface=self._interface, channel=self._channel)
         except (can.CanError, OSError, ValueError, NotImplementedError) as error:
             raise DeviceUnavailableError(
-                f"bus {self._interface}:{self._channel} did not open: {error}", "interface 'virtual' needs no hardware"
+                f"bus {self._interface}:{self._channel} did not open: {error}",
+                "interface 'virtual' needs no hardware",
             ) from error
 
     def close(self) -> None:
@@ -172,7 +173,9 @@ class AllegroOnBus:
             case "serial":
                 self._send([self._report(AllegroSerial("SIM0000R"))])
             case "position":
-                self._send([allegro_position_frames(angles, device_id=self._device_id)[FINGERS.index(finger)]])
+                self._send(
+                    [allegro_position_frames(angles, device_id=self._device_id)[FINGERS.index(finger)]]
+                )
             case "temperature":
                 self._send([self._report(AllegroTemperature(finger, _JOINT_C))])
             case "imu":

@@ -54,8 +54,6 @@ class GelTruth(NamedTuple):
     """Largest displacement of the gel, millimetres."""
     centre_xy: tuple[float, float]
     """Middle of the displacement of what touches, pixels (column, row); NaN where nothing does."""
-    force_n: float
-    """What the gel carries, newtons, beside the picture too: the indenters' forces within the solver's error."""
 
 
 class Gel:

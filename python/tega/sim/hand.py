@@ -71,17 +71,21 @@ class SimulatedBus:
     """What the hand's firmware does with the frames on its bus: torques move the joints, SERVO OFF lets go.
 
     Args:
-        apply_torques: Takes torques, float64 (16,), in torque units (1 is full motor duty).
+        apply_torques: Takes torques, float64 (16,).
+        full_duty: What a motor at full duty gives, in the unit of ``apply_torques``.
         device_id: The hand's number on its bus, 0 to 3.
 
     Attributes:
         n_rejected: Frames that were no message for this hand.
     """
 
-    def __init__(self, apply_torques: Callable[[NDArray[np.float64]], object], *, device_id: int = 0) -> None:
+    def __init__(
+        self, apply_torques: Callable[[NDArray[np.float64]], object], *, full_duty: float, device_id: int = 0
+    ) -> None:
         self._apply = apply_torques
+        self._scale = full_duty / COUNTS_PER_TORQUE
         self._device_id = device_id
-        self._torques = np.zeros(16)
+        self._counts = np.zeros(16)
         self.n_rejected = 0
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no clock
@@ -90,10 +94,10 @@ class SimulatedBus:
             message = allegro_decode(frame, device_id=self._device_id)
             if isinstance(message, AllegroTorque):
                 first = _FIRST_JOINT[message.finger]
-                self._torques[first : first + 4] = message.counts
+                self._counts[first : first + 4] = message.counts
             elif isinstance(message, AllegroServo) and not message.on:
-                self._torques[:] = 0.0
+                self._counts[:] = 0.0
             else:
                 self.n_rejected += 1
-        self._apply(self._torques / COUNTS_PER_TORQUE)
+        self._apply(self._counts * self._scale)
         return frames

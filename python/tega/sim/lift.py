@@ -52,6 +52,7 @@ class Lift:
         plan: The trial.
         person: Who acts.
         number: Of the lift in the trial; another number, other chance.
+        fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
         streams: Where to keep truth and sensors.
         muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering.
@@ -68,6 +69,7 @@ class Lift:
         person: Person,
         number: int,
         *,
+        fatigue: float = 0.0,
         streams: Streams | None = None,
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
@@ -90,13 +92,16 @@ class Lift:
         self._emg_full = np.array(intent.maxima)
         self.scorer = Scorer(spec.harm_m)
         person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
+        self._emg = lab.emg(f"{plan.object} {number}")
+        self._emg.fatigue = fatigue
+        self._emg.rest(_REST_S)
         self.rig = Rig(
             world=World(spec, seed=plan.seed + number),
             poses_rad=GRASP_POSES_RAD,
             gels=lab.gels,
             baselines=lab.baselines,
             person=person,
-            emg=lab.emg(f"{plan.object} {number}"),
+            emg=self._emg,
             worn=worn(plan.condition, layout=_LAYOUT, seed=plan.seed),
             meters={
                 finger: FrameMeter(lab.baselines[finger], plan.preset, SourceReport(), live=False)
@@ -111,6 +116,11 @@ class Lift:
             skip_untouched=skip_untouched,
             on_act=self._note,
         )
+
+    @property
+    def fatigue(self) -> float:
+        """Fatigued share of the muscles now."""
+        return self._emg.fatigue
 
     @property
     def end_s(self) -> float:
@@ -135,9 +145,6 @@ class Lift:
         def encoders() -> NDArray[np.float64]:
             return np.rint(world.angles_rad / ALLEGRO_RAD_PER_COUNT) * ALLEGRO_RAD_PER_COUNT
 
-        def motors(torques: NDArray[np.float64]) -> None:
-            world.set_torques(torques * self._full_duty_nm)
-
         def show(view: LoopView) -> None:
             if observer is not None:
                 observer(self._moment(view))
@@ -152,7 +159,7 @@ class Lift:
             levels=rig.levels,
             hand=SimulatedAllegro(self._controller, encoders),
             vests=[rig] if self._streams is None else [rig, self._streams],
-            hands=[SimulatedBus(motors)],
+            hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
             recorder=self,
             observer=None if observer is None else show,
         )

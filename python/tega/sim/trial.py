@@ -55,7 +55,7 @@ def run_trial(
     """
     lab = lab_of(plan.seed, plan.preset)
     someone = lab.person(plan) if person is None else person
-    simulated_s = 0.0
+    simulated_s = fatigue = 0.0
     for lift in range(plan.practice + 1):
         last = lift == plan.practice
         run = Lift(
@@ -63,12 +63,14 @@ def run_trial(
             plan,
             someone,
             lift,
+            fatigue=fatigue,
             streams=streams if last else None,
             muted=muted,
             skip_untouched=skip_untouched,
         )
         run.go(real_time=real_time, observer=observer, stop=stop, paused=paused)
         simulated_s += run.end_s
+        fatigue = run.fatigue
         if stop():
             break
     return run.result(simulated_s)

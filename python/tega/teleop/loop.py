@@ -149,6 +149,9 @@ class DualLoop:
         self._touch = touch
         self._contacts = list(contacts.items())
         self._levels = levels
+        self._streams: list[Stream[Contact] | Stream[Block]] = list(contacts.values())
+        if levels is not None:
+            self._streams.append(levels)
         self._hand = hand
         self._vests = vests
         self._kept = kept
@@ -249,12 +252,13 @@ class DualLoop:
 
     def _look_ahead(self) -> None:
         """Note when there is something to take in again, and when the last source ended once all have."""
-        streams: list[Stream[Contact] | Stream[Block]] = [s for _, s in self._contacts]
-        if self._levels is not None:
-            streams.append(self._levels)
-        self._due_ns = min((s.due_ns for s in streams), default=NEVER_NS)
-        if all(s.ended for s in streams):
-            self._end_ns = max((s.end_ns for s in streams), default=0)
+        due_ns, ended = NEVER_NS, True
+        for stream in self._streams:
+            due_ns = min(due_ns, stream.due_ns)
+            ended = ended and stream.ended
+        self._due_ns = due_ns
+        if ended:
+            self._end_ns = max((stream.end_ns for stream in self._streams), default=0)
 
     def _feel(self, finger: str, contact: Contact) -> None:
         t_ns, metrics = contact

@@ -1,4 +1,4 @@
-"""The picture of simulated trials: a row each, fingertips at their firmest beside the course of touch, pose and height."""
+"""The picture of simulated trials: a row each, fingertips at their firmest beside the course of touch and pose."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> Non
     rows: list[SubFigure] = list(figure.subfigures(len(trials), 1, squeeze=False)[:, 0])
     for row, trial in zip(rows, trials, strict=True):
         row.suptitle(trial.title, fontsize=10, x=0.01, ha="left")
-        left, right = row.subfigures(1, 2, width_ratios=[1.35, 1])
+        left, right = row.subfigures(1, 2, width_ratios=[1.35, 1], squeeze=False)[0]
         axes = left.subplots(1, 2 * len(trial.touch), squeeze=False)[0]
         for index, (finger, picture) in enumerate(trial.touch.items()):
             draw_touch(axes[2 * index : 2 * index + 2], finger, picture)

@@ -13,17 +13,14 @@ use std::arch::x86_64::{
     _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32, _mm256_subs_epu8,
 };
 
+use super::{ABSOLUTE, RECTIFIED, SIGNED, halves};
 use crate::frame::Difference;
-use crate::levels::{Kernel, Row, halves};
+use crate::levels::{Kernel, Row};
 
 /// Pixels a step.
 const LANES: usize = 8;
 /// Bytes a step.
 const BYTES: usize = 3 * LANES;
-
-const SIGNED: u8 = 0;
-const RECTIFIED: u8 = 1;
-const ABSOLUTE: u8 = 2;
 
 /// The weights' halves, one 4-byte group a pixel.
 #[derive(Clone, Copy)]
@@ -116,14 +113,7 @@ macro_rules! fold_lanes {
 /// See [`Kernel::rows`].
 #[target_feature(enable = "avx2")]
 pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
-    match (kernel.difference, kernel.squares) {
-        (Difference::Signed, false) => rows_of::<SIGNED, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Signed, true) => rows_of::<SIGNED, true>(kernel, frame, baseline, columns, rows),
-        (Difference::Rectified, false) => rows_of::<RECTIFIED, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Rectified, true) => rows_of::<RECTIFIED, true>(kernel, frame, baseline, columns, rows),
-        (Difference::Absolute, false) => rows_of::<ABSOLUTE, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Absolute, true) => rows_of::<ABSOLUTE, true>(kernel, frame, baseline, columns, rows),
-    }
+    rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows));
 }
 
 #[target_feature(enable = "avx2")]
@@ -175,11 +165,7 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
 /// See [`Kernel::count`].
 #[target_feature(enable = "avx2")]
 pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
-    match kernel.difference {
-        Difference::Signed => count_of::<SIGNED>(kernel, frame, baseline, first),
-        Difference::Rectified => count_of::<RECTIFIED>(kernel, frame, baseline, first),
-        Difference::Absolute => count_of::<ABSOLUTE>(kernel, frame, baseline, first),
-    }
+    count_by_reading!(kernel, count_of(frame, baseline, first))
 }
 
 #[target_feature(enable = "avx2")]

@@ -13,8 +13,9 @@ use std::arch::x86_64::{
     _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
 };
 
+use super::{ABSOLUTE, RECTIFIED, SIGNED, halves};
 use crate::frame::Difference;
-use crate::levels::{Kernel, Row, halves};
+use crate::levels::{Kernel, Row};
 
 /// Pixels a step.
 const LANES: usize = 16;
@@ -22,10 +23,6 @@ const LANES: usize = 16;
 const BYTES: usize = 3 * LANES;
 /// Bytes of a vector.
 const VECTOR: usize = 64;
-
-const SIGNED: u8 = 0;
-const RECTIFIED: u8 = 1;
-const ABSOLUTE: u8 = 2;
 
 /// Where each byte of a vector comes from: one pixel to each group of four, whose last byte is left 0.
 const GROUPS: [u8; VECTOR] = {
@@ -121,14 +118,7 @@ fn whole_steps(steps: usize, bytes_left: usize) -> usize {
 /// See [`Kernel::rows`].
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi,avx512vnni")]
 pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
-    match (kernel.difference, kernel.squares) {
-        (Difference::Signed, false) => rows_of::<SIGNED, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Signed, true) => rows_of::<SIGNED, true>(kernel, frame, baseline, columns, rows),
-        (Difference::Rectified, false) => rows_of::<RECTIFIED, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Rectified, true) => rows_of::<RECTIFIED, true>(kernel, frame, baseline, columns, rows),
-        (Difference::Absolute, false) => rows_of::<ABSOLUTE, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Absolute, true) => rows_of::<ABSOLUTE, true>(kernel, frame, baseline, columns, rows),
-    }
+    rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows));
 }
 
 /// Rows whose lanes are added up together.
@@ -269,11 +259,7 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
 /// See [`Kernel::count`].
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi,avx512vnni")]
 pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
-    match kernel.difference {
-        Difference::Signed => count_of::<SIGNED>(kernel, frame, baseline, first),
-        Difference::Rectified => count_of::<RECTIFIED>(kernel, frame, baseline, first),
-        Difference::Absolute => count_of::<ABSOLUTE>(kernel, frame, baseline, first),
-    }
+    count_by_reading!(kernel, count_of(frame, baseline, first))
 }
 
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi,avx512vnni")]

@@ -56,7 +56,8 @@ def calibrate(
     samples = forearm.course(course)
     percentile = 100.0 if preset == "paper" else 95.0
     maxima = channel_maxima(samples, rate_hz, tau=tau, percentile=percentile)
-    steady = samples[np.repeat(course, len(samples) // len(course)) >= effort] if len(course) else samples
+    ticks = (np.arange(len(samples)) * (TICK_HZ / rate_hz)).astype(np.int64)
+    steady = samples[course[ticks] >= effort]
     means = channel_maxima(steady, rate_hz, tau=tau, percentile=50.0)
     in_use = GraspIntent(rate_hz, maxima, tau=tau, preset=preset).maxima
     return Calibrated(maxima, tau, effort * float(np.mean(in_use / means)))

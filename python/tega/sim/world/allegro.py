@@ -99,9 +99,7 @@ def _finger(number: int, name: str) -> str:
         else:
             # The shortest links lie between longer ones and need no contacts of their own.
             touching, shorter = ("still", 0.0) if length < _SHORT_M else (f"finger{number}", 0.005)
-            text += (
-                f'{geom} class="{touching}" size="{_LINK_RADIUS_M} {length / 2 - shorter}" pos="0 0 {length / 2}"/>'
-            )
+            text += f'{geom} class="{touching}" size="{_LINK_RADIUS_M} {length / 2 - shorter}" pos="0 0 {length / 2}"/>'
         close += "</body>"
     return text + close
 

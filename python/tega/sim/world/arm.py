@@ -51,8 +51,8 @@ _ROWS: Final = (
 )
 _FLANGE_M: Final = 0.107
 # Where the arm stands (x, y, z, turned about z) and how the hand is bolted on, with the object at the origin: found
-# by a search for the pose that keeps all joints more than a radian from their limits from reach to lift.
-_BASE: Final = (0.0, 0.5, -0.3, -_HALF_PI)
+# by a search for what keeps all joints 0.6 rad from their limits wherever the hand may be led.
+_BASE: Final = (-0.05, 0.40, -0.2, -_HALF_PI)
 _TWIST_RAD: Final = -3 * np.pi / 4
 _TORQUES_NM: Final = (87, 87, 87, 87, 12, 12, 12)
 _STIFFNESS_NM: Final = (12000, 12000, 12000, 12000, 4000, 4000, 4000)

@@ -20,7 +20,9 @@ __all__ = ["main"]
 
 
 @click.command()
-@click.option("--long-s", default=600.0, show_default=True, help="Length of the long hold, simulated seconds.")
+@click.option(
+    "--long-s", default=600.0, show_default=True, help="Length of the long hold, simulated seconds."
+)
 @click.option("--jobs", default=1, show_default=True, help="Lifts at a time in the comparison of settings.")
 @click.option("--pictures", type=click.Path(path_type=Path), help="Folder to draw into.")
 @click.option("--only", type=click.Choice(["forces", "levels", "effects", "repeat", "long", "settings"]))
@@ -58,15 +60,18 @@ def _forces() -> None:
 
 
 def _levels() -> dict[str, list[Lift]]:
-    click.echo("Lifts at each level: forces on the pads (thumb, index, middle, ring) and on the whole hand, newtons")
+    click.echo(
+        "Lifts at each level: forces on the pads (thumb, index, middle, ring) and on the whole hand, newtons"
+    )
     found = {}
     for name in OBJECTS:
         found[name] = levels(name)
         for level, one in enumerate(found[name], start=2):
             gripped = max((truth for truth in one.trace if truth.t_s <= 4.0), key=lambda truth: truth.t_s)
             pads = " ".join(f"{force:4.1f}" for force in gripped.pad_force_n)
+            outcome = "held" if one.held else "LOST"
             click.echo(
-                f"  {name:10} level {level}  pads {pads}  hand {one.grip_force_n:5.1f}  {'held' if one.held else 'LOST'}"
+                f"  {name:10} level {level}  pads {pads}  hand {one.grip_force_n:5.1f}  {outcome}"
                 f"  slip {1e3 * one.slip_m:5.1f} mm  narrower by {1e3 * one.narrowing_m:4.1f} mm"
                 f"  stays {1e3 * one.damage_m:3.1f} mm"
             )
@@ -74,7 +79,9 @@ def _levels() -> dict[str, list[Lift]]:
 
 
 def _effects() -> None:
-    click.echo("One property changed at a time: lowest level that holds (6: none), and narrowing when gripped at level 4")
+    click.echo(
+        "One property changed at a time: lowest level that holds (6: none), and narrowing when gripped at level 4"
+    )
     for row in effects():
         click.echo(
             f"  {row.name:10} {row.what:14} {row.values[0]:7g} -> {row.values[1]:7g}   level {row.needed[0]} -> "
@@ -105,14 +112,15 @@ def _long(seconds: float) -> None:
 
 def _settings(jobs: int) -> dict[str, Error]:
     click.echo(
-        f"Run time against error; largest difference over six lifts from {1e3 * REFERENCE.timestep_s:g} ms, implicitfast, impratio 100"
+        f"Run time against error: largest difference over six lifts from {1e3 * REFERENCE.timestep_s:g} ms"
     )
     errors = compare(jobs=jobs)
     for name, error in errors.items():
         click.echo(
-            f"  {name:38} {error.cpu_us:6.1f} µs/ms  slip {1e3 * error.slip_m:5.2f} mm  force "
+            f"  {name:44} {error.cpu_us:6.1f} µs/ms  slip {1e3 * error.slip_m:5.2f} mm  force "
             f"{100 * error.force_share:4.1f} %  height {1e3 * error.height_m:5.2f} mm  width "
-            f"{1e3 * error.narrowing_m:4.2f} mm  creep {1e6 * error.creep_m_s:6.1f} µm/s"
+            f"{1e3 * error.narrowing_m:4.2f} mm  creep {1e6 * error.creep_m_s:5.0f} µm/s"
+            f"  chatter {1e3 * error.chatter_n:4.0f} mN"
             f"{'' if error.same_outcomes else '  OTHER OUTCOME'}"
         )
     return errors

@@ -68,7 +68,9 @@ def effects() -> list[Effect]:
     """Return what each change of :data:`CHANGES` does."""
     rows = []
     for name, what, easy, hard in CHANGES:
-        (low, narrow), (high, narrower) = (_needed(OBJECTS[name].with_(**{what: value})) for value in (easy, hard))
+        (low, narrow), (high, narrower) = (
+            _needed(OBJECTS[name].with_(**{what: value})) for value in (easy, hard)
+        )
         right = narrower > narrow if what == "stiffness_n_m" else high > low
         rows.append(Effect(name, what, (easy, hard), (low, high), (narrow, narrower), right))
     return rows

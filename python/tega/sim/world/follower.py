@@ -106,14 +106,13 @@ class ArmFollower:
 
 
 def _rotation_vector(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    axis = np.array(
+    axis: NDArray[np.float64] = np.array(
         [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     )
     sine = float(np.sqrt(axis @ axis)) / 2
     cosine = (float(np.trace(rotation)) - 1) / 2
-    if sine < 1e-9:
-        return axis / 2
-    return axis * (np.arctan2(sine, cosine) / (2 * sine))
+    axis *= 0.5 if sine < 1e-9 else float(np.arctan2(sine, cosine)) / (2 * sine)
+    return axis
 
 
 def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -122,4 +121,5 @@ def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.eye(3)
     x, y, z = vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+    turned: NDArray[np.float64] = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+    return turned

@@ -110,7 +110,7 @@ OBJECTS: Final[dict[str, ObjectSpec]] = {
         ObjectSpec(
             name="bag",
             mass_kg=0.40,
-            stiffness_n_m=150.0,
+            stiffness_n_m=120.0,
             friction=0.5,
             diameter_m=0.10,
             height_m=0.20,
@@ -118,7 +118,7 @@ OBJECTS: Final[dict[str, ObjectSpec]] = {
             damping_ratio=0.7,
             plastic_share=0.33,
             yield_m=0.003,
-            harm_m=0.020,
+            harm_m=0.0215,
             forward_m=-0.005,
             rgba=(0.86, 0.70, 0.45, 1.0),
         ),

@@ -7,6 +7,7 @@ unrolled: as far from the middle as along the surface, with its normal upright.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,8 +23,9 @@ __all__ = ["SEAM_FINGERS", "Touch"]
 SEAM_FINGERS = ("thumb", "index", "middle", "ring")
 """The order of fingers outside the world."""
 
-# Pad axes in the frame of the last link: x to the right in the upright picture, y down (towards the palm), z out.
-_PAD_IN_LINK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+# Pad axes are axes of the last link: x to the right in the upright picture, y down (towards the palm), z out.
+_PAD_AXES = np.array([1, 2, 0])
+_PAD_SIGNS = np.array([[-1.0], [-1.0], [1.0]])
 
 
 class Touch:
@@ -42,6 +44,10 @@ class Touch:
         self._table = model.geom("table").id
         shells = [model.geom(f"{finger}_shell").id for finger in FINGERS]
         self._object = {*shells, model.geom("core").id, model.geom("object").id}
+        self._size_mm = {
+            shape: (1e3 * float(model.geom_size[shape, 0]), 1e3 * float(model.geom_size[shape, 1]), 0.0)
+            for shape in self._object
+        }
         self._force = np.zeros(6)
 
     def read(self) -> tuple[list[float], float, float]:
@@ -62,7 +68,9 @@ class Touch:
 
     def indenters(self) -> list[list[Indenter]]:
         """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""
-        found: list[dict[int, tuple[float, NDArray[np.float64], NDArray[np.float64]]]] = [{} for _ in SEAM_FINGERS]
+        found: list[dict[int, tuple[float, NDArray[np.float64], NDArray[np.float64]]]] = [
+            {} for _ in SEAM_FINGERS
+        ]
         data, force = self._data, self._force
         places, frames = data.contact.pos, data.contact.frame
         for number, (one, other) in enumerate(data.contact.geom.tolist()):
@@ -100,28 +108,34 @@ class Touch:
     def _indenter(
         self, pad: int, shape: int, force_n: float, place: NDArray[np.float64], normal: NDArray[np.float64]
     ) -> Indenter:
-        data, model, site = self._data, self._model, self._sites[pad]
-        to_world = data.site_xmat[site].reshape(3, 3) @ _PAD_IN_LINK
-        origin = data.site_xpos[site]
-        contact = to_world.T @ (place / force_n - origin)
-        up = to_world.T @ (normal / np.sqrt(normal @ normal))
-        centre = to_world.T @ (data.geom_xpos[shape] - origin)
-        turned = to_world.T @ data.geom_xmat[shape].reshape(3, 3)
+        data, site = self._data, self._sites[pad]
+        # Rows: the pad's axes in the world. In the frame of the last link they are -y, -z and x.
+        to_pad = data.site_xmat[site].reshape(3, 3).T[_PAD_AXES] * _PAD_SIGNS
+        near = place / force_n
+        contact = to_pad @ (near - data.site_xpos[site])
+        centre = to_pad @ (data.geom_xpos[shape] - near)
+        turned = to_pad @ data.geom_xmat[shape].reshape(3, 3)
+        x, y, z = (to_pad @ normal).tolist()
         # Unroll: turn the normal upright, and put the contact where the surface has it.
-        axis = np.array([up[1], -up[0], 0.0])
-        sine = float(np.sqrt(axis @ axis))
-        angle = float(np.arctan2(sine, up[2]))
-        along = min(max(contact[1] - PAD_RADIUS_M * up[1], -PAD_HALF_LENGTH_M), PAD_HALF_LENGTH_M)
-        flat = np.array([0.0, along, 0.0])
-        upright = np.eye(3)
-        if sine > 1e-9:
-            axis /= sine
-            flat[:2] += PAD_RADIUS_M * angle * up[:2] / sine
-            x, y, _ = axis
-            cross = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
-            upright = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+        sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
+        along = contact[1] - PAD_RADIUS_M * y / length
+        flat = (0.0, min(max(along, -PAD_HALF_LENGTH_M), PAD_HALF_LENGTH_M))
+        if sine > 1e-9 * length:
+            u, v, sine, cosine = x / sine, y / sine, sine / length, z / length
+            arc = PAD_RADIUS_M * math.atan2(sine, cosine)
+            flat = (flat[0] + arc * u, flat[1] + arc * v)
+            less = cosine - 1
+            upright = np.array(
+                [
+                    [1 + less * u * u, less * u * v, -sine * u],
+                    [less * u * v, 1 + less * v * v, -sine * v],
+                    [sine * u, sine * v, cosine],
+                ]
+            )
+            turned, centre = upright @ turned, upright @ centre
         pose = np.empty((3, 4))
-        pose[:, :3] = upright @ turned
-        pose[:, 3] = 1e3 * (flat + upright @ (centre - contact))
-        radius, half = 1e3 * model.geom_size[shape, 0], 1e3 * model.geom_size[shape, 1]
-        return Indenter("capsule", (float(radius), float(half), 0.0), pose, float(force_n))
+        pose[:, :3] = turned
+        pose[:, 3] = 1e3 * centre
+        pose[0, 3] += 1e3 * flat[0]
+        pose[1, 3] += 1e3 * flat[1]
+        return Indenter("capsule", self._size_mm[shape], pose, force_n)

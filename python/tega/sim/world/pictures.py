@@ -70,7 +70,9 @@ def _scene(figure: Any) -> Any:
         add_solids(axes, world.shapes(), world.poses())
         for x, y, z, *force in world.contact_points():
             along = np.array(force) / _N_PER_M
-            axes.plot(*([a, a - b] for a, b in zip((x, y, z), along, strict=True)), color="#d40000", lw=2, zorder=9)
+            axes.plot(
+                *([a, a - b] for a, b in zip((x, y, z), along, strict=True)), color="#d40000", lw=2, zorder=9
+            )
         truth = world.truth()
         axes.set_title(
             f"{name}, level {_LEVELS[name]}: {100 * truth.object_height_m:.0f} cm up, "
@@ -95,9 +97,15 @@ def _levels(figure: Any, lifts: dict[str, list[Lift]]) -> Any:
         held = [one.held for one in rows]
         slip.plot(levels[held], [1e3 * one.slip_m for one in rows if one.held], "o-", color=colour)
         slip.plot(levels[np.logical_not(held)], [0] * held.count(False), "x", color=colour, ms=9)
-        narrow.plot(levels, [100 * one.narrowing_m / OBJECTS[name].diameter_m for one in rows], "o-", color=colour)
+        narrow.plot(
+            levels, [100 * one.narrowing_m / OBJECTS[name].diameter_m for one in rows], "o-", color=colour
+        )
         narrow.axhline(100 * OBJECTS[name].harm_m / OBJECTS[name].diameter_m, color=colour, lw=0.8, ls=":")
-    titles = ("Force on the four pads, N", "Slip after lift-off, mm (x: not lifted)", "Narrowing, % (dotted: harm)")
+    titles = (
+        "Force on the four pads, N",
+        "Slip after lift-off, mm (x: not lifted)",
+        "Narrowing, % (dotted: harm)",
+    )
     for axes, title in zip((force, slip, narrow), titles, strict=True):
         axes.set_title(title, fontsize=10)
         axes.set_xlabel("closure level")
@@ -123,7 +131,9 @@ def _traces(figure: Any, lifts: dict[str, list[Lift]]) -> Any:
         upper.set_title(f"{name}, level {_LEVELS[name]}: pad forces, N", fontsize=10)
         lower.plot(times, [100 * truth.object_height_m for truth in trace], color="k", label="height, cm")
         lower.plot(times, [1e3 * truth.slip_m for truth in trace], color="#b2182b", label="slip, mm")
-        lower.plot(times, [1e3 * truth.deformation_m for truth in trace], color="#b07a2a", label="narrowing, mm")
+        lower.plot(
+            times, [1e3 * truth.deformation_m for truth in trace], color="#b07a2a", label="narrowing, mm"
+        )
         lower.set_xlabel("time, s")
         for axes in (upper, lower):
             axes.grid(alpha=0.3)
@@ -138,13 +148,22 @@ def _settings(figure: Any, errors: dict[str, Error]) -> Any:
     panels = figure.subplots(1, 2)
     marks = {0.5: "s", 1.0: "D", 1.5: "o", 3.0: "^"}
     kinds = dict.fromkeys(name.rsplit(", ", 1)[0] for name in errors)
-    colours = dict(zip(kinds, ("#2166ac", "#b2182b", "#4d9221", "#7b3294", "#999999"), strict=False))
+    colours = dict(
+        zip(kinds, ("#2166ac", "#b2182b", "#4d9221", "#7b3294", "#999999", "#e08214"), strict=False)
+    )
     for name, error in errors.items():
         kind, step = name.rsplit(", ", 1)
         step_ms = float(step.split()[0])
-        default = step_ms == 1e3 * chosen.timestep_s and kind == "discrete, impratio 100"
+        default = step_ms == 1e3 * chosen.timestep_s and kind == "default"
         for axes, value in zip(panels, (1e3 * error.slip_m, 100 * error.force_share), strict=True):
-            axes.plot(error.cpu_us, value, marks[step_ms], color=colours[kind], ms=7, label=kind if step_ms == 3 else "")
+            axes.plot(
+                error.cpu_us,
+                value,
+                marks[step_ms],
+                color=colours[kind],
+                ms=7,
+                label=kind if step_ms == 3 else "",
+            )
             if default:
                 axes.plot(error.cpu_us, value, "o", ms=15, mfc="none", color="k", label="default")
     for axes, title in zip(panels, ("error of slip, mm", "error of the highest force, %"), strict=True):

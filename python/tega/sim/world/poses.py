@@ -10,9 +10,12 @@ from tega.hand import CLOSURE_POSES_RAD, HandController
 
 __all__ = ["GRASP_POSES_RAD", "hand_controller"]
 
-# Fingers: how far along the default poses' way (1 open to 5 tight) each of the bench's is. The defaults share the way
-# out evenly, so that on an object of 80 to 110 mm three of five would not touch it; here the second already does.
-_WAY: Final = (1.0, 3.9, 4.3, 4.65, 5.0)
+# Open, but no wider than the objects ask for: no joint is 0.59 rad or more from the next level, so that a move
+# from one level to the next keeps its 0.6 s.
+_OPEN_RAD: Final = ((0.0, 0.50, 0.40, 0.30), (1.35, 0.20, -0.14, 0.15))
+# Fingers: how far along the default poses' way (1 open to 5 tight) levels 2 to 5 of the bench are. The defaults share
+# the way out evenly, so that on an object of 80 to 100 mm three of five would not touch it; here the second does.
+_WAY: Final = (3.9, 4.3, 4.65, 5.0)
 # The thumb meets the object with its pad, opposite the index and middle fingers; the default thumb reaches past it.
 _THUMB_RAD: Final = (
     (1.35, 0.20, 0.30, 0.70),
@@ -23,8 +26,10 @@ _THUMB_RAD: Final = (
 
 
 def _grasp_poses() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    finger, thumb = _OPEN_RAD
     poses = np.empty((5, 16))
-    for row, way in enumerate(_WAY):
+    poses[0] = (*finger, *finger, *finger, *thumb)
+    for row, way in enumerate(_WAY, start=1):
         before = min(int(way), 4)
         low, high = CLOSURE_POSES_RAD[before - 1 : before + 1]
         poses[row] = low + (way - before) * (high - low)

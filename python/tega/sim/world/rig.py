@@ -1,6 +1,6 @@
-"""Four pads of the hand on straight slides around an object in the air: the force at which it slips, to compare with
-``m · g / (n · µ)``.
+"""The force at which four pads lose an object, to compare with ``m · g / (n · µ)``.
 
+The pads stand on straight slides around the object, which hangs between them in the air.
 The whole hand is no place for that number: its fingers give way under the load before they slip, and friction
 forces between fingers and palm press against one another. Pads, object and contacts are the world's own.
 """

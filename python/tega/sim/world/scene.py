@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import msgspec
 import numpy as np
@@ -12,6 +12,9 @@ from tega.sim.world.allegro import hand_actuators, hand_body
 from tega.sim.world.arm import arm_actuators, arm_body
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.shells import object_body, object_tendons
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["PALM_ROTATION", "Physics", "build", "grasp_palm_m", "import_mujoco", "preamble"]
 
@@ -27,16 +30,20 @@ class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         impratio: How much harder friction is than the normal force; more creeps less.
         noslip: Sweeps that take the remaining creep away.
         solref_s: Time constant of a contact, at least two steps.
+        onset: How hard a contact is at first touch, of 0.99 at ``width_m``; a hard onset makes sliding pads chatter.
+        width_m: Depth at which a contact is as hard as it gets.
         tolerance: Where the solver stops.
         integrator: MuJoCo's name of it.
     """
 
     timestep_s: Annotated[float, msgspec.Meta(ge=1e-4, le=3e-3)] = 1.5e-3
-    impratio: Annotated[float, msgspec.Meta(ge=1, le=10_000)] = 100.0
+    impratio: Annotated[float, msgspec.Meta(ge=1, le=10_000)] = 1000.0
     noslip: Annotated[int, msgspec.Meta(ge=0, le=20)] = 0
     solref_s: Annotated[float, msgspec.Meta(ge=2e-3, le=0.1)] = 0.01
+    onset: Annotated[float, msgspec.Meta(ge=0.1, le=0.98)] = 0.3
+    width_m: Annotated[float, msgspec.Meta(ge=1e-4, le=0.01)] = 0.002
     tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-3)] = 1e-8
-    integrator: Literal["implicitfast", "implicit", "discrete"] = "discrete"
+    integrator: Literal["implicitfast", "implicit", "discrete"] = "implicitfast"
 
 
 def import_mujoco() -> Any:
@@ -52,10 +59,11 @@ def import_mujoco() -> Any:
     return mujoco
 
 
-def grasp_palm_m(spec: ObjectSpec) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def grasp_palm_m(spec: ObjectSpec) -> NDArray[np.float64]:
     """Return where the palm is in the grasp pose, world frame, with the object's axis at the origin."""
     out, forward = spec.palm_to_axis_m
-    return np.array([0.0, 0.0, spec.grasp_height_m]) - PALM_ROTATION @ np.array([out, 0.0, forward])
+    away: NDArray[np.float64] = PALM_ROTATION @ np.array([out, 0.0, forward])
+    return np.array([0.0, 0.0, spec.grasp_height_m]) - away
 
 
 def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
@@ -71,7 +79,9 @@ def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
 
 def preamble(physics: Physics) -> str:
     """Return the settings of the solver and the classes of shapes: who touches whom, and how hard."""
-    contact = f'condim="4" solref="{physics.solref_s} 1" solimp="0.95 0.99 0.001 0.5 2"'
+    contact = (
+        f'condim="4" solref="{physics.solref_s} 1" solimp="{physics.onset} 0.99 {physics.width_m} 0.5 2"'
+    )
     dark, unseen = 'rgba="0.2 0.2 0.22 1"', 'rgba="0 0 0 0"'
     classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {dark}' for n in range(4)}
     classes |= {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -104,16 +105,18 @@ class Witness:
         out, forward = spec.palm_to_axis_m
         palm, palm_turned, turned = self._palm.tolist(), self._palm_turned.tolist(), self._turned.tolist()
         over = spec.grasp_height_m - spec.height_m / 2
-        square = 0.0
+        square: float = 0.0
         for axis, middle in enumerate((x, y, z)):
             grasp = palm[axis] + palm_turned[3 * axis] * out + palm_turned[3 * axis + 2] * forward
             square += (grasp - middle - turned[3 * axis + 2] * over) ** 2
-        return square**0.5
+        return math.sqrt(square)
 
     def _lowest_m(self) -> float:
         up, spec = float(self._turned[8]), self._spec
         return (
-            float(self._at[2]) - spec.height_m / 2 * abs(up) - spec.diameter_m / 2 * max(0.0, 1 - up * up) ** 0.5
+            float(self._at[2])
+            - spec.height_m / 2 * abs(up)
+            - spec.diameter_m / 2 * math.sqrt(max(0.0, 1 - up * up))
         )
 
     def _over_palm_m(self) -> float:
@@ -133,7 +136,7 @@ def _narrowing(dents: list[float]) -> float:
     pairs = list(zip(dents[::2], dents[1::2], strict=True))
     largest = 0.0
     for x, y in pairs:
-        own = (x * x + y * y) ** 0.5
+        own = math.hypot(x, y)
         if own > 1e-9:
             opposite = -min(x * u + y * v for u, v in pairs) / own
             largest = max(largest, own + max(0.0, opposite))

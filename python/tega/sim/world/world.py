@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from tega.errors import InvalidValueError, ShapeError
-from tega.hand import CLOSURE_POSES_RAD
 from tega.sim.world.allegro import TORQUE_LIMITS_NM, joint_names
 from tega.sim.world.follower import ArmFollower
 from tega.sim.world.objects import OBJECTS, ObjectSpec
 from tega.sim.world.pads import Touch
+from tega.sim.world.poses import GRASP_POSES_RAD
 from tega.sim.world.scene import PALM_ROTATION, Physics, build, grasp_palm_m, import_mujoco
 from tega.sim.world.truth import Witness
 
@@ -25,6 +25,8 @@ __all__ = ["Shape", "World"]
 _WATCH_S = 6e-3
 _SETTLE_S = 0.3
 _PLACING_M = 1e-3
+_BACK = -np.array([0.5, 0.75**0.5, 0.0])
+"""The way back from the grasp pose: 30° from straight out of the palm."""
 
 
 class Shape(NamedTuple):
@@ -56,6 +58,13 @@ class World:
         physics: How the motion is computed.
         start_m: Where the hand waits: height over the grasp pose and distance back from it, metres.
 
+    Attributes:
+        spec: The object.
+        physics: How the motion is computed.
+        mujoco: MuJoCo's module.
+        model: Its model of the scene; to read, not to change.
+        data: Its state, likewise.
+
     Raises:
         InvalidValueError: There is no such object.
         MissingExtraError: mujoco-core is not installed.
@@ -85,7 +94,7 @@ class World:
         self._hand_weight_n = 9.81 * float(model.body_subtreemass[self._palm_body])
         self._arm = ArmFollower(mujoco, model, self._place(*start_m), PALM_ROTATION)
         data.qpos[:7] = data.act[:7] = self._arm.angles_rad
-        data.qpos[self._joints] = CLOSURE_POSES_RAD[0]
+        data.qpos[self._joints] = GRASP_POSES_RAD[0]
         at = model.joint("object").qposadr[0]
         data.qpos[at : at + 2] += np.random.default_rng(seed).normal(0, _PLACING_M, 2)
         self._steps = 0
@@ -143,13 +152,13 @@ class World:
         """Lead the hand to a height over the grasp pose and a distance back from it, metres (``Act.forearm_m``).
 
         Raises:
-            InvalidValueError: Beyond -0.05 to 0.4 m of height, or -0.05 to 0.25 m back.
+            InvalidValueError: Beyond -0.05 to 0.35 m of height, or -0.05 to 0.2 m back.
         """
         height, back = forearm_m
-        if not (-0.05 <= height <= 0.4 and -0.05 <= back <= 0.25):
+        if not (-0.05 <= height <= 0.35 and -0.05 <= back <= 0.2):
             raise InvalidValueError(
                 f"the hand cannot go to {height} m height, {back} m back",
-                "height -0.05 to 0.4 m, back -0.05 to 0.25 m",
+                "height -0.05 to 0.35 m, back -0.05 to 0.2 m",
             )
         self._arm.lead(self._place(height, back))
 
@@ -228,9 +237,9 @@ class World:
         return self._touch.arrows()
 
     def _place(self, height_m: float, back_m: float) -> NDArray[np.float64]:
-        # Back is away from the fingertips and from the palm alike: straight fingers would brush the object's side.
-        aside_m = back_m * 0.5**0.5
-        return self._grasp + np.array([-aside_m, -aside_m, height_m])
+        # Back is away from the palm, and somewhat from the fingertips: so an open hand comes to the object untouched.
+        place: NDArray[np.float64] = self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])
+        return place
 
     def _attend(self) -> None:
         """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
@@ -247,7 +256,7 @@ class World:
     def _hold_still(self, seconds: float) -> None:
         """Let the object settle with the hand held by its joints."""
         for _ in range(round(seconds / self.physics.timestep_s)):
-            error = CLOSURE_POSES_RAD[0] - self.angles_rad
+            error = GRASP_POSES_RAD[0] - self.angles_rad
             self.set_torques(1.5 * error - 0.08 * self.velocities_rad_s)
             self.step(1)
 
