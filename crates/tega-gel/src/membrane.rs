@@ -11,7 +11,7 @@ pub const PX_PER_MM: f64 = 18.68;
 /// The skin's length l, millimetres: 20 pixels of the sensor that the light field was fitted on.
 pub const LENGTH_MM: f64 = 20.0 / PX_PER_MM;
 /// The springs' stiffness k, newtons per cubic millimetre; see `docs/sim-touch.md` for where it comes from.
-pub const STIFFNESS_N_MM3: f64 = 0.2;
+pub const STIFFNESS_N_MM3: f64 = 0.225;
 /// Radius of the gel's dome, millimetres.
 pub const DOME_MM: f64 = 100.0;
 /// Shapes that may press at once.
