@@ -13,7 +13,7 @@ from tega.view.figures import new_figure
 
 __all__ = ["draw_presses", "draw_readings"]
 
-TRUE_WHITE, AREA_BLUE = "#ffffff", "#3b8cff"
+TRUE_WHITE, AREA_YELLOW = "#ffffff", "#ffd23f"
 # Shape and force of each column; one unit a column.
 _SHOWN = (
     ("ball 4.4 mm", 0.5),
@@ -26,7 +26,7 @@ _SHOWN = (
 
 
 def draw_presses(path: Path) -> None:
-    """Write simulated pictures of six units, their differences, what touches (white) and what live outlines (blue).
+    """Write simulated pictures of six units, their differences, what touches (white) and what live outlines (yellow).
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -41,7 +41,7 @@ def draw_presses(path: Path) -> None:
         upper.set_title(f"{name}, {force_n} N", fontsize=7)
         lower.imshow(np.clip(128 + 1.5 * (image.astype(int) - still), 0, 255).astype(np.uint8)[..., ::-1])
         lower.contour(gel.contact_mask(), [0.5], colors=TRUE_WHITE, linewidths=0.8)
-        lower.contour(contact_mask(image, still), [0.5], colors=AREA_BLUE, linewidths=0.8)
+        lower.contour(contact_mask(image, still), [0.5], colors=AREA_YELLOW, linewidths=0.8)
         for ax in (upper, lower):
             ax.set_axis_off()
     figure.savefig(path, dpi=64)
