@@ -3,7 +3,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test lint fmt deep fuzz bench counts wheel clean
+.PHONY: help setup build test lint fmt deep fuzz bench counts arm64 wheel clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -23,7 +23,11 @@ test: ## pytest, Rust tests included
 
 lint: ## formatting, clippy, ruff, mypy, stub against extension
 	cargo fmt --all --check
+	cargo fmt --check --manifest-path fuzz/Cargo.toml
+	cargo fmt --check --manifest-path benches/Cargo.toml
 	cargo clippy --workspace --all-targets --locked -- -D warnings
+	cargo clippy --manifest-path fuzz/Cargo.toml --all-targets --locked -- -D warnings
+	cargo clippy --manifest-path benches/Cargo.toml --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked --quiet
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -49,6 +53,12 @@ bench: ## run time against error, then the kernels without Python
 
 counts: ## instruction counts against the committed ones (needs valgrind; UPDATE=1 rewrites them)
 	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
+
+# Debian: qemu-user gcc-aarch64-linux-gnu libc6-dev-arm64-cross; rustup target add aarch64-unknown-linux-gnu.
+arm64: ## the crates' tests on an emulated arm64 processor, NEON kernels included
+	CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc \
+	CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER='qemu-aarch64 -L /usr/aarch64-linux-gnu' \
+	cargo test --workspace --exclude tega-py --release --locked --target aarch64-unknown-linux-gnu
 
 wheel: ## build a wheel, install it in a fresh environment, try it
 	rm -rf dist target/wheel-venv

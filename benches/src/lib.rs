@@ -48,8 +48,9 @@ pub fn kernels() -> Vec<Kernel> {
             all.push(tactile("contact_metrics", name, size, move || metrics(size, options)));
         }
         all.push(tactile("read_paper", "touched", size, move || paper(size)));
-        all.push(tactile("read_live", "touched", size, move || live(size, true)));
-        all.push(tactile("read_live", "untouched", size, move || live(size, false)));
+        all.push(tactile("read_live", "touched", size, move || live(size, 1)));
+        all.push(tactile("read_live", "touched-thrice", size, move || live(size, 3)));
+        all.push(tactile("read_live", "untouched", size, move || live(size, 0)));
     }
     let options =
         Options { difference: Difference::Rectified, spread: Spread::Intensity, ..Options::default() };
@@ -86,7 +87,7 @@ fn pair<'a>(frame: &'a Array3<u8>, baseline: &'a Array3<u8>) -> Pair<'a> {
 }
 
 fn metrics(size: (usize, usize), options: Options) -> Run {
-    let (frame, baseline) = (frame(size, true), baseline(size));
+    let (frame, baseline) = (frame(size, 1), baseline(size));
     let mut scratch = Scratch::default();
     Box::new(move || {
         black_box(contact_metrics(black_box(&pair(&frame, &baseline)), &options, &mut scratch));
@@ -94,15 +95,15 @@ fn metrics(size: (usize, usize), options: Options) -> Run {
 }
 
 fn paper(size: (usize, usize)) -> Run {
-    let (frame, baseline) = (frame(size, true), baseline(size));
+    let (frame, baseline) = (frame(size, 1), baseline(size));
     let mut scratch = PaperScratch::default();
     Box::new(move || {
         black_box(read_paper(black_box(&pair(&frame, &baseline)), Order::Bgr, &mut scratch));
     })
 }
 
-fn live(size: (usize, usize), touched: bool) -> Run {
-    let (frame, baseline) = (frame(size, touched), baseline(size));
+fn live(size: (usize, usize), presses: usize) -> Run {
+    let (frame, baseline) = (frame(size, presses), baseline(size));
     let mut scratch = LiveScratch::default();
     Box::new(move || {
         black_box(read_live(black_box(&pair(&frame, &baseline)), Order::Bgr, Outline::Dent, &mut scratch));
@@ -169,13 +170,14 @@ mod tests {
     #[test]
     fn pictures_show_what_their_kernels_are_named_for() {
         for size in SIZES {
-            for touched in [true, false] {
-                let (frame, baseline) = (frame(size, touched), baseline(size));
+            for presses in [0, 1, 3] {
+                let (frame, baseline) = (frame(size, presses), baseline(size));
                 let pair = pair(&frame, &baseline);
-                let m = read_live(&pair, Order::Bgr, Outline::Dent, &mut LiveScratch::default());
-                assert_eq!(m.in_contact, touched, "{size:?}");
+                let mut scratch = LiveScratch::default();
+                read_live(&pair, Order::Bgr, Outline::Dent, &mut scratch);
+                assert_eq!(scratch.patches().len(), presses, "{size:?}");
             }
-            let (frame, baseline) = (frame(size, true), baseline(size));
+            let (frame, baseline) = (frame(size, 1), baseline(size));
             let pair = pair(&frame, &baseline);
             assert!(read_paper(&pair, Order::Bgr, &mut PaperScratch::default()).in_contact);
             for difference in [Difference::Signed, Difference::Rectified, Difference::Absolute] {

@@ -24,20 +24,25 @@ pub fn baseline((height, width): (usize, usize)) -> Array3<u8> {
     })
 }
 
-/// One frame. Each channel's light comes from another side; the signed change has a sum above zero.
-pub fn frame((height, width): (usize, usize), touched: bool) -> Array3<u8> {
+/// Middles of the presses, as shares of width and height.
+const MIDDLES: [(f64, f64); 3] = [(0.45, 0.55), (0.8, 0.2), (0.15, 0.2)];
+
+/// One frame with up to three presses. Each channel's light comes from another side; the signed change has a sum above zero.
+pub fn frame((height, width): (usize, usize), presses: usize) -> Array3<u8> {
     const TOWARDS: [(f64, f64); 3] = [(0.2, 1.0), (-0.9, -0.3), (0.6, -0.8)];
     let mut noise = Noise::new(5);
     let mut image = baseline((height, width));
-    let (middle_x, middle_y, radius) = (0.45 * width as f64, 0.55 * height as f64, height as f64 / 6.0);
+    let radius = height as f64 / 6.0;
     for ((y, x, c), value) in image.indexed_iter_mut() {
-        let (dx, dy) = ((x as f64 - middle_x) / radius, (y as f64 - middle_y) / radius);
-        let distance = dx.hypot(dy);
-        let dent = if touched && distance < 1.0 {
-            45.0 * (dx * TOWARDS[c].0 + dy * TOWARDS[c].1) + 140.0 * (1.0 - distance)
-        } else {
-            0.0
-        };
+        let mut dent = 0.0;
+        for (middle_x, middle_y) in MIDDLES.into_iter().take(presses) {
+            let dx = (x as f64 - middle_x * width as f64) / radius;
+            let dy = (y as f64 - middle_y * height as f64) / radius;
+            let distance = dx.hypot(dy);
+            if distance < 1.0 {
+                dent += 45.0 * (dx * TOWARDS[c].0 + dy * TOWARDS[c].1) + 140.0 * (1.0 - distance);
+            }
+        }
         *value = (i32::from(*value) + noise.within(2) + dent.round() as i32).clamp(0, 255) as u8;
     }
     image

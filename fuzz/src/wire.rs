@@ -172,7 +172,7 @@ fn a_false_chain_counts(stream: &[u8], run_at: usize) -> bool {
             && stream.get(at + 32).is_some_and(|footer| (0xC0..=0xC6).contains(footer))
     };
     (0..stream.len().saturating_sub(66))
-        .filter(|at| *at < run_at || (at - run_at) % 33 != 0)
+        .filter(|at| *at < run_at || !(at - run_at).is_multiple_of(33))
         .any(|at| framed(at) && framed(at + 33) && stream[at + 34] == stream[at + 1].wrapping_add(1))
 }
 

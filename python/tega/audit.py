@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tega.errors import RecordingError
 from tega.tactile import contact_mask, contact_metrics, pressure_map, read_contact
 
-__all__ = ["READINGS", "Mark", "ReadingScore", "audit_frames", "far_field", "read_marks"]
+__all__ = ["READINGS", "Mark", "ReadingScore", "audit_frames", "far_field", "mean_difference", "read_marks"]
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -157,6 +157,12 @@ def audit_frames(
     """
     marks = marks or [None] * len(frames)
     return [_score(name, frames, baseline, marks, at_rest) for name in readings]
+
+
+def mean_difference(frames: Sequence[Image], baseline: Image) -> NDArray[np.float64]:
+    """Return how far each frame is from the baseline: mean absolute difference in counts, float64 (n,)."""
+    still = baseline.astype(np.int16)
+    return np.array([np.abs(frame - still).mean() for frame in frames], np.float64)
 
 
 def _score(

@@ -293,7 +293,7 @@ def pressure_map(
     """Return the map that :func:`read_contact` measures on, for display.
 
     ``paper``: grey values after blur and noise floor. ``live``: the response to the dent's slopes in counts, one
-    value a cell of a few pixels. Args and errors are those of :func:`read_contact`.
+    value a cell of a few pixels, and 0 all over without contact. Args and errors are those of :func:`read_contact`.
 
     Returns:
         float32 (H, W).

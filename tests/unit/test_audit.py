@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.audit import READINGS, Mark, audit_frames, far_field, read_marks
+from tega.audit import READINGS, Mark, audit_frames, far_field, mean_difference, read_marks
 from tega.cli.main import main
 from tega.errors import RecordingError
 from tega.sim.gel import Gel, ball
@@ -67,17 +67,25 @@ def test_marks_are_read_by_base_name_and_doubtful_ones_left_out(tmp_path: Path) 
         read_marks(tmp_path / "none.csv")
 
 
+def test_the_mean_difference_rises_with_the_press() -> None:
+    press = mean_difference([BASELINE, *FRAMES], BASELINE)
+    assert press[0] == 0
+    assert list(press) == sorted(press)
+
+
 def test_the_verb_prints_draws_and_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cv2 = pytest.importorskip("cv2", reason="needs the extra tega[lab]")
     for number, frame in enumerate([BASELINE, *FRAMES]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
     words = ["audit", str(tmp_path), "--baseline", str(tmp_path / "0.png")]
+    pictures = tmp_path / "drawn"
+    pictures.mkdir()
     with pytest.raises(SystemExit) as done:
-        main([*words, "--picture", str(tmp_path / "out.jpg.png")])
+        main([*words, "--picture", str(pictures / "out.png"), "--curves", str(pictures / "curves.png")])
     assert done.value.code == 0
     assert "live" in capsys.readouterr().out
-    assert (tmp_path / "out.jpg.png").stat().st_size > 10_000
-    (tmp_path / "out.jpg.png").unlink()
+    assert (pictures / "out.png").stat().st_size > 10_000
+    assert (pictures / "curves.png").stat().st_size > 10_000
     with pytest.raises(SystemExit):
         main([*words, "--json"])
     scores = json.loads(capsys.readouterr().out)

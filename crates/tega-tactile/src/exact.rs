@@ -27,11 +27,12 @@ pub(crate) trait Exact:
 impl Exact for i128 {
     fn ratio(p: &Self, q: &Self) -> f64 {
         const EXACT: u128 = 1 << f64::MANTISSA_DIGITS;
-        if p.unsigned_abs() <= EXACT && q.unsigned_abs() <= EXACT {
-            *p as f64 / *q as f64
-        } else {
-            BigInt::ratio(&BigInt::from(*p), &BigInt::from(*q))
+        let (dividend, divisor) = (p.unsigned_abs(), q.unsigned_abs());
+        if dividend <= EXACT && divisor <= EXACT {
+            return *p as f64 / *q as f64;
         }
+        let size = divide(dividend, divisor);
+        if *p < 0 { -size } else { size }
     }
 
     fn to_big(&self) -> BigInt {
@@ -41,6 +42,21 @@ impl Exact for i128 {
     fn from_big(n: &BigInt) -> Option<Self> {
         n.to_i128()
     }
+}
+
+/// `p / q` rounded to nearest, ties to even; `q` below 2^127 and not 0.
+fn divide(p: u128, q: u128) -> f64 {
+    // Long division until the quotient has more bits than an f64 keeps; what is left over only breaks ties.
+    const ENOUGH: u32 = f64::MANTISSA_DIGITS + 2;
+    let (mut quotient, mut rest, mut exponent) = (p / q, p % q, 0_i32);
+    while rest > 0 && u128::BITS - quotient.leading_zeros() < ENOUGH {
+        let step = rest.leading_zeros().min(quotient.leading_zeros()).min(ENOUGH);
+        rest <<= step;
+        quotient = (quotient << step) | (rest / q);
+        rest %= q;
+        exponent -= step as i32;
+    }
+    (quotient | u128::from(rest > 0)) as f64 * 2_f64.powi(exponent)
 }
 
 impl Exact for BigInt {
@@ -79,17 +95,15 @@ pub(crate) struct Variance<I> {
 }
 
 impl<I: Exact> Sums<I> {
-    /// The same sums in another integer type; `None` where they do not fit.
-    pub fn convert<J: Exact>(&self) -> Option<Sums<J>> {
-        let int = |n: &I| J::from_big(&n.to_big());
-        let [x, y] = &self.first;
-        Some(Sums {
-            mass: int(&self.mass)?,
-            first: [int(x)?, int(y)?],
-            second: int(&self.second)?,
-            squares: self.squares.as_ref().map(int).unwrap_or_default(),
-            denominator: int(&self.denominator)?,
-        })
+    /// The same sums in integers without a limit.
+    pub fn widened(&self) -> Sums<BigInt> {
+        Sums {
+            mass: self.mass.to_big(),
+            first: self.first.each_ref().map(I::to_big),
+            second: self.second.to_big(),
+            squares: self.squares.as_ref().map(I::to_big),
+            denominator: self.denominator.to_big(),
+        }
     }
 
     /// Centroid (x, y), pixels; `None` where the mass is not positive.
@@ -160,11 +174,11 @@ impl<I: Exact> Threshold<I> {
         Ratio::new_raw(((p << (2 * shift)) / q).sqrt(), BigInt::from(1) << shift)
     }
 
-    /// `T` as an `f64` without cancellation; `None` on overflow.
-    pub fn to_f64(&self) -> Option<f64> {
+    /// `T` as an `f64` without cancellation, from σ; `None` on overflow.
+    pub fn to_f64(&self, spread: f64) -> Option<f64> {
         let [f, g] = &self.factor;
         let value = I::ratio(&self.value, &self.value_denominator);
-        let step = I::ratio(f, g) * self.spread();
+        let step = I::ratio(f, g) * spread;
         if value == 0.0 || step == 0.0 || (value < 0.0) != (step < 0.0) {
             return Some(value - step);
         }
@@ -209,9 +223,9 @@ impl<I: Exact> Threshold<I> {
         Some(if f.is_negative() { step < gap } else { step > gap })
     }
 
-    /// The smallest level above `T`, searched outward from the floating-point estimate; `None` on overflow.
-    pub fn first_level_above(&self) -> Option<I> {
-        let estimate = self.to_f64()? * self.denominator.to_f64()?;
+    /// The smallest level above `T`, searched outward from `T` as an `f64`; `None` on overflow.
+    pub fn first_level_above(&self, estimate: f64) -> Option<I> {
+        let estimate = estimate * self.denominator.to_f64()?;
         let mut n = I::from_f64(estimate.floor()).unwrap_or_else(I::zero);
         let mut stride = I::one();
         // Gallop until the pair (below, above) brackets the border …
@@ -273,35 +287,48 @@ mod tests {
         }
     }
 
+    fn evaluated<I: Exact>(t: &Threshold<I>) -> (f64, I) {
+        let value = t.to_f64(t.spread()).unwrap();
+        (value, t.first_level_above(value).unwrap())
+    }
+
+    #[test]
+    fn quotients_are_rounded_to_nearest() {
+        for (p, q) in
+            [(1, 3), (i128::MAX, 3), (1, i128::MAX), (-(1 << 90) - 1, (1 << 60) + 1), (i128::MIN, 7)]
+        {
+            assert_eq!(i128::ratio(&p, &q), BigInt::ratio(&p.into(), &q.into()), "{p} / {q}");
+        }
+    }
+
     #[test]
     fn a_level_on_the_threshold_is_not_above_it() {
         // v = 10, σ = 2, f = 2: T = 6 exactly.
         let t = threshold::<i128>(10_000, [4, 1], [2, 1], 1000);
-        assert_eq!(t.first_level_above(), Some(6001));
-        assert_eq!(t.to_f64(), Some(6.0));
+        assert_eq!(evaluated(&t), (6.0, 6001));
     }
 
     #[test]
     fn irrational_thresholds_are_decided_to_the_last_level() {
         // v = 1, σ = √2, f = 1: T = −0.41421356…
         let t = threshold::<i128>(1_000_000_000, [2, 1], [1, 1], 1_000_000_000);
-        assert_eq!(t.first_level_above(), Some(-414_213_562));
+        assert_eq!(evaluated(&t).1, -414_213_562);
         let t = threshold::<BigInt>(1_000_000_000, [2, 1], [1, 1], 1_000_000_000);
-        assert_eq!(t.first_level_above(), Some(BigInt::from(-414_213_562)));
+        assert_eq!(evaluated(&t).1, BigInt::from(-414_213_562));
     }
 
     #[test]
     fn a_negative_factor_raises_the_threshold() {
         let t = threshold::<i128>(10, [4, 1], [-2, 1], 1);
-        assert_eq!(t.first_level_above(), Some(15));
+        assert_eq!(evaluated(&t).1, 15);
     }
 
     #[test]
     fn a_zero_spread_leaves_the_value_itself() {
         let t = threshold::<i128>(10, [0, 1], [32, 25], 1);
-        assert_eq!(t.first_level_above(), Some(11));
+        assert_eq!(evaluated(&t).1, 11);
         let t = threshold::<i128>(10, [0, 1], [0, 1], 1);
-        assert_eq!(t.first_level_above(), Some(11));
+        assert_eq!(evaluated(&t).1, 11);
     }
 
     #[test]

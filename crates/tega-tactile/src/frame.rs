@@ -1,5 +1,7 @@
 //! Borrowed colour images and the difference between a frame and its baseline.
 
+use std::ops::Range;
+
 use ndarray::{ArrayView2, ArrayView3, Axis};
 
 use crate::error::TactileError;
@@ -102,11 +104,20 @@ impl<'a> Pair<'a> {
         Some((self.frame.as_slice()?, self.baseline.as_slice()?))
     }
 
-    /// Calls `visit(frame_row, baseline_row)` for row `y`; does nothing outside the image.
-    pub(crate) fn with_row(&self, y: usize, visit: impl FnOnce(&[u8], &[u8])) {
-        if y < self.height() {
+    /// Calls `visit(frame_rows, baseline_rows)` for rows `ys`: once where both images are contiguous, else row by row.
+    pub(crate) fn with_rows(&self, ys: Range<usize>, mut visit: impl FnMut(&[u8], &[u8])) {
+        if let Some((frame, baseline)) = self.contiguous() {
+            let bytes = 3 * self.width();
+            let ys = ys.start * bytes..ys.end * bytes;
+            if let (Some(frame), Some(baseline)) = (frame.get(ys.clone()), baseline.get(ys)) {
+                visit(frame, baseline);
+            }
+            return;
+        }
+        let mut gathered = (Vec::new(), Vec::new());
+        for y in ys.start..ys.end.min(self.height()) {
             let (frame, baseline) = (self.frame.index_axis(Axis(0), y), self.baseline.index_axis(Axis(0), y));
-            visit(row_bytes(&frame, &mut Vec::new()), row_bytes(&baseline, &mut Vec::new()));
+            visit(row_bytes(&frame, &mut gathered.0), row_bytes(&baseline, &mut gathered.1));
         }
     }
 

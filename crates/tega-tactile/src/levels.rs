@@ -3,6 +3,10 @@
 //! One reading yields the sum of every row and of every column and the range of levels in every row. The moments follow
 //! from those few numbers, and the threshold count reads a row again only where its range straddles the threshold.
 
+use std::ops::AddAssign;
+
+use num_traits::Num;
+
 use crate::exact::Sums;
 use crate::frame::{Difference, Pair};
 use crate::simd;
@@ -12,6 +16,9 @@ pub(crate) const MAX_WEIGHT_SUM: i32 = 16_000;
 /// Largest |weight|: its two 7-bit halves stay in the range of 8-bit multiplication.
 pub(crate) const MAX_WEIGHT: i32 = 8_191;
 
+/// Columns in a cache line of 64 bytes.
+const CACHE_LINE: usize = 16;
+
 /// What one row says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Row {
@@ -19,9 +26,20 @@ pub(crate) struct Row {
     pub sum: i64,
     /// Σ n², where asked for.
     pub squares: i64,
-    /// Smallest and largest n.
+    /// What no n falls below: the smallest n where differences have a sign, else what the weights alone say.
     pub min: i32,
+    /// Largest n.
     pub max: i32,
+}
+
+impl Row {
+    /// Adds the pixels of another part of the same row.
+    pub(crate) fn merge(&mut self, part: Row) {
+        self.sum += part.sum;
+        self.squares += part.squares;
+        self.min = self.min.min(part.min);
+        self.max = self.max.max(part.max);
+    }
 }
 
 /// Buffers that are reused from frame to frame.
@@ -59,9 +77,16 @@ impl Kernel {
         self.weights[0] * d(0) + self.weights[1] * d(1) + self.weights[2] * d(2)
     }
 
+    /// What no level of a difference without sign falls below.
+    pub(crate) fn least(&self) -> i32 {
+        self.weights.iter().map(|weight| 255 * weight.min(&0)).sum()
+    }
+
     /// Sums one row and adds it to the columns; the plain form that the vector forms are tested against.
     pub(crate) fn row(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32]) -> Row {
-        let mut row = Row { sum: 0, squares: 0, min: i32::MAX, max: i32::MIN };
+        let signed = self.difference == Difference::Signed;
+        let min = if signed { i32::MAX } else { self.least() };
+        let mut row = Row { sum: 0, squares: 0, min, max: i32::MIN };
         let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
         for ((f, b), column) in pixels.zip(columns) {
             let n = self.level(*f, *b);
@@ -70,7 +95,9 @@ impl Kernel {
             if self.squares {
                 row.squares += i64::from(n) * i64::from(n);
             }
-            row.min = row.min.min(n);
+            if signed {
+                row.min = row.min.min(n);
+            }
             row.max = row.max.max(n);
         }
         row
@@ -96,7 +123,10 @@ impl Kernel {
         let Scratch { columns, totals, rows } = scratch;
         rows.clear();
         columns.clear();
-        columns.resize(width, 0);
+        columns.resize(width + CACHE_LINE, 0);
+        // Steps that cross no cache line are faster; an address that cannot be aligned is used as it is.
+        let aligned = columns.as_ptr().align_offset(CACHE_LINE * size_of::<i32>()).min(CACHE_LINE);
+        let columns = &mut columns[aligned..aligned + width];
         totals.clear();
         totals.resize(width, 0);
         let flush_every = self.rows_until_overflow();
@@ -115,20 +145,24 @@ impl Kernel {
             });
             flush(columns, totals);
         }
-        let sums = moments(rows, totals, self.squares, denominator);
+        let sums = moments(rows, totals, self.squares, 255 * self.reach(), denominator);
         let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
         let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
         let mut peak_x = 0;
-        pair.with_row(peak_y, |frame, baseline| {
+        pair.with_rows(peak_y..peak_y + 1, |frame, baseline| {
             let mut pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
             peak_x = pixels.position(|(f, b)| self.level(*f, *b) == peak).unwrap_or_default();
         });
         Levels { sums, peak, peak_xy: (peak_x, peak_y), rows }
     }
 
+    /// Σ |weight|.
+    fn reach(&self) -> i32 {
+        self.weights.iter().map(|weight| weight.abs()).sum()
+    }
+
     fn rows_until_overflow(&self) -> usize {
-        let reach: i32 = self.weights.iter().map(|w| w.abs()).sum();
-        (i32::MAX / (255 * reach.max(1))).max(1) as usize
+        (i32::MAX / (255 * self.reach().max(1))).max(1) as usize
     }
 }
 
@@ -139,21 +173,27 @@ pub(crate) fn flush(columns: &mut [i32], totals: &mut [i64]) {
 }
 
 /// Moments from the sums of rows and columns: Σ x·n needs the columns only, Σ y·n the rows only.
-pub(crate) fn moments(rows: &[Row], columns: &[i64], squares: bool, denominator: i32) -> Sums<i128> {
-    let weighed = |sums: &mut dyn Iterator<Item = i64>| {
-        let (mut first, mut second) = (0_i128, 0_i128);
-        for (position, sum) in sums.enumerate() {
-            // |sum| < 2^45 and position < 2^12: the products stay far below 2^127.
-            let moment = position as i128 * i128::from(sum);
-            first += moment;
-            second += position as i128 * moment;
-        }
-        (first, second)
+///
+/// `largest` is what no |n| passes.
+pub(crate) fn moments(
+    rows: &[Row],
+    columns: &[i64],
+    squares: bool,
+    largest: i32,
+    denominator: i32,
+) -> Sums<i128> {
+    let side = rows.len().max(columns.len()) as i128;
+    // Σ |n|·side² bounds every sum below.
+    let bound = (rows.len() * columns.len()) as i128 * i128::from(largest) * side * side;
+    let narrow = bound <= i128::from(i64::MAX);
+    let rows_sums = rows.iter().map(|row| row.sum);
+    let ([mass, first_x, second_x], [_, first_y, second_y]) = if narrow {
+        (weighed::<i64>(columns.iter().copied()).map(i128::from), weighed::<i64>(rows_sums).map(i128::from))
+    } else {
+        (weighed::<i128>(columns.iter().copied()), weighed::<i128>(rows_sums))
     };
-    let (first_x, second_x) = weighed(&mut columns.iter().copied());
-    let (first_y, second_y) = weighed(&mut rows.iter().map(|row| row.sum));
     Sums {
-        mass: rows.iter().map(|row| i128::from(row.sum)).sum(),
+        mass,
         first: [first_x, first_y],
         second: second_x + second_y,
         squares: squares.then(|| rows.iter().map(|row| i128::from(row.squares)).sum()),
@@ -161,16 +201,35 @@ pub(crate) fn moments(rows: &[Row], columns: &[i64], squares: bool, denominator:
     }
 }
 
+/// Σ s, Σ p·s and Σ p²·s over sums s at positions p.
+fn weighed<I: Num + From<i64> + Copy + AddAssign>(sums: impl Iterator<Item = i64>) -> [I; 3] {
+    let mut total = [I::zero(); 3];
+    let mut position = I::zero();
+    for sum in sums {
+        let sum = I::from(sum);
+        let moment = position * sum;
+        total[0] += sum;
+        total[1] += moment;
+        total[2] += position * moment;
+        position += I::one();
+    }
+    total
+}
+
 impl Levels<'_> {
-    /// Number of pixels at or above level `first`; reads only rows whose range straddles it.
+    /// Number of pixels at or above level `first`; reads only rows whose range straddles it, neighbours in one go.
     pub fn count_from(&self, pair: &Pair<'_>, kernel: &Kernel, first: i32) -> u32 {
-        let mut count = 0;
-        for (y, row) in self.rows.iter().enumerate() {
-            if row.min >= first {
-                count += pair.width() as u32;
-            } else if row.max >= first {
-                pair.with_row(y, |frame, baseline| count += simd::count(kernel, frame, baseline, first));
+        let straddles = |row: &Row| row.min < first && first <= row.max;
+        let whole = self.rows.iter().filter(|row| row.min >= first).count() * pair.width();
+        let mut count = whole as u32;
+        let mut y = 0;
+        for run in self.rows.chunk_by(|a, b| straddles(a) == straddles(b)) {
+            if straddles(&run[0]) {
+                pair.with_rows(y..y + run.len(), |frame, baseline| {
+                    count += simd::count(kernel, frame, baseline, first);
+                });
             }
+            y += run.len();
         }
         count
     }
@@ -197,7 +256,9 @@ mod tests {
     proptest! {
         #[test]
         fn the_dispatched_kernels_equal_the_plain_ones(
-            pixels in prop::collection::vec(any::<([u8; 3], [u8; 3])>(), 1..120),
+            (width, pixels) in (1_usize..70, 1_usize..20).prop_flat_map(|(width, height)| {
+                (Just(width), prop::collection::vec(any::<([u8; 3], [u8; 3])>(), width * height))
+            }),
             weights in weights(),
             difference in differences(),
             squares in any::<bool>(),
@@ -206,12 +267,12 @@ mod tests {
             let (frame, baseline): (Vec<_>, Vec<_>) = pixels.into_iter().unzip();
             let (frame, baseline) = (frame.as_flattened(), baseline.as_flattened());
             let kernel = Kernel { weights, difference, squares };
-            let mut plain = vec![7; frame.len() / 3];
+            let mut plain = vec![7; width];
             let mut fast = plain.clone();
-            let wanted = kernel.row(frame, baseline, &mut plain);
-            let mut rows = Vec::new();
+            let (mut wanted, mut rows) = (Vec::new(), Vec::new());
+            kernel.rows(frame, baseline, &mut plain, &mut wanted);
             simd::rows(&kernel, frame, baseline, &mut fast, &mut rows);
-            prop_assert_eq!(rows, [wanted]);
+            prop_assert_eq!(rows, wanted);
             prop_assert_eq!(fast, plain);
             prop_assert_eq!(
                 simd::count(&kernel, frame, baseline, first),

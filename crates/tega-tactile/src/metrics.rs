@@ -165,7 +165,7 @@ pub fn contact_metrics(pair: &Pair<'_>, options: &Options, scratch: &mut Scratch
             let outside = |negative: bool| if negative { i32::MIN } else { i32::MAX };
             map.resolve(&|first| count(i32::try_from(*first).unwrap_or(outside(first.is_negative()))))
                 .or_else(|| {
-                    map.widened()?.resolve(&|first: &BigInt| {
+                    map.widened().resolve(&|first: &BigInt| {
                         count(i32::try_from(first).unwrap_or(outside(first.is_negative())))
                     })
                 })
@@ -205,15 +205,15 @@ struct Map<'m, 'p, I> {
 
 impl<'p, I: Exact> Map<'_, 'p, I> {
     /// The same map in integers without a limit.
-    fn widened(&self) -> Option<Map<'_, 'p, BigInt>> {
-        Some(Map {
+    fn widened(&self) -> Map<'_, 'p, BigInt> {
+        Map {
             pair: self.pair,
             options: self.options,
             weights: self.weights.each_ref().map(I::to_big),
-            sums: self.sums.convert()?,
+            sums: self.sums.widened(),
             peak: self.peak.to_big(),
             peak_xy: self.peak_xy,
-        })
+        }
     }
 
     /// Equations 2 to 6; `count` tells how many pixels are at or above a level. `None` on overflow.
@@ -241,13 +241,15 @@ impl<'p, I: Exact> Map<'_, 'p, I> {
         let factor = options.factor.parts()?;
         let threshold =
             Threshold { value, value_denominator, variance, factor, denominator: denominator.clone() };
-        let eda = count(&threshold.first_level_above()?);
+        let spread = threshold.spread();
+        let value = threshold.to_f64(spread)?;
+        let eda = count(&threshold.first_level_above(value)?);
         let cci =
             if eda == 0 { 0.0 } else { I::ratio(&self.peak, &denominator.checked_mul(&I::from_u32(eda)?)?) };
         Some(ContactMetrics {
             centroid_xy: (x, y),
-            spread: threshold.spread(),
-            threshold: threshold.to_f64()?,
+            spread,
+            threshold: value,
             eda,
             cci,
             in_contact: true,

@@ -64,8 +64,9 @@ pub fn read_paper(pair: &Pair<'_>, order: Order, scratch: &mut PaperScratch) -> 
     });
     simd::blur_and_weigh(width, height, order.arrange(LUMA), scratch);
     let summary = mask_and_sum(width, scratch);
-    let resolved = resolve::<i128>(&summary, width, height, scratch)
-        .or_else(|| resolve::<BigInt>(&summary, width, height, scratch));
+    let size = (width, height);
+    let resolved = resolve::<i128>(&summary, &summary.sums, size, scratch)
+        .or_else(|| resolve::<BigInt>(&summary, &summary.sums.widened(), size, scratch));
     // Big integers do not overflow; kept total so that no input can panic.
     let (metrics, first_counted) =
         resolved.unwrap_or_else(|| (ContactMetrics::none(f64::NAN, f64::NAN, summary.peak_xy), i32::MAX));
@@ -168,7 +169,7 @@ fn mask_and_sum(width: usize, scratch: &mut PaperScratch) -> Summary {
     let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
     let row = map.chunks_exact(width).nth(peak_y).unwrap_or_default();
     let peak_x = row.iter().position(|&n| n == peak).unwrap_or_default();
-    let sums = moments(rows, totals, false, DENOMINATOR);
+    let sums = moments(rows, totals, false, 255 * DENOMINATOR, DENOMINATOR);
     Summary { sums, above_floor, peak, peak_xy: (peak_x, peak_y) }
 }
 
@@ -196,15 +197,14 @@ pub(crate) fn count_from(levels: &[i32], first: i32) -> u32 {
 /// Equations 2 to 6 on the masked map, and the lowest level that counts; `None` on overflow of `I`.
 fn resolve<I>(
     summary: &Summary,
-    width: usize,
-    height: usize,
+    sums: &Sums<I>,
+    (width, height): (usize, usize),
     scratch: &PaperScratch,
 ) -> Option<(ContactMetrics, i32)>
 where
     I: Exact + From<i32>,
     i32: TryFrom<I>,
 {
-    let sums = summary.sums.convert::<I>()?;
     let denominator = I::from(DENOMINATOR);
     let peak = I::from(summary.peak);
     let none = ContactMetrics::none(
@@ -223,17 +223,19 @@ where
         factor: [I::from(32), I::from(25)],
         denominator: denominator.clone(),
     };
+    let spread = threshold.spread();
+    let value = threshold.to_f64(spread)?;
     let first_above_floor = NOISE_FLOOR * DENOMINATOR + 1;
-    let first =
-        i32::try_from(threshold.first_level_above()?).map_or(first_above_floor, |n| n.max(first_above_floor));
+    let first = i32::try_from(threshold.first_level_above(value)?)
+        .map_or(first_above_floor, |n| n.max(first_above_floor));
     let rows = scratch.map.chunks_exact(width).zip(&scratch.rows);
     let eda =
         rows.filter(|(_, row)| row.max >= first).map(|(levels, _)| simd::count_from(levels, first)).sum();
     let cci = if eda == 0 { 0.0 } else { I::ratio(&peak, &denominator.checked_mul(&I::from_u32(eda)?)?) };
     let metrics = ContactMetrics {
         centroid_xy: (x, y),
-        spread: threshold.spread(),
-        threshold: threshold.to_f64()?.max(f64::from(NOISE_FLOOR)),
+        spread,
+        threshold: value.max(f64::from(NOISE_FLOOR)),
         eda,
         cci,
         in_contact: true,

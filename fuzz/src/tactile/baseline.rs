@@ -51,7 +51,7 @@ pub fn baseline_survives_any_frames(data: &[u8]) {
         let mut column: Vec<u16> = chosen.iter().map(|at| u16::from(frames[*at][[y, x, c]])).collect();
         column.sort_unstable();
         let n = column.len();
-        assert_eq!(u16::from(*value), (column[(n - 1) / 2] + column[n / 2] + 1) / 2, "{n} frames");
+        assert_eq!(u16::from(*value), (column[(n - 1) / 2] + column[n / 2]).div_ceil(2), "{n} frames");
     }
     assert_eq!(estimate_baseline(&views), Ok(estimate));
     if let [first, ..] = &frames[..] {

@@ -33,10 +33,21 @@ __all__ = ["audit"]
 @click.option(
     "--picture", type=click.Path(dir_okay=False, path_type=Path), help="Draw the comparison into this PNG."
 )
+@click.option(
+    "--curves",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw EDA and CCI of the presets over the frames into this PNG; no recorded picture is in it.",
+)
 @json_option
 @debug_option
 def audit(
-    *, recording: Path, baseline: Path | None, marks: Path | None, picture: Path | None, as_json: bool
+    *,
+    recording: Path,
+    baseline: Path | None,
+    marks: Path | None,
+    picture: Path | None,
+    curves: Path | None,
+    as_json: bool,
 ) -> None:
     """Apply every reading of the contact equations to RECORDING, a folder of pictures or a video.
 
@@ -65,6 +76,10 @@ def audit(
         from tega.view.audit import draw_audit
 
         draw_audit(picture, images, still, scores, marks=placed)
+    if curves is not None:
+        from tega.view.audit import draw_curves
+
+        draw_curves(curves, images, still, scores, title=recording.stem)
     if as_json:
         echo_json(msgspec.to_builtins(scores))
     else:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.audit import READINGS, Mark, ReadingScore
-from tega.view.figures import new_figure
+from tega.audit import READINGS, Mark, ReadingScore, mean_difference
+from tega.view.figures import CCI_BLUE, EDA_GREEN, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_audit"]
+__all__ = ["draw_audit", "draw_curves"]
 
 MARK_YELLOW, AREA_BLUE = "#ffd23f", "#3b8cff"
 
@@ -58,6 +58,53 @@ def draw_audit(
     ax.set_ylabel("EDA, share of the picture")
     ax.set_ylim(-0.02, 1.05)
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+    figure.savefig(path, metadata={"Software": None})
+
+
+def draw_curves(
+    path: Path,
+    frames: Sequence[NDArray[np.uint8]],
+    baseline: NDArray[np.uint8],
+    scores: Sequence[ReadingScore],
+    *,
+    title: str,
+) -> None:
+    """Draw EDA and CCI of the presets over the frames, each as a share of its largest value.
+
+    Args:
+        path: The PNG to write.
+        frames: The frames of the audit, uint8 (H, W, 3), BGR.
+        baseline: The untouched gel.
+        scores: One a reading; those that are no preset are left out.
+        title: Over the picture.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    presets = [score for score in scores if score.reading.split(" ")[0] in ("paper", "live")]
+    figure = new_figure(figsize=(8, 2.2 * len(presets) + 0.6))
+    figure.suptitle(title, fontsize=9)
+    press = mean_difference(frames, baseline)
+    for ax, score in zip(
+        figure.subplots(len(presets), 1, sharex=True, squeeze=False)[:, 0], presets, strict=True
+    ):
+        ax.fill_between(
+            range(len(press)), press / max(press.max(), 1e-9), color="0.88", label="mean difference"
+        )
+        for values, name, form, colour in (
+            (score.eda, "EDA", "d", EDA_GREEN),
+            (score.cci, "CCI", ".3f", CCI_BLUE),
+        ):
+            ax.plot(
+                np.array(values) / max(*values, 1e-9),
+                color=colour,
+                lw=1.3,
+                label=f"{name}, most {max(values):{form}}",
+            )
+        ax.set_ylabel(f"{score.reading}\nshare of the most", fontsize=8)
+        ax.set_ylim(-0.02, 1.05)
+        ax.legend(loc="upper right", fontsize=7, frameon=False)
+    ax.set_xlabel("frame")
     figure.savefig(path, metadata={"Software": None})
 
 

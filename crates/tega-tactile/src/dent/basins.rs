@@ -3,6 +3,7 @@
 //! Two basins that meet at a saddle of more than `SADDLE` of the lower peak are one.
 
 use super::cells::Grid;
+use crate::simd;
 
 /// Cells under this response belong to nothing: the border between contact and noise.
 pub(super) const LOW: f32 = 6.0;
@@ -31,10 +32,11 @@ pub(super) struct Cell {
 pub(super) struct Basins {
     /// Cells above `LOW`, highest first.
     pub cells: Vec<Cell>,
-    /// Basin of every cell plus one, 0 for none, with a border of one cell around the grid.
-    labels: Vec<u16>,
+    /// Peak of every cell plus one, 0 for none, with a border of one cell around the grid.
+    labels: Vec<i16>,
     pub peaks: Vec<Peak>,
     buckets: Vec<u32>,
+    keys: Vec<u16>,
 }
 
 impl Basins {
@@ -52,10 +54,15 @@ impl Basins {
         }
     }
 
-    /// Basin of a cell, an index into `peaks`.
-    pub fn of(&self, cell: Cell, grid: &Grid) -> Option<usize> {
-        let label = *self.labels.get(grid.padded_index(cell))?;
-        (label > 0).then(|| self.root(label))
+    /// The peak that a cell was given to, an index into `peaks`; see [`Self::lead_of`].
+    #[inline]
+    pub fn peak_of(&self, cell: Cell, grid: &Grid) -> Option<usize> {
+        self.labels.get(grid.padded_index(cell)).and_then(|&label| (label as usize).checked_sub(1))
+    }
+
+    /// The peak that leads the basin a peak ended up in.
+    pub fn lead_of(&self, peak: usize) -> usize {
+        self.root(peak as i16 + 1)
     }
 
     /// Whether a peak leads a basin of its own.
@@ -63,8 +70,8 @@ impl Basins {
         self.peaks.get(peak).is_some_and(|p| usize::from(p.parent) == peak)
     }
 
-    fn root(&self, label: u16) -> usize {
-        let mut at = usize::from(label) - 1;
+    fn root(&self, label: i16) -> usize {
+        let mut at = label as usize - 1;
         while let Some(peak) = self.peaks.get(at) {
             let parent = usize::from(peak.parent);
             if parent == at {
@@ -84,33 +91,44 @@ impl Basins {
         let ([a, b, c], [d, _, e], [f, g, h]) =
             (three(at - stride - 1), three(at - 1), three(at + stride - 1));
         let around = [a, b, c, d, e, f, g, h];
-        let any = around.into_iter().fold(0, u16::max);
-        let lead = if any == 0 {
-            let lead = self.peaks.len();
-            self.peaks.push(Peak { height, parent: lead as u16 });
-            lead
-        } else if around.into_iter().all(|label| label == 0 || label == any) {
-            self.root(any)
+        let most = around.into_iter().fold(0, i16::max);
+        let least = around
+            .into_iter()
+            .fold(i16::MAX, |least, label| least.min(if label == 0 { i16::MAX } else { label }));
+        let lead = if most == 0 {
+            self.peaks.push(Peak { height, parent: self.peaks.len() as u16 });
+            self.peaks.len() - 1
+        } else if least == most {
+            self.root(most)
         } else {
             self.meet(around, height)
         };
         if let Some(label) = self.labels.get_mut(at) {
-            *label = lead as u16 + 1;
+            *label = lead as i16 + 1;
         }
     }
 
     /// Several labels meet at a cell of this height: the highest basin takes it, and those with no saddle to speak of.
-    fn meet(&mut self, around: [u16; 8], height: f32) -> usize {
-        let roots = around.map(|label| if label == 0 { None } else { Some(self.root(label)) });
-        let peak = |root: usize| self.peaks.get(root).map_or(0.0, |peak| peak.height);
-        let mut lead = None;
-        for root in roots.into_iter().flatten() {
-            if lead.is_none_or(|best| peak(root) > peak(best)) {
-                lead = Some(root);
+    fn meet(&mut self, around: [i16; 8], height: f32) -> usize {
+        let mut roots = [0; 8];
+        let mut n = 0;
+        let mut before = 0;
+        for label in around {
+            if label != 0 && label != before {
+                let root = self.root(label);
+                if !roots.iter().take(n).any(|&known| known == root) {
+                    roots[n] = root;
+                    n += 1;
+                }
+                before = label;
             }
         }
+        let peak = |root: usize| self.peaks.get(root).map_or(0.0, |peak| peak.height);
+        let roots = roots.get(..n).unwrap_or_default();
+        let lead =
+            roots.iter().copied().reduce(|best, root| if peak(root) > peak(best) { root } else { best });
         let lead = lead.unwrap_or_default();
-        for root in roots.into_iter().flatten().filter(|&root| root != lead) {
+        for &root in roots.iter().filter(|&&root| root != lead) {
             if let Some(peak) = self.peaks.get_mut(root)
                 && height >= SADDLE * peak.height
             {
@@ -122,13 +140,14 @@ impl Basins {
 
     /// Cells above `LOW` by falling height, to a quarter of a unit; equals in the order of the grid.
     fn sort(&mut self, length: &[f32], grid: &Grid) {
-        let bucket = |e: f32| BUCKETS - 1 - (((e - LOW) * BUCKETS_PER_UNIT) as usize).min(BUCKETS - 1);
+        self.keys.resize(grid.cells(), 0);
+        simd::sort_keys(length, &mut self.keys);
         self.buckets.clear();
         self.buckets.resize(BUCKETS + 1, 0);
-        let mut count = 0;
-        for &e in length.iter().filter(|&&e| e >= LOW) {
-            self.buckets[bucket(e) + 1] += 1;
-            count += 1;
+        for &key in &self.keys {
+            if let Some(count) = self.buckets.get_mut(usize::from(key) + 1) {
+                *count += 1;
+            }
         }
         let mut total = 0;
         for start in &mut self.buckets {
@@ -136,15 +155,24 @@ impl Basins {
             *start = total;
         }
         self.cells.clear();
-        self.cells.resize(count, Cell::default());
-        for (y, row) in length.chunks_exact(grid.cols).enumerate() {
-            for (x, &e) in row.iter().enumerate().filter(|(_, e)| **e >= LOW) {
-                let next = &mut self.buckets[bucket(e)];
+        self.cells.resize(total as usize, Cell::default());
+        for (y, row) in self.keys.chunks_exact(grid.cols).enumerate() {
+            for (x, &key) in row.iter().enumerate().filter(|(_, key)| **key < BUCKETS as u16) {
+                let next = &mut self.buckets[usize::from(key)];
                 if let Some(slot) = self.cells.get_mut(*next as usize) {
                     *slot = Cell { x: x as u16, y: y as u16 };
                 }
                 *next += 1;
             }
         }
+    }
+}
+
+/// The bucket of every cell, lowest for the highest; [`BUCKETS`] for one under [`LOW`].
+#[inline(always)]
+pub(crate) fn sort_keys(length: &[f32], keys: &mut [u16]) {
+    for (key, &e) in keys.iter_mut().zip(length) {
+        let above = ((e - LOW) * BUCKETS_PER_UNIT).clamp(0.0, (BUCKETS - 1) as f32) as i32;
+        *key = if e >= LOW { (BUCKETS as i32 - 1 - above) as u16 } else { BUCKETS as u16 };
     }
 }

@@ -71,20 +71,60 @@ pub(super) type Planes = [Vec<i16>; 3];
 /// Buffers of one row of cells.
 #[derive(Debug, Default)]
 pub(super) struct Strip {
+    /// Sums down the columns, and zeros for the last cell's neighbours on the right.
     sums: Vec<i16>,
     folded: Vec<i16>,
 }
+
+impl Strip {
+    /// Sizes the buffers and clears the sums.
+    pub fn clear(&mut self, grid: &Grid) {
+        let length = 3 * grid.side * grid.cols;
+        self.sums.clear();
+        self.sums.resize(length + OCTET, 0);
+        self.folded.resize(length, 0);
+    }
+
+    /// Sums down the columns of whole cells.
+    pub fn sums(&mut self) -> &mut [i16] {
+        let length = self.sums.len().saturating_sub(OCTET);
+        self.sums.get_mut(..length).unwrap_or_default()
+    }
+}
+
+/// Least and greatest of some values.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Range {
+    least: i32,
+    most: i32,
+}
+
+impl Default for Range {
+    fn default() -> Self {
+        Self { least: i32::MAX, most: i32::MIN }
+    }
+}
+
+impl Range {
+    fn add(&mut self, value: i32) {
+        self.least = self.least.min(value);
+        self.most = self.most.max(value);
+    }
+
+    pub fn width(self) -> i32 {
+        self.most - self.least
+    }
+}
+
+/// Bytes of eight pixels.
+const OCTET: usize = 24;
 
 /// Averages `source` over each cell.
 pub(super) fn average(pair: &Pair<'_>, grid: &Grid, source: Source, strip: &mut Strip, planes: &mut Planes) {
     for plane in planes.iter_mut() {
         plane.resize(grid.cells(), 0);
     }
-    let length = 3 * grid.side * grid.cols;
-    for buffer in [&mut strip.sums, &mut strip.folded] {
-        buffer.clear();
-        buffer.resize(length, 0);
-    }
+    strip.clear(grid);
     let whole = grid.side == 8 && grid.width.is_multiple_of(8) && grid.height.is_multiple_of(8);
     match pair.contiguous() {
         Some((frame, baseline)) if whole => average_octets(frame, baseline, grid, source, strip, planes),
@@ -109,20 +149,17 @@ fn average_octets(
         .zip(p1.chunks_exact_mut(grid.cols))
         .zip(p2.chunks_exact_mut(grid.cols));
     for ((frame, baseline), ((p0, p1), p2)) in rows.zip(cells) {
-        strip.sums.fill(0);
+        let sums = strip.sums.get_mut(..stride).unwrap_or_default();
+        sums.fill(0);
         for (frame, baseline) in frame.chunks_exact(4 * stride).zip(baseline.chunks_exact(4 * stride)) {
             match source {
-                Source::Difference => simd::add_four_differences(&mut strip.sums, frame, baseline),
-                Source::Baseline => simd::add_four_rows(&mut strip.sums, baseline),
+                Source::Difference => simd::add_four_differences(sums, frame, baseline),
+                Source::Baseline => simd::add_four_rows(sums, baseline),
             }
         }
-        simd::fold_quads(&mut strip.sums, &mut strip.folded);
-        // 64 pixels a cell; rounded to sixteenths.
-        let mean = |left: i16, right: i16| (left + right + 2) >> 2;
-        for (((quads, a), b), c) in strip.sums.chunks_exact(24).zip(p0).zip(p1).zip(p2) {
-            *a = mean(quads[0], quads[12]);
-            *b = mean(quads[1], quads[13]);
-            *c = mean(quads[2], quads[14]);
+        simd::fold_octets(&strip.sums, 2, &mut strip.folded);
+        for (((octet, a), b), c) in strip.folded.as_chunks::<OCTET>().0.iter().zip(p0).zip(p1).zip(p2) {
+            (*a, *b, *c) = (octet[0], octet[1], octet[2]);
         }
     }
 }
@@ -195,17 +232,39 @@ pub(crate) fn add_row(sums: &mut [i16], row: &[u8]) {
     }
 }
 
-/// Turns column sums into sums of four neighbouring pixels from every byte on, in two doublings. The last pixels of the
-/// row have no four on their right and hold nothing of use.
+/// Turns column sums into sums of eight neighbouring pixels from every byte on, over `2^shift`, halves rounded up. `sums` has an
+/// octet more than `folded`.
 #[inline(always)]
-pub(crate) fn fold_quads(sums: &mut [i16], folded: &mut [i16]) {
-    let double = |from: &[i16], shift: usize, to: &mut [i16]| {
-        for ((out, a), b) in to.iter_mut().zip(from).zip(from.get(shift..).unwrap_or_default()) {
-            *out = a + b;
+pub(crate) fn fold_octets(sums: &[i16], shift: u32, folded: &mut [i16]) {
+    let n = folded.len();
+    let from = |pixel: usize| sums.get(3 * pixel..3 * pixel + n).unwrap_or_default();
+    let half = (1 << shift) >> 1;
+    let left = from(0).iter().zip(from(1)).zip(from(2)).zip(from(3));
+    let right = from(4).iter().zip(from(5)).zip(from(6)).zip(from(7));
+    for ((out, (((a, b), c), d)), (((e, f), g), h)) in folded.iter_mut().zip(left).zip(right) {
+        *out = (a + b + c + d + e + f + g + h + half) >> shift;
+    }
+}
+
+/// Widens the ranges by the strip's cells, as sums over their pixels; a cell that the border cuts counts as if whole.
+pub(super) fn widen(strip: &mut Strip, grid: &Grid, ranges: &mut [Range; 3]) {
+    if grid.side == 8 && grid.width.is_multiple_of(8) {
+        simd::fold_octets(&strip.sums, 0, &mut strip.folded);
+        for octet in strip.folded.as_chunks::<OCTET>().0 {
+            for (range, &sum) in ranges.iter_mut().zip(octet) {
+                range.add(i32::from(sum));
+            }
         }
-    };
-    double(sums, 3, folded);
-    double(folded, 6, sums);
+        return;
+    }
+    let cells = strip.sums.chunks_exact(3 * grid.side).take(grid.cols);
+    for (col, pixels) in cells.enumerate() {
+        let width = grid.side.min(grid.width - col * grid.side);
+        for (c, range) in ranges.iter_mut().enumerate() {
+            let sum: i32 = pixels.iter().skip(c).step_by(3).map(|&v| i32::from(v)).sum();
+            range.add(sum * grid.side as i32 / width as i32);
+        }
+    }
 }
 
 /// Column sums of `height` rows to cell means, for any side and for cells cut by the border.

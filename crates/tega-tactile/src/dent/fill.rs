@@ -102,7 +102,7 @@ impl Filled {
         self.bottom = self.bottom.max(y);
         let y = y as f64;
         let Some(span) = row.get_mut(first..end) else { return };
-        let taken: usize = span.iter().map(|&m| usize::from(m)).sum();
+        let taken = span.iter().fold(0, |all, &m| all | m);
         if taken == 0 {
             span.fill(1);
             let (n, a, b) = ((end - first) as f64, first as f64, end as f64 - 1.0);

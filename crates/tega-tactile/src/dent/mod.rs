@@ -1,5 +1,6 @@
 //! The `live` reading: where the gel is dented, from the shading of a fingertip camera's image.
 //!
+//! 0. Two rows of each row of cells are looked at ([`glance`]); an untouched gel is told by them.
 //! 1. Both images are averaged over some 1,200 cells ([`cells`]); a median per channel takes out a change of colour.
 //! 2. The difference is weighed by the sensor's noise ([`response`]). Where fewer than [`GATE_CELLS`] cells rise above
 //!    [`GATE`] noise units there is no contact and nothing further is done.
@@ -13,14 +14,17 @@ mod basins;
 mod cells;
 mod dots;
 mod fill;
+mod glance;
 mod outline;
 mod patches;
 mod response;
 mod thumbnail;
 
-pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_quads};
+pub(crate) use basins::sort_keys;
+pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_octets};
 pub(crate) use dots::close;
-pub(crate) use response::{lengths, median, quiet_sums, smooth};
+pub(crate) use outline::{BUNDLE, Crossing, Walk, between, crossing, medians_of_seven, own, walk};
+pub(crate) use response::{LANES, count_above, lengths, mark_quiet, median, quiet_lanes, smooth, take_out};
 pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 
 use crate::frame::{Order, Pair};
@@ -121,14 +125,15 @@ impl LiveScratch {
         &self.patches
     }
 
-    /// The last frame's response in counts at every pixel, row by row; one value a cell.
+    /// The last frame's response in counts at every pixel, row by row; one value a cell, 0 all over without contact.
     pub fn pressure_map(&self) -> impl Iterator<Item = f32> {
         let Grid { height, width, rows, cols, side, .. } = self.grid;
+        let response: &[f32] = if self.patches.is_empty() { &[] } else { &self.response.length };
         let cell = move |pixel: usize, cells: usize| (pixel / side.max(1)).min(cells.saturating_sub(1));
         (0..height).flat_map(move |y| {
             let row = cell(y, rows) * cols;
             (0..width).map(move |x| {
-                let response = self.response.length.get(row + cell(x, cols));
+                let response = response.get(row + cell(x, cols));
                 response.map_or(0.0, |e| e * COUNTS_PER_UNIT)
             })
         })
@@ -184,6 +189,11 @@ pub fn read_live(
 /// Computes the response; false where nothing is in contact.
 #[inline(never)]
 fn respond(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch) -> bool {
+    glance::may_touch(pair, grid, order, &mut scratch.strip) && respond_in_full(pair, grid, order, scratch)
+}
+
+/// The same, reading all of the frame.
+fn respond_in_full(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch) -> bool {
     cells::average(pair, grid, Source::Difference, &mut scratch.strip, &mut scratch.difference);
     scratch.response.whiten(&scratch.difference, grid, order);
     if scratch.response.count_above(GATE) < GATE_CELLS {

@@ -7,6 +7,7 @@ use super::Outline;
 use super::basins::LOW;
 use super::cells::Grid;
 use super::patches::{FREE, Patch};
+use crate::simd;
 
 /// Rays of one patch; a multiple of four.
 pub(super) const RAYS: usize = 48;
@@ -28,6 +29,8 @@ const COSINES: [f32; RAYS / 4 + 1] = [
 ];
 /// Distance between samples on a ray, in cells.
 const STEP: f32 = 1.0;
+/// Rays that are followed side by side; a divisor of [`RAYS`] and of its half.
+pub(crate) const BUNDLE: usize = 8;
 /// Samples of the longest ray: images are at most 4096 pixels a side, about 50 cells across.
 const SAMPLES: usize = 80;
 /// Neighbours on either side in the median that steadies the outline.
@@ -46,6 +49,36 @@ pub(super) struct Polygon {
 pub(super) struct Rays {
     /// The response of one patch alone, with its border cells repeated once around the grid.
     field: Vec<f32>,
+    samples: Samples,
+}
+
+/// Samples of a bundle of rays, sample by sample.
+#[derive(Debug, Default)]
+struct Samples {
+    /// Columns, rows, cells; see [`walk`].
+    places: [Vec<[i32; BUNDLE]>; 3],
+    corners: [Vec<f32>; 4],
+    values: Vec<[f32; BUNDLE]>,
+}
+
+impl Samples {
+    /// Samples the field along the rays; 0 past a ray's end.
+    fn take(&mut self, along: &Walk, field: &[f32], stride: usize) -> &[[f32; BUNDLE]] {
+        let most = along.start[2].into_iter().fold(0, i32::max) as usize;
+        self.values.reserve(SAMPLES.saturating_sub(self.values.len()));
+        self.places.iter_mut().for_each(|buffer| buffer.reserve(SAMPLES.saturating_sub(buffer.len())));
+        self.corners
+            .iter_mut()
+            .for_each(|buffer| buffer.reserve((BUNDLE * SAMPLES).saturating_sub(buffer.len())));
+        self.places.iter_mut().for_each(|buffer| buffer.resize(most, [0; BUNDLE]));
+        self.corners.iter_mut().for_each(|buffer| buffer.resize(BUNDLE * most, 0.0));
+        self.values.resize(most, [0.0; BUNDLE]);
+        simd::walk(along, stride as i32, self.places.each_mut().map(|buffer| &mut buffer[..]));
+        let [xs, ys, cells] = self.places.each_ref().map(|buffer| buffer.as_flattened());
+        gather(field, stride, cells, &mut self.corners);
+        simd::between(xs, ys, &self.corners, self.values.as_flattened_mut());
+        &self.values
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -63,7 +96,7 @@ impl Rays {
     #[inline(never)]
     pub fn outline(
         &mut self,
-        index: usize,
+        index: u8,
         patch: &Patch,
         (length, owners): (&[f32], &[u8]),
         grid: &Grid,
@@ -82,31 +115,30 @@ impl Rays {
     }
 
     fn cast_all<const N: usize>(
-        &self,
+        &mut self,
         centre: [f32; 2],
         frame: [f32; 3],
         patch: &Patch,
         grid: &Grid,
         share: f32,
     ) -> [Ray; N] {
-        std::array::from_fn(|i| {
-            let mut ray = Ray::towards(i * (RAYS / N), frame);
-            self.cast(&mut ray, centre, patch, grid, share);
-            ray
-        })
+        let mut rays: [Ray; N] = std::array::from_fn(|i| Ray::towards(i * (RAYS / N), frame));
+        for bundle in rays.as_chunks_mut::<BUNDLE>().0 {
+            self.cast(bundle, centre, patch, grid, share);
+        }
+        rays
     }
 
     /// Copies the response of the cells that are of this patch or of none.
     #[inline(never)]
-    fn single_out(&mut self, index: usize, length: &[f32], owners: &[u8], grid: &Grid) {
+    fn single_out(&mut self, index: u8, length: &[f32], owners: &[u8], grid: &Grid) {
         let (cols, stride) = (grid.cols, grid.stride());
         self.field.resize(grid.padded_cells(), 0.0);
         let owners = owners.chunks_exact(stride).skip(1);
         let rows = self.field.chunks_exact_mut(stride).skip(1).zip(length.chunks_exact(cols)).zip(owners);
         for ((to, from), owners) in rows {
-            for ((to, from), &owner) in to.iter_mut().skip(1).zip(from).zip(owners.iter().skip(1)) {
-                *to = if owner == FREE || usize::from(owner) == index { *from } else { 0.0 };
-            }
+            let (cells, owners) = (to.get_mut(1..=cols), owners.get(1..=cols));
+            simd::own(index, from, owners.unwrap_or_default(), cells.unwrap_or_default());
             to[0] = to[1];
             to[cols + 1] = to[cols];
         }
@@ -114,56 +146,125 @@ impl Rays {
         self.field.copy_within(grid.rows * stride..(grid.rows + 1) * stride, (grid.rows + 1) * stride);
     }
 
-    /// Samples one ray and finds where it leaves the patch.
-    fn cast(&self, ray: &mut Ray, centre: [f32; 2], patch: &Patch, grid: &Grid, share: f32) {
+    /// Samples a bundle of rays and finds where each leaves the patch.
+    fn cast(&mut self, rays: &mut [Ray; BUNDLE], centre: [f32; 2], patch: &Patch, grid: &Grid, share: f32) {
         let border = [-0.5, -0.5, grid.cols as f32 - 0.5, grid.rows as f32 - 0.5];
         let [left, top, right, bottom] = patch.reach.map(|v| v as f32);
         let bounds = [left - 1.0, top - 1.0, right + 1.0, bottom + 1.0];
-        let to_border = distance(centre, ray.direction, border);
-        let limit = to_border.min(distance(centre, ray.direction, bounds));
-        let mut samples = [0f32; SAMPLES];
-        let mut count = 0;
-        let mut highest = 0f32;
-        // Fixed point: a 65,536th of a cell; the field's first cell is one further on for its border.
-        let fixed = |v: f32| (v * 65536.0) as i32;
-        let (mut x, mut y) = (fixed(centre[0] + 1.0), fixed(centre[1] + 1.0));
-        let (dx, dy) = (fixed(STEP * ray.direction[0]), fixed(STEP * ray.direction[1]));
-        let wanted = (limit / STEP) as usize + 1;
-        for sample in samples.iter_mut().take(wanted) {
-            *sample = self.sample(x, y, grid);
-            highest = highest.max(*sample);
-            count += 1;
-            x += dx;
-            y += dy;
+        let to_border = rays.each_ref().map(|ray| distance(centre, ray.direction, border));
+        let start = [fixed(centre[0] + 1.0), fixed(centre[1] + 1.0), 0].map(|v| [v; BUNDLE]);
+        let mut walk = Walk { start, step: [[-1; BUNDLE]; 3] };
+        for (i, ray) in rays.iter().enumerate() {
+            let limit = to_border[i].min(distance(centre, ray.direction, bounds));
+            walk.step[0][i] = fixed(STEP * ray.direction[0]);
+            walk.step[1][i] = fixed(STEP * ray.direction[1]);
+            walk.start[2][i] = ((limit / STEP) as i32 + 1).min(SAMPLES as i32);
         }
-        let samples = samples.get(..count).unwrap_or_default();
-        ray.known = highest >= LOW;
-        ray.level = (share * highest).max(LOW);
-        let last = samples.iter().rposition(|&e| e >= ray.level).unwrap_or(0);
-        let here = samples.get(last).copied().unwrap_or_default();
-        let past_last = match samples.get(last + 1) {
-            // Straight between the two samples around the crossing.
-            Some(&next) if here > next => STEP * ((here - ray.level) / (here - next)).clamp(0.0, 1.0),
-            Some(_) => 0.0,
-            None => STEP,
-        };
-        ray.reach = (last as f32 * STEP + past_last).min(to_border);
+        let counts = walk.start[2];
+        let samples = self.samples.take(&walk, &self.field, grid.stride());
+        let Crossing { highest, level, last } = simd::crossing(samples, share);
+        for (i, ray) in rays.iter_mut().enumerate() {
+            let at = |k: i32| samples.get(k as usize).map_or(0.0, |sample| sample[i]);
+            let last = last[i];
+            ray.known = highest[i] >= LOW;
+            ray.level = level[i];
+            let (here, next) = (at(last), at(last + 1));
+            let past_last = if last + 1 == counts[i] {
+                STEP
+            } else if here > next {
+                // Straight between the two samples around the crossing.
+                STEP * ((here - ray.level) / (here - next)).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            ray.reach = (last as f32 * STEP + past_last).min(to_border[i]);
+        }
     }
+}
 
-    /// The field between four cells.
-    #[inline(always)]
-    fn sample(&self, x: i32, y: i32, grid: &Grid) -> f32 {
-        let (col, row) = ((x >> 16).max(0) as usize, (y >> 16).max(0) as usize);
-        let part = |v: i32| (v & 0xffff) as f32 * (1.0 / 65536.0);
-        let (fx, fy) = (part(x), part(y));
-        let at = row * grid.stride() + col;
-        let pair = |at: usize| match self.field.get(at..at + 2) {
-            Some(&[a, b]) => a + (b - a) * fx,
-            _ => 0.0,
-        };
-        let (above, below) = (pair(at), pair(at + grid.stride()));
-        above + (below - above) * fy
+/// Fixed point: a 65,536th of a cell.
+fn fixed(v: f32) -> i32 {
+    (v * 65536.0) as i32
+}
+
+/// A bundle of rays: column and row of the first sample in fixed point and the number of samples, and what is added
+/// from sample to sample. The field's first cell is one further on for its border.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Walk {
+    start: [[i32; BUNDLE]; 3],
+    step: [[i32; BUNDLE]; 3],
+}
+
+/// Column and row of every sample in fixed point, and as an index into the field the cell above and to the left; -1
+/// past a ray's end.
+#[inline(always)]
+pub(crate) fn walk(walk: &Walk, stride: i32, [xs, ys, cells]: [&mut [[i32; BUNDLE]]; 3]) {
+    for ((start, step), line) in walk.start.iter().zip(&walk.step).zip([&mut *xs, &mut *ys, &mut *cells]) {
+        for (k, values) in (0..).zip(line) {
+            for i in 0..BUNDLE {
+                values[i] = start[i] + k * step[i];
+            }
+        }
     }
+    // So far the samples that are left, this one included.
+    let places = xs.as_flattened().iter().zip(ys.as_flattened());
+    for (cell, (x, y)) in cells.as_flattened_mut().iter_mut().zip(places) {
+        let past = (*cell - 1) >> 31;
+        *cell = past | ((y >> 16).max(0) * stride + (x >> 16).max(0));
+    }
+}
+
+/// The four cells around every sample: 0 outside the field.
+fn gather(field: &[f32], stride: usize, cells: &[i32], [a, b, c, d]: &mut [Vec<f32>; 4]) {
+    let below = field.get(stride..).unwrap_or_default();
+    let pair = |row: &[f32], at: usize| match row.get(at..at + 2) {
+        Some(&[left, right]) => (left, right),
+        _ => (0.0, 0.0),
+    };
+    for ((((cell, a), b), c), d) in cells.iter().zip(a).zip(b).zip(c).zip(d) {
+        let at = *cell as u32 as usize;
+        (*a, *b) = pair(field, at);
+        (*c, *d) = pair(below, at);
+    }
+}
+
+/// The field between the four cells around every sample.
+#[inline(always)]
+pub(crate) fn between(x: &[i32], y: &[i32], corners: &[Vec<f32>; 4], samples: &mut [f32]) {
+    let part = |v: &i32| (v & 0xffff) as f32 * (1.0 / 65536.0);
+    let [a, b, c, d] = corners;
+    let places = x.iter().zip(y).zip(a).zip(b).zip(c).zip(d);
+    for (sample, (((((x, y), a), b), c), d)) in samples.iter_mut().zip(places) {
+        let (above, below) = (a + (b - a) * part(x), c + (d - c) * part(x));
+        *sample = above + (below - above) * part(y);
+    }
+}
+
+/// Where the rays of a bundle leave their patch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Crossing {
+    highest: [f32; BUNDLE],
+    level: [f32; BUNDLE],
+    /// Last sample that reaches the level, 0 if none does.
+    last: [i32; BUNDLE],
+}
+
+/// Cuts each ray of a bundle at a share of its highest sample.
+#[inline(always)]
+pub(crate) fn crossing(samples: &[[f32; BUNDLE]], share: f32) -> Crossing {
+    let (mut highest, mut last) = ([0f32; BUNDLE], [0; BUNDLE]);
+    for sample in samples {
+        for i in 0..BUNDLE {
+            highest[i] = if sample[i] > highest[i] { sample[i] } else { highest[i] };
+        }
+    }
+    let level = highest.map(|highest| if share * highest > LOW { share * highest } else { LOW });
+    for (k, sample) in (0..).zip(samples) {
+        for i in 0..BUNDLE {
+            last[i] = if sample[i] >= level[i] { k } else { last[i] };
+        }
+    }
+    Crossing { highest, level, last }
 }
 
 impl Ray {
@@ -199,15 +300,20 @@ fn distance(from: [f32; 2], direction: [f32; 2], [left, top, right, bottom]: [f3
 
 /// Steadies the rays' reach (median of the known neighbours, then 1-2-1) and closes them to a polygon with its centroid.
 fn enclose<const N: usize>(rays: &[Ray; N], centre: [f32; 2]) -> Option<([[f32; 2]; N], [f32; 2])> {
-    let steady: [f32; N] = std::array::from_fn(|i| {
-        let near: [&Ray; 2 * NEIGHBOURS + 1] =
-            std::array::from_fn(|shift| &rays[(i + N + shift - NEIGHBOURS) % N]);
-        if near.iter().all(|ray| ray.known) {
-            median_of_seven(near.map(|ray| ray.reach / ray.stretch))
-        } else {
-            median_of_known(near.into_iter()).or_else(|| median_of_known(rays.iter())).unwrap_or_default()
+    let mut steady = rays.each_ref().map(|ray| ray.reach / ray.stretch);
+    if rays.iter().all(|ray| ray.known) {
+        // Seen from one ray, its neighbours go round the end.
+        let mut round = [0f32; RAYS + 2 * NEIGHBOURS];
+        for (to, i) in round.iter_mut().zip(N - NEIGHBOURS..2 * N + NEIGHBOURS) {
+            *to = steady[i % N];
         }
-    });
+        simd::medians_of_seven(&round, &mut steady);
+    } else {
+        steady = std::array::from_fn(|i| {
+            let near = (N - NEIGHBOURS..=N + NEIGHBOURS).map(|shift| &rays[(i + shift) % N]);
+            median_of_known(near).or_else(|| median_of_known(rays.iter())).unwrap_or_default()
+        });
+    }
     let points: [[f32; 2]; N] = std::array::from_fn(|i| {
         let smooth = (steady[(i + N - 1) % N] + 2.0 * steady[i] + steady[(i + 1) % N]) / 4.0;
         let reach = smooth * rays[i].stretch;
@@ -241,8 +347,9 @@ fn median_of_known<'r>(rays: impl Iterator<Item = &'r Ray>) -> Option<f32> {
     known.get(n.saturating_sub(1) / 2).copied()
 }
 
-/// Median of seven without branches: a network of comparisons that leaves it in the middle.
-fn median_of_seven(mut v: [f32; 7]) -> f32 {
+/// Median of every seven neighbours: a network of comparisons that leaves it in the middle.
+#[inline(always)]
+pub(crate) fn medians_of_seven(values: &[f32], medians: &mut [f32]) {
     const NETWORK: [(usize, usize); 13] = [
         (0, 5),
         (0, 3),
@@ -258,10 +365,21 @@ fn median_of_seven(mut v: [f32; 7]) -> f32 {
         (1, 3),
         (3, 4),
     ];
-    for (i, j) in NETWORK {
-        (v[i], v[j]) = (v[i].min(v[j]), v[i].max(v[j]));
+    for (median, seven) in medians.iter_mut().zip(values.windows(7)) {
+        let Some(&(mut v)) = seven.first_chunk::<7>() else { return };
+        for (i, j) in NETWORK {
+            (v[i], v[j]) = if v[j] < v[i] { (v[j], v[i]) } else { (v[i], v[j]) };
+        }
+        *median = v[3];
     }
-    v[3]
+}
+
+/// The response of the cells that patch `index` or none owns, 0 for the others.
+#[inline(always)]
+pub(crate) fn own(index: u8, response: &[f32], owners: &[u8], out: &mut [f32]) {
+    for ((out, &e), &owner) in out.iter_mut().zip(response).zip(owners) {
+        *out = if owner == FREE || owner == index { e } else { 0.0 };
+    }
 }
 
 #[cfg(test)]
@@ -274,7 +392,9 @@ mod tests {
         for bits in 0u32..128 {
             let values: [f32; 7] = std::array::from_fn(|i| f32::from(u8::from(bits >> i & 1 == 1)));
             let wanted = f32::from(u8::from(bits.count_ones() >= 4));
-            assert_eq!(median_of_seven(values), wanted, "{values:?}");
+            let mut median = [f32::NAN];
+            medians_of_seven(&values, &mut median);
+            assert_eq!(median, [wanted], "{values:?}");
         }
     }
 

@@ -109,8 +109,8 @@ fn hull(a: [i32; 4], b: [i32; 4]) -> [i32; 4] {
 #[derive(Debug, Default)]
 pub(super) struct Patches {
     pub all: Vec<Patch>,
-    /// Patch of every basin, an index into `all`; `None` where its peak is too low.
-    of_basin: Vec<Option<usize>>,
+    /// Patch of every peak's basin, an index into `all`, or [`DROPPED`] where it is no contact.
+    of_peak: Vec<u8>,
     owners: Vec<u8>,
     /// Peak under which a patch is dropped.
     floor: f32,
@@ -125,13 +125,11 @@ impl Patches {
             let piece = self.all.swap_remove(from);
             let moved = self.all.len();
             let into = if into == moved { from } else { into };
-            for patch in self.of_basin.iter_mut().flatten() {
-                *patch = if *patch == from {
-                    into
-                } else if *patch == moved {
-                    from
-                } else {
-                    *patch
+            for patch in &mut self.of_peak {
+                *patch = match usize::from(*patch) {
+                    of if of == from => into as u8,
+                    of if of == moved => from as u8,
+                    _ => *patch,
                 };
             }
             if let Some(whole) = self.all.get_mut(into) {
@@ -143,9 +141,9 @@ impl Patches {
         self.owners.clear();
         self.owners.resize(grid.padded_cells(), FREE);
         for &cell in &basins.cells {
-            let patch = basins.of(cell, grid).and_then(|b| self.of_basin.get(b).copied().flatten());
-            if let Some(owner) = self.owners.get_mut(grid.padded_index(cell)) {
-                *owner = patch.map_or(DROPPED, |patch| patch as u8);
+            let patch = basins.peak_of(cell, grid).and_then(|peak| self.of_peak.get(peak));
+            if let (Some(owner), Some(patch)) = (self.owners.get_mut(grid.padded_index(cell)), patch) {
+                *owner = *patch;
             }
         }
     }
@@ -156,29 +154,32 @@ impl Patches {
     }
 
     /// The patches that are contact, with their index.
-    pub fn contacts(&self) -> impl Iterator<Item = (usize, &Patch)> {
-        self.all.iter().enumerate().filter(|(_, patch)| patch.peak >= self.floor)
+    pub fn contacts(&self) -> impl Iterator<Item = (u8, &Patch)> {
+        (0..).zip(&self.all).filter(|(_, patch)| patch.peak >= self.floor)
     }
 
     /// One patch for each basin whose peak is contact, the strongest only where there are many.
     fn open(&mut self, basins: &Basins) {
         self.all.clear();
-        self.of_basin.clear();
+        self.of_peak.clear();
         for (i, peak) in basins.peaks.iter().enumerate() {
             // Peaks come in falling order, to a quarter of a unit.
             let leads = basins.leads(i) && peak.height >= PEAK && self.all.len() < MOST;
-            self.of_basin.push(leads.then_some(self.all.len()));
+            self.of_peak.push(if leads { self.all.len() as u8 } else { DROPPED });
             if leads {
                 self.all.push(Patch::new(peak.height));
             }
+        }
+        for i in 0..self.of_peak.len() {
+            self.of_peak[i] = self.of_peak[basins.lead_of(i)];
         }
     }
 
     fn sum(&mut self, basins: &Basins, response: &Response, grid: &Grid) {
         let [w0, w1, w2] = &response.white;
         for &cell in &basins.cells {
-            let patch = basins.of(cell, grid).and_then(|b| self.of_basin.get(b).copied().flatten());
-            let Some(patch) = patch.and_then(|p| self.all.get_mut(p)) else { continue };
+            let patch = basins.peak_of(cell, grid).and_then(|peak| self.of_peak.get(peak));
+            let Some(patch) = patch.and_then(|&p| self.all.get_mut(usize::from(p))) else { continue };
             let (x, y) = (i32::from(cell.x), i32::from(cell.y));
             let cell = grid.index(cell);
             patch.reach = hull(patch.reach, [x, y, x, y]);

@@ -26,6 +26,7 @@ pub(super) struct Response {
     /// Their length.
     pub length: Vec<f32>,
     smooth: Vec<i16>,
+    quiet: Vec<f32>,
 }
 
 impl Response {
@@ -53,8 +54,10 @@ impl Response {
         for _ in 0..FITS {
             let quiet = grid.cells() - self.count_above(QUIET);
             let level = if quiet as f32 > QUIET_SHARE * grid.cells() as f32 { QUIET } else { f32::MAX };
+            self.quiet.resize(grid.cells(), 0.0);
+            simd::mark_quiet(level, &self.length, &mut self.quiet);
             for (white, base) in self.white.iter_mut().zip(baseline) {
-                let [n, b, d, bb, bd] = simd::quiet_sums(level, &self.length, base, white);
+                let [n, b, d, bb, bd] = quiet_sums(&self.quiet, base, white);
                 if n < 1.0 {
                     return;
                 }
@@ -63,9 +66,7 @@ impl Response {
                 let variance = (bb / n - mean_b * mean_b).max(0.0) + 1.0;
                 let gain = (bd / n - mean_b * mean_d) / variance;
                 let offset = mean_d - gain * mean_b;
-                for (w, b) in white.iter_mut().zip(base) {
-                    *w -= offset + gain * b;
-                }
+                simd::take_out(offset, gain, base, white);
             }
             self.measure(grid);
         }
@@ -73,7 +74,7 @@ impl Response {
 
     /// Cells with a response above `level`.
     pub fn count_above(&self, level: f32) -> usize {
-        self.length.iter().filter(|&&e| e > level).count()
+        simd::count_above(level, &self.length) as usize
     }
 }
 
@@ -179,33 +180,62 @@ pub(crate) fn lengths(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     }
 }
 
-const LANES: usize = 8;
-
-/// Over cells with a response under `level`: their number, sums of baseline, difference, baseline squared and the product. Eight running sums
-/// in a fixed order, so that every instruction set gives the same bits.
+/// Takes `offset + gain * base` from every cell.
 #[inline(always)]
-pub(crate) fn quiet_sums(level: f32, length: &[f32], base: &[f32], white: &[f32]) -> [f32; 5] {
+pub(crate) fn take_out(offset: f32, gain: f32, base: &[f32], white: &mut [f32]) {
+    for (white, base) in white.iter_mut().zip(base) {
+        *white -= offset + gain * base;
+    }
+}
+
+/// Values above `level`.
+#[inline(always)]
+pub(crate) fn count_above(level: f32, values: &[f32]) -> u32 {
+    values.iter().map(|&value| u32::from(value > level)).sum()
+}
+
+/// Running sums kept side by side.
+pub(crate) const LANES: usize = 8;
+
+/// 1 for a response under `level`, else 0.
+#[inline(always)]
+pub(crate) fn mark_quiet(level: f32, length: &[f32], quiet: &mut [f32]) {
+    for (quiet, &e) in quiet.iter_mut().zip(length) {
+        *quiet = f32::from(u8::from(e < level));
+    }
+}
+
+/// Over the quiet cells: their number, sums of baseline, difference, baseline squared and the product. Eight running sums in
+/// a fixed order, so that every instruction set gives the same bits.
+fn quiet_sums(quiet: &[f32], base: &[f32], white: &[f32]) -> [f32; 5] {
+    let lanes = simd::quiet_lanes(quiet, base, white);
+    let mut sums = lanes.map(|lanes| lanes.iter().sum::<f32>());
+    let whole = quiet.len() / LANES * LANES;
+    let rest = quiet.iter().zip(base).zip(white).skip(whole).filter(|((on, _), _)| **on > 0.0);
+    for ((_, &b), &d) in rest {
+        sums.iter_mut().zip([1.0, b, d, b * b, d * b]).for_each(|(sum, term)| *sum += term);
+    }
+    sums
+}
+
+/// The running sums of [`quiet_sums`]. Adding them up is left to the caller: within one function it keeps the compiler from
+/// using vectors for the loop.
+#[inline(always)]
+pub(crate) fn quiet_lanes(quiet: &[f32], base: &[f32], white: &[f32]) -> [[f32; LANES]; 5] {
     let zero = [0f32; LANES];
     let (mut n, mut sb, mut sd, mut sbb, mut sbd) = (zero, zero, zero, zero, zero);
-    let ((length, length_rest), (base, base_rest), (white, white_rest)) =
-        (length.as_chunks::<LANES>(), base.as_chunks::<LANES>(), white.as_chunks::<LANES>());
-    for ((length, base), white) in length.iter().zip(base).zip(white) {
+    let chunks = quiet.as_chunks::<LANES>().0.iter().zip(base.as_chunks::<LANES>().0);
+    for ((quiet, base), white) in chunks.zip(white.as_chunks::<LANES>().0) {
         for lane in 0..LANES {
-            let on = f32::from(u8::from(length[lane] < level));
-            let (b, d) = (base[lane] * on, white[lane] * on);
-            n[lane] += on;
+            let (b, d) = (base[lane] * quiet[lane], white[lane] * quiet[lane]);
+            n[lane] += quiet[lane];
             sb[lane] += b;
             sd[lane] += d;
             sbb[lane] += b * base[lane];
             sbd[lane] += d * base[lane];
         }
     }
-    let rest = length_rest.iter().zip(base_rest).zip(white_rest).filter(|((e, _), _)| **e < level);
-    let mut sums = [n, sb, sd, sbb, sbd].map(|lanes| lanes.iter().sum::<f32>());
-    for ((_, &b), &d) in rest {
-        sums.iter_mut().zip([1.0, b, d, b * b, d * b]).for_each(|(sum, term)| *sum += term);
-    }
-    sums
+    [n, sb, sd, sbb, sbd]
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use std::arch::x86_64::{
     _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32, _mm256_subs_epu8,
 };
 
+use super::{ABSOLUTE, RECTIFIED, SIGNED, halves};
 use crate::frame::Difference;
 use crate::levels::{Kernel, Row};
 
@@ -20,10 +21,6 @@ use crate::levels::{Kernel, Row};
 const LANES: usize = 8;
 /// Bytes a step.
 const BYTES: usize = 3 * LANES;
-
-const SIGNED: u8 = 0;
-const RECTIFIED: u8 = 1;
-const ABSOLUTE: u8 = 2;
 
 /// The weights' halves, one 4-byte group a pixel.
 #[derive(Clone, Copy)]
@@ -39,9 +36,7 @@ impl Halves {
             let byte = |c: usize| u32::from(bytes[c] as i8 as u8) << (8 * c);
             _mm256_set1_epi32((byte(0) | byte(1) | byte(2)) as i32)
         };
-        // Rounding the high half keeps the low one within −64..=63.
-        let high = weights.map(|w| (w + 64).div_euclid(128));
-        let low = [0, 1, 2].map(|c| weights[c] - 128 * high[c]);
+        let (low, high) = halves(weights);
         Self { low: group(low), high: group(high) }
     }
 }
@@ -118,14 +113,7 @@ macro_rules! fold_lanes {
 /// See [`Kernel::rows`].
 #[target_feature(enable = "avx2")]
 pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
-    match (kernel.difference, kernel.squares) {
-        (Difference::Signed, false) => rows_of::<SIGNED, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Signed, true) => rows_of::<SIGNED, true>(kernel, frame, baseline, columns, rows),
-        (Difference::Rectified, false) => rows_of::<RECTIFIED, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Rectified, true) => rows_of::<RECTIFIED, true>(kernel, frame, baseline, columns, rows),
-        (Difference::Absolute, false) => rows_of::<ABSOLUTE, false>(kernel, frame, baseline, columns, rows),
-        (Difference::Absolute, true) => rows_of::<ABSOLUTE, true>(kernel, frame, baseline, columns, rows),
-    }
+    rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows));
 }
 
 #[target_feature(enable = "avx2")]
@@ -150,7 +138,9 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
             // SAFETY: `column` is exactly 32 bytes, borrowed mutably.
             unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
             sum = _mm256_add_epi32(sum, n);
-            min = _mm256_min_epi32(min, n);
+            if DIFFERENCE == SIGNED {
+                min = _mm256_min_epi32(min, n);
+            }
             max = _mm256_max_epi32(max, n);
             if SQUARES {
                 let odd = _mm256_srli_epi64::<32>(n);
@@ -166,7 +156,7 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
         rows.push(Row {
             sum: tail.sum + lanes_i64(wide).iter().sum::<i64>(),
             squares: tail.squares + squares,
-            min: fold_lanes!(min, _mm_min_epi32).min(tail.min),
+            min: if DIFFERENCE == SIGNED { fold_lanes!(min, _mm_min_epi32).min(tail.min) } else { tail.min },
             max: fold_lanes!(max, _mm_max_epi32).max(tail.max),
         });
     }
@@ -175,11 +165,7 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
 /// See [`Kernel::count`].
 #[target_feature(enable = "avx2")]
 pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
-    match kernel.difference {
-        Difference::Signed => count_of::<SIGNED>(kernel, frame, baseline, first),
-        Difference::Rectified => count_of::<RECTIFIED>(kernel, frame, baseline, first),
-        Difference::Absolute => count_of::<ABSOLUTE>(kernel, frame, baseline, first),
-    }
+    count_by_reading!(kernel, count_of(frame, baseline, first))
 }
 
 #[target_feature(enable = "avx2")]

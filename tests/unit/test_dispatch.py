@@ -1,0 +1,35 @@
+"""Every instruction set gives the same bits, and so does a processor that has none of the newer ones."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ANSWERS = Path(__file__).parents[1] / "reference" / "answers.py"
+
+
+def answers(*command: str, simd: str = "") -> tuple[str, str]:
+    env = os.environ | ({"TEGA_SIMD": simd} if simd else {})
+    done = subprocess.run(
+        [*command, sys.executable, str(ANSWERS)], env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    used, digest = done.stdout.split()
+    return used, digest
+
+
+@pytest.mark.parametrize("simd", ["baseline", "avx2"])
+def test_a_lower_instruction_set_gives_the_same_bits(simd):
+    used, digest = answers(simd=simd)
+    assert used in ({"baseline"} if simd == "baseline" else {"avx2", "baseline", "neon"})
+    assert digest == answers()[1]
+
+
+@pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="needs qemu-x86_64 (Debian: qemu-user)")
+def test_a_processor_without_avx_gives_the_same_bits():
+    used, digest = answers("qemu-x86_64", "-cpu", "Nehalem")
+    assert used == "baseline"
+    assert digest == answers()[1]
