@@ -57,6 +57,8 @@ class Scene:
         self._shapes: Sequence[Shape] | None = None
         self.batches: list[tuple[Any, list[_Part]]] = []
         self._arrows: Any = None
+        # Made before a run begins: the library that makes them takes its time to import.
+        self._meshes = {name: _unit_mesh(name) for name in ("box", "ball", "tube")}
         server.scene.set_up_direction("+z")
         camera = server.initial_camera
         camera.position, camera.look_at, camera.fov = eye_m, at_m, _FIELD_OF_VIEW_RAD
@@ -103,7 +105,7 @@ class Scene:
         for name, parts in _parts(shapes).items():
             if not parts:
                 continue
-            vertices, faces = _unit_mesh(name)
+            vertices, faces = self._meshes[name]
             rgba = np.array([shapes[part.shape][3] for part in parts])
             positions, wxyzs = _placed(parts, poses)
             handle = self._server.scene.add_batched_meshes_simple(
