@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -227,3 +228,15 @@ def test_without_the_extra_one_line_says_what_to_install(
     assert code == 3
     assert "tega[sim]" in err
     assert len(err.strip().splitlines()) == 2
+
+
+def test_a_vest_that_tells_nothing_changes_nothing() -> None:
+    """The negative control: the same person with the same chance does exactly the same."""
+    without, *shams = (
+        msgspec.structs.replace(
+            run_trial(TrialPlan(object="bag", condition=condition, seed=1)), condition="haptic"
+        )  # type: ignore[arg-type]
+        for condition in ("non-haptic", "silent", "unfelt")
+    )
+    assert without.lift_off_s is not None
+    assert shams == [without, without]

@@ -11,7 +11,7 @@ pub const PX_PER_MM: f64 = 18.68;
 /// The skin's length l, millimetres: 20 pixels of the sensor that the light field was fitted on.
 pub const LENGTH_MM: f64 = 20.0 / PX_PER_MM;
 /// The springs' stiffness k, newtons per cubic millimetre; see `docs/sim-touch.md` for where it comes from.
-pub const STIFFNESS_N_MM3: f64 = 0.2;
+pub const STIFFNESS_N_MM3: f64 = 0.225;
 /// Radius of the gel's dome, millimetres.
 pub const DOME_MM: f64 = 100.0;
 /// Shapes that may press at once.
@@ -233,10 +233,13 @@ impl Membrane {
 
     /// Whether the gel touches something in a cell of the finest grid.
     pub(crate) fn touches(&self, row: usize, col: usize) -> bool {
-        let (window, floor) = (self.window(), self.levels[2].floor[row * COLS + col]);
+        let window = self.window();
         let inside = (window.rows[0]..window.rows[1]).contains(&row)
             && (window.cols[0]..window.cols[1]).contains(&col);
-        inside && floor > 0.0 && self.heights(row + 1)[col + 1] <= floor
+        let [above, here, below] = [0, 1, 2].map(|k| self.heights(row + k));
+        let around = (above[col + 1] + below[col + 1]) + (here[col] + here[col + 2]);
+        let grid = &self.levels[2];
+        inside && rests(here[col + 1], grid.floor[row * COLS + col], around, grid.square)
     }
 
     /// Measures the part of the gel that is in the picture.
@@ -248,13 +251,18 @@ impl Membrane {
         let mut deepest = [0.0f32; LANES];
         let (mut sum, mut right, mut down) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
         for r in first.max(MARGIN_ROWS)..last.min(ROWS - MARGIN_ROWS) {
-            let (heights, floors) = (chunks(&grid.height[grid.tall(r)]), chunks(&grid.floor[grid.flat(r)]));
+            let ([here, up, below], floors) = (grid.around(r), chunks(&grid.floor[grid.flat(r)]));
+            let n = up.len();
+            let (before, heights, after) =
+                (chunks(&here[..n]), chunks(&here[1..=n]), chunks(&here[2..n + 2]));
+            let (up, below) = (chunks(up), chunks(below));
             let y = (r - MARGIN_ROWS) as i32 as f32;
             for (at, (h, floor)) in heights.iter().zip(floors).enumerate() {
                 for k in 0..LANES {
+                    let around = (up[at][k] + below[at][k]) + (before[at][k] + after[at][k]);
                     let c = (grid.window.cols[0] + at * LANES + k) as i32 - MARGIN_COLS as i32;
                     let seen = if c >= 0 && c < (COLS - 2 * MARGIN_COLS) as i32 { h[k] } else { 0.0 };
-                    let touches = h[k] <= floor[k] && floor[k] > 0.0 && seen > 0.0;
+                    let touches = seen > 0.0 && rests(h[k], floor[k], around, grid.square);
                     let held = if touches { seen } else { 0.0 };
                     cells[k] += u32::from(touches);
                     deepest[k] = if seen > deepest[k] { seen } else { deepest[k] };
@@ -336,6 +344,13 @@ fn guess(grid: &Level, i: usize, force: f32) -> f32 {
         depth *= (force / (STIFFNESS_N_MM3 as f32 * (inside + beside))).clamp(0.25, 4.0).sqrt();
     }
     depth
+}
+
+/// Whether a cell's gel lies on a shape: at its height, and pressed by it about as its own springs alone need. Under a
+/// shape that is not hollow the pressure is at least that; a cell that the contact only borders on has less.
+#[inline(always)]
+fn rests(h: f32, floor: f32, around: f32, square: f32) -> bool {
+    h <= floor && floor > 0.0 && (1.0 + 4.0 * square) * h - square * around > 0.75 * h
 }
 
 /// A window's columns, a few at a time.

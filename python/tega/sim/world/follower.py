@@ -54,10 +54,10 @@ class ArmFollower:
 
     def lead(self, palm_m: NDArray[np.float64], rotation: NDArray[np.float64] | None = None) -> None:
         """Set where the palm shall go, and how it shall be turned; ``None``: as it was asked to be last."""
-        self._target = palm_m
-        if rotation is not None:
-            self._target_rotation = rotation
-        self._still = False
+        if rotation is None:
+            rotation = self._target_rotation
+        if not (np.array_equal(palm_m, self._target) and np.array_equal(rotation, self._target_rotation)):
+            self._target, self._target_rotation, self._still = palm_m, rotation, False
 
     def tick(self, dt_s: float) -> None:
         """Go on by one tick."""
