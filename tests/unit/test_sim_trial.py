@@ -235,7 +235,7 @@ def test_a_vest_that_tells_nothing_changes_nothing() -> None:
     without, *shams = (
         msgspec.structs.replace(
             run_trial(TrialPlan(object="bag", condition=condition, seed=1)), condition="haptic"
-        )  # type: ignore[arg-type]
+        )
         for condition in ("non-haptic", "silent", "unfelt")
     )
     assert without.lift_off_s is not None
