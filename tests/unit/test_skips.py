@@ -151,7 +151,7 @@ def test_a_stuck_sensor_falls_silent_and_comes_back() -> None:
         contacts={"thumb": PulledStream(contacts)},
         levels=None,
         hand=ModelledAllegro(),
-        vests=[vest],  # type: ignore[list-item]
+        vests=[vest],
         hands=[],
         recorder=None,
     )
@@ -255,7 +255,7 @@ def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int
         contacts={"thumb": PulledStream(contacts, end_ns=end_ns)},
         levels=None,
         hand=ModelledAllegro(),
-        vests=[recorder],  # type: ignore[list-item]
+        vests=[recorder],
         hands=[],
         recorder=None,
         kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
@@ -319,8 +319,8 @@ def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, S
         contacts=streams,
         levels=PulledStream(levels, end_ns=1000 * MS) if emg else None,
         hand=ModelledAllegro(),
-        vests=[vest],  # type: ignore[list-item]
-        hands=[hand],  # type: ignore[list-item]
+        vests=[vest],
+        hands=[hand],
         recorder=None,
         kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
     )

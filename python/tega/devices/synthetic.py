@@ -1,7 +1,7 @@
 """Devices that make their input up: presses on a gel and contractions of a forearm. Simulated, and labelled so.
 
 They are drivers like any other, so that the loop, the recorder and every example run with no hardware. What they do
-not model stands in ``docs/sim-touch.md`` and :mod:`tega.sim.muscle`.
+not model stands in ``docs/sim-touch.md`` and :mod:`tega.sim.operator`.
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from tega.sim.gel import Gel
+    from tega.sim.operator import ForearmEmg
     from tega.sim.seams import Indenter
 
 __all__ = ["SyntheticEmg", "SyntheticEmgOptions", "SyntheticTouch", "SyntheticTouchOptions", "effort_at"]
@@ -28,7 +26,8 @@ __all__ = ["SyntheticEmg", "SyntheticEmgOptions", "SyntheticTouch", "SyntheticTo
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600)]
 Seed = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]
 
-_CHUNK_S = 0.05
+# Hundredths of a second.
+_CHUNK_TICKS = 5
 # The grasp that both devices follow, as shares of its duration and of full effort: reach, close in steps, hold, let go.
 _GRASP = (
     (0.00, 0.02),
@@ -197,8 +196,8 @@ class SyntheticEmg(Opened):
 
     def __init__(self, options: SyntheticEmgOptions) -> None:
         self._options = options
-        self._samples: NDArray[np.float64] | None = None
-        self._next = 0
+        self._forearm: ForearmEmg | None = None
+        self._tick = self._next = 0
 
     @property
     def _n_samples(self) -> int:
@@ -221,15 +220,15 @@ class SyntheticEmg(Opened):
 
     def open(self) -> None:
         """Make the signal; the same seed makes the same one again."""
-        from tega.sim.muscle import emg_from_effort
+        from tega.sim.operator import ForearmEmg, typical_person
 
         options = self._options
-        effort = [effort_at(n / options.rate_hz, options.duration_s) for n in range(self._n_samples)]
-        self._samples, self._next = emg_from_effort(effort, seed=options.seed), 0
+        self._forearm = ForearmEmg(typical_person(), seed=options.seed, rate_hz=options.rate_hz)
+        self._tick = self._next = 0
 
     def close(self) -> None:
         """Forget the signal."""
-        self._samples = None
+        self._forearm = None
 
     @property
     def ended(self) -> bool:
@@ -242,11 +241,14 @@ class SyntheticEmg(Opened):
         Raises:
             DeviceUnavailableError: The source is not open.
         """
-        if self._samples is None:
+        if self._forearm is None:
             raise DeviceUnavailableError("synthetic-emg is not open", "open it first")
         if self.ended:
             return None
-        first = self._next
-        self._next = min(first + max(1, round(_CHUNK_S * self._options.rate_hz)), self._n_samples)
-        t_ns = round(self._next * 1_000_000_000 / self._options.rate_hz)
-        return EmgChunk(t_ns, first, self._samples[first : self._next])
+        first, options = self._next, self._options
+        times_s = [(self._tick + n) / 100 for n in range(_CHUNK_TICKS)]
+        samples = self._forearm.course([effort_at(t_s, options.duration_s) for t_s in times_s])
+        samples = samples[: self._n_samples - first]
+        self._tick += _CHUNK_TICKS
+        self._next = first + len(samples)
+        return EmgChunk(round(self._next * 1_000_000_000 / options.rate_hz), first, samples)
