@@ -49,7 +49,7 @@ def test_any_press_gives_a_picture_and_a_truth_that_fit_together(presses, index)
     assert truth.depth_mm == height.max()
     assert np.isfinite(truth.centre_xy).all() == (truth.area_px > 0)
     if truth.area_px:
-        columns, rows = mask.any(axis=0).nonzero()[0], mask.any(axis=1).nonzero()[0]
+        columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
         assert columns[0] <= truth.centre_xy[0] <= columns[-1]
         assert rows[0] <= truth.centre_xy[1] <= rows[-1]
     # Only where the gel is displaced does the picture differ from the untouched one.
