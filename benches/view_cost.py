@@ -1,6 +1,7 @@
 """What the view in the browser costs: an offer, and a moment painted for a page that takes all it is sent.
 
-``python benches/view_cost.py`` (needs the extras ``sim`` and ``view``): a simulated lift is shown for ten seconds at its own pace.
+``python benches/view_cost.py`` (needs the extras ``sim`` and ``view``): a simulated lift is shown for ten seconds at
+its own pace.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def main() -> None:
     out.print(
         f"offer: median {median(offers_us):.0f} µs, 99 % within {quantiles(offers_us, n=100)[98]:.0f} µs"
     )
-    print(
+    out.print(
         f"painted {n} of {len(offers_us)}: {1e3 * used_s / n:.1f} ms of processor time each, client included"
     )
 
