@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Point", "Scene"]
 
 # Length of a force's arrow, metres a newton, and the longest that is drawn.
-_M_PER_N, _LONGEST_M = 0.01, 0.15
+_M_PER_N, _LONGEST_M = 0.02, 0.15
 _FIELD_OF_VIEW_RAD = 0.7
 _FORCE_RED = (214, 40, 40)
 # A plane is drawn as a board under it, so thick.
