@@ -114,6 +114,11 @@ def _flex() -> None:
                 f"  slip {1e3 * one.slip_m:4.1f} mm  narrower by {1e3 * gripped.deformation_m:4.1f} mm gripped, "
                 f"{1e3 * one.narrowing_m:4.1f} mm at most  {one.cpu_us:4.0f} µs/ms"
             )
+    held = bounds(flex, 3, seconds=60.0)
+    click.echo(
+        f"  held for {held.simulated_s:g} s: overlap {1e3 * held.penetration_m:.2f} mm, sank {1e3 * held.slip_m:.2f} mm, "
+        f"finite {held.finite}, held {held.held}"
+    )
 
 
 def _repeat() -> None:

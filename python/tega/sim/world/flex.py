@@ -13,6 +13,7 @@ import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.sim.world.objects import ObjectSpec
+from tega.sim.world.shells import shell_mass_kg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,9 +33,8 @@ SKIN_M: Final = 5e-4
 # Young's modulus is the stiffness under a fingertip over this length: so a bag gripped at levels 3 to 5 is about as
 # narrow as one of springs.
 _STIFFNESS_LENGTH_M: Final = 0.03
-_DAMPING_S: Final = 0.05
-# Weight over base area as a share of Young's modulus beyond which it is not tried: half of it is what it sags.
-_CRUSHED: Final = 0.3
+# Weight over base area as a share of Young's modulus: one that stands under 0.2 of it folds when it is gripped.
+_CRUSHED: Final = 0.18
 
 
 def mesh(spec: ObjectSpec) -> tuple[NDArray[np.float64], list[tuple[int, ...]]]:
@@ -87,6 +87,8 @@ def young_pa(spec: ObjectSpec) -> float:
 def flex_body(spec: ObjectSpec, contact: str) -> str:
     """Return the object, standing on the table at the origin, with the contact's attributes given."""
     points, solids = mesh(spec)
+    # As much of the stiffness as in the wall on springs.
+    damping_s = 2 * spec.damping_ratio * (shell_mass_kg(spec) / spec.stiffness_n_m) ** 0.5
     places = " ".join(f"{value:.9g}" for value in points.ravel())
     corners = " ".join(str(point) for solid in solids for point in solid)
     return (
@@ -94,5 +96,5 @@ def flex_body(spec: ObjectSpec, contact: str) -> str:
         f'radius="{SKIN_M}" pos="0 0 {SKIN_M}" point="{places}" element="{corners}">'
         f'<contact selfcollide="none" contype="0" conaffinity="63" priority="1" {contact} '
         f'friction="{spec.friction} 0.0012 0.0001"/>'
-        f'<elasticity young="{young_pa(spec)}" damping="{_DAMPING_S}"/></flexcomp>'
+        f'<elasticity young="{young_pa(spec)}" damping="{damping_s}"/></flexcomp>'
     )

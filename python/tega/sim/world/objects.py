@@ -42,7 +42,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         forward_m: How far towards the fingertips the object's axis is from the palm's frame then.
         rgba: Colour to draw it in.
         shell: What gives: ``pads``, a wall on springs for each finger; ``flex``, all of it as one linear elastic
-            solid as soft as that wall. A flex has no ``stiffening_n_m3``, ``damping_ratio`` and ``plastic_share``.
+            solid as soft as that wall. A flex has no ``stiffening_n_m3`` and no ``plastic_share``.
     """
 
     name: str
