@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -183,6 +184,9 @@ def test_what_a_file_holds_is_not_run_again(tmp_path: Path, monkeypatch: pytest.
     content = out.read_bytes()
     run_trials(plans[1:], out=out)
     assert out.read_bytes() == content
+    out.write_bytes(re.sub(rb'"person":"[0-9a-f]+"', b'"person":"00ff"', content))
+    with pytest.raises(RecordingError, match="00ff"):
+        run_trials(plans, out=out)
     out.write_text("something else\n")
     with pytest.raises(RecordingError, match="line 1"):
         run_trials(plans, out=out)

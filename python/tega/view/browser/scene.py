@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Point", "Scene"]
 
 # Length of a force's arrow, metres a newton, and the longest that is drawn.
-_M_PER_N, _LONGEST_M = 0.01, 0.15
+_M_PER_N, _LONGEST_M = 0.02, 0.15
 _FIELD_OF_VIEW_RAD = 0.7
 _FORCE_RED = (214, 40, 40)
 # A plane is drawn as a board under it, so thick.
@@ -130,7 +130,8 @@ class Scene:
             where, force = contact_points[:, :3], contact_points[:, 3:]
             size = np.linalg.norm(force, axis=1, keepdims=True)
             length = np.minimum(size * _M_PER_N, _LONGEST_M)
-            lines = np.stack([where, where + force / np.maximum(size, 1e-9) * length], axis=1)
+            # What the object does to the hand, the other way round: these arrows come out of the object and are seen.
+            lines = np.stack([where, where - force / np.maximum(size, 1e-9) * length], axis=1)
             lines = lines[size[:, 0] > 0.02].astype(np.float32)
         if self._arrows is None:
             if not len(lines):
