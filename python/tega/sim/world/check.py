@@ -116,8 +116,8 @@ def _flex() -> None:
             )
     held = bounds(flex, 3, seconds=60.0)
     click.echo(
-        f"  held for {held.simulated_s:g} s: overlap {1e3 * held.penetration_m:.2f} mm, sank {1e3 * held.slip_m:.2f} mm, "
-        f"finite {held.finite}, held {held.held}"
+        f"  held for {held.simulated_s:g} s: overlap {1e3 * held.penetration_m:.2f} mm, "
+        f"sank {1e3 * held.slip_m:.2f} mm, finite {held.finite}, held {held.held}"
     )
 
 
