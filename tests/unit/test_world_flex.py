@@ -11,7 +11,7 @@ from tega.sim.world.flex import mesh
 from tega.sim.world.lift import lift
 from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
 
-BAG = OBJECTS["bag"].with_(shell="flex")
+BAG = OBJECTS["bag"].with_(shell="flex", stiffness_n_m=120.0)
 TICK_S = 0.003
 
 

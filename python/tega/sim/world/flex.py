@@ -30,8 +30,8 @@ UP: Final = 2
 SKIN_M: Final = 5e-4
 """How far the surface that touches stands out from the mesh."""
 
-# Young's modulus is the stiffness under a fingertip over this length: so a bag gripped at levels 3 to 5 is about as
-# narrow as one of springs.
+# Young's modulus is the stiffness under a fingertip over this length: so a bag of 120 N/m
+# gripped at levels 3 to 5 is about as narrow as one of springs.
 _STIFFNESS_LENGTH_M: Final = 0.03
 # Weight over base area as a share of Young's modulus: one that stands under 0.2 of it folds when it is gripped.
 _CRUSHED: Final = 0.18
