@@ -31,6 +31,7 @@ _VERBS = {
     "run": _Verb("Run", "tega.cli.run", "run", "Run a session from its settings."),
     "replay": _Verb("Run", "tega.cli.replay", "replay", "Run the loop on recordings and write tables."),
     "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List the drivers that are installed."),
+    "identify": _Verb("Hardware", "tega.cli.identify", "identify", "Light the vest's motors one at a time."),
     "audit": _Verb(
         "Tooling",
         "tega.cli.audit",
