@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,13 +18,16 @@ import msgspec
 import numpy as np
 import pytest
 
+from tega.config import check_tree
 from tega.devices import driver_class
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame, vest_frame
+from tega.teleop import run_session
 from tega.testing.contract import check_driver
 from tega.testing.emulators.hid_port import HidPort
 from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.vest_faults import fault_rows, vest_bench
 from tega.wire import vest_levels
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
@@ -65,30 +68,19 @@ def make(name: str, **options: Any) -> StreamedVest:
 
 
 @contextmanager
-def bench(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> Iterator[Bench]:
-    with ExitStack() as stack:
-        if name == "bhaptics-player":
-            peer = stack.enter_context(EmulatedVest("bhaptics_player"))
-            yield Bench(make(name, port=peer.address["port"], **options), peer)
-        elif name == "hid-vest":
-            peer = stack.enter_context(EmulatedVest("hid_bridge", (str(folder),)))
-            port = HidPort(peer.address["path"])
-            stack.enter_context(port.installed())
-            yield Bench(make(name, **options), peer, port)
-        else:
-            if shutil.which("dbus-daemon") is None:
-                pytest.skip("dbus-daemon is not installed")
-            peer = stack.enter_context(EmulatedVest("bluez_vest"))
-            monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", peer.address["bus"])
-            yield Bench(make(name, scan_s=1.0, **options), peer)
+def bench(name: str, **options: Any) -> Iterator[Bench]:
+    if name == "bhaptics-ble" and shutil.which("dbus-daemon") is None:
+        pytest.skip("dbus-daemon is not installed")
+    with vest_bench(name, **options) as made:
+        yield Bench(*made)
 
 
 RADIO = ["bhaptics-ble", "bhaptics-player", "hid-vest"]
 
 
 @pytest.fixture(params=RADIO)
-def any_bench(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    with bench(request.param, tmp_path, monkeypatch) as made:
+def any_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    with bench(request.param) as made:
         yield made
 
 
@@ -226,10 +218,8 @@ OPENING = [
 
 
 @pytest.mark.parametrize(("name", "fault", "said"), OPENING)
-def test_opening_says_what_is_wrong(
-    name: str, fault: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with bench(name, tmp_path, monkeypatch, open_timeout_s=2.0) as made:
+def test_opening_says_what_is_wrong(name: str, fault: str, said: str) -> None:
+    with bench(name, open_timeout_s=2.0) as made:
         made.peer.fault(fault)
         if made.port is not None:
             made.port.can_open = fault != "refuse"
@@ -237,6 +227,17 @@ def test_opening_says_what_is_wrong(
             made.vest.open()
         with pytest.raises(DeviceUnavailableError, match="is not open"):
             made.vest.write(0, TOUCH)
+
+
+def test_a_vest_that_a_dead_program_left_connected_is_found_and_silenced() -> None:
+    with bench("bhaptics-ble") as made:
+        made.peer.fault("held")
+        with made.vest:
+            made.feed(lambda: made.shows(TOUCH))
+        assert made.peer.report().motors == SILENT
+        made.peer.fault("held")
+        with pytest.raises(DeviceUnavailableError, match="no vest with the address 00:11"):
+            make("bhaptics-ble", scan_s=0.3, address="00:11").open()
 
 
 def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,20 +250,16 @@ def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyP
         make("bhaptics-ble").open()
 
 
-def test_garbage_from_the_player_is_counted_and_the_touch_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with bench("bhaptics-player", tmp_path, monkeypatch) as made, made.vest as vest:
+def test_garbage_from_the_player_is_counted_and_the_touch_goes_on() -> None:
+    with bench("bhaptics-player") as made, made.vest as vest:
         made.peer.fault("garbage")
         made.feed(lambda: any("could not be read and were ignored" in n for n in vest.info.notes))
         made.feed(lambda: made.shows(OTHER), OTHER)
         assert vest.counters.lost == 0
 
 
-def test_a_vest_that_leaves_the_player_is_not_reported_as_felt(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with bench("bhaptics-player", tmp_path, monkeypatch) as made, made.vest as vest:
+def test_a_vest_that_leaves_the_player_is_not_reported_as_felt() -> None:
+    with bench("bhaptics-player") as made, made.vest as vest:
         made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
         made.peer.fault("no-vest")
         made.feed(lambda: not vest.write(0, TOUCH).intensities.any())
@@ -271,10 +268,8 @@ def test_a_vest_that_leaves_the_player_is_not_reported_as_felt(
         made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
 
 
-def test_a_player_that_answers_no_pings_is_fed_all_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with bench("bhaptics-player", tmp_path, monkeypatch) as made:
+def test_a_player_that_answers_no_pings_is_fed_all_the_same() -> None:
+    with bench("bhaptics-player") as made:
         made.peer.fault("no-pong")
         with made.vest as vest:
             made.feed(lambda: made.shows(TOUCH))
@@ -291,6 +286,7 @@ def test_the_limit_holds_and_is_reported(any_bench: Bench) -> None:
 
 PROGRAM = """
 import sys, time
+from tega.config import check_tree
 from tega.devices import driver_class
 from tega.haptics import vest_frame
 name, how, options = sys.argv[1], sys.argv[2], eval(sys.argv[3])
@@ -331,3 +327,31 @@ def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how
     assert program.returncode == {"forgotten": 0, "exception": 1, "SIGTERM": 143, "SIGKILL": -9}[how], said
     made.wait(lambda: made.peer.report().motors == SILENT)
     made.peer.report()
+
+
+def test_the_fault_table_tells_rest_and_recovery() -> None:
+    (row,) = fault_rows({"bhaptics-player": ["no writes"]})
+    assert (row.driver, row.fault, row.lost) == ("bhaptics-player", "no writes", 0)
+    assert row.silent_s is not None
+    assert row.recovered_s is not None
+
+
+def test_a_session_in_real_time_is_felt_and_ends_silent() -> None:
+    with bench("bhaptics-player") as made:
+        settings = {
+            "session": {"duration_s": 2.0},
+            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 2.0}}},
+            "vest": {
+                "driver": "bhaptics-player",
+                "options": {"port": made.peer.address["port"]},
+                "threshold": 20,
+            },
+        }
+        summary = run_session(check_tree(settings, {}, base=Path.cwd()).config)
+        report = made.peer.report()
+    assert summary["ended"] == "complete" or summary["ended"] == "duration"
+    assert report.errors == []
+    assert report.motors == SILENT
+    felt = {values[0] for _, values in report.history}
+    assert len(felt) > 3
+    assert min(felt - {0}) >= 20

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["BleOptions", "BleVest"]
 
 _NAMES: Final = ("TactSuit", "Tactot")
+_SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
 _MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 _BATTERY: Final = "6e400008-b5a3-f393-e0a9-e50e24dcca9e"
 _CALL_S = 1.5  # no call to the radio may take longer
@@ -150,12 +151,20 @@ class _BleLink:
         """Nothing: every call has its own end."""
 
     async def _find(self) -> Any:
-        o = self._options
-        scanner = self._bleak.BleakScanner
-        if o.address:
-            return await scanner.find_device_by_address(o.address, timeout=o.scan_s)
-        return await scanner.find_device_by_filter(
-            lambda device, heard: (heard.local_name or device.name or "").startswith(_NAMES), timeout=o.scan_s
+        def wanted(device: Any, name: str | None) -> bool:
+            if self._options.address:
+                return bool(device.address.lower() == self._options.address.lower())
+            return (name or "").startswith(_NAMES)
+
+        # A connected vest is not heard: a program that was killed may have left it so.
+        with contextlib.suppress(NotImplementedError):
+            adapter = await self._bleak.BleakAdapter.get()
+            for device in await adapter.get_connected_devices([_SERVICE]):
+                if wanted(device, device.name):
+                    return device
+        return await self._bleak.BleakScanner.find_device_by_filter(
+            lambda device, heard: wanted(device, heard.local_name or device.name),
+            timeout=self._options.scan_s,
         )
 
     def _call(self, work: Coroutine[Any, Any, Any], timeout_s: float, doing: str) -> Any:

@@ -7,8 +7,8 @@ and losses are not shown. The frame's layout is that of the open descriptions of
 known, it holds the last frame for ever, over a lost link too.
 
 Faults: ``drop`` (the link breaks), ``freeze`` (a write is never answered), ``slow`` (after 150 ms), ``refuse`` (does
-not let itself be connected), ``off`` (is not heard, though BlueZ remembers it), ``wrong-version`` (has no motor
-characteristic), ``garbage`` (an empty battery level), ``no-adapter``.
+not let itself be connected), ``held`` (a program that died has left it connected), ``off`` (is not heard, though BlueZ
+remembers it), ``wrong-version`` (has no motor characteristic), ``garbage`` (an empty battery level), ``no-adapter``.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ class BluezVest:
         "freeze",
         "slow",
         "refuse",
+        "held",
         "off",
         "wrong-version",
         "garbage",
@@ -98,8 +99,10 @@ class BluezVest:
     async def fault(self, name: str) -> None:
         """Switch a fault on."""
         self._fault = name
-        if name in {"drop", "refuse", "off", "wrong-version", "no-adapter"} and self._connected:
+        if name in {"drop", "refuse", "held", "off", "wrong-version", "no-adapter"} and self._connected:
             self._set_connected(on=False)
+        if name == "held":
+            self._connected = True
 
     def _start(self, work: Any) -> None:
         task = asyncio.create_task(work)
@@ -137,7 +140,7 @@ class BluezVest:
             if call != "Adapter1.SetDiscoveryFilter":
                 self._discovering = call == "Adapter1.StartDiscovery"
             return Message.new_method_return(message)
-        if call == "Device1.Connect" and self._fault in {"refuse", "off"}:
+        if call == "Device1.Connect" and self._fault in {"refuse", "held", "off"}:
             return Message.new_error(message, "org.bluez.Error.Failed", "le-connection-refused")
         if call in {"Device1.Connect", "Device1.Disconnect"}:
             self._set_connected(on=call == "Device1.Connect")
@@ -185,7 +188,7 @@ class BluezVest:
                     "Alias": Variant("s", "TactSuitX40_EMU"),
                     "Appearance": Variant("q", 509),
                     "Adapter": Variant("o", _ADAPTER),
-                    "UUIDs": Variant("as", []),
+                    "UUIDs": Variant("as", [_UUID.format("0001")] if self._connected else []),
                     "Paired": Variant("b", value=False),
                     "Connected": Variant("b", self._connected),
                     "ServicesResolved": Variant("b", self._connected),
