@@ -20,6 +20,7 @@ import pytest
 
 from tega.config import check_tree
 from tega.devices import driver_class
+from tega.devices.vest_player import PlayerVest
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame, vest_frame
@@ -143,14 +144,17 @@ def test_a_touch_reaches_the_right_motors_and_an_open_vest_begins_silent(any_ben
     assert report.motors == SILENT
 
 
+def test_an_equal_frame_is_sent_again_so_that_no_radio_lets_it_lapse(any_bench: Bench) -> None:
+    with any_bench.vest as vest:
+        any_bench.feed(lambda: any_bench.shows(TOUCH))
+        before = vest.counters.sent
+        any_bench.feed(lambda: vest.counters.sent >= before + 3)
+
+
 def test_a_frame_that_is_not_renewed_is_silenced_by_the_watchdog(any_bench: Bench) -> None:
     with any_bench.vest as vest:
         any_bench.feed(lambda: any_bench.shows(TOUCH))
-        sent = vest.counters.sent
-        any_bench.wait(lambda: any_bench.peer.report().motors == SILENT)
-        assert vest.counters.silenced == 1
-        # Between the last write and the zeros the frame was kept alive, so that no radio let it lapse before.
-        assert vest.counters.sent >= sent + 2
+        any_bench.wait(lambda: any_bench.peer.report().motors == SILENT and vest.counters.silenced == 1)
 
 
 def test_a_slow_vest_gets_the_newest_frame_and_no_queue(any_bench: Bench) -> None:
@@ -164,7 +168,7 @@ def test_a_slow_vest_gets_the_newest_frame_and_no_queue(any_bench: Bench) -> Non
         any_bench.wait(lambda: any_bench.peer.report().motors == SILENT)
         # What was on its way when writing stopped: the frame in the link, the newest one, and zeros.
         assert any_bench.peer.report().received - received <= 8
-        assert vest.counters.superseded >= 30
+        assert vest.counters.superseded >= 10
         assert vest.counters.lost == 0
 
 
@@ -327,6 +331,29 @@ def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how
     assert program.returncode == {"forgotten": 0, "exception": 1, "SIGTERM": 143, "SIGKILL": -9}[how], said
     made.wait(lambda: made.peer.report().motors == SILENT)
     made.peer.report()
+
+
+class _Careless(PlayerVest):
+    """A driver whose link has a bug."""
+
+    def _new_link(self) -> Any:
+        link: Any = super()._new_link()
+        link.ready = lambda _timeout_s: 1 // self.divisor
+        return link
+
+    divisor = 0
+
+
+def test_a_bug_in_a_link_silences_the_vest_and_is_told() -> None:
+    with bench("bhaptics-player") as made:
+        options: Any = made.vest
+        careless = made._replace(vest=_Careless(options._options))
+        with careless.vest as vest:
+            careless.feed(lambda: vest.counters.lost == 1)
+            assert "unexpected ZeroDivisionError" in vest.info.notes[-1]
+            careless.vest.divisor = 1  # type: ignore[attr-defined]
+            careless.feed(lambda: careless.shows(TOUCH))
+        assert careless.peer.report().motors == SILENT
 
 
 def test_the_fault_table_tells_rest_and_recovery() -> None:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.lifecycle import Opened
-from tega.devices.ways_out import closes_on_exit, is_closed
+from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame
 
@@ -138,6 +138,7 @@ class StreamedVest(Opened):
         self.counters = VestCounters()
         self._link: VestLink | None = None
         self._thread: threading.Thread | None = None
+        self._last: threading.Thread | None = None
         self._changed = threading.Condition()
         self._stopping = False
         self._slot = _ZEROS
@@ -174,6 +175,10 @@ class StreamedVest(Opened):
             MissingExtraError: A package it needs is not installed.
         """
         self.close()
+        if self._last is not None and self._last.is_alive():
+            raise DeviceUnavailableError(
+                f"{self.name}: the link used before has not let go yet", "try again in some seconds"
+            )
         self._begin()
         connected = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(connected,), name=self.name, daemon=True)
@@ -198,6 +203,7 @@ class StreamedVest(Opened):
         thread, self._thread = self._thread, None
         if thread is None:
             return
+        self._last = thread
         with self._changed:
             self._stopping = True
             self._changed.notify()
@@ -205,7 +211,7 @@ class StreamedVest(Opened):
         if thread.is_alive() and (link := self._link) is not None:
             link.abort()
             thread.join(_JOIN_S)
-        is_closed(self.close)
+        release(self.close)
 
     def write(self, t_ns: int, frame: VestFrame) -> VestFrame:  # noqa: ARG002  # a vest shows the present
         """Hand a frame over; returns at once.
@@ -242,13 +248,13 @@ class StreamedVest(Opened):
                 connected.set()
                 retry_s = _RETRY_S[0]
                 self._serve(link)
-            except DeviceUnavailableError as error:
-                self._failure = error
+            except Exception as error:  # whatever it is, the vest is silenced and tried again
                 if not connected.is_set():
+                    self._failure = _said(error)
                     self._stopping = True
                 elif self._up.is_set():
                     self.counters.lost += 1
-                    self.counters.problem = error.message
+                    self.counters.problem = _said(error).message
             finally:
                 self._up.clear()
                 _leave(link)
@@ -284,9 +290,15 @@ class StreamedVest(Opened):
                 self.counters.sent += 1
 
 
+def _said(error: Exception) -> DeviceUnavailableError:
+    if isinstance(error, DeviceUnavailableError):
+        return error
+    return DeviceUnavailableError(f"unexpected {type(error).__name__}: {error}", "report it")
+
+
 def _leave(link: VestLink) -> None:
     """Silence a vest and let go of it, whatever state the link is in."""
     steps: tuple[Callable[[], None], ...] = (lambda: link.send(_ZEROS), link.close)
     for step in steps:
-        with contextlib.suppress(DeviceUnavailableError):  # it may be left because it does not work
+        with contextlib.suppress(Exception):  # it may be left because it does not work
             step()

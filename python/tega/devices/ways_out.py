@@ -14,7 +14,7 @@ import threading
 from collections.abc import Callable
 from types import FrameType
 
-__all__ = ["closes_on_exit", "is_closed"]
+__all__ = ["closes_on_exit", "release"]
 
 _open: list[Callable[[], None]] = []
 
@@ -32,7 +32,7 @@ def closes_on_exit(close: Callable[[], None]) -> None:
         signal.signal(signal.SIGTERM, _leave)
 
 
-def is_closed(close: Callable[[], None]) -> None:
+def release(close: Callable[[], None]) -> None:
     """Take a function back; with the last one, SIGTERM ends the program at once again."""
     if close not in _open:
         return

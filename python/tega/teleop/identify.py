@@ -27,7 +27,7 @@ def motor_place(motor: int) -> str:
 
     Example:
         >>> motor_place(23)
-        'back, row 1 of 5 from the top, column 4 of 4 from the wearer's left'
+        "back, row 1 of 5 from the top, column 4 of 4 from the wearer's left"
     """
     panel, place = divmod(motor, 20)
     row, column = divmod(place, 4)
