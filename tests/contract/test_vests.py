@@ -205,7 +205,7 @@ def test_a_frozen_peer_delays_neither_write_nor_close(any_bench: Bench) -> None:
 
 OPENING = [
     ("bhaptics-ble", "refuse", "connection-refused.*one program at a time"),
-    ("bhaptics-ble", "off", "no vest .* was heard in 1 s"),
+    ("bhaptics-ble", "off", "no vest .* was heard in 0.5 s"),
     ("bhaptics-ble", "wrong-version", "TactSuitX40_EMU has no motor characteristic"),
     ("bhaptics-ble", "no-adapter", "No Bluetooth adapters found"),
     ("bhaptics-player", "refuse", "answers HTTP 503"),
@@ -223,7 +223,8 @@ OPENING = [
 
 @pytest.mark.parametrize(("name", "fault", "said"), OPENING)
 def test_opening_says_what_is_wrong(name: str, fault: str, said: str) -> None:
-    with bench(name, open_timeout_s=2.0) as made:
+    options = {"scan_s": 0.5} if name == "bhaptics-ble" else {}
+    with bench(name, open_timeout_s=1.0, **options) as made:
         made.peer.fault(fault)
         if made.port is not None:
             made.port.can_open = fault != "refuse"
@@ -357,7 +358,7 @@ def test_a_bug_in_a_link_silences_the_vest_and_is_told() -> None:
 
 
 def test_the_fault_table_tells_rest_and_recovery() -> None:
-    (row,) = fault_rows({"bhaptics-player": ["no writes"]})
+    (row,) = fault_rows({"bhaptics-player": ["no writes"]}, fault_s=1.0)
     assert (row.driver, row.fault, row.lost) == ("bhaptics-player", "no writes", 0)
     assert row.silent_s is not None
     assert row.recovered_s is not None
@@ -366,8 +367,8 @@ def test_the_fault_table_tells_rest_and_recovery() -> None:
 def test_a_session_in_real_time_is_felt_and_ends_silent() -> None:
     with bench("bhaptics-player") as made:
         settings = {
-            "session": {"duration_s": 2.0},
-            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 2.0}}},
+            "session": {"duration_s": 1.2},
+            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 1.2}}},
             "vest": {
                 "driver": "bhaptics-player",
                 "options": {"port": made.peer.address["port"]},

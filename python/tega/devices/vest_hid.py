@@ -126,7 +126,7 @@ class _HidLink:
                 "another program may have it, or its udev rule is missing: see docs/device-vest.md",
             ) from error
         self._device = device
-        deadline = time.monotonic() + _ANSWER_S
+        deadline = time.monotonic() + min(_ANSWER_S, o.open_timeout_s * 0.6)
         self._write(hid_motor_report([0] * 40, sequence=self._next(), ttl_ms=HOLD_MS, request_status=True))
         while self._status is None and time.monotonic() < deadline:
             self._read(10)

@@ -23,7 +23,7 @@ from tega.testing.emulators.hid_port import HidPort
 from tega.testing.emulators.vests import EmulatedVest
 from tega.wire import vest_levels
 
-__all__ = ["DRIVERS", "FaultRow", "VestBench", "fault_rows", "vest_bench"]
+__all__ = ["DRIVERS", "FAULT_S", "FaultRow", "VestBench", "fault_rows", "vest_bench"]
 
 DRIVERS = {
     "bhaptics-player": ("no writes", "drop", "close", "freeze", "slow", "garbage", "no-vest", "refuse"),
@@ -33,7 +33,7 @@ DRIVERS = {
 """The faults of each driver; ``no writes`` is the caller's own."""
 
 _BUS = "DBUS_SYSTEM_BUS_ADDRESS"
-_FAULT_S = 3.0
+FAULT_S = 3.0
 _RECOVERY_S = 15.0
 _AT_ONCE = {("bhaptics-player", "drop"), ("bhaptics-player", "close"), ("bhaptics-ble", "drop")}
 _TOUCH = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
@@ -135,7 +135,7 @@ class _Writer(threading.Thread):
             time.sleep(1 / 30)
 
 
-def _row(driver: str, fault: str, vest: StreamedVest, peer: EmulatedVest) -> FaultRow:
+def _row(driver: str, fault: str, vest: StreamedVest, peer: EmulatedVest, fault_s: float) -> FaultRow:
     before, after = _shown(_TOUCH, peer), _shown(_AFTERWARDS, peer)
     writer = _Writer(vest)
     writer.start()
@@ -147,7 +147,7 @@ def _row(driver: str, fault: str, vest: StreamedVest, peer: EmulatedVest) -> Fau
         else:
             peer.fault(fault)
         if (driver, fault) not in _AT_ONCE:
-            time.sleep(_FAULT_S)
+            time.sleep(fault_s)
         ended_s = time.monotonic()
         writer.frame, writer.paused = _AFTERWARDS, False
         peer.fault("")
@@ -181,11 +181,14 @@ def _shown(frame: VestFrame, peer: EmulatedVest) -> list[int]:
     return [int(i) for i in frame.x40()]
 
 
-def fault_rows(drivers: Mapping[str, Iterable[str]] = DRIVERS) -> Iterator[FaultRow]:
+def fault_rows(
+    drivers: Mapping[str, Iterable[str]] = DRIVERS, *, fault_s: float = FAULT_S
+) -> Iterator[FaultRow]:
     """Try faults of drivers, one after the other; all of them take about two minutes.
 
     Args:
         drivers: Which faults of which drivers.
+        fault_s: How long a fault lasts that is not over at once.
 
     Yields:
         What each did.
@@ -193,7 +196,7 @@ def fault_rows(drivers: Mapping[str, Iterable[str]] = DRIVERS) -> Iterator[Fault
     for driver, faults in drivers.items():
         for fault in faults:
             with vest_bench(driver) as bench, bench.vest:
-                yield _row(driver, fault, bench.vest, bench.peer)
+                yield _row(driver, fault, bench.vest, bench.peer, fault_s)
 
 
 def _seconds(value: float | None, otherwise: str) -> str:
