@@ -144,6 +144,7 @@ def _notes(state: RunState) -> list[str]:
             if n_held:
                 notes.append(f"emg: {name}: {n_held} samples were no numbers; the one before was held")
         notes += _ending("emg", muscles.report, end_ns, "its last level held to the end")
+    notes += [f"vest: {note}" for vest in state.sinks.kept for note in vest.sink.info.notes]
     return notes
 
 
