@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
+import numpy as np
 
 from tega.devices.base import EmgSource, TactileSource
 from tega.errors import DeviceUnavailableError, RecordingError, ShapeError, TegaError
@@ -14,7 +15,6 @@ from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.repeats import STUCK_FRAMES, LastFrame
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from tega.emg import GraspIntent
@@ -23,6 +23,9 @@ __all__ = ["Block", "Contact", "SourceReport", "grasp_blocks", "measured_contact
 
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
+
+# Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
+MOST_GAP_S = 1.0
 
 # Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
 # otherwise keep a core busy with asking.
@@ -195,7 +198,12 @@ def grasp_blocks(
             chunk = source.read(READ_TIMEOUT_S)
             if chunk is None:
                 continue
-            fused = intent.process(chunk.samples)
+            n_missing = max(0, chunk.first_index - next_index)
+            samples = chunk.samples
+            if n_missing:
+                gap = np.full((min(n_missing, round(MOST_GAP_S * rate_hz)), *samples.shape[1:]), np.nan)
+                samples = np.concatenate([gap, samples])
+            fused = intent.process(samples)
         except DeviceUnavailableError as error:
             if not live:
                 raise
@@ -207,7 +215,7 @@ def grasp_blocks(
             report.drop()
             continue
         report.n_items += len(chunk.samples)
-        report.n_missing += max(0, chunk.first_index - next_index)
+        report.n_missing += n_missing
         next_index = chunk.first_index + len(chunk.samples)
         end_ns = chunk.t_ns - start_ns if live else chunk.t_ns
         for channels, level in zip(intent.levels.tolist(), fused.tolist(), strict=True):

@@ -1,0 +1,329 @@
+"""What all live EMG sources share: the rate is proven when one opens, time and health are kept, silence is told."""
+
+from __future__ import annotations
+
+import atexit
+import itertools
+import time
+from collections import deque
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+
+import msgspec
+
+from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
+from tega.devices.emg_health import EmgHealth
+from tega.devices.lifecycle import Opened
+from tega.devices.sample_clock import SampleClock
+from tega.devices.serial_port import POLL_S
+from tega.errors import DeviceUnavailableError, SampleRateError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["LEAST_RATE_HZ", "Arrived", "LiveEmg", "LiveEmgOptions"]
+
+LEAST_RATE_HZ = 125.0
+"""Below it the 50 Hz low-pass would lie above 0.4 of the rate, where it filters next to nothing."""
+
+RATE_TOLERANCE = 0.05
+"""A rate further off than this is not the one the filter was made and calibrated for."""
+
+LOST_TOLERANCE = 0.2
+"""A running source this far off is given up: its levels would come late and from the wrong band."""
+
+# A measurement disturbed by a busy machine evens out with time: it may take this many times as long before a refusal.
+_PATIENCE = 5
+
+
+class LiveEmgOptions(Options, frozen=True, kw_only=True):
+    """Settings that all live sources have.
+
+    Attributes:
+        channels: Which channels to use, counted from 1; none means all.
+        measure_s: How long the true sample rate is measured when the source opens.
+        silence_s: Without a valid sample for this long the source is given up.
+        start_s: How long the first valid sample may take.
+    """
+
+    channels: tuple[Annotated[int, msgspec.Meta(ge=1, le=64)], ...] = ()
+    measure_s: Annotated[float, msgspec.Meta(ge=0.25, le=60)] = 2.0
+    silence_s: Annotated[float, msgspec.Meta(ge=0.1, le=60)] = 1.0
+    start_s: Annotated[float, msgspec.Meta(ge=0.1, le=60)] = 5.0
+
+
+class Arrived(NamedTuple):
+    """What came in at once.
+
+    Attributes:
+        samples: float64 (n, channels), at least one; all channels of the device.
+        missing: (n,) samples missing before each, by the device's counter; ``None`` where it has none.
+        arrival_ns: When, on the monotonic clock.
+    """
+
+    samples: NDArray[np.float64]
+    missing: NDArray[np.integer] | None
+    arrival_ns: int
+
+
+class LiveEmg(Opened):
+    """A live EMG source; a driver adds how to start, what has arrived, and how to stop.
+
+    Args:
+        options: The settings.
+    """
+
+    kind: ClassVar[Kind] = "emg"
+    name: ClassVar[str]
+    counter_turn: ClassVar[int | None] = None
+
+    def __init__(self, options: LiveEmgOptions) -> None:
+        self._settings = options
+        self._open = False
+        self._lost: DeviceUnavailableError | None = None
+        self._chunks: deque[EmgChunk] = deque()
+        self._clock: SampleClock | None = None
+        self._health: EmgHealth | None = None
+        self._next_index = 0
+        self._valid_at_s = 0.0
+        self._checked_at_s = 0.0
+
+    # What a driver adds.
+
+    def _start(self) -> None:
+        """Connect and switch the stream on."""
+        raise NotImplementedError
+
+    def _arrived(self) -> Arrived | None:
+        """Return what has arrived, without waiting."""
+        raise NotImplementedError
+
+    def _stop(self) -> None:
+        """Switch the stream off and disconnect; called in whatever state things are."""
+        raise NotImplementedError
+
+    def _rate_hz(self) -> float | None:
+        """Return the rate it is said to have; known at the latest when it has started."""
+        raise NotImplementedError
+
+    def _all_channels(self) -> int:
+        """Return how many channels the device has; asked once it has started."""
+        raise NotImplementedError
+
+    def _unit(self) -> str:
+        """Return the unit of the samples."""
+        raise NotImplementedError
+
+    def _limits(self) -> tuple[float, float] | None:
+        """Return the converter's limits in that unit, where they are known."""
+        return None
+
+    def _label(self) -> str:
+        """Return what it is called."""
+        raise NotImplementedError
+
+    def _instead(self) -> str:
+        """Say what came instead of samples."""
+        return ""
+
+    def _own_notes(self) -> tuple[str, ...]:
+        """Return what a reader of the results must know."""
+        return ()
+
+    # What is the same in all of them.
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Name, rate, channels, and in the notes what is wrong with the signal so far."""
+        notes = self._own_notes()
+        if self._clock is not None and (said := self._rate_words()):
+            notes += (said,)
+        if self._health is not None:
+            notes += self._health.words()
+        return DeviceInfo(
+            driver=self.name,
+            kind="emg",
+            label=self._label(),
+            live=True,
+            rate_hz=self._rate_hz(),
+            channels=tuple(f"ch{c}" for c in self._columns()),
+            unit=self._unit(),
+            notes=notes,
+        )
+
+    @property
+    def ended(self) -> bool:
+        """Never: a live source that goes away raises."""
+        return False
+
+    @property
+    def measured_hz(self) -> float | None:
+        """True samples per second over the last ten seconds; ``None`` before the source was opened."""
+        return None if self._clock is None else self._clock.measured_hz
+
+    @property
+    def health(self) -> EmgHealth | None:
+        """What the signal looks like; ``None`` before the source was opened."""
+        return self._health
+
+    def open(self) -> None:
+        """Connect, switch the stream on and measure its true rate; the samples of that time are not delivered.
+
+        Raises:
+            DeviceUnavailableError: It is not there, does not answer, or sends no sample.
+            SampleRateError: It is too slow for the filter, or not as fast as it is said to be.
+            MissingExtraError: A package it needs is not installed.
+        """
+        self.close()
+        self._open, self._lost = True, None
+        # Any way out of the program that runs Python code switches the stream off.
+        atexit.register(self.close)
+        try:
+            self._start()
+            self._prove()
+        except BaseException:
+            self.close()
+            raise
+        self._chunks.clear()
+        self._next_index = 0
+
+    def close(self) -> None:
+        """Switch the stream off and disconnect."""
+        if not self._open:
+            return
+        self._open = False
+        atexit.unregister(self.close)
+        self._chunks.clear()
+        self._stop()
+
+    def read(self, timeout_s: float) -> EmgChunk | None:
+        """Return the next samples without a gap between them, or ``None`` when none came within ``timeout_s``.
+
+        Raises:
+            DeviceUnavailableError: The source is not open, was unplugged, or has been silent for too long.
+            SampleRateError: It has become too slow or too fast.
+        """
+        if not self._open:
+            raise DeviceUnavailableError(f"{self.name} {self._label()!r} is not open", "open it first")
+        if self._lost is not None:
+            raise self._lost
+        deadline_s = time.monotonic() + timeout_s
+        try:
+            while not self._chunks:
+                self._collect()
+                left_s = deadline_s - time.monotonic()
+                if self._chunks or left_s <= 0:
+                    break
+                time.sleep(min(POLL_S, left_s))
+        except DeviceUnavailableError as error:
+            self._lost = error
+            raise
+        return self._chunks.popleft() if self._chunks else None
+
+    def _collect(self) -> None:
+        """Put what has arrived in the queue, cut where samples are missing."""
+        arrived, clock = self._arrived(), self._clock
+        now_s = time.monotonic()
+        if arrived is None or clock is None:
+            if now_s - self._valid_at_s > self._settings.silence_s:
+                raise self._silent(self._settings.silence_s)
+            return
+        self._valid_at_s = now_s
+        samples, missing = arrived.samples, arrived.missing
+        n_missing = 0 if missing is None else int(missing.sum(dtype=int))
+        stamp = clock.take(len(samples), arrived.arrival_ns, n_missing)
+        columns = [c - 1 for c in self._columns()]
+        cuts = [0, *([] if missing is None else (missing[1:].nonzero()[0] + 1).tolist()), len(samples)]
+        self._next_index += stamp.n_lost
+        for first, last in itertools.pairwise(cuts):
+            self._next_index += 0 if missing is None else int(missing[first])
+            chunk = EmgChunk(stamp.t_ns, self._next_index, samples[first:last][:, columns])
+            self._next_index += last - first
+            self._chunks.append(chunk)
+            if self._health is not None:
+                self._health.take(chunk)
+        if self._health is not None and now_s - self._checked_at_s > 1.0:
+            self._checked_at_s = now_s
+            self._check_running(clock)
+
+    def _prove(self) -> None:
+        """Make sure that the stream that was started can be used."""
+        rate_hz = self._rate_hz()
+        if rate_hz is None or rate_hz < LEAST_RATE_HZ:
+            raise self._too_slow(rate_hz, "is said to send")
+        self._check_columns()
+        self._clock, self._health = SampleClock(rate_hz, counter_turn=self.counter_turn), None
+        self._measure(self._clock, rate_hz)
+        names = tuple(f"ch{c}" for c in self._columns())
+        self._health = EmgHealth(rate_hz, names, limits=self._limits())
+
+    def _measure(self, clock: SampleClock, rate_hz: float) -> None:
+        """Wait for the first sample, then measure until the rate is proven or certainly another."""
+        wait_s, patience_s = self._settings.start_s, _PATIENCE * self._settings.measure_s
+        started_s = time.monotonic()
+        first_s: float | None = None
+        while True:
+            now_s = self._valid_at_s = time.monotonic()
+            self._collect()
+            if self._chunks:
+                self._chunks.clear()
+                first_s = now_s if first_s is None else first_s
+            if first_s is None:
+                if now_s - started_s > wait_s:
+                    raise self._silent(wait_s)
+            elif now_s - first_s > self._settings.measure_s:
+                measured_hz = clock.measured_hz or 0.0
+                if abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
+                    return
+                if now_s - first_s > patience_s:
+                    raise self._wrong_rate(measured_hz, rate_hz)
+            time.sleep(POLL_S)
+
+    def _check_running(self, clock: SampleClock) -> None:
+        rate_hz, measured_hz = self._rate_hz(), clock.measured_hz
+        if rate_hz is None or measured_hz is None or clock.measured_s < 5.0:
+            return
+        if measured_hz < LEAST_RATE_HZ or abs(measured_hz / rate_hz - 1) > LOST_TOLERANCE:
+            raise self._wrong_rate(measured_hz, rate_hz)
+
+    def _rate_words(self) -> str:
+        rate_hz, measured_hz = self._rate_hz(), self.measured_hz
+        if rate_hz is None or measured_hz is None or abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
+            return ""
+        return f"{measured_hz:.1f} samples/s came where {rate_hz:g} were expected"
+
+    def _too_slow(self, rate_hz: float | None, how: str) -> SampleRateError:
+        said = "no rate at all" if rate_hz is None else f"{rate_hz:.4g} samples/s"
+        return SampleRateError(
+            f"{self.name}: {self._label()} {how} {said}; the 50 Hz filter needs {LEAST_RATE_HZ:g}",
+            "make the board send faster: no delay() in its loop, a higher baud rate, fewer characters a line",
+        )
+
+    def _wrong_rate(self, measured_hz: float, rate_hz: float) -> SampleRateError:
+        if measured_hz < LEAST_RATE_HZ:
+            return self._too_slow(measured_hz, "really sends")
+        return SampleRateError(
+            f"{self.name}: {self._label()} really sends {measured_hz:.1f} samples/s, {rate_hz:g} were expected",
+            f"set the board to {rate_hz:g}, or rate_hz to what it sends and calibrate again",
+        )
+
+    def _silent(self, after_s: float) -> DeviceUnavailableError:
+        instead = self._instead()
+        return DeviceUnavailableError(
+            f"{self.name}: {self._label()} sent no valid sample for {after_s:g} s"
+            + (f"; {instead}" if instead else ""),
+            "check power, cable and baud rate" if instead else "check power and cable",
+        )
+
+    def _columns(self) -> tuple[int, ...]:
+        if self._settings.channels:
+            return self._settings.channels
+        return tuple(range(1, self._all_channels() + 1))
+
+    def _check_columns(self) -> None:
+        wanted, there = self._columns(), self._all_channels()
+        if max(wanted) > there or len(set(wanted)) < len(wanted):
+            raise DeviceUnavailableError(
+                f"{self.name}: {self._label()} has {there} channels, asked for {list(wanted)}",
+                f"set channels to different numbers from 1 to {there}",
+            )
