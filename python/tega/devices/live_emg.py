@@ -9,6 +9,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import msgspec
+import numpy as np
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.devices.emg_health import EmgHealth
@@ -18,7 +19,6 @@ from tega.devices.serial_port import POLL_S
 from tega.errors import DeviceUnavailableError, SampleRateError
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 __all__ = ["LEAST_RATE_HZ", "Arrived", "LiveEmg", "LiveEmgOptions"]
@@ -31,6 +31,15 @@ RATE_TOLERANCE = 0.05
 
 LOST_TOLERANCE = 0.2
 """A running source this far off is given up: its levels would come late and from the wrong band."""
+
+# Random bytes can look like a packet once in a second; a source that gives less than this share is silent.
+_ALIVE_SHARE = 0.05
+
+# Between two looks at the source at most this much counts as its silence: we may have been held up ourselves.
+_LOOKED_AWAY_S = 0.25
+
+# Held up for longer than this, more samples came than a port's buffer keeps, and the rate has to be measured afresh.
+_HELD_UP_S = 0.4
 
 # A measurement disturbed by a busy machine evens out with time: it may take this many times as long before a refusal.
 _PATIENCE = 5
@@ -57,12 +66,12 @@ class Arrived(NamedTuple):
 
     Attributes:
         samples: float64 (n, channels), at least one; all channels of the device.
-        missing: (n,) samples missing before each, by the device's counter; ``None`` where it has none.
+        missing: int64 (n,), samples missing before each, by the device's counter; ``None`` where it has none.
         arrival_ns: When, on the monotonic clock.
     """
 
     samples: NDArray[np.float64]
-    missing: NDArray[np.integer] | None
+    missing: NDArray[np.int64] | None
     arrival_ns: int
 
 
@@ -85,7 +94,11 @@ class LiveEmg(Opened):
         self._clock: SampleClock | None = None
         self._health: EmgHealth | None = None
         self._next_index = 0
-        self._valid_at_s = 0.0
+        self._n_fresh = 0
+        self._n_repeated = 0
+        self._last_row: NDArray[np.float64] | None = None
+        self._silent_s = 0.0
+        self._looked_at_s = 0.0
         self._checked_at_s = 0.0
 
     # What a driver adds.
@@ -138,6 +151,8 @@ class LiveEmg(Opened):
         notes = self._own_notes()
         if self._clock is not None and (said := self._rate_words()):
             notes += (said,)
+        if self._n_repeated:
+            notes += (f"{self._n_repeated} packets came twice; used once",)
         if self._health is not None:
             notes += self._health.words()
         return DeviceInfo(
@@ -175,7 +190,7 @@ class LiveEmg(Opened):
             MissingExtraError: A package it needs is not installed.
         """
         self.close()
-        self._open, self._lost = True, None
+        self._open, self._lost, self._last_row, self._n_repeated = True, None, None, 0
         # Any way out of the program that runs Python code switches the stream off.
         atexit.register(self.close)
         try:
@@ -222,15 +237,22 @@ class LiveEmg(Opened):
 
     def _collect(self) -> None:
         """Put what has arrived in the queue, cut where samples are missing."""
-        arrived, clock = self._arrived(), self._clock
-        now_s = time.monotonic()
-        if arrived is None or clock is None:
-            if now_s - self._valid_at_s > self._settings.silence_s:
-                raise self._silent(self._settings.silence_s)
+        arrived, clock, now_s = self._arrived(), self._clock, time.monotonic()
+        if arrived is not None and arrived.missing is not None:
+            arrived = self._without_repeats(arrived, arrived.missing)
+        self._n_fresh += 0 if arrived is None else len(arrived.samples)
+        away_s, self._looked_at_s = now_s - self._looked_at_s, now_s
+        self._silent_s += min(away_s, _LOOKED_AWAY_S)
+        if clock is not None and away_s > _HELD_UP_S:
+            clock.forget_rate()
+        if self._n_fresh >= _ALIVE_SHARE * self._settings.silence_s * (self._rate_hz() or 0.0):
+            self._n_fresh, self._silent_s = 0, 0.0
+        elif self._silent_s > self._settings.silence_s:
+            raise self._silent(self._settings.silence_s)
+        if arrived is None or clock is None or not len(arrived.samples):
             return
-        self._valid_at_s = now_s
         samples, missing = arrived.samples, arrived.missing
-        n_missing = 0 if missing is None else int(missing.sum(dtype=int))
+        n_missing = 0 if missing is None else int(missing.sum())
         stamp = clock.take(len(samples), arrived.arrival_ns, n_missing)
         columns = [c - 1 for c in self._columns()]
         cuts = [0, *([] if missing is None else (missing[1:].nonzero()[0] + 1).tolist()), len(samples)]
@@ -246,6 +268,21 @@ class LiveEmg(Opened):
             self._checked_at_s = now_s
             self._check_running(clock)
 
+    def _without_repeats(self, arrived: Arrived, missing: NDArray[np.int64]) -> Arrived:
+        """Leave out packets that came twice: by the counter one turn less one is missing, but nothing has changed."""
+        samples, last = arrived.samples, self._last_row
+        before = samples[:-1] if last is None else np.concatenate([last[np.newaxis], samples[:-1]])
+        offset = len(samples) - len(before)
+        again = np.zeros(len(samples), np.bool_)
+        again[offset:] = (missing[offset:] == (self.counter_turn or 0) - 1) & (
+            samples[offset:] == before
+        ).all(axis=1)
+        self._last_row = samples[-1]
+        if not again.any():
+            return arrived
+        self._n_repeated += int(again.sum())
+        return Arrived(samples[~again], missing[~again], arrived.arrival_ns)
+
     def _prove(self) -> None:
         """Make sure that the stream that was started can be used."""
         rate_hz = self._rate_hz()
@@ -260,24 +297,29 @@ class LiveEmg(Opened):
     def _measure(self, clock: SampleClock, rate_hz: float) -> None:
         """Wait for the first sample, then measure until the rate is proven or certainly another."""
         wait_s, patience_s = self._settings.start_s, _PATIENCE * self._settings.measure_s
-        started_s = time.monotonic()
-        first_s: float | None = None
+        waited_s = measured_s = 0.0
         while True:
-            now_s = self._valid_at_s = time.monotonic()
+            before_s, self._silent_s = time.monotonic(), 0.0
+            time.sleep(POLL_S)
             self._collect()
-            if self._chunks:
-                self._chunks.clear()
-                first_s = now_s if first_s is None else first_s
-            if first_s is None:
-                if now_s - started_s > wait_s:
-                    raise self._silent(wait_s)
-            elif now_s - first_s > self._settings.measure_s:
+            looked_s = time.monotonic() - before_s
+            if looked_s > _LOOKED_AWAY_S:
+                # The machine was busy elsewhere: begin again.
+                clock.forget_rate()
+                measured_s = 0.0
+            elif self._chunks or measured_s > 0:
+                measured_s += looked_s
+            else:
+                waited_s += looked_s
+            self._chunks.clear()
+            if waited_s > wait_s:
+                raise self._silent(wait_s)
+            if measured_s > self._settings.measure_s:
                 measured_hz = clock.measured_hz or 0.0
                 if abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
                     return
-                if now_s - first_s > patience_s:
+                if measured_s > patience_s:
                     raise self._wrong_rate(measured_hz, rate_hz)
-            time.sleep(POLL_S)
 
     def _check_running(self, clock: SampleClock) -> None:
         rate_hz, measured_hz = self._rate_hz(), clock.measured_hz

@@ -103,6 +103,10 @@ class SampleClock:
         """How long the measured rate goes back, seconds."""
         return (self._points[-1][1] - self._points[0][1]) * 1e-9 if self._points else 0.0
 
+    def forget_rate(self) -> None:
+        """Measure afresh: what was between the arrivals so far is not known."""
+        self._points.clear()
+
     def _on_line(self) -> float:
         n, t_ns = self._line or (0, 0.0)
         return t_ns + (self._n - n) * self._period_ns
@@ -114,7 +118,7 @@ class SampleClock:
             n_lost = math.floor(late_ns / self._period_ns / self._turn + 0.25) * self._turn
         if n_lost:
             self._n += n_lost
-            self._points.clear()
+            self.forget_rate()
         elif (rate_hz := self.measured_hz) is not None and rate_hz > 0:
             on_line_ns, self._period_ns = self._on_line(), 1e9 / rate_hz
             self._line = (self._n, on_line_ns + late_ns)

@@ -105,10 +105,10 @@ class _Line:
         while True:
             watched = [sys.stdin.fileno(), *([self._ends[0]] if self._ends else [])]
             ready, _, _ = select.select(watched, [], [], burst_s)
-            if sys.stdin.fileno() in ready and not self._obey():
-                return
             if self._ends and self._ends[0] in ready:
                 self._hear(self._ends[0])
+            if sys.stdin.fileno() in ready and not self._obey():
+                return
             now_s = time.monotonic()
             if now_s - last_s < burst_s:
                 continue
@@ -176,6 +176,8 @@ class _Line:
         elif verb == "plug":
             self.unplug()
             self._plug()
+        elif verb == "reset":
+            self._send(self._board.power_on())
         elif verb == "heard":
             return self._heard.hex()
         elif verb == "clear":
