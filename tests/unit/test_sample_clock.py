@@ -79,6 +79,24 @@ def test_a_loss_of_whole_turns_is_found_by_time_and_only_once() -> None:
     assert 700 < lost.index(512) < 700 + 130
 
 
+@pytest.mark.parametrize("share", [0.2, 0.33, 0.9])
+def test_a_stream_that_becomes_slow_is_no_loss(share: float) -> None:
+    clock, now_ns = SampleClock(500.0, counter_turn=256), 0
+    for k in range(2000):
+        now_ns += round(8 * MS / (1.0 if k < 500 else share))
+        assert clock.take(4, now_ns).n_lost == 0
+    assert clock.measured_hz == pytest.approx(500.0 * share, rel=0.01)
+
+
+def test_there_is_room_for_as_many_losses_as_time_has_passed() -> None:
+    clock = SampleClock(250.0, counter_turn=256)
+    for k in range(1, 200):
+        clock.take(4, k * 16 * MS)
+    on_time_ns = 200 * 16 * MS
+    assert clock.room(4, on_time_ns) <= 13
+    assert 100 <= clock.room(4, on_time_ns + 400 * MS) <= 113
+
+
 def test_a_late_delivery_is_no_loss() -> None:
     # The host was busy for 1.5 s and then got everything at once.
     clock, lost = SampleClock(250.0, counter_turn=256), 0

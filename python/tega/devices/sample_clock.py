@@ -16,6 +16,8 @@ __all__ = ["SampleClock", "Stamp"]
 # The line is looked over this often, and the rate is fitted over this long.
 _LOOK_NS = 1_000_000_000
 _FIT_NS = 10_000_000_000
+# A sample that seems to come from further in the future than this has a wrong number.
+_FUTURE_NS = 50_000_000
 # A fit over less than this says nothing.
 _LEAST_FIT_NS = 200_000_000
 
@@ -55,6 +57,8 @@ class SampleClock:
         self._points: deque[tuple[int, int]] = deque()
         self._earliest_ns = math.inf
         self._look_ns = 0
+        self._arrival_ns = 0
+        self._pauses_ns = (0, 0)
         self._last_ns = 0
 
     def take(self, n_samples: int, arrival_ns: int, n_missing: int = 0) -> Stamp:
@@ -75,6 +79,9 @@ class SampleClock:
         n_lost = 0
         if self._line is None:
             self._line, self._look_ns = (self._n, float(arrival_ns)), arrival_ns + _LOOK_NS
+            self._arrival_ns = arrival_ns
+        before, now = self._pauses_ns
+        self._pauses_ns, self._arrival_ns = (before, max(now, arrival_ns - self._arrival_ns)), arrival_ns
         late_ns = arrival_ns - self._on_line()
         if late_ns < 0:
             self._line, late_ns = (self._n, float(arrival_ns)), 0.0
@@ -83,6 +90,13 @@ class SampleClock:
             n_lost = self._look(arrival_ns)
         self._last_ns = max(self._last_ns, min(round(self._on_line()), arrival_ns))
         return Stamp(self._last_ns, n_lost)
+
+    def room(self, n_samples: int, arrival_ns: int) -> int:
+        """Return how many samples can be missing before those that arrive, if none of them is from the future."""
+        if self._line is None:
+            return 2**31
+        ahead_ns = self._on_line() + n_samples * self._period_ns - arrival_ns
+        return max(0, math.floor((_FUTURE_NS - ahead_ns) / self._period_ns))
 
     @property
     def measured_hz(self) -> float | None:
@@ -115,7 +129,9 @@ class SampleClock:
         """Raise the line to the earliest arrival of the last second, and count whole turns that went missing."""
         n_lost, late_ns = 0, self._earliest_ns
         if self._turn is not None:
-            n_lost = math.floor(late_ns / self._period_ns / self._turn + 0.25) * self._turn
+            # While packets were lost none arrived; a stream that has only become slow has no such pause.
+            lost_ns = min(late_ns, max(self._pauses_ns))
+            n_lost = math.floor(lost_ns / self._period_ns / self._turn + 0.25) * self._turn
         if n_lost:
             self._n += n_lost
             self.forget_rate()
@@ -123,4 +139,5 @@ class SampleClock:
             on_line_ns, self._period_ns = self._on_line(), 1e9 / rate_hz
             self._line = (self._n, on_line_ns + late_ns)
         self._earliest_ns, self._look_ns = math.inf, arrival_ns + _LOOK_NS
+        self._pauses_ns = (0 if n_lost else self._pauses_ns[1], 0)
         return n_lost
