@@ -68,7 +68,8 @@ class EmgHealth:
         self._n_look = max(2, round(_LOOK_S * rate_hz))
         self._n_spectrum = round(_SPECTRUM_S * rate_hz)
         self._past = np.empty((0, len(self._names)))
-        self._new = 0
+        self._new: list[NDArray[np.float64]] = []
+        self._n_new = 0
         self._next_index: int | None = None
         self._gaps: list[int] = []
         self._looks: Counter[str] = Counter()
@@ -81,10 +82,11 @@ class EmgHealth:
         self._next_index = chunk.first_index + len(chunk.samples)
         for first in range(0, len(chunk.samples), self._n_look):
             part = chunk.samples[first : first + self._n_look]
-            self._past = np.concatenate([self._past, part])[-self._n_spectrum :]
-            self._new += len(part)
-            if self._new >= self._n_look:
-                self._new = 0
+            self._new.append(part)
+            self._n_new += len(part)
+            if self._n_new >= self._n_look:
+                self._past = np.concatenate([self._past, *self._new])[-self._n_spectrum :]
+                self._new, self._n_new = [], 0
                 self.now = tuple(self._look())
                 self._looks.update(self.now)
 
