@@ -123,6 +123,27 @@ def channel_maxima(
     samples: NDArray[np.float64], rate_hz: float, tau: int, kind: str, percentile: float
 ) -> NDArray[np.float64]: ...
 
+# --- gel ---
+
+_Indenter = tuple[str, tuple[float, float, float], NDArray[np.float64], float]
+_Touch = tuple[bool, int, float, float, tuple[float, float]]
+
+GEL_PX_PER_MM: Final[float]
+GEL_LENGTH_MM: Final[float]
+GEL_STIFFNESS_N_MM3: Final[float]
+GEL_DOME_MM: Final[float]
+
+@final
+class Gel:
+    def __new__(cls, seed: int, /, *, spread: float) -> Self: ...
+    def press(self, indenters: Sequence[_Indenter], /) -> _Touch: ...
+    def frame(
+        self, indenters: Sequence[_Indenter], index: int, /, *, out: NDArray[np.uint8] | None
+    ) -> tuple[NDArray[np.uint8], _Touch]: ...
+    def still(self, index: int, /) -> NDArray[np.uint8]: ...
+    def contact_mask(self) -> NDArray[np.bool_]: ...
+    def displacement_mm(self) -> NDArray[np.float32]: ...
+
 # --- hand ---
 
 JOINT_NAMES: Final[list[str]]

@@ -12,9 +12,12 @@ Example:
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Protocol
 
-__all__ = ["Clock", "ManualClock", "SystemClock"]
+__all__ = ["Clock", "ManualClock", "PausableClock", "SystemClock"]
+
+_PAUSE_LOOK_S = 0.02
 
 
 class Clock(Protocol):
@@ -59,3 +62,32 @@ class ManualClock:
     def sleep_until(self, t_ns: int) -> None:
         """Move to ``t_ns``, unless it is already later."""
         self._t_ns = max(self._t_ns, t_ns)
+
+
+class PausableClock:
+    """The machine's monotonic clock without the time for which it was held.
+
+    Args:
+        paused: Asked by every wait; the clock stands still, and the wait lasts, while it says so.
+
+    Attributes:
+        held_ns: The pauses so far, nanoseconds.
+    """
+
+    def __init__(self, paused: Callable[[], bool]) -> None:
+        self._paused = paused
+        self._clock = SystemClock()
+        self.held_ns = 0
+
+    def now_ns(self) -> int:
+        """Return the machine's monotonic time less the pauses so far, in nanoseconds."""
+        return self._clock.now_ns() - self.held_ns
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Sleep through a pause, then until the clock shows ``t_ns``."""
+        if self._paused():
+            held_since_ns = self._clock.now_ns()
+            while self._paused():
+                time.sleep(_PAUSE_LOOK_S)
+            self.held_ns += self._clock.now_ns() - held_since_ns
+        self._clock.sleep_until(t_ns + self.held_ns)

@@ -11,16 +11,16 @@ import pytest
 from tega.audit import READINGS, Mark, audit_frames, far_field, mean_difference, read_marks
 from tega.cli.main import main
 from tega.errors import RecordingError
-from tega.sim.press import Press, PressCamera
+from tega.sim.gel import Gel, ball
 
-CAMERA = PressCamera(seed=5)
-BASELINE = CAMERA.baseline()
-PRESSES = [Press(depth, (120.0, 150.0)) for depth in (0.6, 0.9, 1.2)]
-FRAMES = [CAMERA.frame(press, number) for number, press in enumerate(PRESSES)]
+GEL = Gel(seed=5)
+BASELINE = GEL.still()
+FORCES_N = (1.5, 3.0, 5.0)
+FRAMES = [GEL.frame([ball(force_n=n, centre_xy=(120.0, 150.0))], k) for k, n in enumerate(FORCES_N)]
 
 
 def test_every_reading_scores_every_frame() -> None:
-    scores = audit_frames(FRAMES, BASELINE, at_rest=CAMERA.frame(Press(0.0)))
+    scores = audit_frames(FRAMES, BASELINE, at_rest=GEL.frame([], 0))
     assert [s.reading for s in scores] == list(READINGS)
     by_name = {s.reading: s for s in scores}
     assert by_name["print, absolute"].eda == [BASELINE[..., 0].size] * 3
@@ -48,7 +48,7 @@ def test_overlap_with_a_mark_is_one_for_the_mark_itself() -> None:
 
 
 def test_the_composed_frame_holds_no_press() -> None:
-    frames = [CAMERA.frame(Press(1.0, xy)) for xy in ((60.0, 60.0), (180.0, 260.0))]
+    frames = [GEL.frame([ball(force_n=4.0, centre_xy=xy)], 0) for xy in ((60.0, 60.0), (180.0, 260.0))]
     marks = [Mark((60.0, 60.0), 45.0), Mark((180.0, 260.0), 45.0)]
     at_rest = far_field(frames, marks, BASELINE)
     assert audit_frames([at_rest], BASELINE, readings=["live"])[0].eda == [0]

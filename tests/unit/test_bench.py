@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from reference import tactile as reference
-from tega.bench import exact, filters, peers, report, scenes, tick, timing, variants
+from tega.bench import exact, filters, peers, report, scenes, simulation, tick, timing, variants
 from tega.bench.variants import CONTACT_LAWS, Law
 from tega.cli import bench as cli_bench
 from tega.haptics import FINGERS
@@ -256,3 +256,26 @@ def test_counts_are_committed_for_both_paths():
     assert len(tactile) >= 7
     for kernel in tactile:
         assert committed[kernel]["avx2"] < committed[kernel]["baseline"]
+
+
+def test_the_time_of_a_simulated_lift_adds_up():
+    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    from tega.sim.world import World
+
+    advance_to = World.advance_to
+    done = CliRunner().invoke(cli_bench.bench, ["sim", "--objects", "bag", "--repeats", "1", "--json"])
+    assert done.exit_code == 0, done.output
+    report = json.loads(done.output)
+    whole, grasping = report["rows"]
+    assert (whole["object"], whole["part"], grasping["part"]) == ("bag", "whole", "grasping")
+    assert 0 < grasping["simulated_s"] < whole["simulated_s"]
+    for row in (whole, grasping):
+        assert {"physics", "render", "tactile read", "EMG", "operator", "CAN bus"} <= set(row["stages_ms"])
+        assert all(spent_ms > 0 for spent_ms in row["stages_ms"].values())
+    assert [row["skip"] for row in report["skips"]] == [
+        "untouched fingertips are not rendered",
+        "their known frames are not measured",
+    ]
+    # What was timed is left as it was.
+    assert World.advance_to is advance_to
+    cli_bench._print_simulation(msgspec.convert(report, simulation.SimReport))

@@ -46,8 +46,8 @@ def run_loop(
         contacts=contacts,
         levels=levels,
         hand=ModelledAllegro(),
-        vests=[vest],  # type: ignore[list-item]
-        hands=[hand],  # type: ignore[list-item]
+        vests=[vest],
+        hands=[hand],
         recorder=None,
         observer=observer,
     )

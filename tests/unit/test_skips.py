@@ -28,7 +28,7 @@ from tega.config import check_tree
 from tega.devices.base import TactileFrame
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import VestFrame, vest_frame
-from tega.sim.press import PressCamera
+from tega.sim.gel import Gel
 from tega.tactile import read_contact
 from tega.teleop import run_session
 from tega.teleop.hand import ModelledAllegro
@@ -151,7 +151,7 @@ def test_a_stuck_sensor_falls_silent_and_comes_back() -> None:
         contacts={"thumb": PulledStream(contacts)},
         levels=None,
         hand=ModelledAllegro(),
-        vests=[vest],  # type: ignore[list-item]
+        vests=[vest],
         hands=[],
         recorder=None,
     )
@@ -255,7 +255,7 @@ def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int
         contacts={"thumb": PulledStream(contacts, end_ns=end_ns)},
         levels=None,
         hand=ModelledAllegro(),
-        vests=[recorder],  # type: ignore[list-item]
+        vests=[recorder],
         hands=[],
         recorder=None,
         kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
@@ -319,8 +319,8 @@ def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, S
         contacts=streams,
         levels=PulledStream(levels, end_ns=1000 * MS) if emg else None,
         hand=ModelledAllegro(),
-        vests=[vest],  # type: ignore[list-item]
-        hands=[hand],  # type: ignore[list-item]
+        vests=[vest],
+        hands=[hand],
         recorder=None,
         kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
     )
@@ -432,7 +432,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
     plugin.made.clear()
     plugin.read.clear()
     calibration = {"file": str(tmp_path / "one" / "calibration.toml")}
-    np.save(tmp_path / "gel.npy", PressCamera(0).baseline())
+    np.save(tmp_path / "gel.npy", Gel(0).still())
     finger = {"driver": "counted-touch", "baseline": "gel.npy", "options": {"duration_s": 2.0}}
     config = session(tmp_path, "two", calibration=calibration, tactile={"index": finger})
     second = run_session(config, observer=observer)

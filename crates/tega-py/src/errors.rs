@@ -6,6 +6,7 @@
 use pyo3::import_exception;
 use pyo3::prelude::*;
 use tega_emg::EmgError;
+use tega_gel::GelError;
 use tega_hand::HandError;
 use tega_haptics::HapticsError;
 use tega_image::ImageError;
@@ -69,6 +70,19 @@ impl From<EmgError> for BindError {
             EmgError::BadCalibrationSample { .. }
             | EmgError::CalibrationTooShort { .. }
             | EmgError::UnusableMaximum { .. } => CalibrationError::new_err(args),
+        })
+    }
+}
+
+impl From<GelError> for BindError {
+    fn from(e: GelError) -> Self {
+        let args = (e.to_string(), e.hint());
+        Self(match e {
+            GelError::OutOfRange { .. }
+            | GelError::Rotation { .. }
+            | GelError::TooMany { .. }
+            | GelError::Setting { .. } => InvalidValueError::new_err(args),
+            GelError::Picture { .. } => ShapeError::new_err(args),
         })
     }
 }

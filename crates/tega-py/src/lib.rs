@@ -6,6 +6,7 @@
 mod arguments;
 mod emg;
 mod errors;
+mod gel;
 mod hand;
 mod haptics;
 mod image;
@@ -21,6 +22,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     haptics::register(m)?;
     emg::register(m)?;
     hand::register(m)?;
+    gel::register(m)?;
     image::register(m)?;
     wire::register(m)?;
     // The stub lists the names; a second list would have to be kept equal by hand.

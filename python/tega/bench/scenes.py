@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.press import Press, PressCamera
+from tega.sim.gel import Gel, ball
 
 __all__ = ["SIZES", "SIZE_OF_A_FINGER", "SIZE_OF_A_SENSOR", "Scene", "scenes"]
 
@@ -20,11 +20,8 @@ SIZE_OF_A_FINGER = (240, 320)
 SIZE_OF_A_SENSOR = (2464, 3280)
 SIZES = ((120, 160), SIZE_OF_A_FINGER, (480, 640), SIZE_OF_A_SENSOR)
 
-PRESSES = (
-    Press(depth_mm=0.2, centre_xy=(180.0, 240.0)),
-    Press(depth_mm=0.3, centre_xy=(120.0, 160.0)),
-    Press(depth_mm=0.4, centre_xy=(90.0, 100.0)),
-)
+# Force in newtons, and where: some 0.2, 0.3 and 0.4 mm deep.
+PRESSES = ((0.3, (180.0, 240.0)), (0.5, (120.0, 160.0)), (0.8, (90.0, 100.0)))
 # A dent's flanks cancel in the signed difference, and the equations as printed then have no value. A bright spot under
 # the ball, as high as this per millimetre of depth and as wide, gives them one.
 SPOT_COUNTS_PER_MM, SPOT_SD_PX = 300.0, 18.0
@@ -53,19 +50,22 @@ def scenes(size: tuple[int, int], *, seed: int = 7) -> list[Scene]:
         >>> scenes((120, 160))[0].frame.shape
         (120, 160, 3)
     """
-    camera = PressCamera(seed)
-    still = _sized(camera.baseline(), size)
-    return [
-        Scene(_sized(_brightened(camera.frame(press, n), press), size), still)
-        for n, press in enumerate(PRESSES)
-    ]
+    gel = Gel(seed)
+    still = _sized(gel.still(), size)
+    found = []
+    for n, (force_n, centre_xy) in enumerate(PRESSES):
+        image = gel.frame([ball(force_n=force_n, centre_xy=centre_xy)], n)
+        found.append(Scene(_sized(_brightened(image, gel.truth.depth_mm, centre_xy), size), still))
+    return found
 
 
-def _brightened(image: NDArray[np.uint8], press: Press) -> NDArray[np.uint8]:
+def _brightened(
+    image: NDArray[np.uint8], depth_mm: float, centre_xy: tuple[float, float]
+) -> NDArray[np.uint8]:
     rows, columns = np.ogrid[: image.shape[0], : image.shape[1]]
-    x, y = press.centre_xy
+    x, y = centre_xy
     square = ((columns - x) ** 2 + (rows - y) ** 2) / SPOT_SD_PX**2
-    spot = SPOT_COUNTS_PER_MM * press.depth_mm * np.exp(-square / 2)
+    spot = SPOT_COUNTS_PER_MM * depth_mm * np.exp(-square / 2)
     bright: NDArray[np.uint8] = np.clip(np.rint(image + spot[..., np.newaxis]), 0, 255).astype(np.uint8)
     return bright
 

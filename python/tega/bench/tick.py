@@ -20,7 +20,7 @@ from tega.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
 from tega.haptics import FINGERS, VestFrame
-from tega.sim.press import Press, PressCamera
+from tega.sim.gel import Gel, ball
 from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.repeats import LastFrame
 from tega.teleop.touch import TouchLoop
@@ -57,9 +57,9 @@ class TickRow(msgspec.Struct, frozen=True, kw_only=True):
 
 @cache
 def _pictures(seed: int, *, pressed: bool) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
-    camera = PressCamera(seed)
-    press = Press(depth_mm=0.8 if pressed else 0.0)
-    return [camera.frame(press, n) for n in range(PICTURES)], camera.baseline()
+    gel = Gel(seed)
+    press = [ball(force_n=2.5)] if pressed else []
+    return [gel.frame(press, n) for n in range(PICTURES)], gel.still()
 
 
 class Tick:

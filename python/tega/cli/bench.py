@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import NameList, debug_option, json_option
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from tega.bench import BenchReport
     from tega.bench.report import ContactRow
+    from tega.bench.simulation import SimReport
 
 __all__ = ["bench"]
 
 
-@click.command(epilog="Example: tega-teleop bench --quick --picture pareto.png")
+@click.group(
+    invoke_without_command=True,
+    epilog="Example: tega-teleop bench --quick --picture pareto.png; tega-teleop bench sim",
+)
 @click.option(
     "--picture",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -27,7 +31,8 @@ __all__ = ["bench"]
 @click.option("--quick", is_flag=True, help="A tenth of the rounds, and not the largest pictures.")
 @json_option
 @debug_option
-def bench(*, picture: Path | None, quick: bool, as_json: bool) -> None:
+@click.pass_context
+def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: bool) -> None:
     r"""Measure run time and error of the kernels, of other ways to compute the same, and of a whole tick.
 
     What is compared: each reading of the contact equations at four picture sizes, with OpenCV, NumPy and Numba doing
@@ -47,6 +52,8 @@ def bench(*, picture: Path | None, quick: bool, as_json: bool) -> None:
                 saved_us: {skip: ...}}]
     to_floor and to_best_peer are times over the time of the reference: below 1 is faster.
     """
+    if ctx.invoked_subcommand is not None:
+        return
     import msgspec
 
     from tega.bench import run_bench
@@ -62,6 +69,65 @@ def bench(*, picture: Path | None, quick: bool, as_json: bool) -> None:
         echo_json(msgspec.to_builtins(report))
     else:
         _print(report)
+
+
+@bench.command(epilog="Example: tega-teleop bench sim --repeats 3 --json")
+@click.option("--objects", type=NameList(), default="bottle,container,bag", show_default=True)
+@click.option("--repeats", type=click.IntRange(1, 1000), default=5, show_default=True, help="Of each lift.")
+@click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
+@json_option
+@debug_option
+def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], as_json: bool) -> None:
+    r"""Measure where the time of simulated lifts goes, and what each skip saves.
+
+    \b
+    --json prints one object:
+      method, machine, repeats
+      rows   [{object, part: whole|grasping, simulated_s, real_time_factor, wall_factor, stages_ms: {stage: ...}}]
+      skips  [{object, skip, saved_ms, share}]
+    All times are milliseconds of processor time per simulated second.
+    """
+    import msgspec
+
+    from tega.bench.simulation import bench_simulation
+    from tega.cli.options import echo_json, progress_bar
+
+    with progress_bar() as progress:
+        report = bench_simulation(objects=objects, repeats=repeats, preset=preset, progress=progress)
+    if as_json:
+        echo_json(msgspec.to_builtins(report))
+    else:
+        _print_simulation(report)
+
+
+def _print_simulation(report: SimReport) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    out = Console(highlight=False, width=130)
+    machine = report.machine
+    load = "" if machine.load_per_core is None else f", load {machine.load_per_core:g} a core"
+    out.print(f"{machine.cpu}, {machine.n_cores} cores{load}, one thread")
+    table = Table(title="ms per simulated second", title_justify="left", box=SIMPLE)
+    table.add_column("stage", no_wrap=True)
+    for row in report.rows:
+        table.add_column(f"{row.object}\n{row.part}", justify="right")
+    for stage in dict.fromkeys(stage for row in report.rows for stage in row.stages_ms):
+        table.add_row(stage, *(f"{row.stages_ms.get(stage, 0.0):.1f}" for row in report.rows))
+    table.add_row("in all", *(f"{1e3 / row.real_time_factor:.1f}" for row in report.rows))
+    table.add_row("× real time", *(f"{row.real_time_factor:.1f}" for row in report.rows), style="bold")
+    table.add_row("by the wall clock", *(f"{row.wall_factor:.1f}" for row in report.rows))
+    out.print(table)
+    table = Table(title="what a skip saves", title_justify="left", box=SIMPLE)
+    for name in ("object", "skip"):
+        table.add_column(name, no_wrap=True)
+    for name in ("ms per simulated second", "share"):
+        table.add_column(name, justify="right")
+    for skip in report.skips:
+        table.add_row(skip.object, skip.skip, f"{skip.saved_ms:.1f}", f"{skip.share:.0%}")
+    out.print(table)
+    out.print(report.method, style="dim")
 
 
 def _print(report: BenchReport) -> None:

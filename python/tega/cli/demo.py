@@ -1,34 +1,74 @@
-"""``tega-teleop demo``: the loop on made-up input, to look at."""
+"""``tega-teleop demo``: a simulated person lifts three objects with the real loop in between, to look at."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import NameList, debug_option, json_option
 
 if TYPE_CHECKING:
-    from tega.config import SessionConfig
+    from tega.sim.demo import DemoReport
+    from tega.sim.rig import Person
+    from tega.view.state import ViewState
 
 __all__ = ["demo"]
 
-TITLE = "TEGA demo: simulated touch and EMG"
-# The object under each finger: its radius there, how deep the gel gives at full effort, and how late it is met.
-_TOUCH = {
-    "thumb": {"radius_mm": 14.0, "depth_mm": 0.7, "delay_s": 0.0},
-    "index": {"radius_mm": 3.0, "depth_mm": 1.4, "delay_s": 0.15},
-    "middle": {"radius_mm": 4.4, "depth_mm": 1.2, "delay_s": 0.25},
-    "ring": {"radius_mm": 8.0, "depth_mm": 0.8, "delay_s": 0.4},
-}
+TITLE = "TEGA demo: everything but the loop is simulated"
 
 
-@click.command(epilog="Example: tega-teleop demo --seconds 6 --out my-demo")
-@click.option("--seconds", type=click.FloatRange(3, 600), default=12.0, show_default=True, help="How long.")
+@click.command(epilog="Example: tega-teleop demo --objects bag --condition non-haptic --out my-demo")
+@click.option(
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
+    help="What is lifted, in turn.",
+)
+@click.option(
+    "--condition", default="haptic", show_default=True, help="haptic, non-haptic or a sham: see docs/sim.md."
+)
+@click.option(
+    "--operator",
+    type=click.Choice(["simulated", "scripted", "keyboard"]),
+    default="simulated",
+    show_default=True,
+    help="Who steers; keyboard: you.",
+)
 @click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
-@click.option("--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Of the noise.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**31),
+    default=1,
+    show_default=True,
+    help="Who the person is, and all chance.",
+)
+@click.option(
+    "--practice",
+    type=click.IntRange(0, 20),
+    default=0,
+    show_default=True,
+    help="Lifts of each object before the one that counts.",
+)
 @click.option("--fast", is_flag=True, help="Do not wait for real time.")
+@click.option(
+    "--view",
+    "browser",
+    is_flag=True,
+    help="Show it in the browser, on this machine only; goes round until stopped.",
+)
+@click.option(
+    "--view-port",
+    "port",
+    type=click.IntRange(0, 65_535),
+    default=8080,
+    show_default=True,
+    help="Of that page; 0 takes any free one.",
+)
 @click.option(
     "--out",
     "out_dir",
@@ -39,59 +79,165 @@ _TOUCH = {
 )
 @json_option
 @debug_option
-def demo(*, seconds: float, preset: str, seed: int, fast: bool, out_dir: Path, as_json: bool) -> None:
-    """See both loops work on input made up here: four pressed fingertips and three muscles. Needs nothing.
+def demo(
+    *,
+    objects: list[str],
+    condition: str,
+    operator: str,
+    preset: str,
+    seed: int,
+    practice: int,
+    fast: bool,
+    browser: bool,
+    port: int,
+    out_dir: Path,
+    as_json: bool,
+) -> None:
+    r"""Lift three objects in turn, in real time, on the simulated bench: needs no hardware.
 
-    Shows fingers, vest, muscles, hand and rates while it runs, then a summary, and writes the tables of the
-    run and demo.png: the touch map of each finger and the course of the grasp. With --json the summary is printed,
-    with a table "measured" of wall_s and real_time_factor. Everything in it is simulated.
+    Hand, objects, fingertip cameras, muscles and person are simulated; the loop in between is that of a run with
+    devices. Shows fingers, vest, muscles, hand and what becomes of the object, then a summary, and writes the course of
+    each trial and demo.png.
+
+    \b
+    --json prints one object:
+      simulated_s, wall_s, real_time_factor (their ratio)
+      trials: [{object, condition, seed, success, slips, deformations, drops, duration_s, peak_force_n,
+                lift_off_s, lifted_s, slid_m, deformation_m, mean_level, events: [{kind, t_s, size_m}], ...}]
     """
-    import time
+    import sys
+
+    import msgspec
 
     from tega.cli.options import Stop, echo_json
-    from tega.cli.report import print_summary
-    from tega.cli.stage import stage
     from tega.errors import MissingExtraError
-    from tega.teleop import run_session
-    from tega.view.session import write_figure
+    from tega.recording import prepare_folder
+    from tega.sim.demo import draw_demo, run_demo, write_demo
+    from tega.sim.trials import plan_trials
 
-    settings = _settings(seconds, preset, seed, out_dir, pace="fast" if fast else "real")
-    started = time.perf_counter()
-    with Stop() as stop, stage(TITLE, enabled=not as_json) as (progress, observer):
-        summary = run_session(settings, observer=observer, progress=progress, stop=stop)
-    wall_s = time.perf_counter() - started
-    measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
+    if operator == "keyboard" and fast:
+        raise click.UsageError("--fast leaves no time for a person at the keyboard")
+    plans = plan_trials(objects, [condition], [seed], operator=operator, preset=preset, practice=practice)
+    prepare_folder(out_dir)
+    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
+    sys.setswitchinterval(0.0005)
+    with Stop() as stop, ExitStack() as stack:
+        show, more = stack.enter_context(
+            _shown(browser=browser, port=port, terminal=not as_json, objects=objects)
+        )
+        person = stack.enter_context(_at_keyboard(seed, preset)) if operator == "keyboard" else None
+        stopped = more.pop("stop", lambda: False)
+        rounds = 1_000 if browser and not fast else 1
+        report, courses = run_demo(
+            plans * rounds,
+            person=person,
+            real_time=not fast,
+            observer=show,
+            stop=lambda: stop() or stopped(),
+            **more,
+        )
+    if not report.trials:  # stopped before the first one
+        raise KeyboardInterrupt
+    write_demo(out_dir, report, courses)
     try:
-        write_figure(settings, out_dir, out_dir / "demo.png", title=TITLE)
-        left = "tables and demo.png"
+        draw_demo(out_dir / "demo.png", report, courses)
+        left = "tables, summary.json and demo.png"
     except MissingExtraError as error:  # everything but the picture is there
         click.echo(f"no picture: {error}", err=True)
-        left = "tables"
+        left = "tables and summary.json"
     if as_json:
-        echo_json({**summary, "measured": measured})
+        echo_json(msgspec.to_builtins(report))
     else:
-        print_summary(summary, measured=measured)
+        _print(report, real_time=not fast)
         click.echo(f"{left} are in {out_dir}")
-    if summary["ended"] == "stopped":
+    if stop.asked:
         raise KeyboardInterrupt
 
 
-def _settings(seconds: float, preset: str, seed: int, out_dir: Path, *, pace: str) -> SessionConfig:
-    from tega.config import check_tree
+@contextmanager
+def _shown(
+    *, browser: bool, port: int, terminal: bool, objects: list[str]
+) -> Iterator[tuple[Callable[[ViewState], None] | None, dict[str, Callable[[], Any]]]]:
+    """Open what shows the run; yield what takes moments, and the wishes of whoever looks at them."""
+    if not browser:
+        from tega.cli.stage import stage
 
-    tree: dict[str, Any] = {
-        "session": {"preset": preset, "pace": pace, "out_dir": str(out_dir)},
-        "tactile": {
-            finger: {
-                "driver": "synthetic-touch",
-                "options": {"seed": seed + number, "duration_s": seconds, **press},
-            }
-            for number, (finger, press) in enumerate(_TOUCH.items())
-        },
-        "emg": {
-            "driver": "synthetic-emg",
-            "kind": "raw",
-            "options": {"seed": seed, "duration_s": seconds},
-        },
-    }
-    return check_tree(tree, {}, base=Path.cwd()).config
+        with stage(TITLE, enabled=terminal) as (progress, watch):
+            if watch is None:
+                yield None, {}
+                return
+            progress("running", 0, 0)
+            yield lambda state: watch(state.loop, state.rows), {}
+        return
+    from tega.view.browser import BrowserView, Controls
+
+    controls = Controls(can_pause=True, can_mute=True, objects=objects)
+    with BrowserView("TEGA demo, simulated", port=port, controls=controls) as view:
+        click.echo(f"the view is at {view.url}; Ctrl-C or the page's stop ends it", err=True)
+        yield (
+            view.offer,
+            {
+                "stop": lambda: controls.stopped,
+                "paused": lambda: controls.paused,
+                "muted": lambda: not controls.haptics,
+                "next_object": controls.take_object,
+            },
+        )
+
+
+@contextmanager
+def _at_keyboard(seed: int, preset: Any) -> Iterator[Person]:
+    """Take the terminal's keys; yield who acts by them."""
+    from tega.sim.lab import lab_of
+    from tega.sim.operator import KEYS_HELP, KeyboardOperator, Keys
+
+    with Keys() as keys:
+        click.echo(KEYS_HELP, err=True)
+        yield KeyboardOperator(keys.read, full_effort=lab_of(seed, preset).calibrated.full_effort)
+
+
+def _print(report: DemoReport, *, real_time: bool) -> None:
+    """Print the summary: one row a trial, then what stood behind it."""
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    out = Console(highlight=False, width=110)
+    table = Table(title="simulated lifts", title_justify="left", box=SIMPLE)
+    names = (
+        "object",
+        "vest",
+        "lifted",
+        "slips",
+        "deformed",
+        "time s",
+        "lift-off s",
+        "slid mm",
+        "level",
+        "peak N",
+    )
+    for name in names:
+        table.add_column(name, justify="left" if name in {"object", "vest", "lifted"} else "right")
+    for trial in report.trials:
+        table.add_row(
+            trial.object,
+            trial.condition,
+            "yes" if trial.success else "dropped" if trial.drops else "no",
+            str(trial.slips),
+            str(trial.deformations),
+            f"{trial.duration_s:.1f}",
+            "–" if trial.lift_off_s is None else f"{trial.lift_off_s:.1f}",
+            f"{1000 * trial.slid_m:.1f}",
+            f"{trial.mean_level:.1f}",
+            f"{trial.peak_force_n:.1f}",
+        )
+    out.print(table)
+    out.print(
+        "lifted: to 0.2 m and held there for a second, within 15 s. level: mean closure while held, 1 to 5."
+    )
+    for trial in report.trials:
+        for event in trial.events:
+            size = f" of {1000 * event.size_m:.1f} mm" if event.size_m else ""
+            out.print(f"{trial.object}: {event.kind}{size} at {event.t_s:.2f} s", style="dim", markup=False)
+    pace = "in real time" if real_time else f"{report.real_time_factor:.1f} times as fast as real time"
+    out.print(f"simulated {report.simulated_s:.1f} s in {report.wall_s:.1f} s, {pace}")

@@ -30,6 +30,9 @@ _VERBS = {
     "demo": _Verb("Run", "tega.cli.demo", "demo", "See the loop work on input made up here; needs nothing."),
     "run": _Verb("Run", "tega.cli.run", "run", "Run a session from its settings."),
     "replay": _Verb("Run", "tega.cli.replay", "replay", "Run the loop on recordings and write tables."),
+    "sim-trials": _Verb(
+        "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
+    ),
     "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List the drivers that are installed."),
     "audit": _Verb(
         "Tooling",

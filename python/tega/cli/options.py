@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import click
 
-__all__ = ["ChannelList", "Stop", "debug_option", "echo_json", "json_option", "progress_bar"]
+__all__ = ["ChannelList", "NameList", "Stop", "debug_option", "echo_json", "json_option", "progress_bar"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -33,6 +33,21 @@ class ChannelList(click.ParamType[list[int]]):
         if not channels or min(channels) < 1:
             self.fail(f"{value!r} is not a list of channel numbers from 1, such as 3,6,8", param, ctx)
         return channels
+
+
+class NameList(click.ParamType[list[str]]):
+    """Names, comma separated."""
+
+    name = "name,name,..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[str]:
+        """Split the names, or fail with a usage error."""
+        if isinstance(value, list):
+            return value
+        names = [part.strip() for part in str(value).split(",")]
+        if not all(names):
+            self.fail(f"{value!r} is not a list of names, such as bottle,bag", param, ctx)
+        return list(dict.fromkeys(names))
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
@@ -104,7 +119,7 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
         def show(what: str, done: int, total: int) -> None:
             if total == 0:
                 bar.reset(task, description=what, total=None)
-            elif done % 16 == 0 or done == total:
+            elif total <= 1000 or done % 16 == 0 or done == total:
                 bar.update(task, description=what, completed=done, total=total)
 
         yield show

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from tega.cli.options import ChannelList, debug_option, json_option
+from tega.cli.page import view_options
 
 __all__ = ["replay"]
 
@@ -63,10 +64,13 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     required=True,
     help="Folder for the tables: new, empty, or an earlier run's.",
 )
+@view_options
 @json_option
 @debug_option
-def replay(*, as_json: bool, **flags: Any) -> None:
+def replay(*, view: bool, view_port: int, as_json: bool, **flags: Any) -> None:
     """Run the loop on recordings as fast as possible and write tables.
+
+    With --view it runs in real time instead, on a page that can pause it.
 
     Writes contacts.csv, levels.csv, vest.csv, can.csv, summary.json and calibration.toml. The same input gives the
     same bytes. With --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
@@ -74,14 +78,24 @@ def replay(*, as_json: bool, **flags: Any) -> None:
     import time
 
     from tega.cli.options import Stop, echo_json, progress_bar
+    from tega.cli.page import run_viewed
     from tega.cli.report import print_summary
     from tega.config import check_tree
     from tega.teleop import run_session
 
-    config = check_tree(_tree(flags), {}, base=Path.cwd()).config
+    tree = _tree(flags)
+    if view:
+        tree["session"]["pace"] = "real"
+    config = check_tree(tree, {}, base=Path.cwd()).config
     started = time.perf_counter()
     with Stop() as stop, progress_bar(enabled=not as_json) as progress:
-        summary = run_session(config, progress=progress, stop=stop)
+        if view:
+            summary = run_viewed(
+                config, title="TEGA · replay", port=view_port, observer=None, progress=progress, stop=stop,
+                can_pause=True,
+            )  # fmt: skip
+        else:
+            summary = run_session(config, progress=progress, stop=stop)
     wall_s = time.perf_counter() - started
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     if as_json:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from tega.cli.options import debug_option, json_option
+from tega.cli.page import view_options
 
 __all__ = ["run"]
 
@@ -14,9 +15,10 @@ __all__ = ["run"]
 @click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
 @click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@view_options
 @json_option
 @debug_option
-def run(*, config: Path, sets: tuple[str, ...], as_json: bool) -> None:
+def run(*, config: Path, sets: tuple[str, ...], view: bool, view_port: int, as_json: bool) -> None:
     """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
 
     On every way out the vest is sent zeros and the hand zero torque and SERVO OFF. With --json the summary is
@@ -26,6 +28,7 @@ def run(*, config: Path, sets: tuple[str, ...], as_json: bool) -> None:
     import time
 
     from tega.cli.options import Stop, echo_json
+    from tega.cli.page import run_viewed
     from tega.cli.report import print_summary
     from tega.cli.stage import stage
     from tega.config import load_config
@@ -36,7 +39,17 @@ def run(*, config: Path, sets: tuple[str, ...], as_json: bool) -> None:
     sys.setswitchinterval(0.0005)
     started = time.perf_counter()
     with Stop() as stop, stage(f"TEGA · {config.name}", enabled=not as_json) as (progress, observer):
-        summary = run_session(settings, observer=observer, progress=progress, stop=stop)
+        if view:
+            summary = run_viewed(
+                settings,
+                title=f"TEGA · {config.name}",
+                port=view_port,
+                observer=observer,
+                progress=progress,
+                stop=stop,
+            )
+        else:
+            summary = run_session(settings, observer=observer, progress=progress, stop=stop)
     wall_s = time.perf_counter() - started
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     if as_json:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from tega.cli.options import progress_bar
 
@@ -14,13 +14,21 @@ if TYPE_CHECKING:
     from tega.teleop.loop import LoopView
     from tega.teleop.prepare import Progress
 
-__all__ = ["stage"]
+__all__ = ["Watcher", "stage"]
 
 _REDRAW_S = 0.1
 
 
+class Watcher(Protocol):
+    """Takes a moment to be shown, and what else there is to tell of it, by name."""
+
+    def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
+        """Take it; returns at once."""
+        ...
+
+
 @contextmanager
-def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Callable[[LoopView], None] | None]]:
+def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Watcher | None]]:
     """Show preparation and run on a terminal's stderr.
 
     The picture is drawn by a thread of its own, from the newest moment it was given: drawing takes longer than a
@@ -36,7 +44,7 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Callable[[Lo
     if not enabled or not sys.stderr.isatty():
         yield lambda _what, _done, _total: None, None
         return
-    newest: list[LoopView] = []
+    newest: list[tuple[LoopView, Mapping[str, str]]] = []
     over = threading.Event()
 
     def draw() -> None:
@@ -45,7 +53,7 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Callable[[Lo
         with TerminalView(title) as view:
             while not over.wait(_REDRAW_S):
                 if newest:
-                    view(newest[-1])
+                    view(*newest[-1])
 
     drawing = threading.Thread(target=draw, name="tega-view", daemon=True)
     with ExitStack() as stack:
@@ -58,8 +66,8 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Callable[[Lo
             else:
                 bar(what, done, total)
 
-        def observe(view: LoopView) -> None:
-            newest[:] = [view]
+        def observe(view: LoopView, rows: Mapping[str, str] = {}) -> None:
+            newest[:] = [(view, rows)]
 
         try:
             yield progress, observe

@@ -1,7 +1,7 @@
 """Devices that make their input up: presses on a gel and contractions of a forearm. Simulated, and labelled so.
 
 They are drivers like any other, so that the loop, the recorder and every example run with no hardware. What they do
-not model stands in :mod:`tega.sim.press` and :mod:`tega.sim.muscle`.
+not model stands in ``docs/sim-touch.md`` and :mod:`tega.sim.operator`.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.sim.press import Press, PressCamera
+    from tega.sim.gel import Gel
+    from tega.sim.operator import ForearmEmg
+    from tega.sim.seams import Indenter
 
 __all__ = ["SyntheticEmg", "SyntheticEmgOptions", "SyntheticTouch", "SyntheticTouchOptions", "effort_at"]
 
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600)]
 Seed = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]
 
-_CHUNK_S = 0.05
+# Hundredths of a second.
+_CHUNK_TICKS = 5
 # The grasp that both devices follow, as shares of its duration and of full effort: reach, close in steps, hold, let go.
 _GRASP = (
     (0.00, 0.02),
@@ -72,7 +72,7 @@ class SyntheticTouchOptions(Options, frozen=True):
         seed: Of the gel and its noise.
         duration_s: How long the grasp lasts.
         rate_hz: Frames per second.
-        depth_mm: Indentation at full effort.
+        force_n: How hard the finger presses at full effort, newtons.
         radius_mm: Of the ball that is grasped: small is sharp, large is broad.
         delay_s: How much later than the others this finger meets the object.
     """
@@ -80,7 +80,7 @@ class SyntheticTouchOptions(Options, frozen=True):
     seed: Seed = 0
     duration_s: Seconds = 12.0
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=240)] = 60.0
-    depth_mm: Annotated[float, msgspec.Meta(ge=0, le=3)] = 1.0
+    force_n: Annotated[float, msgspec.Meta(ge=0, le=30)] = 4.0
     radius_mm: Annotated[float, msgspec.Meta(gt=0.5, le=50)] = 4.4
     delay_s: Annotated[float, msgspec.Meta(ge=0, le=60)] = 0.0
 
@@ -100,7 +100,7 @@ class SyntheticTouch(Opened):
 
     def __init__(self, options: SyntheticTouchOptions) -> None:
         self._options = options
-        self._camera: PressCamera | None = None
+        self._gel: Gel | None = None
         self._next = 0
 
     @property
@@ -122,29 +122,29 @@ class SyntheticTouch(Opened):
 
     def open(self) -> None:
         """Make the gel; the same seed makes the same pictures again."""
-        from tega.sim.press import PressCamera
+        from tega.sim.gel import Gel
 
-        self._camera, self._next = PressCamera(self._options.seed), 0
+        self._gel, self._next = Gel(self._options.seed), 0
 
     def close(self) -> None:
         """Forget the gel."""
-        self._camera = None
+        self._gel = None
 
     @property
     def ended(self) -> bool:
         """Whether the grasp is over."""
         return self._next >= self._n_frames
 
-    def press_at(self, t_s: float) -> Press:
+    def press_at(self, t_s: float) -> Indenter:
         """Return what presses the gel at a time."""
-        from tega.sim.press import HEIGHT, WIDTH, Press
+        from tega.sim.gel import HEIGHT, WIDTH, ball
 
         options = self._options
         effort = effort_at(t_s - _TOUCH_DELAY_S - options.delay_s, options.duration_s)
         # Contact begins when the fingers have closed a fifth of the way; the ball rolls a little as it is squeezed.
         squeeze = max(0.0, effort - 0.2) / 0.8
         centre = (WIDTH / 2 + 18 * math.sin(2.2 * squeeze), HEIGHT / 2 - 25 + 30 * squeeze)
-        return Press(options.depth_mm * squeeze, centre, options.radius_mm)
+        return ball(force_n=options.force_n * squeeze, radius_mm=options.radius_mm, centre_xy=centre)
 
     def skip(self, n_frames: int) -> None:
         """Pass over the next ``n_frames`` frames."""
@@ -156,16 +156,15 @@ class SyntheticTouch(Opened):
         Raises:
             DeviceUnavailableError: The source is not open.
         """
-        if self._camera is None:
+        if self._gel is None:
             raise DeviceUnavailableError("synthetic-touch is not open", "open it first")
         if self.ended:
             return None
         seq = self._next
         self._next += 1
         t_s = seq / self._options.rate_hz
-        return TactileFrame(
-            round(t_s * 1e9), seq, self._camera.frame(self.press_at(t_s), seq), f"frame {seq}"
-        )
+        image = self._gel.frame([self.press_at(t_s)], seq)
+        return TactileFrame(round(t_s * 1e9), seq, image, f"frame {seq}")
 
 
 class SyntheticEmgOptions(Options, frozen=True):
@@ -197,8 +196,8 @@ class SyntheticEmg(Opened):
 
     def __init__(self, options: SyntheticEmgOptions) -> None:
         self._options = options
-        self._samples: NDArray[np.float64] | None = None
-        self._next = 0
+        self._forearm: ForearmEmg | None = None
+        self._tick = self._next = 0
 
     @property
     def _n_samples(self) -> int:
@@ -221,15 +220,15 @@ class SyntheticEmg(Opened):
 
     def open(self) -> None:
         """Make the signal; the same seed makes the same one again."""
-        from tega.sim.muscle import emg_from_effort
+        from tega.sim.operator import ForearmEmg, typical_person
 
         options = self._options
-        effort = [effort_at(n / options.rate_hz, options.duration_s) for n in range(self._n_samples)]
-        self._samples, self._next = emg_from_effort(effort, seed=options.seed), 0
+        self._forearm = ForearmEmg(typical_person(), seed=options.seed, rate_hz=options.rate_hz)
+        self._tick = self._next = 0
 
     def close(self) -> None:
         """Forget the signal."""
-        self._samples = None
+        self._forearm = None
 
     @property
     def ended(self) -> bool:
@@ -242,11 +241,14 @@ class SyntheticEmg(Opened):
         Raises:
             DeviceUnavailableError: The source is not open.
         """
-        if self._samples is None:
+        if self._forearm is None:
             raise DeviceUnavailableError("synthetic-emg is not open", "open it first")
         if self.ended:
             return None
-        first = self._next
-        self._next = min(first + max(1, round(_CHUNK_S * self._options.rate_hz)), self._n_samples)
-        t_ns = round(self._next * 1_000_000_000 / self._options.rate_hz)
-        return EmgChunk(t_ns, first, self._samples[first : self._next])
+        first, options = self._next, self._options
+        times_s = [(self._tick + n) / 100 for n in range(_CHUNK_TICKS)]
+        samples = self._forearm.course([effort_at(t_s, options.duration_s) for t_s in times_s])
+        samples = samples[: self._n_samples - first]
+        self._tick += _CHUNK_TICKS
+        self._next = first + len(samples)
+        return EmgChunk(round(self._next * 1_000_000_000 / options.rate_hz), first, samples)

@@ -10,6 +10,8 @@ from tega.errors import ConfigError
 __all__ = ["OUTPUT_NAMES", "SUMMARY_FORMAT", "prepare_folder"]
 
 SUMMARY_FORMAT = "tega-run"
+# What else TEGA writes into folders: a demo's trials.
+_FORMATS = (SUMMARY_FORMAT, "tega-demo")
 OUTPUT_NAMES = ("contacts.csv", "levels.csv", "vest.csv", "can.csv", "summary.json", "calibration.toml")
 
 
@@ -42,4 +44,4 @@ def _holds_a_run(folder: Path) -> bool:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(summary, dict) and summary.get("format") == SUMMARY_FORMAT
+    return isinstance(summary, dict) and summary.get("format") in _FORMATS

@@ -72,12 +72,14 @@ class Percept(NamedTuple):
     Attributes:
         t_s: Simulated time since the trial began, seconds.
         scene: What is before the eyes.
-        vest: What the vest's motors do now; ``None`` where it is off or not worn.
+        vest: What the vest's motors are told now; ``None`` where it is off or not worn.
+        closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None`` where it is not shown.
     """
 
     t_s: float
     scene: Truth
     vest: VestFrame | None
+    closure: float | None = None
 
 
 class Act(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -14,10 +14,27 @@ if TYPE_CHECKING:
 
     from tega.wire import CanFrame
 
-__all__ = ["HAND_TICK_NS", "ModelledAllegro"]
+__all__ = ["HAND_TICK_NS", "Hand", "ModelledAllegro", "limp_frames"]
 
 # The Allegro v4 reports its joints every 3 ms and wants one torque set for each.
 HAND_TICK_NS = 3_000_000
+
+
+class Hand(Protocol):
+    """What turns levels into frames for a hand, tick by tick."""
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The hand's joint angles as last known, float64 (16,), in radians."""
+        ...
+
+    def step(self, level: int) -> list[CanFrame]:
+        """Go on by one tick of 3 ms at a closure level, 1 to 5, and return what is to be sent."""
+        ...
+
+    def limp(self) -> list[CanFrame]:
+        """Return the frames that leave the hand without force."""
+        ...
 
 
 class ModelledAllegro:
@@ -55,6 +72,13 @@ class ModelledAllegro:
         return allegro_torque_frames(torques, device_id=self._device_id)
 
     def limp(self) -> list[CanFrame]:
-        """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF."""
-        zero = allegro_torque_frames(np.zeros(16), device_id=self._device_id)
-        return [*zero, allegro_servo_off(device_id=self._device_id)]
+        """Return zero torque for every finger, then SERVO OFF."""
+        return limp_frames(self._device_id)
+
+
+def limp_frames(device_id: int) -> list[CanFrame]:
+    """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF."""
+    return [
+        *allegro_torque_frames(np.zeros(16), device_id=device_id),
+        allegro_servo_off(device_id=device_id),
+    ]

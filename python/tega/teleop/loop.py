@@ -8,12 +8,11 @@ recorded input and a manual clock it is therefore a function: the same input giv
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import msgspec
 
-from tega.devices.base import HandDriver, VestSink
-from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
+from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
@@ -23,14 +22,25 @@ from tega.teleop.touch import STALE_NS, Felt, TouchLoop
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
     from tega.tactile import ContactMetrics
+    from tega.wire import CanFrame
 
-__all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder"]
+__all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder", "Sink"]
+
+Sent_contra = TypeVar("Sent_contra", contravariant=True)
 
 # Before the first block is complete nothing is known of the muscles: the hand keeps its most open pose.
 FIRST_LEVEL = 1
 
 # Without EMG there is no need to wake every 3 ms; sources and the wish to stop are still looked at this often.
 IDLE_NS = 100_000_000
+
+
+class Sink(Protocol[Sent_contra]):
+    """Where the loop sends to: a vest or a hand's bus, real, recorded or simulated."""
+
+    def write(self, t_ns: int, sent: Sent_contra, /) -> object:
+        """Take what the loop sends at a time counted from the start of the session."""
+        ...
 
 
 class Recorder(Protocol):
@@ -116,6 +126,7 @@ class DualLoop:
         kept: Vests that are sent what changed, and what did not as a keep-alive.
         vest_rate_hz: Vest frames per second.
         observer: Called once per vest tick with what a display may show.
+        haptics: Asked once per vest tick; every motor rests while it says no.
     """
 
     def __init__(
@@ -125,18 +136,22 @@ class DualLoop:
         touch: TouchLoop,
         contacts: Mapping[str, Stream[Contact]],
         levels: Stream[Block] | None,
-        hand: ModelledAllegro,
-        vests: Sequence[VestSink],
-        hands: Sequence[HandDriver],
+        hand: Hand,
+        vests: Sequence[Sink[VestFrame]],
+        hands: Sequence[Sink[Sequence[CanFrame]]],
         recorder: Recorder | None,
         kept: Sequence[KeepAlive] = (),
         vest_rate_hz: float = 30.0,
         observer: Callable[[LoopView], None] | None = None,
+        haptics: Callable[[], bool] = lambda: True,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
         self._contacts = list(contacts.items())
         self._levels = levels
+        self._streams: list[Stream[Contact] | Stream[Block]] = list(contacts.values())
+        if levels is not None:
+            self._streams.append(levels)
         self._hand = hand
         self._vests = vests
         self._kept = kept
@@ -144,6 +159,7 @@ class DualLoop:
         self._recorder = recorder
         self._vest_rate_hz = vest_rate_hz
         self._observer = observer
+        self._haptics = haptics
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._due_ns = 0
@@ -236,12 +252,13 @@ class DualLoop:
 
     def _look_ahead(self) -> None:
         """Note when there is something to take in again, and when the last source ended once all have."""
-        streams: list[Stream[Contact] | Stream[Block]] = [s for _, s in self._contacts]
-        if self._levels is not None:
-            streams.append(self._levels)
-        self._due_ns = min((s.due_ns for s in streams), default=NEVER_NS)
-        if all(s.ended for s in streams):
-            self._end_ns = max((s.end_ns for s in streams), default=0)
+        due_ns, ended = NEVER_NS, True
+        for stream in self._streams:
+            due_ns = min(due_ns, stream.due_ns)
+            ended = ended and stream.ended
+        self._due_ns = due_ns
+        if ended:
+            self._end_ns = max((stream.end_ns for stream in self._streams), default=0)
 
     def _feel(self, finger: str, contact: Contact) -> None:
         t_ns, metrics = contact
@@ -262,7 +279,7 @@ class DualLoop:
     def _tick_vest(self, t_ns: int) -> None:
         frame = None
         if self._contacts:
-            frame = self._touch.frame(t_ns)
+            frame = self._touch.frame(t_ns) if self._haptics() else self._touch.silence()
             for kept in self._kept:
                 if kept.offer(t_ns, frame):
                     self.report.n_vest_sent += 1
@@ -300,7 +317,7 @@ class DualLoop:
                 hand.write(t_ns, self._hand.limp())
             except Exception as error:  # reported by the caller
                 problems.append(error)
-        vests: list[KeepAlive | VestSink] = [*self._kept, *self._vests]
+        vests: list[Sink[VestFrame]] = [*self._kept, *self._vests]
         for vest in vests:
             try:
                 vest.write(t_ns, self._touch.silence())

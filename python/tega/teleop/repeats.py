@@ -41,8 +41,9 @@ class LastFrame:
     def repeat(self, image: NDArray[np.uint8]) -> ContactMetrics | None:
         """Compare a picture with the newest one.
 
-        The sample decides where the pictures differ in it, which noise sees to; only where it agrees is every
-        pixel compared, so that the answer is exact. The sample is a copy: a driver that wrongly hands out one
+        A picture that is the newest one itself, in memory that cannot be written, needs no comparison. Else the
+        sample decides where the pictures differ in it, which noise sees to; only where it agrees is every pixel
+        compared, so that the answer is exact. The sample is a copy: a driver that wrongly hands out one
         buffer again and again is not taken for a stuck sensor.
 
         Args:
@@ -52,10 +53,13 @@ class LastFrame:
             What was measured in the newest one if every pixel is equal, and counts it; else ``None``.
         """
         last = self._image
-        if last is None or image.shape != last.shape or _sample(image) != self._sample:
+        if last is None or image.shape != last.shape:
             return None
-        if image.tobytes() != last.tobytes():
-            return None
+        if not (image is last and _is_constant(image)):
+            if _sample(image) != self._sample:
+                return None
+            if image.tobytes() != last.tobytes():
+                return None
         self.n_equal += 1
         return self.metrics
 
@@ -63,6 +67,11 @@ class LastFrame:
         """Take a picture that was measured as the newest one."""
         self._image, self._sample = image, _sample(image)
         self.metrics, self.n_equal = metrics, 1
+
+
+def _is_constant(image: NDArray[np.uint8]) -> bool:
+    """Whether nobody can write into an array: it is read-only, and no part of another one."""
+    return not image.flags.writeable and image.base is None
 
 
 def _sample(image: NDArray[np.uint8]) -> bytes:

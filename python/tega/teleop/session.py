@@ -68,6 +68,8 @@ def run_session(
     observer: Callable[[LoopView], None] | None = None,
     progress: Progress = lambda _what, _done, _total: None,
     stop: Callable[[], bool] = lambda: False,
+    on_prepared: Callable[[Prepared], Prepared] = lambda prepared: prepared,
+    haptics: Callable[[], bool] = lambda: True,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -77,6 +79,9 @@ def run_session(
         observer: Called once per vest tick with what a display may show.
         progress: Told how preparation goes.
         stop: Asked all the time whether to end; whatever was sent to is then left silent.
+        on_prepared: Given what the run starts with; returns what it is to start with. A display looks at the sources
+            there, or puts others in front of them that let it see what is read.
+        haptics: Asked at every vest tick; every motor rests while it says no.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -109,10 +114,12 @@ def run_session(
                     raise ConfigError(
                         f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
                     )
-        prepared = prepare(config, sources, emg, progress=progress, stop=stop)
+        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop))
         sinks = _sinks(stack, config, prepared)
         progress("running", 0, 0)
-        return _run(stack, config, prepared, sinks, clock=clock, observer=observer, stop=stop)
+        return _run(
+            stack, config, prepared, sinks, clock=clock, observer=observer, stop=stop, haptics=haptics
+        )
 
 
 def _run(
@@ -124,6 +131,7 @@ def _run(
     clock: Clock,
     observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
+    haptics: Callable[[], bool],
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
@@ -145,6 +153,7 @@ def _run(
         kept=sinks.kept,
         vest_rate_hz=config.vest.rate_hz,
         observer=observer,
+        haptics=haptics,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:

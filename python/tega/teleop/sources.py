@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from tega.devices.base import EmgSource, TactileSource
+from tega.devices.base import EmgChunk, EmgSource, TactileFrame, TactileSource
 from tega.errors import DeviceUnavailableError, RecordingError, ShapeError, TegaError
 from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.repeats import STUCK_FRAMES, LastFrame
@@ -19,7 +19,15 @@ if TYPE_CHECKING:
 
     from tega.emg import GraspIntent
 
-__all__ = ["Block", "Contact", "SourceReport", "grasp_blocks", "measured_contacts"]
+__all__ = [
+    "Block",
+    "BlockMeter",
+    "Contact",
+    "FrameMeter",
+    "SourceReport",
+    "grasp_blocks",
+    "measured_contacts",
+]
 
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
@@ -68,6 +76,71 @@ class SourceReport(msgspec.Struct, kw_only=True):
         self.n_dropped += 1
 
 
+class FrameMeter:
+    """Measures the frames of one finger as they come, none of them twice.
+
+    Args:
+        baseline: The finger's untouched picture, uint8 (H, W, 3).
+        reading: The preset's reading.
+        report: Counted up along the way.
+        live: Whether the frames come from a sensor that runs on its own clock.
+        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+
+    Attributes:
+        seq: Number of the newest frame; ``None`` before the first.
+        next_seq: Number of the frame that should come next.
+    """
+
+    def __init__(
+        self,
+        baseline: NDArray[np.uint8],
+        reading: Literal["paper", "live"],
+        report: SourceReport,
+        *,
+        live: bool,
+        start_ns: int = 0,
+    ) -> None:
+        self._baseline = baseline
+        self._reading = reading
+        self._report = report
+        self._live = live
+        self._start_ns = start_ns if live else 0
+        self._last = LastFrame()
+        self.seq: int | None = None
+        self.next_seq = 0
+
+    def take(self, frame: TactileFrame) -> Contact | None:
+        """Measure a frame.
+
+        Args:
+            frame: The next one of the source.
+
+        Returns:
+            Its time and metrics; ``None`` for a frame that came again under its number, or of a stuck sensor.
+
+        Raises:
+            RecordingError: The frame is not of the baseline's size.
+        """
+        report, last = self._report, self._last
+        if frame.seq == self.seq:
+            report.n_duplicate += 1
+            return None
+        self.seq = frame.seq
+        metrics = last.repeat(frame.image)
+        if metrics is None:
+            metrics = _measure(frame.image, self._baseline, self._reading, frame.name)
+            last.keep(frame.image, metrics)
+        else:
+            report.n_identical += 1
+        report.n_missing += max(0, frame.seq - self.next_seq)
+        self.next_seq = frame.seq + 1
+        if self._live and last.n_equal >= STUCK_FRAMES:
+            report.n_stuck += 1
+            return None
+        report.n_items += 1
+        return frame.t_ns - self._start_ns, metrics
+
+
 def measured_contacts(
     source: TactileSource,
     baseline: NDArray[np.uint8],
@@ -103,25 +176,16 @@ def measured_contacts(
     Raises:
         RecordingError: A recorded frame is unreadable or not of the baseline's size.
     """
-    live, end_ns, next_seq = source.info.live, 0, 0
-    last, last_seq = LastFrame(), None
+    live, end_ns = source.info.live, 0
+    meter = FrameMeter(baseline, reading, report, live=live, start_ns=start_ns)
     while not (stopped() or source.ended):
         try:
             frame = source.read(READ_TIMEOUT_S)
             if frame is None:
                 continue
-            if frame.seq == last_seq:
-                report.n_duplicate += 1
-                if live:
-                    time.sleep(SEEN_REST_S)
-                continue
-            last_seq = frame.seq
-            metrics = last.repeat(frame.image)
-            if metrics is None:
-                metrics = _measure(frame.image, baseline, reading, frame.name)
-                last.keep(frame.image, metrics)
-            else:
-                report.n_identical += 1
+            if live and frame.seq == meter.seq:
+                time.sleep(SEEN_REST_S)
+            contact = meter.take(frame)
         except DeviceUnavailableError as error:
             if not live:
                 raise
@@ -132,17 +196,12 @@ def measured_contacts(
                 raise
             report.drop()
             continue
-        report.n_missing += max(0, frame.seq - next_seq)
-        next_seq = frame.seq + 1
-        end_ns = t_ns = frame.t_ns - start_ns if live else frame.t_ns
-        if live and last.n_equal >= STUCK_FRAMES:
-            report.n_stuck += 1
-            continue
-        report.n_items += 1
-        yield t_ns, metrics
+        end_ns = frame.t_ns - start_ns if live else frame.t_ns
+        if contact is not None:
+            yield contact
     rate_hz = source.info.rate_hz
     if not live and rate_hz:
-        end_ns = round(next_seq * 1_000_000_000 / rate_hz)
+        end_ns = round(meter.next_seq * 1_000_000_000 / rate_hz)
     report.end_ns = end_ns
     return end_ns
 
@@ -160,6 +219,79 @@ def _measure(
 
 def _size(image: NDArray[np.uint8]) -> str:
     return "×".join(str(n) for n in (image.shape[1], image.shape[0], *image.shape[2:]))
+
+
+class BlockMeter:
+    """Turns EMG samples into levels as they come.
+
+    Args:
+        intent: Samples to levels.
+        report: Counted up along the way.
+        rate_hz: Samples per second.
+        tau: Samples per block.
+        live: Whether the samples come from a device that runs on its own clock.
+        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+
+    Attributes:
+        end_ns: Time of the newest sample.
+    """
+
+    def __init__(
+        self,
+        intent: GraspIntent,
+        report: SourceReport,
+        *,
+        rate_hz: float,
+        tau: int,
+        live: bool,
+        start_ns: int = 0,
+    ) -> None:
+        self._intent = intent
+        self._report = report
+        self._rate_hz = rate_hz
+        self._tau = tau
+        self._live = live
+        self._start_ns = start_ns if live else 0
+        self._n_blocks = self._next_index = 0
+        self.end_ns = 0
+
+    def take(self, chunk: EmgChunk) -> list[Block]:
+        """Take the next samples.
+
+        Samples that are missing before them, by their numbers, take their time: they are held for a tenth of a
+        second, and after that the channels are bad until samples come again.
+
+        Args:
+            chunk: They.
+
+        Returns:
+            The blocks that they complete: none, one or more.
+
+        Raises:
+            ShapeError: The samples have another number of channels than the maxima.
+        """
+        samples, report = chunk.samples, self._report
+        n_missing = max(0, chunk.first_index - self._next_index)
+        if n_missing:
+            n_told = min(n_missing, round(MOST_GAP_S * self._rate_hz))
+            samples = np.concatenate([np.full((n_told, *samples.shape[1:]), np.nan), samples])
+        fused = self._intent.process(samples)
+        report.n_items += len(chunk.samples)
+        report.n_missing += n_missing
+        self._next_index = chunk.first_index + len(chunk.samples)
+        self.end_ns = chunk.t_ns - self._start_ns
+        if not len(fused):
+            return []
+        blocks: list[Block] = []
+        for channels, level in zip(self._intent.levels.tolist(), fused.tolist(), strict=True):
+            self._n_blocks += 1
+            t_ns = (
+                self.end_ns
+                if self._live
+                else round(self._n_blocks * self._tau * 1_000_000_000 / self._rate_hz)
+            )
+            blocks.append((t_ns, tuple(channels), level))
+        return blocks
 
 
 def grasp_blocks(
@@ -192,18 +324,14 @@ def grasp_blocks(
     Returns:
         When the source ended, in nanoseconds.
     """
-    live, end_ns, n_blocks, next_index = source.info.live, 0, 0, 0
+    live = source.info.live
+    meter = BlockMeter(intent, report, rate_hz=rate_hz, tau=tau, live=live, start_ns=start_ns)
     while not (stopped() or source.ended):
         try:
             chunk = source.read(READ_TIMEOUT_S)
             if chunk is None:
                 continue
-            n_missing = max(0, chunk.first_index - next_index)
-            samples = chunk.samples
-            if n_missing:
-                gap = np.full((min(n_missing, round(MOST_GAP_S * rate_hz)), *samples.shape[1:]), np.nan)
-                samples = np.concatenate([gap, samples])
-            fused = intent.process(samples)
+            blocks = meter.take(chunk)
         except DeviceUnavailableError as error:
             if not live:
                 raise
@@ -214,13 +342,6 @@ def grasp_blocks(
                 raise
             report.drop()
             continue
-        report.n_items += len(chunk.samples)
-        report.n_missing += n_missing
-        next_index = chunk.first_index + len(chunk.samples)
-        end_ns = chunk.t_ns - start_ns if live else chunk.t_ns
-        for channels, level in zip(intent.levels.tolist(), fused.tolist(), strict=True):
-            n_blocks += 1
-            t_ns = end_ns if live else round(n_blocks * tau * 1_000_000_000 / rate_hz)
-            yield t_ns, tuple(channels), level
-    report.end_ns = end_ns
-    return end_ns
+        yield from blocks
+    report.end_ns = meter.end_ns
+    return meter.end_ns

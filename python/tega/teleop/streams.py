@@ -1,5 +1,7 @@
 """Streams of stamped items for the loop: pulled where waiting costs nothing, read by a thread where it does.
 
+Where the world is a simulated one, a stream is filled in step with the loop.
+
 A stream is made of an iterator whose items are tuples beginning with a time in nanoseconds since the start of
 the session, in rising order. Its iterator may return the time at which the stream ends (the last frame lasts
 one period); otherwise that is the time of its last item.
@@ -9,10 +11,11 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from typing import Any, Generic, Protocol, TypeVar
 
-__all__ = ["NEVER_NS", "Item", "PulledStream", "Stream", "ThreadedStream"]
+__all__ = ["NEVER_NS", "Item", "PulledStream", "QueuedStream", "Stream", "ThreadedStream"]
 
 NEVER_NS = 2**63 - 1
 
@@ -80,6 +83,49 @@ class PulledStream(Generic[Item]):
     def close(self) -> None:
         """Drop what is left."""
         self._head, self.ended = None, True
+
+
+class QueuedStream(Generic[Item]):
+    """A stream that is filled in step with the loop, by whoever makes the loop's time pass.
+
+    Args:
+        due_ns: Before this time nothing will be put in.
+    """
+
+    def __init__(self, *, due_ns: int = 0) -> None:
+        self._items: deque[Item] = deque()
+        self.ended = False
+        self.end_ns = 0
+        self.due_ns = self._next_ns = due_ns
+
+    def put(self, item: Item, *, next_ns: int) -> None:
+        """Add an item.
+
+        Args:
+            item: It, with a time not before that of the item before it.
+            next_ns: The next one's time, or any before it.
+        """
+        self._items.append(item)
+        self._next_ns = next_ns
+        self.due_ns = self._items[0][0]
+        self.end_ns = max(self.end_ns, item[0])
+
+    def next_until(self, t_ns: int) -> Item | None:
+        """Return the next item stamped at or before ``t_ns``, or ``None``."""
+        if self.due_ns > t_ns or not self._items:
+            return None
+        head = self._items.popleft()
+        self.due_ns = self._items[0][0] if self._items else self._next_ns
+        return head
+
+    def end(self, t_ns: int) -> None:
+        """Put an end to the stream, and drop what was not taken."""
+        self._items.clear()
+        self.ended, self.end_ns, self.due_ns = True, t_ns, NEVER_NS
+
+    def close(self) -> None:
+        """Drop what is left."""
+        self.end(self.end_ns)
 
 
 class _End:

@@ -98,16 +98,28 @@ def _closure(angles_rad: Sequence[float] | None) -> Text:
     return Text("  ".join(f"{n} {b:4.2f}" for n, b in zip(names, bends, strict=True)) + " rad bend", "grey70")
 
 
-def render(view: LoopView, *, title: str, rates_hz: Mapping[str, float]) -> RenderableType:
+def _task(rows: Mapping[str, str]) -> Text:
+    """Draw what is going on, such as object, phase and height of a simulated trial."""
+    text = Text()
+    for name, value in rows.items():
+        text.append(f"{name} ", style="grey50").append(f"{value}   ", style="bold")
+    return text
+
+
+def render(
+    view: LoopView, *, title: str, rates_hz: Mapping[str, float], rows: Mapping[str, str] = {}
+) -> RenderableType:
     """Draw one moment of the loop.
 
     Args:
         view: What the loop shows.
         title: Heading of the frame.
         rates_hz: Measured rates to show, by name.
+        rows: What else to tell, by name; one line in all.
     """
     rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
     body = Group(
+        *([_task(rows)] if rows else []),
         _touch(view),
         Text(f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}", style="grey50"),
         _vest(view.vest),
@@ -154,14 +166,14 @@ class TerminalView:
         """Give the screen back."""
         self._live.stop()
 
-    def __call__(self, view: LoopView) -> None:
-        """Draw a moment, unless one was drawn just now."""
+    def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
+        """Draw a moment and what else is told of it, unless one was drawn just now."""
         now_s = self._now_s()
         if now_s - self._drawn_s < _REFRESH_S:
             return
         self._drawn_s = now_s
         self._measure(now_s, view)
-        self._live.update(render(view, title=self._title, rates_hz=self._rates_hz), refresh=True)
+        self._live.update(render(view, title=self._title, rates_hz=self._rates_hz, rows=rows), refresh=True)
 
     def _measure(self, now_s: float, view: LoopView) -> None:
         """Work the rates out over the last second."""

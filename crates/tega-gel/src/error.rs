@@ -1,0 +1,71 @@
+//! What can be wrong with an indenter.
+
+use thiserror::Error;
+
+/// Why an indenter or a buffer is refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum GelError {
+    /// A number is not finite or out of its range.
+    #[error("{name} of indenter {index} is {value} {unit}, wanted {wanted}")]
+    OutOfRange {
+        /// Which number.
+        name: &'static str,
+        /// Of which indenter, from 0.
+        index: usize,
+        /// What it is.
+        value: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// What it may be.
+        wanted: &'static str,
+    },
+    /// The rotation of a pose is not orthonormal.
+    #[error("the rotation of indenter {index} is no rotation: its columns are off by {error:.3}")]
+    Rotation {
+        /// Of which indenter, from 0.
+        index: usize,
+        /// Largest deviation of its columns' products from those of unit vectors.
+        error: f64,
+    },
+    /// There are more indenters than the gel has room for.
+    #[error("{got} indenters, wanted at most {limit}")]
+    TooMany {
+        /// How many there are.
+        got: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The picture's buffer has another size.
+    #[error("the picture has {got} bytes, wanted {wanted}")]
+    Picture {
+        /// What it has.
+        got: usize,
+        /// What is needed.
+        wanted: usize,
+    },
+    /// A setting of the unit is out of range.
+    #[error("{name} = {value}, wanted {wanted}")]
+    Setting {
+        /// Which.
+        name: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it may be.
+        wanted: &'static str,
+    },
+}
+
+impl GelError {
+    /// What to do about it.
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::OutOfRange { .. } => "sizes and poses are in millimetres, forces in newtons",
+            Self::Rotation { .. } => {
+                "the first three columns of pose_mm are the shape's axes in the pad frame"
+            }
+            Self::TooMany { .. } => "pass the strongest contacts only",
+            Self::Picture { .. } => "make it with numpy.empty((320, 240, 3), numpy.uint8)",
+            Self::Setting { .. } => "0 is the fitted sensor, 1 spreads units as sensors differ",
+        }
+    }
+}

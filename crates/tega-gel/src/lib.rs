@@ -1,0 +1,41 @@
+//! A simulated fingertip camera: rigid shapes pressed into a gel, to pictures of 320 x 240 blue, green, red bytes.
+//!
+//! Simulated, from published and measured properties of one sensor (DIGIT); `docs/sim-touch.md` says how close it
+//! comes and what it does not model. Lengths are millimetres in the pad frame (x right and y down in the upright
+//! picture, z out of the gel), forces newtons.
+//!
+//! ```
+//! use tega_gel::{Gel, Indenter, PICTURE, Shape};
+//!
+//! let mut gel = Gel::new(1, 1.0)?;
+//! let ball = Indenter {
+//!     shape: Shape::Sphere { radius: 4.4 },
+//!     pose_mm: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.4]],
+//!     force_n: 3.0,
+//! };
+//! let touch = gel.press(&[ball])?;
+//! let mut picture = vec![0; PICTURE];
+//! gel.paint(0, &mut picture)?;
+//! assert!(touch.depth_mm > 0.7 && touch.depth_mm < 1.2);
+//! # Ok::<(), tega_gel::GelError>(())
+//! ```
+#![deny(unsafe_code)] // allowed in `simd` alone
+
+mod error;
+mod gel;
+mod grid;
+mod membrane;
+mod noise;
+mod paint;
+mod rng;
+mod shape;
+mod simd;
+mod unit;
+
+pub use error::GelError;
+pub use gel::{CELLS, Gel, PICTURE, Touch};
+pub use grid::{LENGTH_MM, PX_PER_MM, STIFFNESS_N_MM3};
+pub use membrane::{DOME_MM, MAX_INDENTERS};
+pub use shape::{Indenter, Shape};
+pub use simd::instruction_set;
+pub use unit::{HEIGHT, WIDTH};

@@ -1,0 +1,274 @@
+//! The gel: a skin on springs, and shapes that it may not enter.
+//!
+//! The displacement `h` minimises the sum of h² + l²|∇h|² over all that lie above the shapes. It is found on three
+//! grids, each started from the coarser one's answer, by a bounded number of sweeps over even and odd rows, so that an
+//! answer depends on what presses now and on nothing before. A shape goes in until the springs under it carry its force:
+//! with `k` the springs' stiffness, the pressure is p = k(h - l²∇²h) where it touches and 0 elsewhere.
+
+use crate::grid::{
+    CELL_PX, COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, PX_PER_MM, Pressed, ROWS, Window, carry, chunks,
+    guess, highest, pool, raise_floor, reach, refine, rests, settle, sweep, wider,
+};
+use crate::shape::{CLEAR, Indenter};
+
+/// Radius of the gel's dome, millimetres.
+pub const DOME_MM: f64 = 100.0;
+/// Shapes that may press at once.
+pub const MAX_INDENTERS: usize = 8;
+
+/// How often a grid matches the forces, its sweeps before each match and after the last, and their over-relaxation.
+#[derive(Debug, Clone, Copy)]
+struct Steps {
+    /// At least, and at most while a force is off by more than a seventh.
+    matches: usize,
+    most: usize,
+    sweeps: usize,
+    last: usize,
+    relax: f32,
+}
+
+/// From the coarsest grid on; `docs/sim-touch.md` has the error that this leaves.
+const SCHEDULE: [Steps; 3] = [
+    Steps { matches: 3, most: 3, sweeps: 2, last: 1, relax: 1.4 },
+    Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.4 },
+    Steps { matches: 1, most: 4, sweeps: 3, last: 2, relax: 1.4 },
+];
+
+/// Sums over the touching cells of the picture, and the largest displacement in it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Measured {
+    pub(crate) cells: usize,
+    pub(crate) depth: f32,
+    /// Of displacement, and of it times column and row; millimetres, cells of the picture.
+    pub(crate) sum: f32,
+    pub(crate) right: f32,
+    pub(crate) down: f32,
+}
+
+/// The gel's grids.
+#[derive(Debug, Clone)]
+pub(crate) struct Membrane {
+    levels: [Level; 3],
+    pressed: [Pressed; MAX_INDENTERS],
+    row: Vec<f32>,
+}
+
+impl Membrane {
+    pub(crate) fn new() -> Self {
+        Self {
+            levels: [4, 2, 1].map(Level::new),
+            pressed: [Pressed::default(); MAX_INDENTERS],
+            row: vec![0.0; COLS + 2],
+        }
+    }
+
+    /// Presses the shapes in; false where none of them lies over the gel.
+    #[inline(always)]
+    pub(crate) fn solve(&mut self, indenters: &[Indenter]) -> bool {
+        self.solve_in(indenters, &SCHEDULE)
+    }
+
+    #[inline(always)]
+    fn solve_in(&mut self, indenters: &[Indenter], schedule: &[Steps; 3]) -> bool {
+        let n = indenters.len();
+        let mut any = false;
+        for (i, indenter) in indenters.iter().enumerate() {
+            let over = indenter.force_n > 0.0 && self.lay_over(i, indenter);
+            let force = indenter.force_n as f32;
+            let depth = if over { guess(&self.levels[0], i, force) } else { CLEAR };
+            self.pressed[i] = Pressed { depth, force: 0.0 };
+            any |= over;
+        }
+        if !any {
+            return false;
+        }
+        for (level, steps) in schedule.iter().enumerate() {
+            if level == 0 {
+                let grid = &mut self.levels[0];
+                grid.window = Window { rows: [0, grid.rows], cols: [0, grid.cols] };
+                grid.height.fill(0.0);
+                grid.next.fill(0.0);
+                raise_floor(grid, &self.pressed[..n]);
+            } else {
+                let [coarse, fine] = &mut self.levels[level - 1..=level] else { continue };
+                fine.window = wider(reach(coarse), fine);
+                raise_floor(fine, &self.pressed[..n]);
+                refine(coarse, fine, &mut self.row);
+            }
+            let grid = &mut self.levels[level];
+            for done in 1..=steps.most {
+                for _ in 0..steps.sweeps {
+                    sweep(grid, steps.relax);
+                }
+                carry(grid, &mut self.pressed[..n]);
+                let (mut most, mut off) = (0.0f32, false);
+                for (pressed, indenter) in self.pressed.iter_mut().zip(indenters) {
+                    // Force goes with depth to the power 1.9 for a ball, 1 for a flat face.
+                    let ratio =
+                        if pressed.force > 0.0 { indenter.force_n as f32 / pressed.force } else { 4.0 };
+                    let change = ratio.clamp(0.25, 4.0).sqrt();
+                    off |= pressed.depth > 0.0 && !(0.93..1.07).contains(&change);
+                    pressed.depth *= change;
+                    most = if pressed.depth > 0.0 && change > most { change } else { most };
+                }
+                raise_floor(grid, &self.pressed[..n]);
+                if most < 1.0 {
+                    // A skin is soon up but slow to come down.
+                    settle(grid, most);
+                }
+                if done >= steps.matches && !off {
+                    break;
+                }
+            }
+            for _ in 0..steps.last {
+                sweep(grid, steps.relax);
+            }
+        }
+        true
+    }
+
+    /// The finest grid's window.
+    pub(crate) fn window(&self) -> Window {
+        self.levels[2].window
+    }
+
+    /// A row of displacements of the finest grid, millimetres, with a still cell before and after; -1 and [`ROWS`] are
+    /// still rows, `row` is one more.
+    pub(crate) fn heights(&self, row: usize) -> &[f32] {
+        &self.levels[2].height[row * (COLS + 2)..(row + 1) * (COLS + 2)]
+    }
+
+    /// Whether the gel touches something in a cell of the finest grid.
+    pub(crate) fn touches(&self, row: usize, col: usize) -> bool {
+        let window = self.window();
+        let inside = (window.rows[0]..window.rows[1]).contains(&row)
+            && (window.cols[0]..window.cols[1]).contains(&col);
+        let [above, here, below] = [0, 1, 2].map(|k| self.heights(row + k));
+        let around = (above[col + 1] + below[col + 1]) + (here[col] + here[col + 2]);
+        let grid = &self.levels[2];
+        inside && rests(here[col + 1], grid.floor[row * COLS + col], around, grid.square)
+    }
+
+    /// Measures the part of the gel that is in the picture.
+    #[inline(always)]
+    pub(crate) fn measure(&self) -> Measured {
+        let grid = &self.levels[2];
+        let [first, last] = grid.window.rows;
+        let mut cells = [0u32; LANES];
+        let mut deepest = [0.0f32; LANES];
+        let (mut sum, mut right, mut down) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+        for r in first.max(MARGIN_ROWS)..last.min(ROWS - MARGIN_ROWS) {
+            let ([here, up, below], floors) = (grid.around(r), chunks(&grid.floor[grid.flat(r)]));
+            let n = up.len();
+            let (before, heights, after) =
+                (chunks(&here[..n]), chunks(&here[1..=n]), chunks(&here[2..n + 2]));
+            let (up, below) = (chunks(up), chunks(below));
+            let y = (r - MARGIN_ROWS) as i32 as f32;
+            for (at, (h, floor)) in heights.iter().zip(floors).enumerate() {
+                for k in 0..LANES {
+                    let around = (up[at][k] + below[at][k]) + (before[at][k] + after[at][k]);
+                    let c = (grid.window.cols[0] + at * LANES + k) as i32 - MARGIN_COLS as i32;
+                    let seen = if c >= 0 && c < (COLS - 2 * MARGIN_COLS) as i32 { h[k] } else { 0.0 };
+                    let touches = seen > 0.0 && rests(h[k], floor[k], around, grid.square);
+                    let held = if touches { seen } else { 0.0 };
+                    cells[k] += u32::from(touches);
+                    deepest[k] = if seen > deepest[k] { seen } else { deepest[k] };
+                    sum[k] += held;
+                    right[k] += held * c as f32;
+                    down[k] += held * y;
+                }
+            }
+        }
+        Measured {
+            cells: cells.iter().sum::<u32>() as usize,
+            depth: deepest.iter().fold(0.0, |top, h| if *h > top { *h } else { top }),
+            sum: sum.iter().sum(),
+            right: right.iter().sum(),
+            down: down.iter().sum(),
+        }
+    }
+
+    /// Lays a shape over the grids, its foremost point on the still gel; false where it lies beside it.
+    #[inline(always)]
+    fn lay_over(&mut self, i: usize, indenter: &Indenter) -> bool {
+        let step = (CELL_PX as f64 / PX_PER_MM) as f32;
+        let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * step;
+        let curve = (0.5 / DOME_MM) as f32;
+        let gap = &mut self.levels[2].gaps[i];
+        // The gel's dome drops away from its middle.
+        let mut drop = [0.0; COLS];
+        for (c, drop) in drop.iter_mut().enumerate() {
+            *drop = at(COLS, c) * at(COLS, c) * curve;
+        }
+        for (r, row) in gap.chunks_exact_mut(COLS).enumerate() {
+            let y = at(ROWS, r);
+            indenter.lowest(at(COLS, 0), step, y, row);
+            for (low, drop) in row.iter_mut().zip(&drop) {
+                *low -= drop + y * y * curve;
+            }
+        }
+        for level in [1, 0] {
+            let [coarse, fine] = &mut self.levels[level..=level + 1] else { continue };
+            pool(&fine.gaps[i], &mut coarse.gaps[i], fine.cols);
+        }
+        for grid in &mut self.levels {
+            grid.tops[i] = highest(&grid.gaps[i]);
+        }
+        self.levels[2].tops[i] > CLEAR / 2.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::Shape;
+
+    /// Far longer on every grid than anything here needs.
+    const PATIENT: [Steps; 3] = [Steps { matches: 40, most: 40, sweeps: 10, last: 200, relax: 1.0 }; 3];
+
+    fn tilted(tilt: f64, x: f64, y: f64) -> [[f64; 4]; 3] {
+        let (c, s) = (tilt.cos(), tilt.sin());
+        [[1.0, 0.0, 0.0, x], [0.0, c, -s, y], [0.0, s, c, 0.0]]
+    }
+
+    /// Largest errors of the displacement relative to its peak, and of the depth, over these shapes and forces.
+    fn errors(shapes: &[Shape], tilts: &[f64], forces_n: &[f64]) -> [f32; 2] {
+        let (mut few, mut many) = (Membrane::new(), Membrane::new());
+        let mut worst = [0.0f32; 2];
+        for shape in shapes {
+            for force_n in forces_n {
+                for (tilt, x) in tilts.iter().zip([0.0, 0.1, 0.2]) {
+                    let indenter =
+                        Indenter { shape: *shape, pose_mm: tilted(*tilt, x, x / 3.0), force_n: *force_n };
+                    assert!(few.solve(&[indenter]) && many.solve_in(&[indenter], &PATIENT));
+                    let (a, b) = (&few.levels[2].height, &many.levels[2].height);
+                    let peak = b.iter().fold(0.0f32, |top, h| top.max(*h));
+                    let height = a.iter().zip(b).fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) / peak;
+                    let depth = (few.pressed[0].depth / many.pressed[0].depth - 1.0).abs();
+                    worst = [worst[0].max(height), worst[1].max(depth)];
+                }
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn few_sweeps_come_close_to_many() {
+        let round = [
+            Shape::Sphere { radius: 4.4 },
+            Shape::Sphere { radius: 30.0 },
+            Shape::Cylinder { radius: 33.0, half_length: 100.0 },
+            Shape::Box { half: [30.0, 30.0, 30.0] },
+        ];
+        let worst = errors(&round, &[0.0, std::f64::consts::FRAC_PI_2], &[0.3, 1.0, 5.0, 15.0]);
+        assert!(worst[0] < 0.03 && worst[1] < 0.03, "{worst:?}");
+        let sharp = [
+            Shape::Sphere { radius: 1.0 },
+            Shape::Capsule { radius: 1.0, half_length: 4.0 },
+            Shape::Cylinder { radius: 3.0, half_length: 6.0 },
+            Shape::Box { half: [2.5, 2.5, 2.5] },
+        ];
+        let worst = errors(&sharp, &[0.0, std::f64::consts::FRAC_PI_2, 0.5], &[0.1, 1.0, 5.0]);
+        assert!(worst[0] < 0.25 && worst[1] < 0.11, "{worst:?}");
+    }
+}

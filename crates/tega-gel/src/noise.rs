@@ -1,0 +1,134 @@
+//! The camera's noise: a sheet larger than the picture, drawn once a unit, of which each frame shows another part.
+
+use crate::rng::Stream;
+use crate::unit::{HEIGHT, LINE, WIDTH, spline};
+
+/// Per-pixel deviation of 8-bit pictures, blue, green, red.
+const SIGMA: [f32; 3] = [3.30, 1.70, 2.85];
+/// Correlation between the channels: B-G, B-R, G-R.
+const CORRELATION: [f32; 3] = [-0.40, 0.08, -0.48];
+/// What neighbours share: white noise through a 4 x 4 box, and the rest white.
+const BOX: usize = 4;
+const SHARED: f32 = 0.964;
+const OWN: f32 = 0.265;
+/// How far a frame's part may start from the sheet's corner.
+const ROOM_ROWS: usize = 128;
+const ROOM_COLS: usize = 80;
+const SHEET_LINE: usize = (WIDTH + ROOM_COLS) * 3;
+
+/// Frames between two looks at the drift: a second at 60 Hz.
+pub(crate) const EPOCH_FRAMES: u64 = 64;
+/// Epochs between the drift's knots.
+const KNOT_EPOCHS: u64 = 8;
+/// Deviation of the slow colour change over the picture, and of its mean, blue, green, red.
+const DRIFT: [f32; 3] = [0.53, 0.30, 0.69];
+const OFFSET: [f32; 3] = [0.97, 0.79, 1.06];
+
+/// One unit's noise.
+#[derive(Debug, Clone)]
+pub(crate) struct Noise {
+    sheet: Vec<i8>,
+    frames: Stream,
+    drift: Stream,
+}
+
+/// Which part of the sheet a frame shows.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Part {
+    top: usize,
+    left: usize,
+    mirrored: bool,
+}
+
+impl Noise {
+    pub(crate) fn new(seed: u64) -> Self {
+        let (rows, cols) = (HEIGHT + ROOM_ROWS, WIDTH + ROOM_COLS);
+        let planes: [Vec<f32>; 3] =
+            std::array::from_fn(|k| plane(Stream::new(seed, 10 + k as u64), rows, cols));
+        let mix = cholesky();
+        let mut sheet = vec![0; rows * SHEET_LINE];
+        for (i, pixel) in sheet.chunks_exact_mut(3).enumerate() {
+            for (channel, out) in pixel.iter_mut().enumerate() {
+                let sum: f32 = (0..=channel).map(|k| mix[channel][k] * planes[k][i]).sum();
+                // Rounding to counts adds a twelfth of a count's square.
+                let sigma = (SIGMA[channel] * SIGMA[channel] - 1.0 / 12.0).sqrt();
+                *out = (sigma * sum).round().clamp(-29.0, 29.0) as i8;
+            }
+        }
+        Self { sheet, frames: Stream::new(seed, 20), drift: Stream::new(seed, 21) }
+    }
+
+    /// The part that a frame shows. Two frames in a row never show the same one.
+    pub(crate) fn part(&self, index: u64) -> Part {
+        let bits = self.frames.bits(index);
+        // Odd frames lie four rows off the even ones' grid of eight.
+        let top = 8 * (bits % (ROOM_ROWS as u64 / 8)) + 4 * (index & 1);
+        let left = (bits >> 16) % (ROOM_COLS as u64 + 1);
+        Part { top: top as usize, left: left as usize, mirrored: bits >> 63 == 1 }
+    }
+
+    /// A frame's noise in one row, counts.
+    #[inline(always)]
+    pub(crate) fn row(&self, part: Part, y: usize) -> &[i8] {
+        let row = part.top + if part.mirrored { HEIGHT - 1 - y } else { y };
+        &self.sheet[row * SHEET_LINE + 3 * part.left..][..LINE]
+    }
+
+    /// Writes the still picture as it has drifted by an epoch.
+    pub(crate) fn drifted(&self, still: &[f32], epoch: u64, out: &mut [u8]) {
+        let (knot, weights) =
+            (epoch / KNOT_EPOCHS, spline((epoch % KNOT_EPOCHS) as f32 / KNOT_EPOCHS as f32));
+        // Four knots leave 151/315 of their variance on average; across and along, three terms share the drift.
+        let lately = |number: u64| -> f32 {
+            let sum: f32 =
+                (0..4).map(|k| weights[k as usize] * self.drift.normal((knot + k) * 16 + number)).sum();
+            sum * (315.0f32 / 151.0).sqrt()
+        };
+        let terms: [[f32; 4]; 3] = std::array::from_fn(|channel| {
+            let number = 4 * channel as u64;
+            // X and Y have variance 1/3, XY has 1/9.
+            let d = DRIFT[channel];
+            [
+                OFFSET[channel] * lately(number),
+                d * lately(number + 1),
+                d * lately(number + 2),
+                1.7 * d * lately(number + 3),
+            ]
+        });
+        for y in 0..HEIGHT {
+            let v = (y as f32 - 159.5) / 160.0;
+            let line = y * LINE..(y + 1) * LINE;
+            let pixels = still[line.clone()].chunks_exact(3).zip(out[line].chunks_exact_mut(3));
+            for (x, (still, out)) in pixels.enumerate() {
+                let u = (x as f32 - 119.5) / 120.0;
+                for (channel, term) in terms.iter().enumerate() {
+                    let drift = term[0] + term[1] * u + term[2] * v + term[3] * u * v;
+                    out[channel] = (still[channel] + drift).round().clamp(30.0, 225.0) as u8;
+                }
+            }
+        }
+    }
+}
+
+/// Deviation 1: the share that neighbours have in common, and each pixel's own.
+fn plane(drawn: Stream, rows: usize, cols: usize) -> Vec<f32> {
+    let (high, wide) = (rows + BOX - 1, cols + BOX - 1);
+    let white: Vec<f32> = (0..high * wide).map(|i| drawn.normal(i as u64)).collect();
+    let own = high * wide;
+    let mut out = Vec::with_capacity(rows * cols);
+    for r in 0..rows {
+        for c in 0..cols {
+            let sum: f32 = (0..BOX).map(|i| white[(r + i) * wide + c..][..BOX].iter().sum::<f32>()).sum();
+            let alone = drawn.normal((own + r * cols + c) as u64);
+            out.push(SHARED * sum / BOX as f32 + OWN * alone);
+        }
+    }
+    out
+}
+
+fn cholesky() -> [[f32; 3]; 3] {
+    let [bg, br, gr] = CORRELATION;
+    let g = (1.0 - bg * bg).sqrt();
+    let rg = (gr - br * bg) / g;
+    [[1.0, 0.0, 0.0], [bg, g, 0.0], [br, rg, (1.0 - br * br - rg * rg).sqrt()]]
+}

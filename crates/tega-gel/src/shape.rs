@@ -1,0 +1,213 @@
+//! Rigid shapes, and how far each point of their surface stays from the gel.
+
+use crate::error::GelError;
+
+/// What a point is that the shape does not lie over.
+pub(crate) const CLEAR: f32 = -1e6;
+
+/// A rigid body's form; lengths in millimetres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// A ball.
+    Sphere {
+        /// Its radius.
+        radius: f64,
+    },
+    /// A round bar along its own z, cut off square.
+    Cylinder {
+        /// Its radius.
+        radius: f64,
+        /// Half its length.
+        half_length: f64,
+    },
+    /// A round bar along its own z with half balls beyond its ends.
+    Capsule {
+        /// Its radius.
+        radius: f64,
+        /// Half its length without the half balls.
+        half_length: f64,
+    },
+    /// A block.
+    Box {
+        /// Half its lengths.
+        half: [f64; 3],
+    },
+    /// Everything on the far side of its own z = 0.
+    Plane,
+}
+
+/// A rigid shape pressed into the gel with a force.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Indenter {
+    /// Its form.
+    pub shape: Shape,
+    /// Its axes (columns) and its origin in the pad frame, row by row; millimetres. The origin's z does not matter:
+    /// the shape goes in until it meets the force.
+    pub pose_mm: [[f64; 4]; 3],
+    /// Normal force, newtons; 0 touches nothing.
+    pub force_n: f64,
+}
+
+impl Indenter {
+    /// Refuses numbers that make no body.
+    pub(crate) fn check(&self, index: usize) -> Result<(), GelError> {
+        let positive = |name, value: f64| {
+            if value > 0.0 && value <= 1e4 {
+                Ok(())
+            } else {
+                Err(GelError::OutOfRange { name, index, value, unit: "mm", wanted: "over 0 to 10000" })
+            }
+        };
+        match self.shape {
+            Shape::Sphere { radius } => positive("the radius", radius)?,
+            Shape::Cylinder { radius, half_length } | Shape::Capsule { radius, half_length } => {
+                positive("the radius", radius)?;
+                positive("the half length", half_length)?;
+            }
+            Shape::Box { half } => half.iter().try_for_each(|&h| positive("a half length", h))?,
+            Shape::Plane => {}
+        }
+        if !(0.0..=1000.0).contains(&self.force_n) {
+            let (name, unit) = ("force_n", "N");
+            return Err(GelError::OutOfRange { name, index, value: self.force_n, unit, wanted: "0 to 1000" });
+        }
+        if let Some(&value) = self.pose_mm.as_flattened().iter().find(|v| !v.is_finite() || v.abs() > 1e6) {
+            let (name, unit) = ("a number of pose_mm", "mm");
+            return Err(GelError::OutOfRange { name, index, value, unit, wanted: "finite numbers" });
+        }
+        let p = &self.pose_mm;
+        let mut error: f64 = 0.0;
+        for a in 0..3 {
+            for b in 0..=a {
+                let dot: f64 = (0..3).map(|k| p[k][a] * p[k][b]).sum();
+                error = error.max((dot - f64::from(u8::from(a == b))).abs());
+            }
+        }
+        if error > 1e-3 { Err(GelError::Rotation { index, error }) } else { Ok(()) }
+    }
+
+    /// Fills `out` with how far the shape lies below its own origin's level along the row's points, millimetres:
+    /// larger is nearer to the gel; [`CLEAR`] where it does not lie over the point.
+    ///
+    /// Points are at `x0 + i * step`, `y`, in the pad frame. Each shape is cut by the line through the point along z.
+    #[inline(always)]
+    pub(crate) fn lowest(&self, x0: f32, step: f32, y: f32, out: &mut [f32]) {
+        let p = &self.pose_mm;
+        // In the shape's own frame the line is `origin + t * along`: x goes with the point, t is the pad's z.
+        let axis = |k: usize| [p[0][k] as f32, p[1][k] as f32, p[2][k] as f32];
+        let [ax, ay, az] = [axis(0), axis(1), axis(2)];
+        let (cx, dy) = (p[0][3] as f32, y - p[1][3] as f32);
+        match self.shape {
+            Shape::Sphere { radius } => {
+                let r2 = (radius * radius) as f32 - dy * dy;
+                for_each(out, x0 - cx, step, |dx| {
+                    let under = r2 - dx * dx;
+                    if under > 0.0 { under.sqrt() } else { CLEAR }
+                });
+            }
+            Shape::Plane => {
+                // Its normal has to face the gel.
+                let n = az;
+                let down = if n[2] < -0.05 { 1.0 / n[2] } else { 0.0 };
+                for_each(out, x0 - cx, step, |dx| {
+                    if down == 0.0 { CLEAR } else { (n[0] * dx + n[1] * dy) * down }
+                });
+            }
+            Shape::Box { half } => {
+                let half = half.map(|h| h as f32);
+                let slabs = [slab(ax, half[0]), slab(ay, half[1]), slab(az, half[2])];
+                for_each(out, x0 - cx, step, |dx| {
+                    let (mut enter, mut leave) = (f32::MIN, f32::MAX);
+                    for s in &slabs {
+                        let (near, far) = s.cut(dx, dy);
+                        enter = if near > enter { near } else { enter };
+                        leave = if far < leave { far } else { leave };
+                    }
+                    if enter < leave { -enter } else { CLEAR }
+                });
+            }
+            Shape::Cylinder { radius, half_length } => {
+                let ends = slab(az, half_length as f32);
+                let round = Round::new([ax, ay], radius as f32);
+                for_each(out, x0 - cx, step, |dx| {
+                    let ((a, b), (c, d)) = (ends.cut(dx, dy), round.cut(dx, dy));
+                    let (enter, leave) = (if a > c { a } else { c }, if b < d { b } else { d });
+                    if enter < leave { -enter } else { CLEAR }
+                });
+            }
+            Shape::Capsule { radius, half_length } => {
+                let (r, l) = (radius as f32, half_length as f32);
+                let round = Round::new([ax, ay], r);
+                let r2 = r * r;
+                for_each(out, x0 - cx, step, |dx| {
+                    let (enter, leave) = round.cut(dx, dy);
+                    let along = az[0] * dx + az[1] * dy + az[2] * enter;
+                    let mut low = if enter < leave && along <= l && along >= -l { -enter } else { CLEAR };
+                    for end in [l, -l] {
+                        let (ex, ey) = (dx - az[0] * end, dy - az[1] * end);
+                        let under = r2 - ex * ex - ey * ey;
+                        let ball = if under > 0.0 { under.sqrt() - az[2] * end } else { CLEAR };
+                        low = if ball > low { ball } else { low };
+                    }
+                    low
+                });
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn for_each(out: &mut [f32], x0: f32, step: f32, low: impl Fn(f32) -> f32) {
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = low(x0 + i as i32 as f32 * step);
+    }
+}
+
+/// The space between two parallel planes.
+struct Slab {
+    axis: [f32; 3],
+    half: f32,
+    per_z: f32,
+}
+
+fn slab(axis: [f32; 3], half: f32) -> Slab {
+    // A plane that stands upright is met nowhere: leaning by 1e-6 it is met very far away.
+    let z = if axis[2].abs() < 1e-6 { 1e-6 } else { axis[2] };
+    Slab { axis, half, per_z: 1.0 / z }
+}
+
+impl Slab {
+    /// Where the line enters and leaves.
+    #[inline(always)]
+    fn cut(&self, dx: f32, dy: f32) -> (f32, f32) {
+        let start = self.axis[0] * dx + self.axis[1] * dy;
+        let (a, b) = ((-self.half - start) * self.per_z, (self.half - start) * self.per_z);
+        if a < b { (a, b) } else { (b, a) }
+    }
+}
+
+/// An endless round bar along the shape's z.
+struct Round {
+    axes: [[f32; 3]; 2],
+    r2: f32,
+    square: f32,
+}
+
+impl Round {
+    fn new(axes: [[f32; 3]; 2], radius: f32) -> Self {
+        let square = axes[0][2] * axes[0][2] + axes[1][2] * axes[1][2];
+        Self { axes, r2: radius * radius, square: if square < 1e-9 { 1e-9 } else { square } }
+    }
+
+    /// Where the line enters and leaves; the other way round where it misses.
+    #[inline(always)]
+    fn cut(&self, dx: f32, dy: f32) -> (f32, f32) {
+        let [u, v] = self.axes;
+        let (su, sv) = (u[0] * dx + u[1] * dy, v[0] * dx + v[1] * dy);
+        let half = su * u[2] + sv * v[2];
+        let under = half * half - self.square * (su * su + sv * sv - self.r2);
+        let root = if under > 0.0 { under.sqrt() } else { 0.0 };
+        let (enter, leave) = ((-half - root) / self.square, (-half + root) / self.square);
+        if under > 0.0 { (enter, leave) } else { (f32::MAX, f32::MIN) }
+    }
+}

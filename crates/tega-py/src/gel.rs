@@ -1,0 +1,122 @@
+//! Bindings of `tega-gel`.
+
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+use tega_gel::{CELLS, HEIGHT, Indenter, PICTURE, Shape, Touch, WIDTH};
+
+use crate::errors::{BindError, InvalidValueError, ShapeError};
+
+type Picture<'py> = Bound<'py, PyArray3<u8>>;
+type Pressing<'py> = (String, [f64; 3], PyReadonlyArray2<'py, f64>, f64);
+type Found = (bool, usize, f64, f64, (f64, f64));
+
+#[pyclass(module = "tega._native")]
+struct Gel(tega_gel::Gel);
+
+#[pymethods]
+impl Gel {
+    #[new]
+    #[pyo3(signature = (seed, /, *, spread))]
+    fn new(seed: u64, spread: f64) -> Result<Self, BindError> {
+        Ok(Self(tega_gel::Gel::new(seed, spread)?))
+    }
+
+    #[pyo3(signature = (indenters, /))]
+    fn press(&mut self, indenters: Vec<Pressing<'_>>) -> Result<Found, BindError> {
+        Ok(found(self.0.press(&collect(indenters)?)?))
+    }
+
+    #[pyo3(signature = (indenters, index, /, *, out))]
+    fn frame<'py>(
+        &mut self,
+        py: Python<'py>,
+        indenters: Vec<Pressing<'py>>,
+        index: u64,
+        out: Option<Picture<'py>>,
+    ) -> Result<(Picture<'py>, Found), BindError> {
+        let indenters = collect(indenters)?;
+        let out = out.unwrap_or_else(|| PyArray3::zeros(py, [HEIGHT, WIDTH, 3], false));
+        let mut lent = out
+            .try_readwrite()
+            .map_err(|e| InvalidValueError::new_err((format!("out cannot be written: {e}"), "")))?;
+        let shape = lent.as_array().dim();
+        let pixels = lent.as_slice_mut().ok().filter(|_| shape == (HEIGHT, WIDTH, 3)).ok_or_else(|| {
+            ShapeError::new_err((
+                format!("out has shape {shape:?} or gaps, wanted ({HEIGHT}, {WIDTH}, 3) without"),
+                "make it with numpy.empty((320, 240, 3), numpy.uint8)",
+            ))
+        })?;
+        let gel = &mut self.0;
+        let touch = py.detach(|| {
+            let touch = gel.press(&indenters)?;
+            gel.paint(index, pixels).map(|()| touch)
+        })?;
+        drop(lent);
+        Ok((out, found(touch)))
+    }
+
+    #[pyo3(signature = (index, /))]
+    fn still<'py>(&mut self, py: Python<'py>, index: u64) -> Result<Picture<'py>, BindError> {
+        let mut still = vec![0; PICTURE];
+        self.0.still(index, &mut still)?;
+        Ok(still.into_pyarray(py).reshape([HEIGHT, WIDTH, 3])?)
+    }
+
+    fn contact_mask<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
+        let mut mask = vec![false; HEIGHT * WIDTH];
+        self.0.contact_mask(&mut mask);
+        Ok(mask.into_pyarray(py).reshape([HEIGHT, WIDTH])?)
+    }
+
+    fn displacement_mm<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
+        let mut displacement = vec![0.0; CELLS[0] * CELLS[1]];
+        self.0.displacement(&mut displacement);
+        Ok(displacement.into_pyarray(py).reshape(CELLS)?)
+    }
+}
+
+fn collect(indenters: Vec<Pressing<'_>>) -> Result<Vec<Indenter>, BindError> {
+    indenters
+        .into_iter()
+        .map(|(name, [a, b, c], pose, force_n)| {
+            let shape = match name.as_str() {
+                "sphere" => Shape::Sphere { radius: a },
+                "cylinder" => Shape::Cylinder { radius: a, half_length: b },
+                "capsule" => Shape::Capsule { radius: a, half_length: b },
+                "box" => Shape::Box { half: [a, b, c] },
+                "plane" => Shape::Plane,
+                _ => {
+                    return Err(InvalidValueError::new_err((
+                        format!("shape = '{name}' is not known"),
+                        "use 'sphere', 'cylinder', 'capsule', 'box' or 'plane'",
+                    ))
+                    .into());
+                }
+            };
+            let view = pose.as_array();
+            if view.dim() != (3, 4) {
+                return Err(ShapeError::new_err((
+                    format!("pose_mm has shape {:?}, wanted (3, 4)", view.dim()),
+                    "pass rotation and translation side by side",
+                ))
+                .into());
+            }
+            let mut pose_mm = [[0.0; 4]; 3];
+            pose_mm.as_flattened_mut().iter_mut().zip(view).for_each(|(to, from)| *to = *from);
+            Ok(Indenter { shape, pose_mm, force_n })
+        })
+        .collect()
+}
+
+fn found(touch: Touch) -> Found {
+    let [x, y] = touch.centre_xy;
+    (touch.touches, touch.area_px, touch.area_mm2, touch.depth_mm, (x, y))
+}
+
+pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("GEL_PX_PER_MM", tega_gel::PX_PER_MM)?;
+    m.add("GEL_LENGTH_MM", tega_gel::LENGTH_MM)?;
+    m.add("GEL_STIFFNESS_N_MM3", tega_gel::STIFFNESS_N_MM3)?;
+    m.add("GEL_DOME_MM", tega_gel::DOME_MM)?;
+    m.add_class::<Gel>()
+}

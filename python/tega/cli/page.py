@@ -1,0 +1,117 @@
+"""``--view``: the page in the browser, beside whatever the terminal shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.teleop.loop import LoopView
+    from tega.view.browser import BrowserView, Controls
+
+__all__ = ["browser_observer", "run_viewed", "view_options"]
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+DEFAULT_PORT = 8080
+
+
+def view_options(function: _Function) -> _Function:
+    """Add ``--view`` and ``--view-port``."""
+    port = click.option(
+        "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
+        help="TCP port of the page; the next free one where it is taken, any for 0.",
+    )  # fmt: skip
+    view = click.option(
+        "--view", is_flag=True, help="Show the run on a page in the browser, on this machine only."
+    )
+    return view(port(function))
+
+
+@contextmanager
+def browser_observer(
+    title: str,
+    *,
+    port: int = DEFAULT_PORT,
+    controls: Controls | None = None,
+    **options: Any,
+) -> Iterator[BrowserView]:
+    """Serve the page and say on stderr where.
+
+    Args:
+        title: Heading of the page.
+        port: TCP port.
+        controls: What the page's buttons set; the caller looks.
+        options: Further arguments of :class:`~tega.view.browser.BrowserView`.
+
+    Yields:
+        The view: call it with a loop's moment, as its observer, or :meth:`~tega.view.browser.BrowserView.offer` it
+        a :class:`~tega.view.state.ViewState`.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+    from tega.view.browser import BrowserView
+
+    with BrowserView(title, port=port, controls=controls, **options) as view:
+        click.echo(f"view: {view.url}", err=True)
+        yield view
+
+
+def run_viewed(
+    config: SessionConfig,
+    *,
+    title: str,
+    port: int,
+    observer: Callable[[LoopView], None] | None,
+    stop: Callable[[], bool],
+    can_pause: bool = False,
+    **options: Any,
+) -> dict[str, Any]:
+    """Run a session with the page open.
+
+    Args:
+        config: The settings.
+        title: Heading of the page.
+        port: TCP port.
+        observer: Of the terminal's view, called as well.
+        stop: Asked whether to end; the page's button is another way.
+        can_pause: Whether the run may stand still: with recordings, and with nothing that moves.
+        options: Further arguments of ``run_session``.
+
+    Returns:
+        The summary.
+    """
+    from contextlib import closing
+
+    from tega.clock import PausableClock
+    from tega.teleop import run_session
+    from tega.view.browser import Controls
+    from tega.view.browser.feed import SessionFeed
+    from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
+
+    controls = Controls(can_pause=can_pause, can_mute=True)
+    with (
+        closing(SessionFeed(config, {"preset": config.session.preset})) as feed,
+        browser_observer(
+            title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M
+        ) as view,
+    ):
+
+        def observe(loop: LoopView) -> None:
+            view(loop)
+            if observer is not None:
+                observer(loop)
+
+        return run_session(
+            config,
+            clock=PausableClock(lambda: controls.paused and not stop()) if can_pause else None,
+            observer=observe,
+            stop=lambda: stop() or controls.stopped,
+            on_prepared=feed.watch,
+            haptics=lambda: controls.haptics,
+            **options,
+        )

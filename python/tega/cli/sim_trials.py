@@ -1,0 +1,151 @@
+"""``tega-teleop sim-trials``: many simulated trials over all cores."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.cli.options import NameList, debug_option, json_option
+
+if TYPE_CHECKING:
+    from tega.sim.table import Row
+    from tega.sim.trial import TrialResult
+
+__all__ = ["sim_trials"]
+
+
+@click.command(epilog="Example: tega-teleop sim-trials --seeds 10 --out trials.jsonl")
+@click.option("--objects", type=NameList(), default="bottle,container,bag", show_default=True)
+@click.option(
+    "--conditions",
+    type=NameList(),
+    default="haptic,non-haptic",
+    show_default=True,
+    help="Also: constant, unrelated, unfelt (sham arms).",
+)
+@click.option(
+    "--seeds",
+    "n_seeds",
+    type=click.IntRange(1, 100_000),
+    default=10,
+    show_default=True,
+    help="How many persons.",
+)
+@click.option(
+    "--first-seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="The first one."
+)
+@click.option(
+    "--operator", type=click.Choice(["simulated", "scripted"]), default="simulated", show_default=True
+)
+@click.option(
+    "--practice", type=click.IntRange(0, 100), default=0, show_default=True, help="Lifts before each trial."
+)
+@click.option("--mass-kg", type=float, help="Instead of each object's own, as the two below.")
+@click.option("--stiffness-n-m", type=float, help="Of its wall.")
+@click.option("--friction", type=float, help="Between it and the gel.")
+@click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
+@click.option(
+    "--jobs",
+    type=click.IntRange(0, 1024),
+    default=0,
+    help="Worker processes; 0 for as many as there are cores.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Keep results in this file, and go on from it.",
+)
+@json_option
+@debug_option
+def sim_trials(
+    *,
+    objects: list[str],
+    conditions: list[str],
+    n_seeds: int,
+    first_seed: int,
+    operator: str,
+    practice: int,
+    mass_kg: float | None,
+    stiffness_n_m: float | None,
+    friction: float | None,
+    preset: str,
+    jobs: int,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    r"""Run every object under every condition with every seed, and compare. Everything in it is simulated.
+
+    A seed is a person: trials that differ only in object or condition have the same person and the same chance. The
+    results are the same with any number of workers. With --out they are kept, one JSON object a line, and trials
+    that the file holds already are not run again.
+
+    \b
+    --json prints one object:
+      trials   as in the file: [{object, condition, seed, success, slips, deformations, drops, duration_s,
+               peak_force_n, ...}]
+      table    [{object, condition, n, success, slips, deformations, drops, duration_s, peak_force_n}], means
+      wall_s, simulated_s, jobs
+    """
+    import os
+    import time
+
+    import msgspec
+
+    from tega.cli.options import echo_json, progress_bar
+    from tega.sim.table import summarise_trials
+    from tega.sim.trials import plan_trials, run_trials
+
+    plans = plan_trials(
+        objects,
+        conditions,
+        range(first_seed, first_seed + n_seeds),
+        operator=operator,
+        practice=practice,
+        preset=preset,
+        mass_kg=mass_kg,
+        stiffness_n_m=stiffness_n_m,
+        friction=friction,
+    )
+    jobs = jobs or os.cpu_count() or 1
+    started = time.perf_counter()
+    with progress_bar() as progress:
+        results = run_trials(plans, jobs=jobs, out=out, progress=progress)
+    wall_s = time.perf_counter() - started
+    table = summarise_trials(results)
+    if as_json:
+        simulated_s = sum(result.simulated_s for result in results)
+        measured = {"wall_s": wall_s, "simulated_s": simulated_s, "jobs": jobs}
+        echo_json({"trials": msgspec.to_builtins(results), "table": msgspec.to_builtins(table), **measured})
+    else:
+        _print(results, table, wall_s=wall_s, jobs=jobs)
+
+
+def _print(results: list[TrialResult], table: list[Row], *, wall_s: float, jobs: int) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    out = Console(highlight=False, width=110)
+    shown = Table(title="simulated trials, means", title_justify="left", box=SIMPLE)
+    columns: list[tuple[str, Any]] = [
+        ("object", lambda row: row.object),
+        ("condition", lambda row: row.condition),
+        ("trials", lambda row: str(row.n)),
+        ("lifted", lambda row: f"{row.success:.0%}"),
+        ("slips", lambda row: f"{row.slips:.2f}"),
+        ("deformations", lambda row: f"{row.deformations:.2f}"),
+        ("drops", lambda row: f"{row.drops:.2f}"),
+        ("time s", lambda row: f"{row.duration_s:.1f}"),
+        ("peak N", lambda row: f"{row.peak_force_n:.1f}"),
+    ]
+    for name, _ in columns:
+        shown.add_column(name, justify="left" if name in {"object", "condition"} else "right")
+    for row in table:
+        shown.add_row(*(text(row) for _, text in columns))
+    out.print(shown)
+    out.print(
+        f"{len(results)} trials with {len({r.seed for r in results})} simulated persons took {wall_s:.1f} s "
+        f"({jobs} workers)"
+    )

@@ -1,0 +1,46 @@
+"""The conditions of a comparison: what the vest that the person wears does, and whether it is felt.
+
+``haptic`` shows the loop's frames, ``non-haptic`` nothing. The others are sham arms. Their person is told what the
+haptic arm's is told, and has the same chance in everything else: a benefit that they show too does not come from
+what the vest tells. See :mod:`tega.sim.operator.shams`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, get_args
+
+if TYPE_CHECKING:
+    from tega.haptics import Layout
+    from tega.sim.operator.shams import Sham, ShamName
+
+__all__ = ["CONDITIONS", "Condition", "feels", "worn"]
+
+Condition = Literal[
+    "haptic", "non-haptic", "silent", "constant", "unrelated", "permuted", "inverted", "unfelt"
+]
+
+CONDITIONS: tuple[Condition, ...] = get_args(Condition)
+"""Haptic, non-haptic, and the sham arms."""
+
+_SHAMS: dict[Condition, ShamName] = {
+    "haptic": "informative",
+    "non-haptic": "off",
+    "silent": "silent",
+    "constant": "constant",
+    "unrelated": "unrelated",
+    "permuted": "permuted",
+    "inverted": "inverted",
+    "unfelt": "informative",
+}
+
+
+def worn(condition: Condition, *, layout: Layout, seed: int) -> Sham:
+    """Return what turns the loop's vest frames into those that are worn."""
+    from tega.sim.operator import sham_vest
+
+    return sham_vest(_SHAMS[condition], seed=seed, layout=layout)
+
+
+def feels(condition: Condition) -> bool:
+    """Return whether the person feels what the vest does."""
+    return condition != "unfelt"

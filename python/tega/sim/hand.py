@@ -1,0 +1,108 @@
+"""Both ends of the simulated hand's cable: the controller that knows its angles, and the bus that takes its frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from struct import Struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.teleop.hand import limp_frames
+from tega.wire import AllegroServo, allegro_decode, allegro_torque_frames
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.hand import HandController
+    from tega.wire import CanFrame
+
+__all__ = ["SimulatedAllegro", "SimulatedBus"]
+
+COUNTS_PER_TORQUE = 1200.0
+# Torques come a thousand times as often as anything else: the firmware takes their four words as they lie.
+_TORQUES = Struct("<4h")
+
+
+class SimulatedAllegro:
+    """The real controller on the angles that the simulated hand's encoders show.
+
+    Args:
+        controller: The controller, with the poses of the bench.
+        read_angles_rad: Gives the angles, float64 (16,), as they are now.
+        device_id: The hand's number on its bus, 0 to 3.
+    """
+
+    label = "simulated: torques from the angles of a simulated hand"
+
+    def __init__(
+        self,
+        controller: HandController,
+        read_angles_rad: Callable[[], NDArray[np.float64]],
+        *,
+        device_id: int = 0,
+    ) -> None:
+        self._controller = controller
+        self._read = read_angles_rad
+        self._device_id = device_id
+        self._torques = np.zeros(16)
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The joint angles as the encoders show them now, float64 (16,), in radians."""
+        return self._read()
+
+    def step(self, level: int) -> list[CanFrame]:
+        """Go on by one tick of 3 ms.
+
+        Args:
+            level: Closure level, 1 to 5.
+
+        Returns:
+            The four SET TORQUE frames of this tick.
+        """
+        torques = self._controller.step(self._read(), level, out=self._torques)
+        return allegro_torque_frames(torques, device_id=self._device_id)
+
+    def limp(self) -> list[CanFrame]:
+        """Return zero torque for every finger, then SERVO OFF."""
+        return limp_frames(self._device_id)
+
+
+class SimulatedBus:
+    """What the hand's firmware does with the frames on its bus: torques move the joints, SERVO OFF lets go.
+
+    Args:
+        apply_torques: Takes torques, float64 (16,).
+        full_duty: What a motor at full duty gives, in the unit of ``apply_torques``.
+        device_id: The hand's number on its bus, 0 to 3.
+
+    Attributes:
+        n_rejected: Frames that were no message for this hand.
+    """
+
+    def __init__(
+        self, apply_torques: Callable[[NDArray[np.float64]], object], *, full_duty: float, device_id: int = 0
+    ) -> None:
+        self._apply = apply_torques
+        self._scale = full_duty / COUNTS_PER_TORQUE
+        self._device_id = device_id
+        fingers = allegro_torque_frames(np.zeros(16), device_id=device_id)
+        self._first_joint = {frame.id: 4 * number for number, frame in enumerate(fingers)}
+        self._counts = np.zeros(16)
+        self.n_rejected = 0
+
+    def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no clock
+        """Act on frames in their order."""
+        for frame in frames:
+            first = self._first_joint.get(frame.id)
+            if first is not None and len(frame.data) == _TORQUES.size:
+                self._counts[first : first + 4] = _TORQUES.unpack(frame.data)
+                continue
+            message = allegro_decode(frame, device_id=self._device_id)
+            if isinstance(message, AllegroServo) and not message.on:
+                self._counts[:] = 0.0
+            else:
+                self.n_rejected += 1
+        self._apply(self._counts * self._scale)
+        return frames

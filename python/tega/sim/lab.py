@@ -1,0 +1,123 @@
+"""A person in the lab: gels, electrodes and calibration, made once for a seed and kept over trials.
+
+Calibration is that of people. EMG maxima come from three strong squeezes through the real chain; touch maxima from
+five presses on each fingertip, by the rule that a recording of presses is calibrated with.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from tega.config import FINGERS
+from tega.devices.base import TactileFrame
+from tega.errors import InvalidValueError
+from tega.sim.arms import feels
+from tega.sim.gel import Gel, ball
+from tega.teleop.maxima import touch_maxima
+from tega.teleop.sources import FrameMeter, SourceReport
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from tega.calibration import TouchMaxima
+    from tega.sim.operator import Calibrated, ForearmEmg, Operator, ScriptedOperator
+    from tega.sim.trial import TrialPlan
+
+__all__ = ["EMG_HZ", "Lab", "lab_of"]
+
+EMG_HZ = 1000.0
+"""Rate of the EMG."""
+
+# The guided press: a large marble, as firmly as the hand can, five times. It is small enough to be sharp and large
+# enough to be broad, so that both maxima come from one object; chosen before any comparison of conditions.
+PRESSES = 5
+PRESS_FRAMES = 24
+PRESS_N = 8.0
+MARBLE_RADIUS_MM = 12.0
+BASELINE_FRAMES = 30
+
+
+class Lab:
+    """What belongs to one person and lasts longer than a trial.
+
+    Args:
+        seed: Who.
+        preset: Readings of the loop.
+
+    Attributes:
+        gels: The four fingertips' gels and cameras.
+        baselines: Their untouched pictures, as recorded before the session.
+        touch: What counts as full, by finger.
+        calibrated: The EMG maxima, and the effort that they stand for.
+    """
+
+    def __init__(self, seed: int, preset: Literal["paper", "live"]) -> None:
+        from tega.sim.operator import calibrate, draw_person, load_parameters
+
+        self._seed, self.preset = seed, preset
+        self._parameters = load_parameters()
+        self._someone = draw_person(seed, self._parameters)
+        self.calibrated: Calibrated = calibrate(self._someone, seed=seed, rate_hz=EMG_HZ, preset=preset)
+        self.gels: Mapping[str, Gel] = {
+            finger: Gel(len(FINGERS) * seed + number) for number, finger in enumerate(FINGERS)
+        }
+        self.baselines = {finger: _baseline(gel) for finger, gel in self.gels.items()}
+        self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
+
+    @property
+    def digest(self) -> str:
+        """First digits of the parameter file's SHA-256."""
+        return self._parameters.digest[:16]
+
+    def emg(self, lift: str) -> ForearmEmg:
+        """Return the forearm's EMG for one lift, by its name: other lifts, other noise."""
+        from tega.sim.operator import ForearmEmg
+
+        return ForearmEmg(self._someone, seed=self._seed, label=lift, rate_hz=EMG_HZ)
+
+    def person(self, plan: TrialPlan) -> Operator | ScriptedOperator:
+        """Return the plan's operator.
+
+        Raises:
+            InvalidValueError: The plan's is at a keyboard.
+        """
+        from tega.sim.operator import Operator, ScriptedOperator
+
+        full_effort = self.calibrated.full_effort
+        if plan.operator == "scripted":
+            return ScriptedOperator(full_effort=full_effort)
+        if plan.operator == "keyboard":
+            raise InvalidValueError("nobody is at the keyboard", "give run_trial() a person")
+        return Operator(self._someone, seed=self._seed, feels=feels(plan.condition), full_effort=full_effort)
+
+    def _press(self, finger: str) -> TouchMaxima:
+        """Take the maxima of the guided press of one fingertip."""
+        meter = FrameMeter(self.baselines[finger], self.preset, SourceReport(), live=False)
+        contacts = []
+        for number in range(PRESSES * PRESS_FRAMES):
+            force_n = PRESS_N * math.sin(math.pi * (number % PRESS_FRAMES + 0.5) / PRESS_FRAMES)
+            image = self.gels[finger].frame([ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)], number)
+            contact = meter.take(TactileFrame(number, number, image, "simulated press"))
+            if contact is not None:
+                contacts.append(contact)
+        return touch_maxima(contacts)
+
+
+@lru_cache(maxsize=8)
+def lab_of(seed: int, preset: Literal["paper", "live"]) -> Lab:
+    """Return a person's lab, from memory where it was there just now."""
+    return Lab(seed, preset)
+
+
+def _baseline(gel: Gel) -> NDArray[np.uint8]:
+    """Return the untouched gel's picture, as people record it: the mean of 30 frames. It cannot be written into."""
+    frames = [gel.frame([], number).astype(np.uint16) for number in range(BASELINE_FRAMES)]
+    mean: NDArray[np.uint8] = np.rint(np.mean(frames, axis=0)).astype(np.uint8)
+    mean.flags.writeable = False
+    return mean

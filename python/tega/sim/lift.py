@@ -1,0 +1,244 @@
+"""One lift: a rig with a fresh world, the dual loop around it, and the result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.clock import ManualClock, SystemClock
+from tega.config import FINGERS
+from tega.emg import GraspIntent
+from tega.sim.arms import worn
+from tega.sim.hand import SimulatedAllegro, SimulatedBus
+from tega.sim.lab import EMG_HZ
+from tega.sim.pacing import SimulatedPacer
+from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.rig import CAMERA_DELAY_NS, Rig
+from tega.sim.score import LIFT_WINDOW_S, Scorer
+from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.sources import BlockMeter, FrameMeter, SourceReport
+from tega.teleop.touch import TouchLoop
+from tega.view.state import EmgTail, TouchImage, ViewState
+from tega.wire import ALLEGRO_RAD_PER_COUNT
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.haptics import Layout
+    from tega.sim.lab import Lab
+    from tega.sim.rig import Person
+    from tega.sim.seams import Act, Percept
+    from tega.sim.streams import Streams
+    from tega.tactile import ContactMetrics
+    from tega.teleop.touch import Felt
+    from tega.view.state import Shape
+
+__all__ = ["Lift"]
+
+# Time to put the object down and let go, after the window in which it has to be lifted, seconds.
+_AFTER_S = 15.0
+_REST_S = 60.0
+_LAYOUT: Layout = "x40"
+
+
+class Lift:
+    """A lift, ready to go.
+
+    Args:
+        lab: The person's lab.
+        plan: The trial.
+        person: Who acts.
+        number: Of the lift in the trial; another number, other chance.
+        fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
+        streams: Where to keep truth and sensors.
+        muted: Asked whether somebody has switched the vest off.
+        skip_untouched: Whether fingertips that nothing touches go without rendering.
+
+    Raises:
+        InvalidValueError: Mass, stiffness or friction is out of range.
+        MissingExtraError: A package of the extra ``sim`` is not installed.
+    """
+
+    def __init__(
+        self,
+        lab: Lab,
+        plan: TrialPlan,
+        person: Person,
+        number: int,
+        *,
+        fatigue: float = 0.0,
+        streams: Streams | None = None,
+        muted: Callable[[], bool] = lambda: False,
+        skip_untouched: bool = True,
+    ) -> None:
+        from tega.sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, OBJECTS, World, hand_controller
+
+        changes = {
+            name: value
+            for name in ("mass_kg", "stiffness_n_m", "friction")
+            if (value := getattr(plan, name)) is not None
+        }
+        spec = OBJECTS[plan.object].with_(**changes)
+        self._lab, self._plan, self._person = lab, plan, person
+        self._streams = streams
+        self._full_duty_nm = FULL_DUTY_NM
+        self._controller = hand_controller()
+        self._level_sum = self._level_n = 0
+        maxima = lab.calibrated
+        intent = GraspIntent(EMG_HZ, maxima.maxima, tau=maxima.tau, kind="raw", preset=plan.preset)
+        self._emg_full = np.array(intent.maxima)
+        self.scorer = Scorer(spec.harm_m)
+        person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
+        self._emg = lab.emg(f"{plan.object} {number}")
+        self._emg.fatigue = fatigue
+        self._emg.rest(_REST_S)
+        self.rig = Rig(
+            world=World(spec, seed=plan.seed + number),
+            poses_rad=GRASP_POSES_RAD,
+            gels=lab.gels,
+            baselines=lab.baselines,
+            person=person,
+            emg=self._emg,
+            worn=worn(plan.condition, layout=_LAYOUT, seed=plan.seed),
+            meters={
+                finger: FrameMeter(lab.baselines[finger], plan.preset, SourceReport(), live=False)
+                for finger in FINGERS
+            },
+            blocks=BlockMeter(intent, SourceReport(), rate_hz=EMG_HZ, tau=maxima.tau, live=False),
+            block_ns=round(maxima.tau * 1e9 / EMG_HZ),
+            scorer=self.scorer,
+            end_s=LIFT_WINDOW_S + _AFTER_S,
+            lift_by_s=LIFT_WINDOW_S,
+            muted=muted,
+            skip_untouched=skip_untouched,
+            on_act=self._note,
+        )
+
+    @property
+    def fatigue(self) -> float:
+        """Fatigued share of the muscles now."""
+        return self._emg.fatigue
+
+    @property
+    def end_s(self) -> float:
+        """How much time has passed in it, seconds."""
+        return self.rig.t_ns / 1e9
+
+    @cached_property
+    def _shapes(self) -> Sequence[Shape]:
+        return self.rig.world.shapes()
+
+    def go(
+        self,
+        *,
+        real_time: bool,
+        observer: Callable[[ViewState], None] | None,
+        stop: Callable[[], bool],
+        paused: Callable[[], bool],
+    ) -> None:
+        """Run the loop until the lift is over; see :func:`tega.sim.trial.run_trial`."""
+        rig, world = self.rig, self.rig.world
+
+        def encoders() -> NDArray[np.float64]:
+            return np.rint(world.angles_rad / ALLEGRO_RAD_PER_COUNT) * ALLEGRO_RAD_PER_COUNT
+
+        def show(view: LoopView) -> None:
+            if observer is not None:
+                observer(self._moment(view))
+
+        clock = SystemClock() if real_time else ManualClock()
+        pacer = SimulatedPacer(clock, rig.advance_to, paused=paused)
+        pacer.start()
+        loop = DualLoop(
+            pacer=pacer,
+            touch=TouchLoop(self._lab.touch, layout=_LAYOUT),
+            contacts=rig.contacts,
+            levels=rig.levels,
+            hand=SimulatedAllegro(self._controller, encoders),
+            vests=[rig] if self._streams is None else [rig, self._streams],
+            hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
+            recorder=self,
+            observer=None if observer is None else show,
+        )
+        loop.run(stop=stop)
+        self.scorer.close()
+
+    def result(self, simulated_s: float) -> TrialResult:
+        """Return what became of the plan, this lift being the one that counts."""
+        scorer = self.scorer
+        lifted_s, drops = scorer.time_of("lifted"), scorer.count("drop")
+        return TrialResult(
+            **{name: getattr(self._plan, name) for name in TrialPlan.__struct_fields__},
+            success=lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0,
+            slips=scorer.count("slip"),
+            deformations=scorer.count("deformation"),
+            drops=drops,
+            duration_s=self.end_s,
+            peak_force_n=scorer.peak_force_n,
+            lift_off_s=scorer.time_of("lift_off"),
+            lifted_s=lifted_s,
+            slid_m=scorer.slid_m,
+            deformation_m=scorer.deformation_m,
+            mean_level=self._level_sum / self._level_n if self._level_n else 0.0,
+            events=tuple(scorer.events),
+            simulated_s=simulated_s,
+            person=self._lab.digest if self._plan.operator == "simulated" else "",
+        )
+
+    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
+        """Take note of a measured frame."""
+        if self._streams is not None:
+            self._streams.contact(t_ns, finger, metrics, felt, self.rig.frames[FINGERS.index(finger)])
+
+    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+        """Take note of an EMG block."""
+        if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold"}:
+            self._level_sum += fused
+            self._level_n += 1
+        if self._streams is not None:
+            self._streams.levels(t_ns, channels, fused)
+
+    def _note(self, percept: Percept, act: Act) -> None:
+        if self._streams is not None:
+            self._streams.act(percept, act)
+
+    def _moment(self, view: LoopView) -> ViewState:
+        """Return what there is to see; nothing in it is written into afterwards."""
+        rig, world, lab = self.rig, self.rig.world, self._lab
+        images = {
+            finger: TouchImage(frame, lab.baselines[finger], self._plan.preset)
+            for finger, frame in zip(FINGERS, rig.frames, strict=True)
+        }
+        tail = (
+            EmgTail(np.concatenate(rig.emg_tail), EMG_HZ, self._emg_full, "raw", "µV")
+            if rig.emg_tail
+            else None
+        )
+        return ViewState(
+            view.t_ns,
+            view._replace(vest=rig.vest),  # what is worn, which need not be what the loop sent
+            images=images,
+            shapes=self._shapes,
+            poses=world.poses(),
+            contact_points=world.contact_points(),
+            emg=tail,
+            rows=self._rows(),
+            latency_ms={"camera": CAMERA_DELAY_NS / 1e6},
+        )
+
+    def _rows(self) -> dict[str, str]:
+        truth, plan = self.rig.truth, self._plan
+        slips, deformations = self.scorer.count("slip"), self.scorer.count("deformation")
+        return {
+            "object": plan.object,
+            "vest": plan.condition,
+            "phase": self.rig.act.phase,
+            "height": f"{100 * truth.object_height_m:.1f} cm",
+            "grip": f"{sum(truth.pad_force_n):.1f} N",
+            "slips": str(slips),
+            "deformed": str(deformations),
+            "lifted": "yes" if self.scorer.time_of("lifted") is not None else "no",
+        }

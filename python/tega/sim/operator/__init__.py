@@ -1,0 +1,33 @@
+"""The simulated person at the task: perception, decisions, muscles, EMG. Simulated, and labelled so."""
+
+from tega.sim.operator.acting import Operator, Rules
+from tega.sim.operator.calibrate import Calibrated, calibrate
+from tega.sim.operator.emg import CHANNELS, ForearmEmg
+from tega.sim.operator.emg_noise import TICK_HZ
+from tega.sim.operator.keyboard import KEYS_HELP, KeyboardOperator
+from tega.sim.operator.keys import Keys
+from tega.sim.operator.person import Parameters, Person, draw_person, load_parameters, typical_person
+from tega.sim.operator.scripted import ScriptedOperator
+from tega.sim.operator.shams import SHAMS, Sham, sham_vest
+
+__all__ = [
+    "CHANNELS",
+    "KEYS_HELP",
+    "SHAMS",
+    "TICK_HZ",
+    "Calibrated",
+    "ForearmEmg",
+    "KeyboardOperator",
+    "Keys",
+    "Operator",
+    "Parameters",
+    "Person",
+    "Rules",
+    "ScriptedOperator",
+    "Sham",
+    "calibrate",
+    "draw_person",
+    "load_parameters",
+    "sham_vest",
+    "typical_person",
+]

@@ -1,0 +1,231 @@
+"""The simulated operator: percepts in, acts out, a hundred times a second.
+
+The person sees and, where the vest is worn, feels; decides twenty times a second; muscles follow. With and without
+the vest everything but the vest's own percepts is the same: guesses, costs, gaze, errors, random streams.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from tega.errors import InvalidValueError
+from tega.sim.operator.belief import ObjectBelief, Panel
+from tega.sim.operator.forearm import Forearm
+from tega.sim.operator.grip import Decision, Grip
+from tega.sim.operator.motor import Motor
+from tega.sim.operator.person import Person, stream
+from tega.sim.operator.vest_sense import LOOK_S, Skin
+from tega.sim.operator.vision import Event, Eyes
+from tega.sim.seams import Act, Percept
+
+__all__ = ["Operator", "Rules"]
+
+_TICK_S = 0.01
+_VEST_READ_S = 0.5
+_PANELS: tuple[Panel, Panel] = ("front", "back")
+
+
+@dataclass
+class _Trial:
+    """What begins anew with each trial."""
+
+    grip: Grip
+    eyes: Eyes
+    motor: Motor
+    pending: list[Event] = field(default_factory=list)
+    last_s: float = -_TICK_S
+    next_decision_s: float = 0.0
+    next_vest_read_s: float = 0.0
+
+
+class Rules(NamedTuple):
+    """Which rules the person follows: switched off one at a time to see what each does.
+
+    Attributes:
+        onset: Vibration after silence is taken for contact.
+        weaker: Weakening vibration is answered by one level more.
+        reading: Closure is read from the vest once its lines are known.
+    """
+
+    onset: bool = True
+    weaker: bool = True
+    reading: bool = True
+
+
+class Operator:
+    """A person at the task.
+
+    Beliefs about objects, and the skin's adaptation, last from trial to trial; nothing else does.
+
+    Args:
+        person: Who.
+        seed: Of everything random in what the person does.
+        feels: Whether what the vest does is felt at all; ``False`` is the control who cannot feel it.
+        full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has
+            taught (:func:`tega.sim.operator.calibrate`); none means the effort of the calibration itself.
+        rules: Which rules are followed.
+
+    Raises:
+        InvalidValueError: ``full_effort`` is not above 0.
+
+    Example:
+        >>> from tega.sim.operator import Operator, typical_person
+        >>> from tega.sim.seams import Percept, Truth
+        >>> operator = Operator(typical_person(), seed=1)
+        >>> operator.begin("bottle", width_m=0.07)
+        >>> nothing = Truth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
+        >>> operator.act(Percept(0.0, nothing, None)).phase
+        'reach'
+    """
+
+    def __init__(
+        self,
+        person: Person,
+        *,
+        seed: int,
+        feels: bool = True,
+        full_effort: float | None = None,
+        rules: Rules | None = None,
+    ) -> None:
+        self._rules = rules or Rules()
+        self.person = person
+        self._seed, self._feels = seed, feels
+        self._full = person.motor.calibration_effort if full_effort is None else full_effort
+        if not self._full > 0:
+            raise InvalidValueError(f"full_effort = {self._full} is not above 0")
+        self._skin = Skin(person.vest, person.vision)
+        self.beliefs: dict[str, ObjectBelief] = {}
+        self._last_belief: ObjectBelief | None = None
+        self._trial: _Trial | None = None
+
+    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
+        """Start a trial.
+
+        Args:
+            name: Of the object; what was learned of it before is remembered.
+            width_m: Its width, metres: plain to see.
+            trial: Number of the trial; another number, other random draws.
+            rest_s: How long the person has rested, seconds.
+
+        Raises:
+            InvalidValueError: The width is not above 0, or the rest is negative.
+        """
+        if not width_m > 0 or not rest_s >= 0:
+            raise InvalidValueError(
+                f"width_m = {width_m} m has to be above 0, rest_s = {rest_s} s at least 0"
+            )
+        self._start(name, width_m, trial, rest_s)
+
+    def act(self, percept: Percept) -> Act:
+        """Take in what there is to perceive now and return what the person does.
+
+        Args:
+            percept: Of this moment; time must not go back within a trial.
+
+        Raises:
+            InvalidValueError: Time went back.
+        """
+        trial, t_s = self._trial or self._start("object", 0.07, 0, 0.0), percept.t_s
+        dt_s = t_s - trial.last_s
+        if dt_s <= 0:
+            raise InvalidValueError(
+                f"t_s = {t_s} s is not after {trial.last_s} s", "begin() a new trial first"
+            )
+        trial.last_s = t_s
+        grip = trial.grip
+        trial.pending += trial.eyes.see(
+            t_s, dt_s, percept.scene, carried=grip.carrying, lifting=grip.phase == "lift"
+        )
+        if self._feels:
+            self._skin.feel(t_s, dt_s, percept.vest)
+        if t_s >= trial.next_decision_s - 1e-9:
+            trial.next_decision_s = t_s + LOOK_S
+            self._decide(t_s, percept, trial)
+        excitation = trial.motor.step(t_s, dt_s)
+        return Act(excitation, grip.forearm.step(t_s), grip.phase)
+
+    @property
+    def commands(self) -> tuple[Decision, ...]:
+        """The commands of this trial so far."""
+        return tuple(self._trial.grip.commands) if self._trial is not None else ()
+
+    @property
+    def level(self) -> int:
+        """The level the person aims at now."""
+        return self._trial.grip.level if self._trial is not None else 1
+
+    def _decide(self, t_s: float, percept: Percept, trial: _Trial) -> None:
+        grip = trial.grip
+        if self._feels and percept.vest is not None:
+            self._attend(t_s, trial)
+        if grip.age_s(t_s) >= self.person.motor.effort_wait_s:
+            if grip.touching:
+                grip.judge_effort(trial.motor.felt_level(), self.person.motor.effort_sd)
+            elif percept.closure is not None:
+                grip.judge_pose(trial.eyes.pose(percept.closure))
+        due = [event for event in trial.pending if event.due_s <= t_s]
+        trial.pending = [event for event in trial.pending if event.due_s > t_s]
+        decision = grip.decide(t_s, LOOK_S, due, percept.scene)
+        if decision is not None:
+            trial.motor.command(decision.level)
+
+    def _attend(self, t_s: float, trial: _Trial) -> None:
+        skin, grip = self._skin, trial.grip
+        skin.look(t_s, LOOK_S)
+        if self._rules.onset and grip.phase == "grasp" and (event := skin.onset(t_s)) is not None:
+            trial.pending.append(event)
+        closure = grip.closure
+        if self._rules.weaker and grip.steady(t_s):
+            # As the person is told, stronger is tighter, unless this object has taught the contrary.
+            front, back = (not (closure.known(panel) and closure.slope(panel) < 0) for panel in _PANELS)
+            if (event := skin.weaker(t_s, (front, back))) is not None:
+                trial.pending.append(event)
+        if self._rules.reading and t_s >= trial.next_vest_read_s and grip.touching:
+            trial.next_vest_read_s = t_s + _VEST_READ_S
+            for panel in _PANELS:
+                if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is not None:
+                    closure.feel(panel, *felt)
+
+    def _recall(self, name: str, rest_s: float) -> ObjectBelief:
+        """What is believed of an object: faded from its last trial, or a first guess drawn to the last object's."""
+        belief = self.beliefs.get(name)
+        if belief is None:
+            belief = self.beliefs[name] = ObjectBelief(self.person.grip)
+            if self._last_belief is not None:
+                mean, sd = belief.need
+                belief.need = (mean + self.person.grip.carry_over * (self._last_belief.need[0] - mean), sd)
+        else:
+            # The skin adapts and recovers; how far, the person cannot tell.
+            vest = self.person.vest
+            belief.fade(math.log1p(vest.adapt_gain) ** 2 * -math.expm1(-rest_s / vest.adapt_s))
+        self._last_belief = belief
+        return belief
+
+    def _start(self, name: str, width_m: float, trial: int, rest_s: float) -> _Trial:
+        def process(what: str) -> np.random.Generator:
+            return stream(self._seed, "operator", name, trial, what)
+
+        person = self.person
+        self._skin.begin(
+            rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
+        )
+        self._trial = _Trial(
+            grip=Grip(person, self._recall(name, rest_s), Forearm((0.0, person.forearm.back_m))),
+            eyes=Eyes(
+                person.vision,
+                width_m=width_m,
+                gaze=process("gaze"),
+                looks=process("vision"),
+                poses=process("pose"),
+                reaction=process("visual reaction"),
+            ),
+            motor=Motor(
+                person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")
+            ),
+        )
+        self._trial.motor.command(1)
+        return self._trial

@@ -1,0 +1,181 @@
+"""The simulated person: parameters from the file beside this module, and one person drawn from the population.
+
+Example:
+    >>> from tega.sim.operator import draw_person, load_parameters
+    >>> parameters = load_parameters()
+    >>> person = draw_person(7, parameters)
+    >>> person == draw_person(7, parameters), 160 <= person.vision.rt_ms <= 345
+    (True, True)
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+from statistics import NormalDist
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from tega.errors import ConfigError
+from tega.sim.operator.sections import Body, Emg, Forearm, Grip, Motor, Vest, Vision
+
+__all__ = ["Parameter", "Parameters", "Person", "draw_person", "load_parameters", "stream", "typical_person"]
+
+
+class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One line of the parameter file.
+
+    Attributes:
+        value: Mean over people; median where ``law`` is ``lognormal``.
+        low: Lower bound.
+        high: Upper bound.
+        unit: Its unit; empty for a pure number.
+        mark: How well it is known: F, A, M, G or P, as the file's head explains.
+        source: Where it comes from.
+        sd: Spread over people, of the value or of its logarithm; 0 for what is the same for everyone.
+        law: Of the spread.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    mark: Literal["F", "A", "M", "G", "P"]
+    source: str
+    sd: float = 0.0
+    law: Literal["normal", "lognormal"] = "normal"
+
+
+class Parameters(msgspec.Struct, frozen=True):
+    """The whole file.
+
+    Attributes:
+        sections: By section and name.
+        digest: SHA-256 of the file's bytes; reports carry it.
+    """
+
+    sections: dict[str, dict[str, Parameter]]
+    digest: str
+
+    def __iter__(self) -> Iterator[tuple[str, str, Parameter]]:
+        """Yield section, name and parameter in the file's order."""
+        for section, entries in self.sections.items():
+            for name, entry in entries.items():
+                yield section, name, entry
+
+
+class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One person's numbers; units as in the parameter file.
+
+    Attributes:
+        body: Age, and what follows from it.
+        vision: What is seen, and how late.
+        vest: What is felt on the torso.
+        grip: Guesses, costs and pace.
+        motor: Commands to excitation.
+        forearm: Movements of the hand as a whole.
+        emg: Muscles, electrodes and amplifier.
+    """
+
+    body: Body
+    vision: Vision
+    vest: Vest
+    grip: Grip
+    motor: Motor
+    forearm: Forearm
+    emg: Emg
+
+
+def load_parameters(path: Path | None = None) -> Parameters:
+    """Read a parameter file.
+
+    Args:
+        path: The file; none means the one that belongs to the package.
+
+    Raises:
+        ConfigError: The file is not valid, misses a parameter or has one that is not known, or a value lies
+            outside its own bounds.
+    """
+    source = files("tega.sim.operator") / "parameters.toml" if path is None else path
+    content = source.read_bytes()
+    hint = "every parameter needs value, low, high, unit, mark and source"
+    try:
+        tree = tomllib.loads(content.decode())
+        sections = msgspec.convert(tree, dict[str, dict[str, Parameter]])
+        msgspec.convert(_values(sections), Person)
+    except (ValueError, msgspec.ValidationError) as error:
+        raise ConfigError(f"{source.name}: {error}", hint) from error
+    parameters = Parameters(sections, hashlib.sha256(content).hexdigest())
+    for section, name, p in parameters:
+        if not p.low <= p.value <= p.high:
+            raise ConfigError(
+                f"{source.name}: {section}.{name} = {p.value} {p.unit} is not within {p.low} to {p.high}"
+            )
+    return parameters
+
+
+def typical_person(parameters: Parameters | None = None) -> Person:
+    """Return the person in whom every parameter has its central value."""
+    return msgspec.convert(_values((parameters or load_parameters()).sections), Person)
+
+
+def draw_person(seed: int, parameters: Parameters | None = None) -> Person:
+    """Draw one person from the population, each parameter from its own stream.
+
+    Reaction times to touch and to sight are correlated, and both grow with age.
+
+    Args:
+        seed: Who; the same seed is the same person.
+        parameters: The population; none means the package's own.
+    """
+    parameters = parameters or load_parameters()
+    values = _values(parameters.sections)
+    scores: dict[str, float] = {}
+    for section, name, p in parameters:
+        if p.sd == 0:
+            continue
+        score = float(stream(seed, "person", section, name).standard_normal())
+        if (section, name) == ("vest", "rt_ms"):
+            rho = values["body"]["rt_correlation"]
+            score = rho * scores["vision.rt_ms"] + (1 - rho * rho) ** 0.5 * score
+        scores[f"{section}.{name}"] = score
+        values[section][name] = _within(p, score)
+    slower_ms = values["body"]["rt_per_year_ms"] * max(0.0, values["body"]["age_years"] - 25.0)
+    values["vision"]["rt_ms"] += slower_ms
+    values["vest"]["rt_ms"] += slower_ms
+    return msgspec.convert(values, Person)
+
+
+def stream(seed: int, *names: str | int) -> np.random.Generator:
+    """Return the random stream of one named process.
+
+    Streams of different names are independent, so that a draw more in one changes nothing in another.
+
+    Args:
+        seed: Of the run.
+        names: What it is for: operator, object, trial, process.
+    """
+    key = hashlib.blake2b("\x1f".join(map(str, names)).encode(), digest_size=16).digest()
+    words = [int.from_bytes(key[n : n + 4], "little") for n in range(0, 16, 4)]
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *words])))
+
+
+def _values(sections: dict[str, dict[str, Parameter]]) -> dict[str, dict[str, float]]:
+    return {section: {name: p.value for name, p in entries.items()} for section, entries in sections.items()}
+
+
+def _within(p: Parameter, score: float) -> float:
+    """Value of a standard score under the truncated law: the score's rank, between the ranks of the bounds."""
+    if p.law == "lognormal":
+        law, low, high = NormalDist(float(np.log(p.value)), p.sd), float(np.log(p.low)), float(np.log(p.high))
+    else:
+        law, low, high = NormalDist(p.value, p.sd), p.low, p.high
+    rank = law.cdf(low) + NormalDist().cdf(score) * (law.cdf(high) - law.cdf(low))
+    value = law.inv_cdf(min(max(rank, 1e-12), 1 - 1e-12))
+    value = float(np.exp(value)) if p.law == "lognormal" else value
+    return min(max(value, p.low), p.high)

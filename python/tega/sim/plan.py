@@ -1,0 +1,103 @@
+"""What a trial is to be, and what became of it: two records that go to files and between processes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+import msgspec
+
+from tega.errors import InvalidValueError
+from tega.sim.arms import CONDITIONS, Condition
+from tega.sim.score import Event
+
+__all__ = ["TrialPlan", "TrialResult"]
+
+
+class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a trial is to be; equal plans give equal results, bit for bit.
+
+    Attributes:
+        object: Name in :data:`tega.sim.world.OBJECTS`.
+        condition: What the vest does.
+        seed: Who the person is, and all chance: the same for all objects and conditions.
+        operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course. ``keyboard``:
+            somebody at the keys, who is given to :func:`run_trial`.
+        practice: Lifts of the same object under the same condition before the one that counts.
+        preset: Readings of the loop.
+        mass_kg: Instead of the object's own, as the following.
+        stiffness_n_m: Of the object's wall.
+        friction: Between object and gel.
+    """
+
+    object: str
+    condition: Condition = "haptic"
+    seed: Annotated[int, msgspec.Meta(ge=0, lt=2**32)] = 0
+    operator: Literal["simulated", "scripted", "keyboard"] = "simulated"
+    practice: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
+    preset: Literal["paper", "live"] = "live"
+    mass_kg: float | None = None
+    stiffness_n_m: float | None = None
+    friction: float | None = None
+
+    @classmethod
+    def checked(cls, fields: dict[str, Any]) -> Self:
+        """Make a plan of plain values.
+
+        Raises:
+            InvalidValueError: A value is unknown or out of range.
+        """
+        from tega.sim.world import OBJECTS
+
+        name = fields.get("object")
+        if name not in OBJECTS:
+            raise InvalidValueError(f"object = {name!r} is not known", f"choose from {', '.join(OBJECTS)}")
+        condition = fields.get("condition", "haptic")
+        if condition not in CONDITIONS:
+            raise InvalidValueError(
+                f"condition = {condition!r} is not known", f"choose from {', '.join(CONDITIONS)}"
+            )
+        try:
+            return msgspec.convert(fields, cls)
+        except msgspec.ValidationError as error:
+            raise InvalidValueError(f"plan of a trial: {error}") from error
+
+
+class TrialResult(TrialPlan, frozen=True, kw_only=True):
+    """What became of a plan, which it repeats.
+
+    Attributes:
+        success: Lifted to 0.2 m and held there for 1 s within 15 s, and not dropped.
+        slips: Visible slips after lift-off, until it was put down.
+        deformations: Times the object was narrowed more than is good for it.
+        drops: 1 if it was lifted and fell.
+        duration_s: From the start until the person was done, or the trial was ended.
+        peak_force_n: Largest normal force on one fingertip, newtons.
+        lift_off_s: When it left the table; ``None`` if it didn't.
+        lifted_s: When it had been at the height for a second; ``None`` if it hadn't.
+        slid_m: Way slid in all, metres.
+        deformation_m: Largest narrowing, metres.
+        mean_level: Mean closure level from lift-off until it was put down; 0 without lift-off.
+        events: What happened when.
+        simulated_s: Time simulated, practice included, seconds.
+        person: First digits of the parameter file's SHA-256; empty without a simulated person.
+    """
+
+    success: bool
+    slips: int
+    deformations: int
+    drops: int
+    duration_s: float
+    peak_force_n: float
+    lift_off_s: float | None
+    lifted_s: float | None
+    slid_m: float
+    deformation_m: float
+    mean_level: float
+    events: tuple[Event, ...]
+    simulated_s: float
+    person: str = ""
+
+    @property
+    def plan(self) -> TrialPlan:
+        """The plan it came from."""
+        return TrialPlan(**{name: getattr(self, name) for name in TrialPlan.__struct_fields__})

@@ -1,0 +1,204 @@
+"""The simulated lab on one clock: hand, object, fingertip cameras, muscles and the person, around the loop's streams.
+
+Time passes when the loop waits for it. Until the loop's next deadline the rig does, in the order of their times, what
+happens in between: every 10 ms the amplifier delivers a block of EMG, the truth is scored and the person perceives and
+acts; sixty times a second all four cameras expose at once (real ones run free of one another) and their pictures
+reach the loop 25 ms later. The physics goes on in steps of its own underneath.
+
+A fingertip that nothing touches is not rendered: the loop is given the picture of the untouched gel again, under a new
+number, which it knows without looking and takes for a fresh frame without contact.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from tega.config import FINGERS
+from tega.devices.base import EmgChunk, TactileFrame
+from tega.sim.seams import Act, Percept
+from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter
+from tega.teleop.streams import QueuedStream
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.haptics import VestFrame
+    from tega.sim.gel import Gel
+    from tega.sim.operator import ForearmEmg
+    from tega.sim.operator.shams import Sham
+    from tega.sim.score import Scorer
+    from tega.sim.world import World
+
+__all__ = ["ACT_NS", "CAMERA_DELAY_NS", "CAMERA_HZ", "Person", "Rig"]
+
+ACT_NS = 10_000_000
+"""Between two looks of the person at the world, nanoseconds; also the length of an EMG block."""
+
+CAMERA_HZ = 60.0
+"""Frames per second of each fingertip camera."""
+
+CAMERA_DELAY_NS = 25_000_000
+"""From exposure to the loop, nanoseconds; measured systems need 17 to 33 ms."""
+
+_TAIL = 400
+_LEVELS = np.arange(1.0, 6.0)
+_PLACING = frozenset({"place", "release", "done"})
+
+
+class Person(Protocol):
+    """Whoever steers: a simulated person, a script, a hand on a keyboard."""
+
+    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
+        """Start a lift of an object of a name and width, the how many-th of it, after so much rest."""
+        ...
+
+    def act(self, percept: Percept) -> Act:
+        """Take in what there is to perceive now and return what the person does."""
+        ...
+
+
+class Rig:
+    """One trial's lab.
+
+    Args:
+        world: Hand and object, at the trial's beginning.
+        poses_rad: The hand's closure poses, float64 (5, 16).
+        gels: A fingertip's gel and camera, by finger.
+        baselines: Their untouched pictures.
+        person: Who acts.
+        emg: Turns excitation into EMG.
+        worn: The vest, in the trial's condition.
+        meters: Measure each finger's frames.
+        blocks: Turns EMG into levels.
+        block_ns: How long a block is.
+        scorer: Counts what happens.
+        end_s: When the trial is over whatever happens, seconds.
+        lift_by_s: When it is over unless the object was lifted by then, seconds.
+        muted: Asked whether somebody has switched the vest off.
+        skip_untouched: Whether a fingertip that nothing touches goes without rendering.
+        on_act: Told after every 10 ms what was perceived and done.
+
+    Attributes:
+        contacts: Stream of measured frames, by finger, for the loop.
+        levels: Stream of EMG blocks, for the loop.
+        frames: The newest picture of each finger.
+        emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
+        vest: What the vest's motors are told now; ``None`` where it is off or not worn.
+        act: What the person does now.
+        truth: What is so, as of the person's last look.
+        t_ns: Time that has passed, nanoseconds.
+    """
+
+    def __init__(
+        self,
+        *,
+        world: World,
+        poses_rad: NDArray[np.float64],
+        gels: Mapping[str, Gel],
+        baselines: Mapping[str, NDArray[np.uint8]],
+        person: Person,
+        emg: ForearmEmg,
+        worn: Sham,
+        meters: Mapping[str, FrameMeter],
+        blocks: BlockMeter,
+        block_ns: int,
+        scorer: Scorer,
+        end_s: float,
+        lift_by_s: float,
+        muted: Callable[[], bool] = lambda: False,
+        skip_untouched: bool = True,
+        on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
+    ) -> None:
+        self.world = world
+        self._closing = poses_rad[4] - poses_rad[0]
+        self._at_level = poses_rad @ self._closing
+        self._gels = [gels[finger] for finger in FINGERS]
+        self._meters = [meters[finger] for finger in FINGERS]
+        self._person, self._emg, self._worn = person, emg, worn
+        self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
+        self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
+        self._muted, self._skip_untouched = muted, skip_untouched
+        self._on_act = on_act
+        self.contacts = {finger: QueuedStream[Contact](due_ns=CAMERA_DELAY_NS) for finger in FINGERS}
+        self.levels = QueuedStream[Block](due_ns=block_ns)
+        self._streams = list(self.contacts.values())
+        self._still = [baselines[finger] for finger in FINGERS]
+        self.frames = list(self._still)
+        self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
+        self._act_ns = self._camera_ns = 0
+        self._n_frames = self._n_samples = 0
+        self.vest: VestFrame | None = None
+        self._over = False
+        self.t_ns = 0
+        self.truth = world.truth()
+        self.act = Act(0.0, (0.0, 0.0), "reach")
+
+    def advance_to(self, t_ns: int) -> None:
+        """Let time pass; nothing happens any more once the trial is over."""
+        while not self._over:
+            due_ns = self.t_ns = min(self._act_ns, self._camera_ns, t_ns)
+            self.world.advance_to(due_ns / 1e9)
+            if due_ns == self._camera_ns:
+                self._expose(due_ns)
+            if due_ns == self._act_ns:
+                self._look(due_ns)
+            if due_ns == t_ns:
+                return
+
+    def write(self, t_ns: int, frame: VestFrame) -> None:
+        """Take a vest frame from the loop."""
+        self.vest = None if self._muted() else self._worn(t_ns / 1e9, frame)
+
+    def _expose(self, t_ns: int) -> None:
+        """Take four pictures and put what they show on its way to the loop."""
+        number = self._n_frames
+        self._n_frames = number + 1
+        self._camera_ns = round((number + 1) * 1e9 / CAMERA_HZ)
+        arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
+        for finger, indenters in enumerate(self.world.pads()):
+            if indenters or not self._skip_untouched:
+                image = self._gels[finger].frame(indenters, number)
+            else:
+                image = self._still[finger]
+            self.frames[finger] = image
+            contact = self._meters[finger].take(TactileFrame(arrival_ns, number, image, "simulated frame"))
+            if contact is not None:
+                self._streams[finger].put(contact, next_ns=next_ns)
+
+    def _look(self, t_ns: int) -> None:
+        """Deliver the EMG of the last 10 ms, score the truth, let the person perceive and act."""
+        self._act_ns = t_ns + ACT_NS
+        if t_ns:
+            samples = self._emg.samples(self.act)
+            self.emg_tail.append(samples)
+            chunk = EmgChunk(t_ns, self._n_samples, samples)
+            self._n_samples += len(samples)
+            for block in self._blocks.take(chunk):
+                self.levels.put(block, next_ns=t_ns + self._block_ns)
+        truth = self.truth = self.world.truth()
+        t_s = t_ns / 1e9
+        percept = Percept(t_s, truth, self.vest, self.closure())
+        act = self.act = self._person.act(percept)
+        self.world.set_forearm(act.forearm_m)
+        self._scorer.take(t_s, truth, placing=act.phase in _PLACING)
+        self._on_act(percept, act)
+        if self._ends(t_ns, act):
+            self._over = True
+            for stream in self._streams:
+                stream.end(t_ns)
+            self.levels.end(t_ns)
+
+    def closure(self) -> float:
+        """Return the hand's closure as it can be seen: 1 in the open pose, 5 in the tight one."""
+        return float(np.interp(self.world.angles_rad @ self._closing, self._at_level, _LEVELS))
+
+    def _ends(self, t_ns: int, act: Act) -> bool:
+        if act.phase == "done" or t_ns >= self._end_ns:
+            return True
+        if self._scorer.time_of("drop") is not None:
+            return True
+        return t_ns >= self._lift_by_ns and self._scorer.time_of("lifted") is None

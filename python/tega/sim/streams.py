@@ -1,0 +1,177 @@
+"""The course of a trial: the truth beside what the sensors said, as arrays and as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega.config import FINGERS
+from tega.recording.csv import CsvWriter
+from tega.tactile import contact_mask, pressure_map, read_contact
+from tega.view.figures import Course, TouchPicture
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.haptics import VestFrame
+    from tega.sim.lab import Lab
+    from tega.sim.seams import Act, Percept
+    from tega.tactile import ContactMetrics
+    from tega.teleop.touch import Felt
+
+__all__ = ["Streams"]
+
+_COLUMNS: dict[str, tuple[str, ...]] = {
+    "truth": (
+        "t_s",
+        "object_height_m",
+        "lift_off",
+        *(f"{finger}_force_n" for finger in FINGERS),
+        "slip_m",
+        "slip_m_s",
+        "deformation_m",
+        "damage_m",
+        "dropped",
+        "hand_to_object_m",
+        "excitation",
+        "forearm_height_m",
+        "forearm_back_m",
+        "phase",
+    ),
+    "contacts": ("t_s", "finger", "cci", "eda", "cci_norm", "eda_norm", "in_contact", "front", "back"),
+    "levels": ("t_s", "channel_1", "channel_2", "channel_3", "fused"),
+}
+
+
+class Streams:
+    """Keeps the course of one lift; give it to :func:`tega.sim.trial.run_trial`.
+
+    Attributes:
+        rows: By table (``truth`` a hundred times a second, ``contacts`` every frame, ``levels`` every EMG block,
+            ``vest`` every frame that the loop sent), each a list of rows; the first number of a row is the time in
+            seconds. ``truth`` has what the person did, too.
+    """
+
+    def __init__(self) -> None:
+        self.rows: dict[str, list[tuple[Any, ...]]] = {"truth": [], "contacts": [], "levels": [], "vest": []}
+        self._motors: tuple[str, ...] = ()
+        self._firmest: dict[str, tuple[int, NDArray[np.uint8]]] = {}
+
+    def act(self, percept: Percept, act: Act) -> None:
+        """Keep one look at the world and what the person did."""
+        scene = percept.scene
+        self.rows["truth"].append(
+            (
+                percept.t_s,
+                *scene[1:3],
+                *scene.pad_force_n,
+                *scene[4:],
+                act.excitation,
+                *act.forearm_m,
+                act.phase,
+            )
+        )
+
+    def contact(
+        self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt, image: NDArray[np.uint8]
+    ) -> None:
+        """Keep one measured frame, and the finger's newest picture if no contact before was as large."""
+        if finger not in self._firmest or metrics.eda > self._firmest[finger][0]:
+            self._firmest[finger] = metrics.eda, image
+        self.rows["contacts"].append(
+            (
+                t_ns / 1e9,
+                finger,
+                metrics.cci,
+                metrics.eda,
+                felt.cci_norm,
+                felt.eda_norm,
+                metrics.in_contact,
+                felt.front,
+                felt.back,
+            )
+        )
+
+    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+        """Keep one EMG block."""
+        self.rows["levels"].append((t_ns / 1e9, *channels, fused))
+
+    def write(self, t_ns: int, frame: VestFrame) -> None:
+        """Keep one vest frame as the loop sent it."""
+        if not self._motors:
+            self._motors = tuple(f"m{int(motor)}" for motor in frame.motors)
+        self.rows["vest"].append((t_ns / 1e9, *frame.intensities.tolist()))
+
+    def columns(self, table: str) -> tuple[str, ...]:
+        """Return the column names of a table."""
+        return ("t_s", *self._motors) if table == "vest" else _COLUMNS[table]
+
+    def array(self, table: str, column: str, *, where: tuple[str, object] | None = None) -> NDArray[Any]:
+        """Return one column.
+
+        Args:
+            table: Its table.
+            column: Its name.
+            where: Only rows that have this value in that column, such as ``("finger", "thumb")``.
+        """
+        names = self.columns(table)
+        index = names.index(column)
+        rows = self.rows[table]
+        if where is not None:
+            key = names.index(where[0])
+            rows = [row for row in rows if row[key] == where[1]]
+        return np.array([row[index] for row in rows])
+
+    def picture(self, finger: str, lab: Lab) -> TouchPicture:
+        """Return a finger's firmest contact, ready to be drawn."""
+        baseline, reading = lab.baselines[finger], lab.preset
+        frame = self._firmest[finger][1] if finger in self._firmest else baseline
+        metrics = read_contact(frame, baseline, reading=reading)
+        maxima = lab.touch[finger]
+        return TouchPicture(
+            frame=frame,
+            pressure=pressure_map(frame, baseline, reading=reading),
+            mask=contact_mask(frame, baseline, reading=reading),
+            metrics=metrics,
+            cci_norm=min(metrics.cci / (maxima.cci_max or np.inf), 1.0),
+            eda_norm=min(metrics.eda / (maxima.eda_max or np.inf), 1.0),
+        )
+
+    def course(self) -> Course:
+        """Return touch, as the mean over the fingers in contact, and level over time."""
+        at: dict[float, list[tuple[float, float]]] = {}
+        for t_s, _, _, _, cci_norm, eda_norm, in_contact, _, _ in self.rows["contacts"]:
+            touching = at.setdefault(t_s, [])
+            if in_contact:
+                touching.append((cci_norm, eda_norm))
+        means = np.array([np.mean(pairs, axis=0) if pairs else (0.0, 0.0) for pairs in at.values()])
+        means = means.reshape(-1, 2)
+        return Course(
+            touch_t_s=np.array(list(at)),
+            cci_norm=means[:, 0],
+            eda_norm=means[:, 1],
+            level_t_s=self.array("levels", "t_s"),
+            level=self.array("levels", "fused"),
+        )
+
+    def write_tables(self, folder: Path) -> None:
+        """Write each table as a CSV file of its name.
+
+        Args:
+            folder: Where to; it must exist.
+        """
+        for table, rows in self.rows.items():
+            file = CsvWriter(folder / f"{table}.csv", self.columns(table))
+            try:
+                file.write(*[",".join(map(_text, row)) + "\n" for row in rows])
+            finally:
+                file.close()
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool | np.bool_):
+        return str(int(value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

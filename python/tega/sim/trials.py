@@ -1,0 +1,161 @@
+"""Many trials over all cores: resumable, and the same results however many workers there are.
+
+A trial is a function of its plan, so workers share nothing. Results are written one JSON object a line as they come
+and read again by the next run; when all are there the file is put into the order of the plans.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import IO
+
+import msgspec
+
+from tega.errors import MissingExtraError, RecordingError
+from tega.sim.trial import TrialPlan, TrialResult, run_trial
+
+__all__ = ["plan_trials", "read_results", "run_trials"]
+
+
+def plan_trials(
+    objects: Sequence[str], conditions: Sequence[str], seeds: Iterable[int], **settings: object
+) -> list[TrialPlan]:
+    """Plan every object under every condition with every seed.
+
+    A seed is a person with all their chance: trials that differ only in object or condition are of the same person.
+
+    Args:
+        objects: Names in :data:`tega.sim.world.OBJECTS`.
+        conditions: The arms to compare.
+        seeds: Seeds, 0 or more.
+        settings: Further attributes of :class:`TrialPlan`, the same for all.
+
+    Raises:
+        InvalidValueError: A name, condition or setting is unknown or out of range.
+    """
+    plans = []
+    for seed, name, condition in itertools.product(seeds, objects, conditions):
+        plan = {"object": name, "condition": condition, "seed": seed, **settings}
+        plans.append(TrialPlan.checked(plan))
+    return plans
+
+
+def run_trials(
+    plans: Sequence[TrialPlan],
+    *,
+    jobs: int = 1,
+    out: Path | None = None,
+    progress: Callable[[str, int, int], None] = lambda _what, _done, _total: None,
+) -> list[TrialResult]:
+    """Run trials, or those of them that ``out`` does not hold yet.
+
+    Args:
+        plans: What to run.
+        jobs: Worker processes; 0 for as many as there are cores. One runs in this process.
+        out: A file of results, one JSON object a line; trials it holds already are not run again, and new ones are
+            added as they end. Results of other plans in it are kept.
+        progress: Told how many are done.
+
+    Returns:
+        The results in the order of the plans.
+
+    Raises:
+        MissingExtraError: A package of the extra ``sim`` is not installed.
+        RecordingError: ``out`` holds something else, or results of persons with other parameters.
+    """
+    known = read_results(out) if out is not None else {}
+    if out is not None:
+        _check_persons(out, known.values())
+    left = [plan for plan in dict.fromkeys(plans) if plan not in known]
+    n_done = len(set(plans)) - len(left)
+    file = None
+    if out is not None and left:
+        _write(out, plans, known)  # a line that was cut off must not stay before what is added
+        file = out.open("ab")
+    try:
+        progress("trials", n_done, n_done + len(left))
+        for result in _results(left, jobs or os.cpu_count() or 1):
+            known[result.plan] = result
+            if file is not None:
+                _add(file, result)
+            n_done += 1
+            progress("trials", n_done, len(set(plans)))
+    finally:
+        if file is not None:
+            file.close()
+    if out is not None and left:
+        _write(out, plans, known)
+    return [known[plan] for plan in plans]
+
+
+def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
+    """Read a file of results; a last line that was cut off is passed over, a missing file holds none.
+
+    Args:
+        path: The file.
+
+    Raises:
+        RecordingError: Another line is no result of this version.
+    """
+    if not path.exists():
+        return {}
+    results = {}
+    content = path.read_bytes()
+    lines = content.split(b"\n")
+    for number, line in enumerate(lines, start=1):
+        if not line:
+            continue
+        try:
+            result = msgspec.json.decode(line, type=TrialResult)
+        except msgspec.DecodeError as error:
+            if number == len(lines):  # no newline behind it: the run that wrote it was ended there
+                break
+            raise RecordingError(
+                f"{path.name}: line {number} is no result of a trial: {error}",
+                "name a new file, or one that this version wrote",
+            ) from error
+        results[result.plan] = result
+    return results
+
+
+def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
+    """Refuse results of simulated persons whose parameters were not today's."""
+    from tega.sim.operator import load_parameters
+
+    today = load_parameters().digest
+    for result in results:
+        if not today.startswith(result.person):
+            raise RecordingError(
+                f"{path.name}: made with the person's parameters {result.person}, which are {today[:16]} now",
+                "name a new file",
+            )
+
+
+def _results(plans: Sequence[TrialPlan], jobs: int) -> Iterable[TrialResult]:
+    if jobs == 1 or len(plans) < 2:
+        return map(run_trial, plans)
+    try:
+        from joblib import Parallel, delayed
+    except ImportError as error:
+        raise MissingExtraError("joblib is not installed", "pip install 'tega[sim]'") from error
+    parallel = Parallel(n_jobs=min(jobs, len(plans)), return_as="generator_unordered", batch_size=1)
+    results: Iterable[TrialResult] = parallel(delayed(run_trial)(plan) for plan in plans)
+    return results
+
+
+def _add(file: IO[bytes], result: TrialResult) -> None:
+    file.write(msgspec.json.encode(result) + b"\n")
+    file.flush()
+
+
+def _write(path: Path, plans: Sequence[TrialPlan], known: dict[TrialPlan, TrialResult]) -> None:
+    """Write what is known in the order of the plans, other plans' results behind; equal runs give equal bytes."""
+    ordered = dict.fromkeys([*plans, *known])
+    beside = path.with_name(path.name + ".new")
+    beside.write_bytes(
+        b"".join(msgspec.json.encode(known[plan]) + b"\n" for plan in ordered if plan in known)
+    )
+    beside.replace(path)

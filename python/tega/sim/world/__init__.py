@@ -1,0 +1,34 @@
+"""The simulated world: hand, arm, table and an object, by rigid-body physics (MuJoCo).
+
+::
+
+    from tega.sim.world import FULL_DUTY_NM, World, hand_controller
+
+    world, controller = World("bottle", seed=1), hand_controller()
+    for tick in range(1000):
+        world.set_torques(FULL_DUTY_NM * controller.step(world.angles_rad, 5))
+        world.advance_to((tick + 1) * 0.003)
+    world.truth().pad_force_n
+
+What is in it, and what isn't: ``docs/sim-world.md``. Needs the extra ``sim``.
+"""
+
+from __future__ import annotations
+
+from tega.sim.world.allegro import FULL_DUTY_NM, TORQUE_LIMITS_NM
+from tega.sim.world.objects import OBJECTS, ObjectSpec
+from tega.sim.world.poses import GRASP_POSES_RAD, hand_controller
+from tega.sim.world.scene import Physics
+from tega.sim.world.world import Shape, World
+
+__all__ = [
+    "FULL_DUTY_NM",
+    "GRASP_POSES_RAD",
+    "OBJECTS",
+    "TORQUE_LIMITS_NM",
+    "ObjectSpec",
+    "Physics",
+    "Shape",
+    "World",
+    "hand_controller",
+]

@@ -1,0 +1,92 @@
+"""A scripted lift: reach, close to one level, lift 0.2 m, hold. The yardstick of the checks; no operator in it."""
+
+from __future__ import annotations
+
+import time
+from typing import Final, NamedTuple
+
+from tega.sim.seams import Truth
+from tega.sim.world.allegro import FULL_DUTY_NM
+from tega.sim.world.objects import ObjectSpec
+from tega.sim.world.poses import hand_controller
+from tega.sim.world.scene import Physics
+from tega.sim.world.world import World
+
+__all__ = ["LIFT_M", "Lift", "lift"]
+
+LIFT_M: Final = 0.2
+_TICK_S: Final = 3e-3
+# What the hand does until when: level (0: the one asked for), height, distance back.
+_PLAN: Final = ((1.6, 1, 0.0, 0.0), (4.0, 0, 0.0, 0.0), (5.6, 0, LIFT_M, 0.0))
+
+
+class Lift(NamedTuple):
+    """What came of a lift.
+
+    Attributes:
+        held: Whether the object was up and not dropped at the end.
+        height_m: Of the object over where it stood, at the end.
+        slip_m: At the end.
+        peak_force_n: Highest sum of normal forces on the four pads.
+        grip_force_n: Normal forces on pads, links and palm together at the end.
+        narrowing_m: Largest deformation.
+        damage_m: At the end.
+        lift_off_s: When the object left the table; None: it never did.
+        cpu_us: Processor time that the world took for a simulated millisecond while grasping and after, microseconds.
+        trace: What was so every 3 ms.
+    """
+
+    held: bool
+    height_m: float
+    slip_m: float
+    peak_force_n: float
+    grip_force_n: float
+    narrowing_m: float
+    damage_m: float
+    lift_off_s: float | None
+    cpu_us: float
+    trace: tuple[Truth, ...]
+
+
+def lift(
+    spec: ObjectSpec | str, level: int, *, seed: int = 0, physics: Physics | None = None, hold_s: float = 2.0
+) -> Lift:
+    """Lift an object at one closure level.
+
+    Args:
+        spec: The object, or its name.
+        level: Closure level to grip with, 2 to 5.
+        seed: Of the world.
+        physics: How the motion is computed.
+        hold_s: How long to hold after the hand is up.
+    """
+    world, controller = World(spec, seed=seed, physics=physics, start_m=(0.0, 0.12)), hand_controller()
+    trace: list[Truth] = []
+    tick, cpu_s, started_s = 0, 0.0, 0.0
+    for until_s, wanted, height_m, back_m in (*_PLAN, (_PLAN[-1][0] + hold_s, 0, LIFT_M, 0.0)):
+        world.set_forearm((height_m, back_m))
+        if wanted == 0 and started_s == 0:
+            started_s = world.t_s
+        while tick * _TICK_S < until_s - 1e-9:
+            torques = FULL_DUTY_NM * controller.step(world.angles_rad, wanted or level)
+            tick += 1
+            began = time.process_time()
+            world.set_torques(torques)
+            world.advance_to(tick * _TICK_S)
+            cpu_s += time.process_time() - began if wanted == 0 else 0.0
+            trace.append(world.truth())
+    end = trace[-1]
+    pads, rest = world.hand_forces_n()
+    lift_off = next((truth.t_s for truth in trace if truth.lift_off), None)
+    return Lift(
+        held=end.lift_off and not end.dropped and end.object_height_m > LIFT_M / 2,
+        height_m=end.object_height_m,
+        slip_m=end.slip_m,
+        peak_force_n=max(sum(truth.pad_force_n) for truth in trace),
+        grip_force_n=float(pads.sum()) + rest,
+        narrowing_m=max(truth.deformation_m for truth in trace),
+        damage_m=end.damage_m,
+        lift_off_s=lift_off,
+        cpu_us=1e3 * cpu_s / (world.t_s - started_s),
+        trace=tuple(trace),
+    )

@@ -1,0 +1,141 @@
+"""What presses each fingertip: contacts of the physics, as shapes before a flat gel.
+
+The pad of the physics is rounded across the finger (a capsule), so that a fingertip twists and rolls as a soft one
+does; the gel of the picture is flat. A contact beside the middle of the rounding therefore comes to the pad frame
+unrolled: as far from the middle as along the surface, with its normal upright.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega.sim.seams import Indenter
+from tega.sim.world.allegro import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["SEAM_FINGERS", "Touch"]
+
+SEAM_FINGERS = ("thumb", "index", "middle", "ring")
+"""The order of fingers outside the world."""
+
+# Pad axes are axes of the last link: x to the right in the upright picture, y down (towards the palm), z out.
+_PAD_AXES = np.array([1, 2, 0])
+_PAD_SIGNS = np.array([[-1.0], [-1.0], [1.0]])
+
+
+class Touch:
+    """Reads the contacts of a model: forces on pads, links and palm, and shapes before the pads.
+
+    Args:
+        mujoco: The module.
+        model: The world's model.
+        data: Its state.
+    """
+
+    def __init__(self, mujoco: Any, model: Any, data: Any) -> None:
+        self._mujoco, self._model, self._data = mujoco, model, data
+        self._pads = {model.geom(f"{finger}_pad").id: i for i, finger in enumerate(SEAM_FINGERS)}
+        self._sites = [model.site(f"{finger}_pad").id for finger in SEAM_FINGERS]
+        self._table = model.geom("table").id
+        shells = [model.geom(f"{finger}_shell").id for finger in FINGERS]
+        self._object = {*shells, model.geom("core").id, model.geom("object").id}
+        self._size_mm = {
+            shape: (1e3 * float(model.geom_size[shape, 0]), 1e3 * float(model.geom_size[shape, 1]), 0.0)
+            for shape in self._object
+        }
+        self._force = np.zeros(6)
+
+    def read(self) -> tuple[list[float], float, float]:
+        """Return normal forces, newtons: on each pad thumb first, on the rest of the hand, on the table."""
+        pads, rest, table = [0.0, 0.0, 0.0, 0.0], 0.0, 0.0
+        data, force = self._data, self._force
+        for number, (one, other) in enumerate(data.contact.geom.tolist()):
+            self._mujoco.mj_contactForce(self._model, data, number, force)
+            newtons = float(force[0])
+            pad = self._pads.get(one, self._pads.get(other))
+            if pad is not None:
+                pads[pad] += newtons
+            elif self._table in (one, other):
+                table += newtons
+            else:
+                rest += newtons
+        return pads, rest, table
+
+    def indenters(self) -> list[list[Indenter]]:
+        """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""
+        found: list[dict[int, tuple[float, NDArray[np.float64], NDArray[np.float64]]]] = [
+            {} for _ in SEAM_FINGERS
+        ]
+        data, force = self._data, self._force
+        places, frames = data.contact.pos, data.contact.frame
+        for number, (one, other) in enumerate(data.contact.geom.tolist()):
+            pad, shape, sign = self._pads.get(one), other, 1.0
+            if pad is None:
+                pad, shape, sign = self._pads.get(other), one, -1.0
+            if pad is None:
+                continue
+            self._mujoco.mj_contactForce(self._model, data, number, force)
+            newtons = float(force[0])
+            if newtons <= 0:
+                continue
+            place, normal = newtons * places[number], (sign * newtons) * frames[number, :3]
+            if shape in found[pad]:
+                before = found[pad][shape]
+                newtons, place, normal = before[0] + newtons, before[1] + place, before[2] + normal
+            found[pad][shape] = newtons, place, normal
+        return [
+            [self._indenter(pad, shape, *sums) for shape, sums in shapes.items()]
+            for pad, shapes in enumerate(found)
+        ]
+
+    def arrows(self) -> NDArray[np.float64]:
+        """Return place and force of each contact with the object, world frame, float64 (k, 6), metres and newtons."""
+        data, force = self._data, self._force
+        places, frames = data.contact.pos, data.contact.frame
+        rows = []
+        for number, (_, other) in enumerate(data.contact.geom.tolist()):
+            self._mujoco.mj_contactForce(self._model, data, number, force)
+            if force[0] > 0:
+                sign = 1.0 if other in self._object else -1.0
+                rows.append([*places[number], *(sign * (frames[number].reshape(3, 3).T @ force[:3]))])
+        return np.array(rows, np.float64).reshape(-1, 6)
+
+    def _indenter(
+        self, pad: int, shape: int, force_n: float, place: NDArray[np.float64], normal: NDArray[np.float64]
+    ) -> Indenter:
+        data, site = self._data, self._sites[pad]
+        # Rows: the pad's axes in the world. In the frame of the last link they are -y, -z and x.
+        to_pad = data.site_xmat[site].reshape(3, 3).T[_PAD_AXES] * _PAD_SIGNS
+        near = place / force_n
+        contact = to_pad @ (near - data.site_xpos[site])
+        centre = to_pad @ (data.geom_xpos[shape] - near)
+        turned = to_pad @ data.geom_xmat[shape].reshape(3, 3)
+        x, y, z = (to_pad @ normal).tolist()
+        # Unroll: turn the normal upright, and put the contact where the surface has it.
+        sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
+        along = contact[1] - PAD_RADIUS_M * y / length
+        flat = (0.0, min(max(along, -PAD_HALF_LENGTH_M), PAD_HALF_LENGTH_M))
+        if sine > 1e-9 * length:
+            u, v, sine, cosine = x / sine, y / sine, sine / length, z / length
+            arc = PAD_RADIUS_M * math.atan2(sine, cosine)
+            flat = (flat[0] + arc * u, flat[1] + arc * v)
+            less = cosine - 1
+            upright = np.array(
+                [
+                    [1 + less * u * u, less * u * v, -sine * u],
+                    [less * u * v, 1 + less * v * v, -sine * v],
+                    [sine * u, sine * v, cosine],
+                ]
+            )
+            turned, centre = upright @ turned, upright @ centre
+        pose = np.empty((3, 4))
+        pose[:, :3] = turned
+        pose[:, 3] = 1e3 * centre
+        pose[0, 3] += 1e3 * flat[0]
+        pose[1, 3] += 1e3 * flat[1]
+        return Indenter("capsule", self._size_mm[shape], pose, force_n)

@@ -1,0 +1,104 @@
+"""The whole scene as one MuJoCo model, and how its physics is solved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+import msgspec
+import numpy as np
+
+from tega.errors import MissingExtraError
+from tega.sim.world.allegro import hand_actuators, hand_body
+from tega.sim.world.arm import arm_actuators, arm_body
+from tega.sim.world.objects import ObjectSpec
+from tega.sim.world.shells import object_body, object_tendons
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["PALM_ROTATION", "Physics", "build", "grasp_palm_m", "import_mujoco", "preamble"]
+
+PALM_ROTATION: Final = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Palm to world: the fingers point along x, the palm faces y, the index finger is on top. float64 (3, 3)."""
+
+
+class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the motion is computed. The defaults are chosen by ``python -m tega.sim.world.check``.
+
+    Attributes:
+        timestep_s: One step, seconds.
+        impratio: How much harder friction is than the normal force; more creeps less.
+        noslip: Sweeps that take the remaining creep away.
+        solref_s: Time constant of a contact, at least two steps.
+        onset: How hard a contact is at first touch, of 0.99 at ``width_m``; a hard onset makes sliding pads chatter.
+        width_m: Depth at which a contact is as hard as it gets.
+        tolerance: Where the solver stops.
+        integrator: MuJoCo's name of it.
+    """
+
+    timestep_s: Annotated[float, msgspec.Meta(ge=1e-4, le=3e-3)] = 1.5e-3
+    impratio: Annotated[float, msgspec.Meta(ge=1, le=10_000)] = 1000.0
+    noslip: Annotated[int, msgspec.Meta(ge=0, le=20)] = 0
+    solref_s: Annotated[float, msgspec.Meta(ge=2e-3, le=0.1)] = 0.01
+    onset: Annotated[float, msgspec.Meta(ge=0.1, le=0.98)] = 0.3
+    width_m: Annotated[float, msgspec.Meta(ge=1e-4, le=0.01)] = 0.002
+    tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-3)] = 1e-8
+    integrator: Literal["implicitfast", "implicit", "discrete"] = "implicitfast"
+
+
+def import_mujoco() -> Any:
+    """Import MuJoCo.
+
+    Raises:
+        MissingExtraError: It is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise MissingExtraError("the simulated world needs mujoco-core", "pip install 'tega[sim]'") from error
+    return mujoco
+
+
+def grasp_palm_m(spec: ObjectSpec) -> NDArray[np.float64]:
+    """Return where the palm is in the grasp pose, world frame, with the object's axis at the origin."""
+    out, forward = spec.palm_to_axis_m
+    away: NDArray[np.float64] = PALM_ROTATION @ np.array([out, 0.0, forward])
+    return np.array([0.0, 0.0, spec.grasp_height_m]) - away
+
+
+def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
+    """Return the model: table, arm, hand, object."""
+    return mujoco.MjModel.from_xml_string(
+        f'<mujoco model="tega">{preamble(physics)}<worldbody>'
+        '<geom name="table" class="table" type="plane" size="0.4 0.4 0.02"/>'
+        f"{arm_body(hand_body())}{object_body(spec)}"
+        f"</worldbody><tendon>{object_tendons(spec)}</tendon>"
+        f"<actuator>{arm_actuators()}{hand_actuators()}</actuator></mujoco>"
+    )
+
+
+def preamble(physics: Physics) -> str:
+    """Return the settings of the solver and the classes of shapes: who touches whom, and how hard."""
+    contact = (
+        f'condim="4" solref="{physics.solref_s} 1" solimp="{physics.onset} 0.99 {physics.width_m} 0.5 2"'
+    )
+    dark, unseen = 'rgba="0.2 0.2 0.22 1"', 'rgba="0 0 0 0"'
+    classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {dark}' for n in range(4)}
+    classes |= {
+        f"shell{n}": f'contype="0" conaffinity="{1 << n}" priority="1" {contact} {unseen}' for n in range(4)
+    }
+    classes |= {
+        "still": f'contype="0" conaffinity="0" {dark}',
+        "palm": f'contype="16" conaffinity="0" {contact} {dark}',
+        "core": f'contype="0" conaffinity="16" priority="1" {contact} {unseen}',
+        "base": f'contype="0" conaffinity="32" priority="1" {contact}',
+        "table": f'contype="32" conaffinity="0" {contact} rgba="0.75 0.72 0.68 1"',
+    }
+    defaults = "".join(f'<default class="{name}"><geom {text}/></default>' for name, text in classes.items())
+    # The sparse solver is half as dear here as the dense one, which the size of the model would choose.
+    return (
+        '<compiler angle="radian"/>'
+        f'<option timestep="{physics.timestep_s}" jacobian="sparse" integrator="{physics.integrator}" '
+        f'cone="elliptic" impratio="{physics.impratio}" noslip_iterations="{physics.noslip}" '
+        f'tolerance="{physics.tolerance}"><flag autoreset="disable"/></option><default>{defaults}</default>'
+    )

@@ -1,0 +1,81 @@
+"""Primitives as shaded polygons for matplotlib: MuJoCo's core has no renderer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tega.sim.world.world import Shape
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["add_solids"]
+
+_AROUND: Final = 20
+_CAP: Final = 5
+_LIGHT: Final = np.array([-0.35, -0.55, 0.76])
+
+
+def add_solids(axes: Any, shapes: list[Shape], poses: NDArray[np.float64]) -> None:
+    """Draw primitives into a 3-D axes.
+
+    Args:
+        axes: Of matplotlib's ``projection="3d"``.
+        shapes: From :meth:`~tega.sim.world.World.shapes`.
+        poses: From :meth:`~tega.sim.world.World.poses`, float64 (n, 7).
+    """
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    polygons, colours = [], []
+    for shape, pose in zip(shapes, poses, strict=True):
+        faces = _faces(shape) @ _rotation(pose[3:]).T
+        normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        light = 0.55 + 0.45 * np.clip(normals @ _LIGHT, -0.6, 1.0)
+        polygons.append(faces + pose[:3])
+        colours.append(np.clip(np.outer(light, shape.rgba[:3]), 0, 1))
+    axes.add_collection3d(Poly3DCollection(np.concatenate(polygons), facecolors=np.concatenate(colours)))
+
+
+def _faces(shape: Shape) -> NDArray[np.float64]:
+    """Return four-cornered faces, float64 (k, 4, 3), seen from outside anticlockwise."""
+    match shape.kind:
+        case "box":
+            return _box(np.array(shape.size_m))
+        case "plane":
+            return _box(np.array([shape.size_m[0], shape.size_m[1], 1e-4]))
+        case "cylinder":
+            radius, half, _ = shape.size_m
+            return _turned([(0, -half), (radius, -half), (radius, half), (0, half)])
+        case "sphere" | "capsule":
+            radius, half = shape.size_m[0], shape.size_m[1] if shape.kind == "capsule" else 0.0
+            angles = np.linspace(-np.pi / 2, 0, _CAP)
+            low = [(radius * np.cos(a), radius * np.sin(a) - half) for a in angles]
+            return _turned([*low, *((r, -z) for r, z in reversed(low))])
+
+
+def _turned(profile: list[tuple[float, float]]) -> NDArray[np.float64]:
+    """Return the faces of a profile (radius, height), from below upwards, turned about z."""
+    around = np.linspace(0, 2 * np.pi, _AROUND + 1)
+    rings = np.array([[(r * np.cos(a), r * np.sin(a), z) for a in around] for r, z in profile])
+    corners = [rings[:-1, :-1], rings[:-1, 1:], rings[1:, 1:], rings[1:, :-1]]
+    return np.stack(corners, axis=2).reshape(-1, 4, 3)
+
+
+def _box(half: NDArray[np.float64]) -> NDArray[np.float64]:
+    square = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], np.float64)
+    upper = [np.roll(square, axis, axis=1) for axis in range(3)]
+    return np.array([*upper, *(-face[::-1] for face in upper)]) * half
+
+
+def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,80 @@
+"""What a person asked for in the page; the program looks when it suits it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+from tega.errors import InvalidValueError
+
+__all__ = ["Controls"]
+
+
+class Controls:
+    """Wishes of whoever is at the page; safe to read and set from any thread.
+
+    Args:
+        can_pause: Whether there is a pause to offer; a real hand has none.
+        can_mute: Whether the vest can be switched off and on.
+        objects: Objects to choose from; none for no choice.
+    """
+
+    def __init__(
+        self, *, can_pause: bool = False, can_mute: bool = False, objects: Sequence[str] = ()
+    ) -> None:
+        self.can_pause = can_pause
+        self.can_mute = can_mute
+        self.objects = tuple(objects)
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._paused = False
+        self._haptics = True
+        self._object: str | None = None
+
+    def stop(self) -> None:
+        """Ask for the end of the run."""
+        self._stop.set()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the run should end."""
+        return self._stop.is_set()
+
+    @property
+    def paused(self) -> bool:
+        """Whether the run should stand still; never with the wish to stop."""
+        with self._lock:
+            return self._paused and not self._stop.is_set()
+
+    @paused.setter
+    def paused(self, wanted: bool) -> None:
+        with self._lock:
+            self._paused = wanted and self.can_pause
+
+    @property
+    def haptics(self) -> bool:
+        """Whether the vest should be driven."""
+        with self._lock:
+            return self._haptics
+
+    @haptics.setter
+    def haptics(self, wanted: bool) -> None:
+        with self._lock:
+            self._haptics = wanted or not self.can_mute
+
+    def choose(self, name: str) -> None:
+        """Ask for an object.
+
+        Raises:
+            InvalidValueError: It is not one of those offered.
+        """
+        if name not in self.objects:
+            raise InvalidValueError(f"object {name!r} is not one of {', '.join(self.objects) or 'none'}")
+        with self._lock:
+            self._object = name
+
+    def take_object(self) -> str | None:
+        """Return the object asked for since the last call, ``None`` without a new wish."""
+        with self._lock:
+            wanted, self._object = self._object, None
+            return wanted

@@ -1,0 +1,176 @@
+"""The page: what stands where, and how one moment is put on it."""
+
+from __future__ import annotations
+
+from html import escape
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega.haptics import FINGERS, contact_type
+from tega.teleop.touch import STALE_NS
+from tega.view.browser.charts import CourseChart, MuscleCharts
+from tega.view.browser.scene import Point, Scene
+from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, TouchSheet
+from tega.view.browser.vest import vest_svg
+
+if TYPE_CHECKING:
+    import viser
+
+    from tega.view.browser.controls import Controls
+    from tega.view.state import ViewState
+
+__all__ = ["Page"]
+
+_TOUCH_WIDTH, _CHART_WIDTH = 420, 400
+_POSES = ("open", "pre-shape", "half", "wrap", "tight")
+_TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
+_FONT = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
+
+
+class Page:
+    """Lays the page out and paints moments on it.
+
+    Args:
+        server: The viser server.
+        title: Heading.
+        controls: What the buttons set.
+        eye_m: Where the camera begins, world frame.
+        at_m: What it looks at.
+
+    Attributes:
+        scene: The 3-D scene.
+        status: The lines of text.
+        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``stop``.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, *, title: str, controls: Controls, eye_m: Point, at_m: Point
+    ) -> None:
+        gui = server.gui
+        self._server = server
+        self._sheet = TouchSheet()
+        self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
+        self.inputs: dict[str, Any] = {}
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
+        gui.set_panel_label(title)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(_CHART_WIDTH)
+        self.status = gui.add_html("")
+        self._rates = gui.add_html("")
+        self._add_buttons(gui, controls)
+        self._muscles = MuscleCharts(gui)
+        panel = gui.add_panel()
+        with panel.add_tab("Fingertips and vest"):
+            self._captions = gui.add_html("")
+            n = len(FINGERS)
+            blank = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), 236, np.uint8)
+            self._images = gui.add_image(blank, jpeg_quality=85)
+            self._legend = gui.add_html(_LEGEND)
+            self._vest = gui.add_html(vest_svg(None))
+            self._course = CourseChart(gui)
+        panel.dock_left()
+        panel.set_width(_TOUCH_WIDTH)
+
+    def _add_buttons(self, gui: viser.GuiApi, controls: Controls) -> None:
+        if controls.objects:
+            choice = self.inputs["object"] = gui.add_button_group("lift now", controls.objects)
+            choice.on_click(lambda event: controls.choose(event.target.value))
+        if controls.can_mute:
+            haptics = self.inputs["haptics"] = gui.add_checkbox("haptics on", initial_value=True)
+
+            @haptics.on_update
+            def _(event: Any) -> None:
+                controls.haptics = event.target.value
+
+        if controls.can_pause:
+            pause = self.inputs["pause"] = gui.add_button("Pause", color="gray")
+
+            @pause.on_click
+            def _(event: Any) -> None:
+                controls.paused = not controls.paused
+                event.target.label = "Go on" if controls.paused else "Pause"
+
+        stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
+        stop.on_click(lambda _event: controls.stop())
+
+    def paint(
+        self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]
+    ) -> None:
+        """Put a moment on the page: the scene, and in turn pictures, text or charts.
+
+        Args:
+            state: The moment.
+            turn: Whose turn it is, 0 to 2.
+            rates_hz: Measured rates.
+            latency_ms: Measured delays.
+        """
+        self._course.note(state)
+        with self._server.atomic():
+            self.scene.draw(state.shapes, state.poses, state.contact_points)
+            if turn == 0:
+                if state.images:
+                    self._images.image = self._sheet.draw(state.images)
+            elif turn == 1:
+                self.status.content = _status(state)
+                self._captions.content = _captions(state)
+                self._vest.content = vest_svg(state.loop.vest)
+                self._rates.content = _rates(rates_hz, latency_ms)
+            else:
+                self._course.draw()
+                if state.emg is not None:
+                    self._muscles.draw(state.t_ns / 1e9, state.emg)
+
+
+_LEGEND = (
+    f'<div style="{_FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">above: cameras · below: touch map, '
+    '<b style="color:#27a045">○</b> peak, <b style="color:#3b8cff">○</b> area that EDA counts</div>'
+)
+
+
+def _status(state: ViewState) -> str:
+    block = state.loop.block
+    rows = {"time": f"{state.t_ns / 1e9:.1f} s", **state.rows}
+    if block is not None:
+        rows["hand"] = f"level {block[2]}: {_POSES[block[2] - 1]}"
+        rows["muscles"] = "levels " + " · ".join(str(level) for level in block[1])
+    pairs = [
+        f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'
+        f'<td style="padding-right:14px"><b>{escape(text)}</b></td>'
+        for name, text in rows.items()
+    ]
+    # Two pairs a line, in columns: the first half on the left.
+    half = (len(pairs) + 1) // 2
+    lines = "".join(
+        f"<tr>{left}{right}</tr>" for left, right in zip_longest(pairs[:half], pairs[half:], fillvalue="")
+    )
+    return f'<table style="{_FONT};margin:2px 8px;line-height:1.5">{lines}</table>'
+
+
+def _captions(state: ViewState) -> str:
+    cells = []
+    for finger, felt in zip(FINGERS, state.loop.felt, strict=True):
+        contact = state.loop.contacts.get(finger)
+        if contact is None:
+            text = '<span style="color:#adb5bd">no sensor</span>'
+        elif state.t_ns - contact[0] > STALE_NS:
+            text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
+        else:
+            kind = contact_type(felt.cci_norm, felt.eda_norm) if contact[1].in_contact else "none"
+            word = "no contact" if kind == "none" else kind
+            text = (
+                f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
+                f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>'
+            )
+        cells.append(
+            f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>'
+        )
+    style = f"{_FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
+    return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
+
+
+def _rates(rates_hz: dict[str, float], latency_ms: dict[str, float]) -> str:
+    rates = " · ".join(f"{escape(name)} {rate:.0f} Hz" for name, rate in rates_hz.items())
+    delays = " · ".join(f"{escape(name)} {delay:.1f} ms" for name, delay in latency_ms.items())
+    return f'<div style="{_FONT};font-size:11px;color:#6c757d;padding:2px 10px">{rates}<br>{delays}</div>'

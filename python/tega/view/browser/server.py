@@ -1,0 +1,210 @@
+"""The server behind the page: takes moments from the loop at once, paints the newest in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from tega.errors import InvalidValueError, MissingExtraError
+from tega.view.browser.controls import Controls
+from tega.view.state import ViewState
+
+if TYPE_CHECKING:
+    from tega.teleop.loop import LoopView
+    from tega.view.browser.page import Page
+
+__all__ = ["N_TURNS", "BrowserView"]
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+# The scene is painted every time, pictures, text and charts by turns: no moment costs much more than another.
+N_TURNS = 3
+# Without anyone at the page it is still kept fresh for whoever opens it.
+_UNWATCHED_HZ = 2.0
+_LOOK_S = 0.004
+_REST_SHARE = 4.0
+
+
+class BrowserView:
+    """A page that shows a run; gives up frames rather than keep the run waiting.
+
+    Use as a context manager. :meth:`offer` puts a moment into a slot that holds the newest one only; a thread takes it
+    from there at most ``rate_hz`` times a second. A moment that a newer one replaces is never shown: dropped, not late.
+
+    Args:
+        title: Heading of the page.
+        host: Where to serve: this machine only, unless ``allow_remote``.
+        port: TCP port; where it is taken, the next free one. 0 takes any free one.
+        controls: What the page's buttons set.
+        complete: Called by the painting thread with a moment before it is painted; adds what takes time to find,
+            such as pictures that have to be read.
+        eye_m: Where the camera of whoever opens the page begins, metres.
+        at_m: What it looks at.
+        rate_hz: Most moments painted per second.
+        allow_remote: Let ``host`` be an address that others can reach. Whoever reaches it can press the buttons.
+
+    Attributes:
+        controls: What the page's buttons set.
+        n_offered: Moments offered.
+        n_painted: Of these, those painted.
+        n_dropped: Of these, those a newer one replaced before they were painted.
+        page: What is on the page; from when it is first served.
+
+    Raises:
+        InvalidValueError: ``host`` is not this machine, or the rate or port is out of range.
+    """
+
+    def __init__(
+        self,
+        title: str = "TEGA",
+        *,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        controls: Controls | None = None,
+        complete: Callable[[ViewState], ViewState] = lambda state: state,
+        eye_m: tuple[float, float, float] = (0.92, 0.64, 0.48),
+        at_m: tuple[float, float, float] = (-0.03, 0.07, 0.19),
+        rate_hz: float = 30.0,
+        allow_remote: bool = False,
+    ) -> None:
+        if host not in LOOPBACK and not allow_remote:
+            raise InvalidValueError(
+                f"host = {host!r}: the view is served to this machine only",
+                f"use {LOOPBACK[0]}, or allow_remote=True if everyone who reaches it may press its buttons",
+            )
+        if not 0 <= port <= 65_535:
+            raise InvalidValueError(f"port = {port}, expected 0 to 65535")
+        if not 0 < rate_hz <= 60:
+            raise InvalidValueError(f"rate_hz = {rate_hz} Hz, expected above 0 and at most 60")
+        self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
+        self._period_s = 1 / rate_hz
+        self._complete, self._camera = complete, (eye_m, at_m)
+        self.controls = controls or Controls()
+        self.n_offered = self.n_painted = self.n_dropped = 0
+        self._slot: tuple[float, ViewState] | None = None
+        self._lock = threading.Lock()
+        self._over = threading.Event()
+        self._server: Any = None
+        self.page: Page
+        self._painter: threading.Thread | None = None
+        self._failure: Exception | None = None
+        self._counted: tuple[float, dict[str, int]] | None = None
+        self._rates_hz: dict[str, float] = {}
+        self._state: ViewState | None = None
+        self._turn = self._n_owed = 0
+        self._wait_ms = self._painted_s = 0.0
+
+    @property
+    def url(self) -> str:
+        """Address of the page; empty while closed."""
+        if self._server is None:
+            return ""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        return f"http://{host}:{self._server.get_port()}"
+
+    @property
+    def painting(self) -> bool:
+        """Whether moments are being painted: the page is served and nothing went wrong so far."""
+        return self._painter is not None and self._painter.is_alive()
+
+    def __enter__(self) -> Self:
+        """Serve the page.
+
+        Raises:
+            MissingExtraError: viser is not installed.
+        """
+        try:
+            from tega.view.browser.local import LocalServer
+        except ImportError as error:
+            raise MissingExtraError("viser is not installed", "pip install 'tega[view]'") from error
+        from tega.view.browser.page import Page
+
+        self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)
+        eye_m, at_m = self._camera
+        self.page = Page(self._server, title=self._title, controls=self.controls, eye_m=eye_m, at_m=at_m)
+        self._over.clear()
+        self._painter = threading.Thread(target=self._paint_on, name="tega-browser-view", daemon=True)
+        self._painter.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop serving.
+
+        Raises:
+            Exception: What went wrong in painting, if something did and nothing else is on its way.
+        """
+        self._over.set()
+        if self._painter is not None:
+            self._painter.join()
+        if self._server is not None:
+            self._server.stop()
+        self._server = self._painter = None
+        if self._failure is not None and error is None:
+            raise self._failure
+
+    def offer(self, state: ViewState) -> None:
+        """Take a moment to be shown; returns at once."""
+        with self._lock:
+            self.n_offered += 1
+            if self._slot is not None:
+                self.n_dropped += 1
+            self._slot = (time.monotonic(), state)
+
+    def __call__(self, loop: LoopView) -> None:
+        """Take a moment of the loop, as its observer; returns at once."""
+        self.offer(ViewState(loop.t_ns, loop))
+
+    def _paint_on(self) -> None:
+        """Paint the newest moment whenever there is one, until told to stop."""
+        rest_s = 0.0
+        # The slot is looked at, not waited for: waking a thread would cost whoever offers more than all the rest.
+        while not self._over.wait(rest_s):
+            began_s, rest_s = time.monotonic(), _LOOK_S
+            try:
+                painted = self._paint_next(began_s)
+            except Exception as error:  # told when the view is closed: the run goes on without a picture
+                self._failure = error
+                return
+            if painted:
+                period_s = self._period_s if self._server.get_clients() else 1 / _UNWATCHED_HZ
+                took_s = time.monotonic() - began_s
+                # Where painting takes long the machine is busy: better fewer moments than the run's time.
+                rest_s = max(period_s - took_s, _REST_SHARE * took_s)
+
+    def _paint_next(self, now_s: float) -> bool:
+        """Paint a new moment, or more of the last one if no other follows; tell whether there was anything to do."""
+        with self._lock:
+            taken, self._slot = self._slot, None
+        if taken is not None:
+            offered_s, state = taken
+            self._wait_ms = (now_s - offered_s) * 1e3
+            self._state = self._complete(state)
+            self._measure(now_s, self._state)
+            self._n_owed = N_TURNS
+        elif self._n_owed == 0 or now_s - self._painted_s < 2 * self._period_s:
+            return False
+        if self._state is not None:
+            latency_ms = {**self._state.latency_ms, "to the page": self._wait_ms}
+            self.page.paint(self._state, turn=self._turn, rates_hz=self._rates_hz, latency_ms=latency_ms)
+        self._turn = (self._turn + 1) % N_TURNS
+        self._n_owed -= 1
+        self._painted_s = now_s
+        self.n_painted += taken is not None
+        return True
+
+    def _measure(self, now_s: float, state: ViewState) -> None:
+        """Work the rates out over the last second."""
+        counts = {**state.loop.counts, "page": self.n_painted}
+        if self._counted is None:
+            self._counted = (now_s, counts)
+            return
+        since_s, before = self._counted
+        if now_s - since_s >= 1.0:
+            self._rates_hz = {
+                name: (count - before.get(name, 0)) / (now_s - since_s) for name, count in counts.items()
+            }
+            self._counted = (now_s, counts)

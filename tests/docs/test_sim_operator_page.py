@@ -1,0 +1,40 @@
+"""The page on the simulated person shows the parameters as they are."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tega.sim.operator.__main__ import main
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "sim-operator.md"
+
+pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
+
+
+def test_the_page_shows_the_parameters_as_they_are() -> None:
+    printed = CliRunner().invoke(main, ["parameters"])
+    assert printed.exit_code == 0
+    assert printed.output.strip() in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_s_python_runs() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    names: dict[str, object] = {}
+    exec(compile(code, PAGE.name, "exec"), names)
+    assert getattr(names["emg_uv"], "shape", None) == (10, 3)
+
+
+def test_the_holds_are_printed_as_a_table() -> None:
+    printed = CliRunner().invoke(main, ["holds", "--holds", "1"])
+    assert printed.exit_code == 0
+    assert len(printed.output.splitlines()) == 10
+
+
+def test_the_picture_is_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra tega[view]")
+    assert CliRunner().invoke(main, ["picture", str(tmp_path / "emg.png")]).exit_code == 0
+    assert (tmp_path / "emg.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"

@@ -1,0 +1,96 @@
+"""Moments to show, generated: four pressed fingertips, three muscles, a few primitives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tega.haptics import FINGERS, intensity, vest_frame
+from tega.sim.gel import Gel, ball
+from tega.tactile import read_contact
+from tega.teleop.loop import LoopView
+from tega.teleop.touch import Felt
+from tega.view.state import EmgTail, Shape, TouchImage, ViewState
+
+RATE_HZ = 1000.0
+SHAPES: tuple[Shape, ...] = (
+    ("table", "box", (0.4, 0.5, 0.02), (0.87, 0.83, 0.77, 1.0)),
+    ("palm", "box", (0.02, 0.056, 0.05), (0.25, 0.27, 0.3, 1.0)),
+    ("finger", "capsule", (0.012, 0.04, 0.0), (0.25, 0.27, 0.3, 1.0)),
+    ("tip", "sphere", (0.013, 0.0, 0.0), (0.9, 0.55, 0.2, 1.0)),
+    ("bottle", "cylinder", (0.033, 0.09, 0.0), (0.2, 0.5, 0.8, 0.9)),
+)
+_RADII_MM = {"thumb": 14.0, "index": 3.0, "middle": 4.4, "ring": 8.0}
+
+
+class Moments:
+    """Moments of a made-up grasp; the same seed makes the same ones."""
+
+    def __init__(self, seed: int = 1) -> None:
+        self._gels = {finger: Gel(seed + k) for k, finger in enumerate(FINGERS)}
+        self._baselines = {finger: gel.still() for finger, gel in self._gels.items()}
+        effort = 0.5 + 0.45 * np.sin(np.arange(20_000) / 900)
+        self._emg = np.random.default_rng(seed).normal(0, 200, (20_000, 3)) * effort[:, None]
+        self._maxima = np.full(3, 160.0)
+
+    def at(self, t_s: float, *, images: bool = True, scene: bool = True, emg: bool = True) -> ViewState:
+        squeeze = 0.5 - 0.5 * math.cos(t_s)
+        pictures, contacts, felts = {}, {}, []
+        for k, finger in enumerate(FINGERS):
+            pressed = ball(
+                force_n=6 * squeeze, centre_xy=(120.0 + 10 * k, 150.0), radius_mm=_RADII_MM[finger]
+            )
+            frame = self._gels[finger].frame([pressed], round(t_s * 60))
+            picture = TouchImage(frame, self._baselines[finger], "live")
+            metrics = read_contact(*picture[:2], reading=picture.reading)
+            cci, eda = (
+                (min(metrics.cci / 4, 1.0), min(metrics.eda / 20_000, 1.0))
+                if metrics.in_contact
+                else (0.0, 0.0)
+            )
+            felts.append(Felt(cci, eda, intensity(cci, 1.0), intensity(eda, 1.0)))
+            contacts[finger] = (round(t_s * 1e9), metrics)
+            pictures[finger] = picture
+        n = round(t_s * RATE_HZ)
+        level = 1 + min(4, int(squeeze * 5))
+        loop = LoopView(
+            t_ns=round(t_s * 1e9),
+            contacts=contacts,
+            felt=felts,
+            vest=vest_frame([f.front for f in felts], [f.back for f in felts], layout="x40"),
+            block=(round(t_s * 1e9), (level, level, max(level - 1, 1)), level),
+            angles_rad=None,
+            counts={
+                "touch": round(60 * t_s),
+                "levels": round(10 * t_s),
+                "hand": round(333 * t_s),
+                "vest": round(30 * t_s),
+            },
+        )
+        return ViewState(
+            t_ns=loop.t_ns,
+            loop=loop,
+            images=pictures if images else None,
+            shapes=SHAPES if scene else None,
+            poses=_poses(squeeze) if scene else None,
+            contact_points=np.array([[0.033, 0.0, 0.1 + 0.1 * squeeze, -3 * squeeze, 6 * squeeze, -4.0]])
+            if scene
+            else None,
+            emg=EmgTail(self._emg[max(0, n - 6000) : n], RATE_HZ, self._maxima, "raw", "µV") if emg else None,
+            rows={"object": "bottle", "condition": "haptic", "phase": "hold"},
+        )
+
+
+def _poses(squeeze: float) -> np.ndarray:
+    lift = 0.1 * squeeze
+    upright = (1.0, 0.0, 0.0, 0.0)
+    return np.array(
+        [
+            (0.0, 0.0, -0.02, *upright),
+            (-0.09, 0.0, 0.12 + lift, *upright),
+            (-0.06, 0.03, 0.12 + lift, math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0),
+            (-0.046, 0.0, 0.14 + lift, *upright),
+            (0.0, 0.0, 0.09 + lift, *upright),
+        ]
+    )

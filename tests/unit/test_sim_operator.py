@@ -1,0 +1,238 @@
+"""The simulated person: drawn from the file, believes what it saw, and gains nothing from shams."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from reference.grasp_plant import Grasp, grasp
+from tega.errors import ConfigError, InvalidValueError
+from tega.sim.operator import Operator, Person, Rules, draw_person, load_parameters, sham_vest, typical_person
+from tega.sim.operator.belief import Closure, ObjectBelief, above, below
+from tega.sim.operator.person import stream
+from tega.sim.seams import Percept, Truth
+
+STILL = Truth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
+FILE = Path(__file__).parents[2] / "python/tega/sim/operator/parameters.toml"
+
+
+def with_(who: Person, section: str, **values: float) -> Person:
+    return msgspec.structs.replace(who, **{section: msgspec.structs.replace(getattr(who, section), **values)})
+
+
+EXACT = with_(typical_person(), "motor", aim_sd=0.0, aim_floor=0.0, effort_sd=0.0)
+
+
+# --- parameters and population ---
+
+
+def test_every_parameter_has_unit_mark_source_and_bounds_around_it() -> None:
+    parameters = load_parameters()
+    assert len(parameters.digest) == 64
+    for _, name, p in parameters:
+        assert p.low <= p.value <= p.high
+        assert p.source
+        assert p.unit or name in {"rt_correlation", "exponent", "adapt_gain", "attempts", "power"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("lapse = {", "relapse = {", "lapse"),
+        (
+            "rt_ms = { value = 215",
+            "rt_ms = { value = 15",
+            "vision.rt_ms = 15.0 ms is not within 160.0 to 320.0",
+        ),
+        ('mark = "A"', 'mark = "Z"', "Z"),
+        ("[vision]", "[vision", "parameters"),
+    ],
+)
+def test_a_parameter_file_that_is_not_right_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
+    path = tmp_path / "parameters.toml"
+    path.write_text(FILE.read_text().replace(old, new, 1))
+    with pytest.raises(ConfigError, match=said.replace(".", r"\.")):
+        load_parameters(path)
+
+
+def test_another_file_has_another_digest(tmp_path: Path) -> None:
+    path = tmp_path / "parameters.toml"
+    path.write_text(FILE.read_text() + "\n")
+    assert load_parameters(path).digest != load_parameters().digest
+
+
+def test_people_differ_as_the_file_says() -> None:
+    parameters = load_parameters()
+    people = [draw_person(seed, parameters) for seed in range(600)]
+    assert people[0] == draw_person(0, parameters)
+    for section, name, p in parameters:
+        drawn = np.array([getattr(getattr(person, section), name) for person in people])
+        if p.sd == 0:
+            assert np.all(drawn == p.value)
+            continue
+        slower_ms = 0.55 * 35 if name == "rt_ms" else 0.0
+        assert np.all((drawn >= p.low) & (drawn <= p.high + slower_ms))
+        scores = np.log(drawn / p.value) / p.sd if p.law == "lognormal" else (drawn - p.value) / p.sd
+        bounds = np.array([p.low, p.high])
+        cut = (np.log(bounds / p.value) if p.law == "lognormal" else bounds - p.value) / p.sd
+        assert np.mean(scores) == pytest.approx(stats.truncnorm.mean(*cut), abs=0.15)
+        assert np.std(scores) == pytest.approx(stats.truncnorm.std(*cut), abs=0.12)
+    times = np.array([(person.vision.rt_ms, person.vest.rt_ms) for person in people])
+    assert np.corrcoef(times.T)[0, 1] == pytest.approx(0.6, abs=0.08)
+
+
+# --- beliefs ---
+
+
+@pytest.mark.parametrize(("x", "var"), [(2.0, 0.04), (3.5, 0.3), (5.0, 0.0)])
+def test_learning_a_bound_gives_the_moments_of_the_cut_gaussian(x: float, var: float) -> None:
+    def cut(need: float) -> float:
+        return float(stats.norm.pdf(need, 3.0, 1.2)) * float(
+            stats.norm.cdf((need - x) / max(math.sqrt(var), 1e-9))
+        )
+
+    moments = [
+        integrate.quad(lambda n, k=k: n**k * cut(n), -6, 12, points=[x], limit=200)[0] for k in range(3)
+    ]
+    mean = moments[1] / moments[0]
+    sd = math.sqrt(moments[2] / moments[0] - mean**2)
+    assert above(3.0, 1.2, x, var, 0.0) == pytest.approx((mean, sd), abs=1e-5)
+    mirrored = below(-3.0, 1.2, -x, var, 0.0)
+    assert mirrored == pytest.approx((-mean, sd), abs=1e-5)
+
+
+@pytest.mark.parametrize("slope", [0.8, -0.8])
+def test_the_sign_of_the_vest_is_learned_and_then_used(slope: float) -> None:
+    rng, closure = np.random.default_rng(4), Closure(typical_person().grip)
+    assert not closure.known("front")
+    for _ in range(6):
+        for level in (1.5, 2.5, 3.5, 4.5):
+            closure.set(level, 0.05)
+            closure.feel("front", -1.0 + slope * level + 0.2 * float(rng.standard_normal()), 0.04)
+    assert closure.known("front")
+    assert not closure.known("back")
+    assert closure.slope("front") == pytest.approx(slope, abs=0.15)
+    closure.set(3.0, 0.3)
+    closure.feel("front", -1.0 + slope * 4.0, 0.04)
+    assert 3.4 < closure.x < 4.1
+    assert closure.var < 0.2
+
+
+def test_before_it_is_learned_the_vest_says_nothing_of_closure() -> None:
+    closure = Closure(typical_person().grip)
+    closure.set(3.0, 0.3)
+    for y in (-2.0, 0.0, -1.0):
+        closure.feel("front", y, 0.04)
+    assert (closure.x, closure.var) == pytest.approx((3.0, 0.3))
+
+
+def test_beliefs_fade_between_trials_and_are_carried_to_another_object() -> None:
+    operator = Operator(typical_person(), seed=1)
+    operator.begin("heavy", width_m=0.07)
+    operator.beliefs["heavy"].need = (5.0, 0.3)
+    operator.begin("heavy", width_m=0.07, trial=1)
+    assert operator.beliefs["heavy"].need == pytest.approx((5.0, math.hypot(0.3, 0.2)))
+    operator.begin("light", width_m=0.07)
+    assert operator.beliefs["light"].need == pytest.approx((3.0 + 0.3 * 2.0, 1.2))
+    assert isinstance(operator.beliefs["light"], ObjectBelief)
+
+
+# --- the whole person ---
+
+
+def test_a_trial_goes_through_its_phases_and_lifts() -> None:
+    outcome = grasp(Operator(EXACT, seed=2), None)
+    phases = list(dict.fromkeys(act.phase for act in outcome.acts))
+    assert phases == ["reach", "grasp", "lift", "hold", "place", "release", "done"]
+    assert outcome.highest_m > 0.2
+    assert not outcome.dropped
+    assert outcome.acts[0].forearm_m == pytest.approx((0.0, 0.1))
+    assert max(act.excitation for act in outcome.acts) <= 1.15
+
+
+def test_the_same_seed_does_the_same_and_another_does_not() -> None:
+    def acts(seed: int) -> object:
+        return grasp(Operator(draw_person(3), seed=seed), sham_vest("informative")).acts
+
+    assert acts(1) == acts(1)
+    assert acts(1) != acts(2)
+
+
+def test_who_cannot_feel_the_vest_acts_as_if_there_were_none() -> None:
+    for name in ("informative", "unrelated"):
+        deaf = grasp(Operator(draw_person(4), seed=5, feels=False), sham_vest("informative", seed=1))
+        without = grasp(Operator(draw_person(4), seed=5), None)
+        silent = grasp(Operator(draw_person(4), seed=5), sham_vest("silent"))
+        assert deaf.acts == without.acts == silent.acts, name
+
+
+def test_which_finger_vibrates_changes_nothing() -> None:
+    real = grasp(Operator(draw_person(4), seed=5), sham_vest("informative"))
+    assert grasp(Operator(draw_person(4), seed=5), sham_vest("permuted", seed=2)).acts == real.acts
+
+
+def test_rules_switched_off_leave_a_vest_without_effect() -> None:
+    rules = Rules(onset=False, weaker=False, reading=False)
+    without = grasp(Operator(draw_person(4), seed=5), None)
+    assert grasp(Operator(draw_person(4), seed=5, rules=rules), sham_vest("informative")).acts == without.acts
+
+
+def test_a_constant_vest_changes_nothing_but_what_false_alarms_do() -> None:
+    def pair(name: str) -> tuple[float, float]:
+        outcomes = []
+        for seed in range(12):
+            operator, vest = Operator(draw_person(seed), seed=seed), sham_vest(name, seed=seed)  # type: ignore[arg-type]
+            outcomes += [grasp(operator, vest, trial=trial) for trial in range(3)]
+        return float(np.mean([o.slips for o in outcomes])), float(np.mean([o.deformed for o in outcomes]))
+
+    assert pair("constant") == pytest.approx(pair("off"), abs=0.1)
+
+
+def test_heavy_things_are_held_firmly_and_fragile_ones_gently() -> None:
+    watching = with_(EXACT, "vision", gaze_grasp=1.0, gaze_transport=1.0)
+    held, beliefs = {}, {}
+    for name, item in (("heavy", Grasp(need=3.5, harm=9)), ("fragile", Grasp(need=1.6, harm=2.4))):
+        operator = Operator(watching, seed=1)
+        outcomes = [grasp(operator, None, item=item, trial=trial) for trial in range(4)]
+        acts = [act for outcome in outcomes for act in outcome.acts]
+        held[name] = np.mean([act.excitation for act in acts if act.phase == "hold"])
+        beliefs[name] = operator.beliefs["object"]
+        assert [outcome.deformed for outcome in outcomes] == [name == "fragile", False, False, False]
+        assert all(outcome.highest_m > 0.2 for outcome in outcomes)
+    assert held["heavy"] > 1.8 * held["fragile"]
+    assert beliefs["heavy"].need[0] > 3.5 > beliefs["fragile"].need[0]
+    assert beliefs["heavy"].harm[0] > 4.5 > beliefs["fragile"].harm[0]
+
+
+def test_what_cannot_be_lifted_is_tried_three_times() -> None:
+    outcome = grasp(Operator(EXACT, seed=1), None, item=Grasp(need=9, harm=99), seconds=40)
+    phases = [act.phase for act in outcome.acts]
+    starts = sum(a != "reach" and b == "reach" for a, b in itertools.pairwise(phases))
+    assert starts == 2
+    assert phases[-1] == "done"
+    assert outcome.highest_m == 0
+
+
+def test_time_that_goes_back_and_impossible_objects_are_refused() -> None:
+    operator = Operator(typical_person(), seed=1)
+    operator.act(Percept(1.0, STILL, None))
+    with pytest.raises(InvalidValueError, match=r"t_s = 0\.5 s"):
+        operator.act(Percept(0.5, STILL, None))
+    with pytest.raises(InvalidValueError, match="width_m = 0 m"):
+        operator.begin("thread", width_m=0)
+    with pytest.raises(InvalidValueError, match="full_effort = -1"):
+        Operator(typical_person(), seed=1, full_effort=-1)
+
+
+def test_an_extra_draw_in_one_stream_changes_no_other() -> None:
+    first, second = stream(7, "aim"), stream(7, "gaze")
+    before: Callable[[], float] = stream(7, "gaze").random
+    first.random(10)
+    assert second.random() == before()

@@ -1,0 +1,209 @@
+"""The parts between the loop and the simulated world, each for itself."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+
+from tega.clock import ManualClock
+from tega.sim.arms import CONDITIONS, feels, worn
+from tega.sim.hand import SimulatedBus
+from tega.sim.pacing import SimulatedPacer
+from tega.sim.score import Scorer
+from tega.sim.seams import Truth
+from tega.teleop.hand import limp_frames
+from tega.teleop.repeats import LastFrame
+from tega.teleop.streams import NEVER_NS, QueuedStream
+from tega.wire import CanFrame, allegro_torque_frames
+
+Course = Sequence[tuple[float, Mapping[str, object]]]
+"""Times, and what is so from then on."""
+
+NOTHING = Truth(0.0, 0.0, False, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, False, 0.1)
+
+
+def score(course: Course, *, placing_from_s: float = np.inf) -> Scorer:
+    """Score what is so from each time on, a hundred times a second for a second after the last."""
+    scorer = Scorer(harm_m=0.01)
+    truth, left = NOTHING, deque(course)
+    for tick in range(round((course[-1][0] + 1.0) * 100) + 1):
+        t_s = tick / 100
+        while left and t_s >= left[0][0] - 1e-9:
+            truth = truth._replace(**left.popleft()[1])  # type: ignore[arg-type]
+        moved_m = truth.slip_m + truth.slip_m_s / 100
+        truth = truth._replace(slip_m=moved_m)
+        scorer.take(t_s, truth, placing=t_s >= placing_from_s)
+    scorer.close()
+    return scorer
+
+
+def test_lifted_is_a_second_at_the_height() -> None:
+    up: Course = [
+        (1.0, {"lift_off": True, "object_height_m": 0.1}),
+        (2.0, {"object_height_m": 0.21}),
+        (3.1, {}),
+    ]
+    scorer = score(up)
+    assert scorer.time_of("lift_off") == 1.0
+    assert scorer.time_of("lifted") == pytest.approx(3.0)
+    down: Course = [*up[:2], (2.9, {"object_height_m": 0.19}), (3.0, {"object_height_m": 0.21})]
+    assert score([*down, (3.5, {})]).time_of("lifted") == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "lasting_s", "slips"),
+    [(0.02, 0.2, 1), (0.004, 2.0, 0), (0.02, 0.1, 0), (0.2, 0.02, 0), (0.2, 0.05, 1)],
+    ids=["seen", "too slow", "too short a way", "too short", "fast"],
+)
+def test_a_slip_counts_when_it_can_be_seen(speed_m_s: float, lasting_s: float, slips: int) -> None:
+    scorer = score(
+        [(1.0, {"lift_off": True, "slip_m_s": speed_m_s}), (1.0 + lasting_s, {"slip_m_s": 0.0}), (4.0, {})]
+    )
+    assert scorer.count("slip") == slips
+    assert scorer.slid_m == pytest.approx(speed_m_s * lasting_s, rel=0.1)
+
+
+@pytest.mark.parametrize(("rest_s", "slips"), [(0.1, 1), (0.5, 2)])
+def test_two_slips_are_one_without_a_rest_in_between(rest_s: float, slips: int) -> None:
+    scorer = score(
+        [
+            (1.0, {"lift_off": True, "slip_m_s": 0.05}),
+            (1.1, {"slip_m_s": 0.0}),
+            (1.1 + rest_s, {"slip_m_s": 0.05}),
+            (1.2 + rest_s, {"slip_m_s": 0.0}),
+        ]
+    )
+    assert scorer.count("slip") == slips
+
+
+def test_sliding_counts_neither_on_the_table_nor_while_it_is_put_down() -> None:
+    assert score([(1.0, {"slip_m_s": 0.05})]).count("slip") == 0
+    put_down: Course = [(1.0, {"lift_off": True}), (2.0, {"slip_m_s": 0.05, "dropped": True})]
+    assert score(put_down, placing_from_s=1.5).count("slip") == 0
+    assert score(put_down, placing_from_s=1.5).count("drop") == 0
+    assert score(put_down).count("drop") == 1
+
+
+def test_a_deformation_is_over_when_the_object_has_eased() -> None:
+    course = [
+        (1.0, {"deformation_m": 0.012}),
+        (1.2, {"deformation_m": 0.009}),
+        (1.4, {"deformation_m": 0.015}),
+        (1.6, {"deformation_m": 0.005}),
+        (1.8, {"deformation_m": 0.011}),
+    ]
+    scorer = score(course)
+    assert [(event.t_s, event.size_m) for event in scorer.events] == [(1.0, 0.015), (1.8, 0.011)]
+    assert scorer.deformation_m == 0.015
+
+
+def test_the_strongest_fingertip_counts() -> None:
+    assert (
+        score([(0.1, {"pad_force_n": (1.0, 4.5, 0.0, 2.0)}), (0.2, {"pad_force_n": (0.0,) * 4})]).peak_force_n
+        == 4.5
+    )
+
+
+def test_a_queued_stream_gives_items_when_their_time_has_come() -> None:
+    stream = QueuedStream[tuple[int, str]](due_ns=10)
+    assert (stream.due_ns, stream.next_until(50)) == (10, None)
+    stream.put((10, "a"), next_ns=20)
+    stream.put((20, "b"), next_ns=30)
+    assert stream.next_until(9) is None
+    assert stream.next_until(25) == (10, "a")
+    assert stream.due_ns == 20
+    assert stream.next_until(25) == (20, "b")
+    assert (stream.due_ns, stream.next_until(25)) == (30, None)
+    stream.put((30, "c"), next_ns=40)
+    stream.end(31)
+    assert (stream.ended, stream.end_ns, stream.due_ns, stream.next_until(99)) == (True, 31, NEVER_NS, None)
+
+
+def test_a_picture_that_cannot_change_is_known_without_looking_and_one_that_can_is_looked_at() -> None:
+    class Counted(np.ndarray):
+        n_read = 0
+
+        def tobytes(self, *_: object, **__: object) -> bytes:
+            Counted.n_read += 1
+            return super().tobytes()
+
+    last, metrics = LastFrame(), object()
+    image = np.zeros((80, 80, 3), np.uint8)
+    last.keep(image, metrics)  # type: ignore[arg-type]
+    image[1, 1] = 9  # between the sampled pixels, in the buffer that was handed out
+    assert last.repeat(image) is metrics
+    image[0, 0] = 9
+    assert last.repeat(image) is None
+
+    constant = Counted((80, 80, 3), np.uint8)
+    constant.fill(7)
+    constant.flags.writeable = False
+    last.keep(constant, metrics)  # type: ignore[arg-type]
+    n_read = Counted.n_read
+    assert last.repeat(constant) is metrics
+    assert Counted.n_read == n_read
+    assert last.repeat(constant.copy()) is metrics
+    assert Counted.n_read > n_read
+    assert last.n_equal == 3
+
+
+class LateClock(ManualClock):
+    """A clock on which every wait takes longer than asked for."""
+
+    def __init__(self, late_ns: int) -> None:
+        super().__init__()
+        self.late_ns = late_ns
+
+    def sleep_until(self, t_ns: int) -> None:
+        super().sleep_until(t_ns + self.late_ns)
+
+
+def test_a_late_simulation_leaves_no_tick_out_and_shifts_what_is_left() -> None:
+    times: list[int] = []
+    clock = LateClock(150_000_000)
+    pacer = SimulatedPacer(clock, times.append)
+    pacer.start()
+    assert pacer.wait(0)
+    clock.late_ns = 0
+    assert pacer.wait(1_000_000_000)
+    assert times == [0, 1_000_000_000]
+    assert clock.now_ns() == 1_150_000_000
+    assert pacer.report().n_skipped == 1
+
+
+def test_a_pause_holds_the_world_and_goes_on_from_there() -> None:
+    answers = iter([True, True, False])
+    times: list[int] = []
+    clock = ManualClock(5_000_000_000)
+    pacer = SimulatedPacer(clock, times.append, paused=lambda: next(answers, False))
+    assert pacer.wait(2_000_000)
+    assert times == [2_000_000]
+    assert pacer.wait(3_000_000)
+    assert clock.now_ns() == 5_001_000_000
+
+
+def test_the_bus_does_what_the_frames_say() -> None:
+    applied: list[np.ndarray] = []
+    bus = SimulatedBus(applied.append, full_duty=0.7)
+    torques = np.linspace(-0.1, 0.1, 16)
+    bus.write(0, allegro_torque_frames(torques))
+    assert np.abs(applied[-1] / 0.7 - torques).max() <= 0.5 / 1200 + 1e-12
+    bus.write(0, [CanFrame(0x7FF, b"")])
+    assert bus.n_rejected == 1
+    assert applied[-1].any()
+    bus.write(0, limp_frames(0)[-1:])
+    assert not applied[-1].any()
+
+
+def test_every_condition_has_a_vest() -> None:
+    from tega.haptics import vest_frame
+
+    frame = vest_frame([80.0] * 4, [20.0] * 4, layout="x40")
+    shown = {condition: worn(condition, layout="x40", seed=1)(0.5, frame) for condition in CONDITIONS}
+    assert shown["haptic"] == shown["unfelt"] == frame
+    assert shown["non-haptic"] is None
+    assert len({None if f is None else f.intensities.tobytes() for f in shown.values()}) >= 6
+    assert [condition for condition in CONDITIONS if not feels(condition)] == ["unfelt"]

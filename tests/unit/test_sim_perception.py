@@ -1,0 +1,243 @@
+"""Eyes, skin and muscles of the simulated person against figures computed apart from them."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from scipy import stats
+
+from tega.haptics import VestFrame, vest_frame
+from tega.sim.operator import Person, typical_person
+from tega.sim.operator.motor import Motor
+from tega.sim.operator.person import stream
+from tega.sim.operator.vest_sense import Skin
+from tega.sim.operator.vision import Eyes, reaction_s
+from tega.sim.seams import Truth
+
+STILL = Truth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
+
+
+def with_(who: Person, section: str, **values: float) -> Person:
+    return msgspec.structs.replace(who, **{section: msgspec.structs.replace(getattr(who, section), **values)})
+
+
+# --- eyes ---
+
+
+def test_reaction_times_are_skewed_about_the_mean_and_never_immediate() -> None:
+    rng = stream(1, "test")
+    drawn = np.array([reaction_s(rng, 215, 20, 45, 100) for _ in range(20_000)])
+    assert drawn.mean() == pytest.approx(0.215, abs=0.002)
+    assert drawn.std() == pytest.approx(math.hypot(0.020, 0.045), abs=0.002)
+    assert stats.skew(drawn) > 1
+    assert drawn.min() >= 0.1
+
+
+def eyes(who: Person, seed: int = 0) -> Eyes:
+    def process(name: str) -> np.random.Generator:
+        return stream(seed, name)
+
+    return Eyes(
+        who.vision,
+        width_m=0.07,
+        gaze=process("gaze"),
+        looks=process("looks"),
+        poses=process("poses"),
+        reaction=process("reaction"),
+    )
+
+
+@pytest.mark.parametrize(("speed_m_s", "seconds"), [(0.005, 0.446), (0.02, 0.301), (0.1, 0.238)])
+def test_slip_is_seen_after_the_time_of_the_published_law(speed_m_s: float, seconds: float) -> None:
+    """Times of Dzhafarov's law at 1.5 m with r = 205 ms, before the cost of a choice."""
+    who = with_(
+        typical_person(), "vision", gaze_grasp=1.0, rt_ms=205, rt_sigma_ms=0, rt_tau_ms=0.0, choice_ms=0
+    )
+    sight, scene = eyes(who), STILL._replace(slip_m_s=speed_m_s, lift_off=True)
+    found = []
+    for tick in range(1, 2000):
+        found += sight.see(tick / 1000, 0.001, scene, carried=False, lifting=False)
+    # The leak of the integral makes slow ones a little later.
+    assert found[0].kind == "slip"
+    assert seconds - 0.005 < found[0].due_s < seconds + 0.05
+
+
+def test_nothing_is_seen_below_the_threshold_of_motion_or_while_looking_away() -> None:
+    def slips(who: Person, speed_m_s: float) -> int:
+        sight, scene = eyes(who), STILL._replace(slip_m_s=speed_m_s, lift_off=True)
+        seen = [sight.see(t / 100, 0.01, scene, carried=False, lifting=False) for t in range(1, 1000)]
+        return sum(event.kind == "slip" for events in seen for event in events)
+
+    watching = with_(typical_person(), "vision", gaze_grasp=1.0)
+    assert slips(watching, 0.0012) == 0
+    assert slips(watching, 0.02) > 3
+    assert slips(with_(watching, "vision", gaze_grasp=0.0), 0.5) == 0
+
+
+@pytest.mark.parametrize(("share", "chance"), [(0.03, 0.003), (0.06, 0.5), (0.0770, 0.841), (0.12, 0.997)])
+def test_deformation_is_seen_by_its_share_of_the_width(share: float, chance: float) -> None:
+    sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0))
+    scene = STILL._replace(deformation_m=0.07 * share)
+    looks = [sight.see(t / 4, 0.25, scene, carried=False, lifting=False) for t in range(1, 3000)]
+    seen = sum(event.kind == "deformation" for events in looks for event in events)
+    assert seen / len(looks) == pytest.approx(chance, abs=0.03)
+
+
+def test_contact_takes_two_fingers_and_an_object_left_behind_counts_as_slip() -> None:
+    sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0))
+    one = STILL._replace(pad_force_n=(1.0, 0.0, 0.0, 0.0))
+    two = STILL._replace(pad_force_n=(1.0, 1.0, 0.0, 0.0))
+    times = [t / 4 for t in range(1, 401)]
+    assert not any(sight.see(t, 0.25, one, carried=False, lifting=False) for t in times)
+    seen = [bool(sight.see(100 + t, 0.25, two, carried=False, lifting=False)) for t in times]
+    assert np.mean(seen) == pytest.approx(0.5, abs=0.07)
+    left = [STILL._replace(hand_to_object_m=0.1 * t / 100) for t in range(100)]
+    for lifting, expected in ((False, 0), (True, 1)):
+        sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0))
+        kinds = [sight.see(1 + t / 100, 0.01, s, carried=True, lifting=lifting) for t, s in enumerate(left)]
+        assert any(event.kind == "slip" for events in kinds for event in events) == expected
+
+
+# --- vest ---
+
+
+def skin(who: Person | None = None, seed: int = 0) -> Skin:
+    who = who or typical_person()
+    felt = Skin(who.vest, who.vision)
+    felt.begin(rest_s=0, noise=stream(seed, "noise"), reaction=stream(seed, "rt"), link=stream(seed, "link"))
+    return felt
+
+
+def frame(level: int) -> VestFrame:
+    """A frame whose motors are all on one of the sixteen levels."""
+    percent = next(p for p in range(101) if (15 * p + 50) // 100 == level)
+    return vest_frame([percent] * 4, [percent] * 4, layout="x40")
+
+
+UNADAPTED = with_(typical_person(), "vest", adapt_gain=0.0)
+
+
+@pytest.mark.parametrize(
+    ("level", "chance"), [(1, 0.0), (2, 0.05), (3, 0.50), (4, 0.88), (5, 0.98), (15, 1.0)]
+)
+def test_levels_of_the_vest_are_felt_as_often_as_the_threshold_says(level: int, chance: float) -> None:
+    felt, shown = skin(UNADAPTED), frame(level)
+    for tick in range(100):
+        felt.feel(tick / 100, 0.01, shown)
+    looks = [felt.look(1 + n / 20, 0.05).front is not None for n in range(2000)]
+    assert np.mean(looks) == pytest.approx(0.98 * chance, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("lower", "higher", "right"), [(4, 5, 0.72), (8, 10, 0.72), (10, 12, 0.68), (8, 12, 0.85)]
+)
+def test_the_direction_of_a_change_is_felt_as_well_as_weber_says(
+    lower: int, higher: int, right: float
+) -> None:
+    def readings(level: int, seed: int) -> list[float]:
+        felt, shown = skin(with_(UNADAPTED, "vest", panel_swap=0), seed), frame(level)
+        for tick in range(100):
+            felt.feel(tick / 100, 0.01, shown)
+        looks = [felt.look(1 + n / 20, 0.05).back for n in range(4000)]
+        return [y for y in looks if y is not None]
+
+    pairs = list(zip(readings(lower, 1), readings(higher, 2), strict=False))
+    assert np.mean([a < b for a, b in pairs]) == pytest.approx(right, abs=0.03)
+
+
+def test_motors_start_late_and_rise_in_the_time_of_an_eccentric_mass() -> None:
+    felt, shown = skin(with_(UNADAPTED, "vest", link_sd_ms=0)), frame(15)
+    course = []
+    for tick in range(600):
+        felt.feel(tick / 1000, 0.001, shown)
+        course.append(float(felt._moving[0, 0]))
+    assert course.index(next(a for a in course if a > 0)) == pytest.approx(45, abs=2)
+    tenth, most = (next(n for n, a in enumerate(course) if a > share) for share in (0.1, 0.9))
+    assert most - tenth == pytest.approx(132, abs=3)
+
+
+def test_the_skin_adapts_over_minutes_and_recovers() -> None:
+    felt, shown = skin(), frame(15)
+    for tick in range(100):
+        felt.feel(tick / 100, 0.01, shown)
+    for n in range(15 * 60 * 20):
+        felt.look(1 + n / 20, 0.05)
+    assert felt._adapted == pytest.approx(np.full((2, 4), 1.6), abs=0.02)
+    felt.begin(rest_s=900, noise=stream(0), reaction=stream(0), link=stream(0))
+    assert felt._adapted == pytest.approx(np.ones((2, 4)), abs=0.02)
+
+
+def share_weaker(before: int, after: float, seconds: float, windows: int) -> float:
+    """Share of trials in which weakening was noticed within ``seconds`` of a fall of amplitude."""
+    noticed = 0
+    who = with_(UNADAPTED, "vest", panel_swap=0, lapse=0, threshold=0.01)
+    for seed in range(windows):
+        felt, t_s = skin(who, seed), 0.0
+        felt._moving[:] = before / 15
+        for n in range(10 + round(seconds * 20)):
+            if n == 10:
+                felt._moving[:] = before / 15 / after
+            felt._moving[0] = 0.0  # the back alone
+            t_s = n / 20
+            felt.look(t_s, 0.05)
+            noticed += felt.weaker(t_s, (True, True)) is not None
+    return noticed / windows
+
+
+@pytest.mark.parametrize(("fall", "chance"), [(2.0, 1.0), (1.5, 0.63), (1.3, 0.19), (1.0, 0.0)])
+def test_weakening_is_noticed_as_often_as_the_rule_says(fall: float, chance: float) -> None:
+    assert share_weaker(15, fall, 0.5, 300) == pytest.approx(chance, abs=0.08)
+
+
+def test_a_constant_vest_gives_less_than_one_false_alarm_a_minute() -> None:
+    felt, shown, alarms = skin(UNADAPTED), frame(8), 0
+    for tick in range(30 * 60 * 20):
+        felt.feel(tick / 20, 0.05, shown)
+        felt.look(tick / 20, 0.05)
+        alarms += tick > 40 and felt.weaker(tick / 20, (True, True)) is not None
+    assert alarms / 30 < 1
+
+
+# --- muscles ---
+
+
+def motor(who: Person, level: int) -> Motor:
+    arm = Motor(who.motor, full_effort=0.7, aim=stream(1, "aim"), sense=stream(1, "sense"))
+    arm.command(level)
+    return arm
+
+
+EXACT = with_(typical_person(), "motor", aim_sd=0.0, aim_floor=0.0, effort_sd=0.0)
+
+
+@pytest.mark.parametrize(("lag_ms", "rise_ms"), [(30, 101), (60, 202), (100, 335)])
+def test_excitation_rises_as_a_comfortable_grip(lag_ms: float, rise_ms: float) -> None:
+    arm = motor(with_(EXACT, "motor", lag_ms=lag_ms, slack_per_s=0.0), 4)
+    course = [arm.step(n / 1000, 0.001) / 0.6125 for n in range(2000)]
+    tenth, most = (next(n for n, u in enumerate(course) if u > share) for share in (0.1, 0.9))
+    assert course[-1] == pytest.approx(1.0)
+    assert most - tenth == pytest.approx(rise_ms, abs=2)
+
+
+@pytest.mark.parametrize(("level", "seconds"), [(2, 13), (3, 7), (4, 5)])
+def test_slack_walks_a_held_level_to_its_lower_edge(level: int, seconds: float) -> None:
+    arm = motor(with_(EXACT, "motor", slack_floor=0.1), level)
+    edge = 0.7 * (level - 1) / 4
+    course = [arm.step(n / 100, 0.01) for n in range(3000)]
+    assert next(n for n in range(100, 3000) if course[n] < edge) / 100 == pytest.approx(seconds, abs=0.8)
+    arm.command(level)
+    assert arm.step(30.01, 0.01) > course[-1]
+
+
+def test_own_effort_is_felt_late_and_in_levels() -> None:
+    arm = motor(with_(EXACT, "motor", slack_per_s=0.0), 3)
+    felt, made = [], []
+    for n in range(1000):
+        made.append(4 * arm.step(n / 1000, 0.001) / 0.7 + 0.5)
+        felt.append(arm.felt_level())
+    assert felt[-1] == pytest.approx(3.0, abs=0.01)
+    half = [next(n for n, level in enumerate(course) if level > 1.75) for course in (made, felt)]
+    assert 55 <= half[1] - half[0] <= 75

@@ -1,0 +1,246 @@
+"""Whole lifts on the simulated bench: the loop closes, and equal plans give equal bits."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+
+from tega.cli.main import main
+from tega.errors import InvalidValueError, RecordingError
+from tega.sim import trials as trials_module
+from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.seams import Act, Percept
+from tega.sim.streams import Streams
+from tega.sim.table import summarise_trials
+from tega.sim.trial import run_trial
+from tega.sim.trials import plan_trials, read_results, run_trials
+
+SCRIPTED = TrialPlan(object="container", operator="scripted", seed=3)
+
+
+@pytest.fixture(scope="module")
+def lift() -> tuple[TrialResult, Streams]:
+    streams = Streams()
+    return run_trial(SCRIPTED, streams=streams), streams
+
+
+def test_a_script_lifts_the_container_through_the_whole_loop(lift) -> None:
+    result, streams = lift
+    assert result.success
+    assert [event.kind for event in result.events][:2] == ["lift_off", "lifted"]
+    assert result.lift_off_s < result.lifted_s < 15.0
+    assert 0.2 < streams.array("truth", "object_height_m").max() < 0.25
+    assert result.plan == SCRIPTED
+    # The script aims at level 3 by muscles alone: what moved the hand came through filters, levels and CAN frames.
+    assert {1, 3} <= set(streams.array("levels", "fused").tolist())
+    # Something was felt while it was held, and nothing before the hand got there.
+    vest = np.array([row[1:] for row in streams.rows["vest"]])
+    t_s = streams.array("vest", "t_s")
+    assert vest[(t_s > result.lifted_s) & (t_s < result.lifted_s + 1)].max() > 0
+    assert vest[t_s < 1.0].max() == 0
+    assert vest[-1].max() == 0
+
+
+def test_sensors_and_truth_agree_on_whether_a_finger_touches(lift) -> None:
+    _, streams = lift
+    for finger in ("index", "middle"):
+        truth_t_s, force_n = streams.array("truth", "t_s"), streams.array("truth", f"{finger}_force_n")
+        seen = streams.array("contacts", "in_contact", where=("finger", finger))
+        seen_t_s = streams.array("contacts", "t_s", where=("finger", finger))
+        force_then_n = np.interp(seen_t_s - 0.025, truth_t_s, force_n)
+        assert not seen[force_then_n == 0].any()
+
+
+def test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendered(lift) -> None:
+    result, streams = lift
+    again, rendered = Streams(), Streams()
+    assert run_trial(SCRIPTED, streams=again) == result
+    assert again.rows == streams.rows
+    assert run_trial(SCRIPTED, streams=rendered, skip_untouched=False) == result
+    for table in ("truth", "contacts", "levels", "vest"):
+        assert rendered.rows[table] == streams.rows[table]
+
+
+def test_the_tables_hold_what_the_arrays_do(lift, tmp_path: Path) -> None:
+    _, streams = lift
+    streams.write_tables(tmp_path)
+    lines = (tmp_path / "truth.csv").read_text().splitlines()
+    assert lines[0].startswith("t_s,object_height_m,lift_off,thumb_force_n")
+    assert len(lines) - 1 == len(streams.rows["truth"])
+    assert float(lines[-1].split(",")[0]) == pytest.approx(streams.array("truth", "t_s")[-1])
+
+
+class Onlooker:
+    """Somebody who only looks."""
+
+    def __init__(self) -> None:
+        self.vests: list[object] = []
+
+    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
+        pass
+
+    def act(self, percept: Percept) -> Act:
+        self.vests.append(percept.vest)
+        return Act(0.0, (0.0, 0.15), "done" if percept.t_s > 0.3 else "reach")
+
+
+@pytest.mark.parametrize(
+    ("condition", "worn"), [("haptic", True), ("non-haptic", False), ("silent", True), ("unfelt", True)]
+)
+def test_the_condition_decides_what_is_worn(condition: str, worn: bool) -> None:
+    person = Onlooker()
+    result = run_trial(TrialPlan(object="bag", condition=condition), person=person)  # type: ignore[arg-type]
+    assert result.duration_s == 0.31
+    assert not result.success
+    assert (person.vests[-1] is not None) == worn
+
+
+def test_switching_the_vest_off_takes_it_away_at_once() -> None:
+    person = Onlooker()
+    run_trial(TrialPlan(object="bag"), person=person, muted=lambda: len(person.vests) > 15)
+    assert person.vests[10] is not None
+    assert person.vests[-1] is None
+
+
+def test_an_observer_sees_pictures_poses_and_muscles() -> None:
+    seen: list[Any] = []
+    run_trial(TrialPlan(object="bottle"), person=Onlooker(), observer=seen.append)
+    assert len(seen) == 10
+    state = seen[-1]
+    assert set(state.images) == {"thumb", "index", "middle", "ring"}
+    assert state.poses.shape == (len(state.shapes), 7)
+    assert state.emg.samples.shape == (300, 3)
+    assert state.rows["object"] == "bottle"
+    assert state.loop.angles_rad is not None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"object": "brick"}, {"condition": "loud"}, {"seed": -1}, {"practice": 1000}, {"preset": "best"}],
+)
+def test_a_plan_with_a_mistake_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(InvalidValueError):
+        TrialPlan.checked({"object": "bag"} | wrong)
+
+
+def test_an_impossible_object_and_nobody_at_the_keyboard_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="mass_kg"):
+        run_trial(TrialPlan(object="bag", mass_kg=99.0))
+    with pytest.raises(InvalidValueError, match="keyboard"):
+        run_trial(TrialPlan(object="bag", operator="keyboard"))
+
+
+def test_practice_comes_before_the_lift_that_counts() -> None:
+    person = Onlooker()
+    result = run_trial(TrialPlan(object="bag", practice=2), person=person)
+    assert result.simulated_s == pytest.approx(3 * 0.31)
+    assert len(person.vests) == 3 * 32
+
+
+def test_results_do_not_depend_on_the_number_of_workers_and_are_kept(lift, tmp_path: Path) -> None:
+    plans = [SCRIPTED, *plan_trials(["bag"], ["haptic"], [5], operator="scripted", friction=0.2)]
+    out = tmp_path / "trials.jsonl"
+    results = run_trials(plans, jobs=2, out=out)
+    assert results[0] == lift[0]
+    assert list(read_results(out)) == plans
+    rows = summarise_trials(results)
+    assert [(row.object, row.condition, row.n) for row in rows] == [
+        ("container", "haptic", 1),
+        ("bag", "haptic", 1),
+    ]
+
+
+def test_what_a_file_holds_is_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+
+    def once(plan: TrialPlan) -> TrialResult:
+        done.append(plan.object)
+        return run_trial(plan, person=Onlooker())
+
+    monkeypatch.setattr(trials_module, "run_trial", once)
+    plans = plan_trials(["bag", "bottle", "container"], ["haptic"], [5])
+    out = tmp_path / "trials.jsonl"
+    told = []
+    run_trials(plans[:2], out=out)
+    # A run that was ended while it wrote: its last line is cut.
+    out.write_bytes(out.read_bytes()[:-40])
+    run_trials(plans, out=out, progress=lambda *what: told.append(what))
+    assert done == ["bag", "bottle", "bottle", "container"]
+    assert told[0] == ("trials", 1, 3)
+    assert [json.loads(line)["object"] for line in out.read_text().splitlines()] == [
+        "bag",
+        "bottle",
+        "container",
+    ]
+    content = out.read_bytes()
+    run_trials(plans[1:], out=out)
+    assert out.read_bytes() == content
+    out.write_bytes(re.sub(rb'"person":"[0-9a-f]+"', b'"person":"00ff"', content))
+    with pytest.raises(RecordingError, match="00ff"):
+        run_trials(plans, out=out)
+    out.write_text("something else\n")
+    with pytest.raises(RecordingError, match="line 1"):
+        run_trials(plans, out=out)
+
+
+def run_verb(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as done:
+        main(list(words))
+    captured = capsys.readouterr()
+    return int(done.value.code or 0), captured.out, captured.err
+
+
+def test_the_verb_prints_trials_and_means(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = [
+        "sim-trials",
+        "--objects",
+        "bag",
+        "--conditions",
+        "non-haptic",
+        "--seeds",
+        "1",
+        "--operator",
+        "scripted",
+    ]
+    code, out, err = run_verb(capsys, *words, "--jobs", "1", "--out", str(tmp_path / "a.jsonl"), "--json")
+    assert code == 0, err
+    report = json.loads(out)
+    assert set(report) == {"trials", "table", "wall_s", "simulated_s", "jobs"}
+    assert report["trials"][0]["condition"] == report["table"][0]["condition"] == "non-haptic"
+    code, out, err = run_verb(capsys, *words, "--out", str(tmp_path / "a.jsonl"))
+    assert code == 0, err
+    assert "1 trials with 1 simulated persons" in out
+    code, _, err = run_verb(capsys, "sim-trials", "--objects", "brick", "--seeds", "1")
+    assert code == 1
+    assert "brick" in err
+
+
+def test_without_the_extra_one_line_says_what_to_install(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    code, _, err = run_verb(capsys, "demo", "--fast", "--out", str(tmp_path / "demo"))
+    assert code == 3
+    assert "tega[sim]" in err
+    assert len(err.strip().splitlines()) == 2
+
+
+def test_a_vest_that_tells_nothing_changes_nothing() -> None:
+    """The negative control: the same person with the same chance does exactly the same."""
+    without, *shams = (
+        msgspec.structs.replace(
+            run_trial(TrialPlan(object="bag", condition=condition, seed=1)), condition="haptic"
+        )
+        for condition in ("non-haptic", "silent", "unfelt")
+    )
+    assert without.lift_off_s is not None
+    assert shams == [without, without]

@@ -1,0 +1,232 @@
+"""The view in the browser, without a browser: the slot, the counters, the buttons, what is refused, what is drawn."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import msgspec
+import numpy as np
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
+
+from reference.moments import SHAPES, Moments
+from reference.waiting import until
+from tega.errors import InvalidValueError, ShapeError
+from tega.haptics import vest_frame
+from tega.tactile import read_contact
+from tega.view.browser import BrowserView, Controls
+from tega.view.browser.charts import drives
+from tega.view.browser.scene import Scene
+from tega.view.browser.touch import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
+from tega.view.browser.vest import vest_svg
+from tega.view.state import EmgTail, ShapeKind
+
+
+@pytest.fixture(scope="module")
+def moments() -> Moments:
+    return Moments()
+
+
+def test_the_slot_keeps_the_newest_moment_and_counts_those_it_drops(moments):
+    view = BrowserView(port=0)
+    for k in range(5):
+        view.offer(moments.at(k / 30, images=False))
+    assert (view.n_offered, view.n_painted, view.n_dropped) == (5, 0, 4)
+    with view:
+        until(lambda: "0.1 s" in view.page.status.content)  # the fifth moment, 0.133 s
+    assert (view.n_offered, view.n_painted, view.n_dropped) == (5, 1, 4)
+
+
+def test_every_moment_offered_is_painted_dropped_or_still_waiting(moments):
+    states = [moments.at(k / 30) for k in range(8)]
+    with BrowserView(port=0) as view:
+        for _ in range(5):
+            for state in states:
+                view.offer(state)
+    assert view.n_offered == 40
+    assert 40 - 1 <= view.n_painted + view.n_dropped <= 40
+
+
+@pytest.mark.parametrize("left_out", ["images", "scene", "emg"])
+def test_paints_what_there_is(moments, left_out):
+    with BrowserView(port=0) as view:
+        view.offer(moments.at(1.0, **{left_out: False}))
+        until(lambda: "1.0 s" in view.page.status.content)
+    assert view.n_painted == 1
+
+
+def test_a_moment_that_cannot_be_painted_is_told_at_the_end(moments):
+    view, state = BrowserView(port=0), moments.at(1.0)
+    view.__enter__()
+    view.offer(state._replace(poses=state.poses[:4]))
+    until(lambda: not view.painting)
+    with pytest.raises(ShapeError, match=r"poses have shape \(4, 7\)"):
+        view.__exit__(None, None, None)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.7", "::", "example.org"])
+def test_refuses_to_serve_others(host):
+    with pytest.raises(InvalidValueError, match="served to this machine only"):
+        BrowserView(host=host)
+    BrowserView(host=host, allow_remote=True)
+
+
+@pytest.mark.parametrize("wrong", [{"port": 70_000}, {"port": -1}, {"rate_hz": 0}, {"rate_hz": 200}])
+def test_refuses_what_makes_no_sense(wrong):
+    with pytest.raises(InvalidValueError):
+        BrowserView(**wrong)
+
+
+def websocket(view: BrowserView, **options):
+    import viser
+
+    return connect(
+        view.url.replace("http", "ws"),
+        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+        max_size=None,
+        **options,
+    )
+
+
+def test_pages_of_other_sites_cannot_connect():
+    with BrowserView(port=0) as view:
+        with websocket(view, origin=view.url) as own:
+            assert own.recv()
+        for origin in ("http://example.org", "http://127.0.0.1.example.org", f"{view.url}.example.org"):
+            with pytest.raises(InvalidStatus, match="403"), websocket(view, origin=origin):
+                pass
+
+
+def tell(socket, kind: str, **fields) -> None:
+    socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
+
+
+def look(socket) -> None:
+    """Say where the camera is: only then does viser count a page as connected."""
+    tell(
+        socket, "ViewerCameraMessage", wxyz=(1, 0, 0, 0), position=(1, 1, 1), fov=1.0, near=0.1, far=10.0,
+        image_height=600, image_width=800, look_at=(0, 0, 0), up_direction=(0, 0, 1),
+    )  # fmt: skip
+
+
+def press(socket, handle, value) -> None:
+    tell(socket, "GuiUpdateMessage", uuid=handle._impl.uuid, updates={"value": value})
+
+
+def test_buttons_set_what_the_program_looks_at():
+    controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "bag"))
+    with BrowserView(port=0, controls=controls) as view, websocket(view) as socket:
+        look(socket)
+        inputs = view.page.inputs
+        assert (controls.stopped, controls.paused, controls.haptics, controls.take_object()) == (
+            False, False, True, None,
+        )  # fmt: skip
+        press(socket, inputs["object"], "bag")
+        until(lambda: controls.take_object() == "bag")
+        assert controls.take_object() is None
+        press(socket, inputs["haptics"], False)
+        until(lambda: not controls.haptics)
+        press(socket, inputs["haptics"], True)
+        until(lambda: controls.haptics)
+        press(socket, inputs["pause"], True)
+        until(lambda: controls.paused)
+        until(lambda: inputs["pause"].label == "Go on")
+        press(socket, inputs["stop"], True)
+        until(lambda: controls.stopped)
+        assert not controls.paused
+
+
+def test_what_a_run_cannot_do_is_not_offered():
+    with BrowserView(port=0) as view:
+        assert set(view.page.inputs) == {"stop"}
+    controls = Controls()
+    controls.paused, controls.haptics = True, False
+    assert (controls.paused, controls.haptics) == (False, True)
+    with pytest.raises(InvalidValueError, match="'cup' is not one of none"):
+        controls.choose("cup")
+
+
+def test_prints_nothing_and_cannot_be_shared(capfd):
+    with BrowserView(port=0) as view, websocket(view) as socket:
+        look(socket)
+        tell(socket, "ShareUrlRequest")
+        press(socket, view.page.inputs["stop"], True)
+        until(lambda: view.controls.stopped)
+        assert view.url.startswith("http://127.0.0.1:")
+    assert view.url == ""
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_capsule_is_a_tube_with_a_ball_at_either_end():
+    with BrowserView(port=0) as view:
+        scene = view.page.scene
+        half = np.sqrt(0.5)
+        lying = np.array([[1.0, 2.0, 3.0, half, half, 0.0, 0.0]])  # its z turned to the world's -y
+        scene.draw([("finger", "capsule", (0.01, 0.2, 0.0), (1, 0, 0, 1))], lying, None)
+        placed = {handle.name: handle.batched_positions for handle, _ in scene.batches}
+        np.testing.assert_allclose(placed["/world/tube"], [[1, 2, 3]])
+        np.testing.assert_allclose(placed["/world/ball"], [[1, 2.2, 3], [1, 1.8, 3]], atol=1e-6)
+
+
+def test_a_new_set_of_shapes_takes_the_place_of_the_old(moments):
+    with BrowserView(port=0) as view:
+        scene: Scene = view.page.scene
+        state = moments.at(1.0)
+        scene.draw(state.shapes, state.poses, state.contact_points)
+        before = [handle for handle, _ in scene.batches]
+        scene.draw(state.shapes, state.poses, None)
+        assert [handle for handle, _ in scene.batches] == before
+        scene.draw(SHAPES[:1], state.poses[:1], None)
+        assert [handle.name for handle, _ in scene.batches] == ["/world/box"]
+        scene.draw(None, None, None)
+        assert scene.batches == []
+        with pytest.raises(InvalidValueError, match="'cup' is a 'cone'"):
+            scene.draw([("cup", cast("ShapeKind", "cone"), (1, 1, 1), (1, 1, 1, 1))], np.zeros((1, 7)), None)
+
+
+def test_the_touch_map_has_its_marks_where_the_contact_is(moments):
+    state = moments.at(2.5)
+    finger = state.images["index"]
+    sheet = TouchSheet().draw({"index": finger})
+    left = TILE_WIDTH + GAP
+    assert np.unique(sheet[:, :TILE_WIDTH].reshape(-1, 3), axis=0).tolist() == [[236] * 3, [255] * 3]
+    tile = sheet[TILE_HEIGHT + GAP :, left : left + TILE_WIDTH]
+    metrics = read_contact(*finger[:2], reading=finger.reading)
+    scale = np.array([TILE_WIDTH / 240, TILE_HEIGHT / 320])
+    for colour, middle, radius in (
+        (PEAK_GREEN, metrics.peak_xy, 7.0),
+        (EDA_BLUE, metrics.centroid_xy, np.sqrt(metrics.eda / np.pi * scale.prod())),
+    ):
+        y, x = np.nonzero((tile == colour).all(axis=2))
+        assert len(x) > 10
+        distance = np.hypot(x - middle[0] * scale[0], y - middle[1] * scale[1])
+        assert np.median(distance) == pytest.approx(radius, abs=2.0)
+    grey = (tile[..., 0] == tile[..., 1]) & (tile[..., 1] == tile[..., 2])
+    assert grey.mean() > 0.8
+
+
+def test_an_untouched_gel_stays_dark_and_unmarked(moments):
+    finger = moments.at(0.0).images["index"]
+    tile = TouchSheet().draw({"index": finger})[TILE_HEIGHT + GAP :, TILE_WIDTH + GAP : 2 * TILE_WIDTH + GAP]
+    assert tile.max() < 60
+    assert (np.ptp(tile.astype(int), axis=2) == 0).all()
+
+
+@pytest.mark.parametrize(("layout", "motors"), [("paper32", 32), ("x40", 40), ("x16", 16)])
+def test_the_vest_has_a_disc_a_motor(layout, motors):
+    drawing = vest_svg(vest_frame([80, 0, 40, 20], [10, 0, 100, 55], layout=layout))
+    assert drawing.count("<circle") == motors
+    per_column = motors // 8
+    assert drawing.count(">80</text>") == per_column
+    assert drawing.count(">100</text>") == per_column
+    assert vest_svg(None).count("<circle") == 40
+
+
+def test_drives_are_the_share_of_the_maximum():
+    held = np.tile([0.5, 1.0, 3.0], (3000, 1))
+    tail = EmgTail(held, 1000.0, np.array([1.0, 4.0, 3.0]), "envelope")
+    np.testing.assert_allclose(drives(tail)[-1], [0.5, 0.25, 1.0], rtol=1e-6)
+    swinging = EmgTail(10 + held * [[(-1.0) ** k] for k in range(3000)], 100.0, tail.maxima, "raw")
+    np.testing.assert_allclose(drives(swinging)[-1], [0.5, 0.25, 1.0], rtol=1e-6)

@@ -1,0 +1,129 @@
+"""The view's page in a real browser: what a person sees of a moment. Skipped where there is no Chromium."""
+
+from __future__ import annotations
+
+import io
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from reference.chromium import launched, opened
+from reference.moments import Moments
+from reference.waiting import until
+from tega.view.browser import BrowserView, Controls
+from tega.view.state import ViewState
+
+# As the page's light shows them.
+OBJECT_COLOURS = {"bottle": (120, 160, 180), "bag": (190, 165, 130)}
+
+pytestmark = pytest.mark.timeout(180)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with launched() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def seen(browser):
+    """Open the page on a made-up grasp, and return it with its controls."""
+    controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "container", "bag"))
+    moments = Moments()
+    with (
+        BrowserView("TEGA made-up grasp", port=0, controls=controls) as view,
+        opened(browser, view.url) as page,
+    ):
+        for k in range(12):
+            view.offer(moments.at(2.0 + k / 30))
+            time.sleep(0.15)
+        page.get_by_text("2.4 s").wait_for(timeout=20_000)
+        yield page, controls
+
+
+def picture(page) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
+
+
+def share_near(pixels: np.ndarray, colour: tuple[int, int, int], within: int = 40) -> float:
+    return float((np.abs(pixels - colour).max(axis=2) < within).mean())
+
+
+def test_heading_text_and_buttons(seen):
+    page, _ = seen
+    for text in ("TEGA made-up grasp", "haptics on", "level 5: tight", "2.4 s"):
+        assert page.get_by_text(text).count() == 1, text
+    for finger in ("thumb", "index", "middle", "ring"):
+        assert page.get_by_text(finger, exact=True).count() == 3  # its column, and on either face of the vest
+    for button in ("bottle", "container", "bag", "Pause", "Stop"):
+        assert page.get_by_role("button", name=button).count() == 1
+
+
+def test_pictures_vest_and_charts(seen):
+    page, _ = seen
+    sizes = page.evaluate("[...document.images].map(image => [image.naturalWidth, image.naturalHeight])")
+    assert [498, 326] in sizes
+    assert page.get_by_label("vest").locator("circle").count() == 40
+    assert page.locator(".uplot canvas").count() == 3
+    drawn = (
+        "canvas => new Set(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data).size"
+    )
+    for chart in page.locator(".uplot canvas").all():
+        assert chart.evaluate(drawn) > 20
+
+
+def test_the_scene_is_drawn(seen):
+    page, _ = seen
+    shown = picture(page)[:, 430:1030]
+    assert share_near(shown, (120, 160, 190), 45) > 0.01  # the bottle, blue
+    assert share_near(shown, (70, 70, 75), 45) > 0.005  # the hand, dark
+    assert share_near(shown, (180, 60, 50), 45) > 0.0001  # the force, red
+
+
+def test_buttons_reach_the_program(seen):
+    page, controls = seen
+    page.get_by_role("button", name="bag").click()
+    until(lambda: controls.take_object() == "bag")
+    page.get_by_role("button", name="Pause").click()
+    page.get_by_role("button", name="Go on").wait_for(timeout=20_000)
+    assert controls.paused
+
+
+@pytest.mark.parametrize("name", ["bottle", "bag"])
+def test_the_bench_with_an_object_held_up(name, browser):
+    """Show a simulated lift at its height; with TEGA_PICTURES, keep the picture in that folder."""
+    pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
+    from tega.sim.trial import TrialPlan, run_trial
+
+    course: list[ViewState] = []
+    run_trial(TrialPlan(object=name, condition="haptic", seed=1), observer=course.append)
+    held = [k for k, s in enumerate(course) if (s.rows["phase"], s.rows["lifted"]) == ("hold", "yes")]
+    assert held, f"the {name} was not lifted"
+    last = held[min(10, len(held) - 1)]
+    moment = course[last]
+    controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "container", "bag"))
+    with (
+        BrowserView("TEGA demo, simulated", port=0, controls=controls) as view,
+        opened(browser, view.url) as page,
+    ):
+        offered_s = time.monotonic()
+        for k in range(last % 3, last + 1, 3):
+            view.offer(course[k])
+            until(lambda: view.n_painted + view.n_dropped == view.n_offered)
+            if last - k < 75:  # at its own pace in the end, so that the rates shown are true
+                time.sleep(max(0.0, 0.1 - (time.monotonic() - offered_s)))
+            offered_s = time.monotonic()
+        page.get_by_text(f"{moment.t_ns / 1e9:.1f} s", exact=True).wait_for(timeout=20_000)
+        page.wait_for_timeout(3_000)
+        shown = picture(page)
+        if folder := os.environ.get("TEGA_PICTURES"):
+            page.screenshot(path=Path(folder) / f"view-{name}.png")
+    over_table = shown[:420, 430:1030]
+    assert share_near(over_table, OBJECT_COLOURS[name]) > 0.01
+    touch_maps = shown[260:395, 10:415]
+    touching = [finger for finger, (_, metrics) in moment.loop.contacts.items() if metrics.in_contact]
+    assert (share_near(touch_maps, (39, 208, 69), 70) > 0.0003) == bool(touching)  # green circles

@@ -1,0 +1,213 @@
+"""``--view``: sessions and replays on the page, the hand's figure, pauses and muting."""
+
+from __future__ import annotations
+
+import json
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.recordings import write_folder
+from reference.scripted import ScriptedCamera, live_frame
+from reference.waiting import until
+from tega.calibration import Calibration
+from tega.cli.main import main
+from tega.clock import PausableClock
+from tega.config import check_tree
+from tega.errors import MissingExtraError
+from tega.tactile import read_contact
+from tega.teleop import run_session
+from tega.teleop.loop import LoopView
+from tega.teleop.prepare import Finger, Prepared
+from tega.teleop.sources import SourceReport
+from tega.view.browser import BrowserView
+from tega.view.browser.feed import SessionFeed
+from tega.view.browser.hand_figure import HandFigure
+from tega.view.state import ViewState
+
+SECONDS = 3.0
+
+
+def settings(tmp_path, **session):
+    touch = {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": SECONDS}}
+    emg = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": SECONDS}}
+    tree = {"session": {"pace": "fast", **session}, "tactile": {"thumb": touch, "ring": touch}, "emg": emg}
+    return check_tree(tree, {}, base=tmp_path).config
+
+
+def test_a_sessions_moments_are_completed_with_pictures_signal_and_hand(tmp_path):
+    config = settings(tmp_path)
+    feed = SessionFeed(config, {"preset": "live"})
+    done: list[Any] = []
+    run_session(
+        config,
+        on_prepared=feed.watch,
+        observer=lambda loop: done.append(feed.complete(ViewState(loop.t_ns, loop))),
+    )
+    feed.close()
+    assert len(done) == round(30 * SECONDS)
+    state = done[45]
+    assert set(state.images) == {"thumb", "ring"}
+    frame, baseline, reading = state.images["thumb"]
+    assert (frame.shape, baseline.shape, reading) == ((320, 240, 3), (320, 240, 3), "live")
+    assert len(state.emg.samples) == 1500
+    assert state.emg.rate_hz == 1000
+    assert state.poses.shape == (len(state.shapes), 7)
+    assert state.rows == {"preset": "live"}
+    assert 0 <= state.latency_ms["picture to vest"] < 1000 / 60
+    # The picture is the one that was measured last, though it is read a second time.
+    for state in done[::10]:
+        read = read_contact(*state.images["thumb"][:2], reading="live")
+        np.testing.assert_array_equal(np.hstack(read), np.hstack(state.loop.contacts["thumb"][1]))
+
+
+def test_looking_changes_nothing(tmp_path):
+    plain, seen = settings(tmp_path, out_dir="plain"), settings(tmp_path, out_dir="seen")
+    run_session(plain)
+    feed = SessionFeed(seen, {})
+
+    def look(loop: LoopView) -> None:
+        feed.complete(ViewState(loop.t_ns, loop))
+
+    run_session(seen, on_prepared=feed.watch, observer=look)
+    feed.close()
+    for name in ("contacts.csv", "levels.csv", "vest.csv", "can.csv", "summary.json"):
+        assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "seen" / name).read_bytes()
+
+
+def test_a_muted_vest_rests(tmp_path):
+    frames: list[Any] = []
+    run_session(
+        settings(tmp_path), observer=lambda loop: frames.append(loop.vest), haptics=lambda: len(frames) < 45
+    )
+    heard = [int(frame.intensities.max()) for frame in frames]
+    assert max(heard[:45]) > 50
+    assert max(heard[45:]) == 0
+
+
+def test_the_view_is_an_observer_of_the_loop(tmp_path):
+    with BrowserView(port=0) as view:
+        run_session(settings(tmp_path), observer=view)
+        until(lambda: view.n_painted + view.n_dropped == view.n_offered)
+    assert view.n_offered == round(30 * SECONDS)
+
+
+def test_a_pausable_clock_leaves_the_pause_out():
+    held = threading.Event()
+    clock = PausableClock(held.is_set)
+    start_ns = clock.now_ns()
+    held.set()
+    threading.Timer(0.2, held.clear).start()
+    clock.sleep_until(start_ns + 1_000_000)
+    assert not held.is_set()
+    # Time before the clock noticed and after it went on counts; the pause, 200 ms, does not.
+    assert clock.now_ns() - start_ns >= 1_000_000
+    assert clock.held_ns > 100_000_000
+
+
+@pytest.mark.parametrize(
+    ("angles", "tips_mm"),
+    [
+        (
+            {12: 0.263},
+            [(0, 55.310, 133.442), (0, 0, 136.200), (0, -55.310, 133.442), (25.963, 161.226, -85.504)],
+        ),
+        ({}, [(0, 55.310, 133.442), (0, 0, 136.200), (0, -55.310, 133.442), (-13.200, 167.704, -86.071)]),
+    ],
+)
+def test_the_figures_fingertips_are_where_the_published_kinematics_has_them(angles, tips_mm):
+    figure = HandFigure()
+    angles_rad = np.zeros(16)
+    for joint, angle in angles.items():
+        angles_rad[joint] = angle
+    poses = figure.poses(angles_rad)
+    names = [name for name, *_ in figure.shapes]
+    palm_m = np.array([0.0, 0.0, 0.11])
+    for finger, tip in zip(("index", "middle", "ring", "thumb"), tips_mm, strict=True):
+        # A pad's capsule ends one straight half length beyond its middle, at the published tip.
+        row = names.index(f"{finger}_pad")
+        w, x, y, z = poses[row, 3:]
+        own_z = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+        end = poses[row, :3] + figure.shapes[row][2][1] * own_z - palm_m
+        np.testing.assert_allclose(1000 * end, tip, atol=2e-3)
+
+
+def test_the_figure_is_the_simulated_hand():
+    pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
+    from tega.sim.world import World
+
+    world, figure = World("bottle", seed=1), HandFigure()
+    drawn = {shape.name: pose for shape, pose in zip(world.shapes(), world.poses(), strict=True)}
+    poses = figure.poses(world.angles_rad)
+    names = [name for name, *_ in figure.shapes]
+    for one in names:
+        for other in names:
+            there = np.linalg.norm(drawn[one][:3] - drawn[other][:3])
+            here = np.linalg.norm(poses[names.index(one), :3] - poses[names.index(other), :3])
+            assert here == pytest.approx(there, abs=1e-5)
+
+
+def test_run_with_view_says_where_and_prints_the_summary(tmp_path, capsys):
+    config = tmp_path / "session.toml"
+    config.write_text(
+        '[session]\npace = "fast"\n[emg]\ndriver = "synthetic-emg"\nkind = "raw"\noptions = {duration_s = 3.0}\n'
+    )
+    with pytest.raises(SystemExit) as ended:
+        main(["run", str(config), "--view", "--view-port", "0", "--json"])
+    out, err = capsys.readouterr()
+    assert ended.value.code == 0, err
+    assert err.startswith("view: http://127.0.0.1:")
+    assert json.loads(out)["ended"] == "complete"
+
+
+def test_without_viser_the_extra_is_named(monkeypatch):
+    import sys
+
+    for name in [name for name in sys.modules if name.split(".")[0] == "viser"] + ["viser"]:
+        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.delitem(sys.modules, "tega.view.browser.local", raising=False)
+    with pytest.raises(MissingExtraError, match=r"pip install 'tega\[view\]'"):
+        BrowserView(port=0).__enter__()
+
+
+def test_a_live_sensor_is_looked_at_as_its_frames_pass(tmp_path):
+    frames = [live_frame(k) for k in range(3)]
+    camera: Any = ScriptedCamera(frames)
+    finger = Finger(camera, frames[0].image, "given", SourceReport())
+    feed = SessionFeed(settings(tmp_path), {})
+    watched = feed.watch(Prepared({"thumb": finger}, None, Calibration(preset="live", origin=""), ""))
+    source = watched.fingers["thumb"].source
+    assert (source.info, source.ended) == (camera.info, False)
+    loop = LoopView(0, {}, [], None, None, None, {})
+    assert feed.complete(ViewState(0, loop)).images == {}
+    for frame in frames:
+        assert source.read(0.1) is frame
+        images = feed.complete(ViewState(0, loop)).images
+        assert images is not None
+        assert images["thumb"].frame is frame.image
+    assert source.ended
+
+
+def test_replay_with_view_keeps_time_and_takes_in_the_same(tmp_path, capsys):
+    write_folder(tmp_path / "presses", 30)
+    tables = {}
+    for out, more in (("plain", []), ("seen", ["--view", "--view-port", "0"])):
+        words = [
+            "replay",
+            "--tactile",
+            f"thumb={tmp_path / 'presses'}",
+            "--out",
+            str(tmp_path / out),
+            "--json",
+            *more,
+        ]
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        printed, err = capsys.readouterr()
+        assert ended.value.code == 0, err
+        measured = json.loads(printed)["measured"]
+        tables[out] = [(tmp_path / out / name).read_bytes() for name in ("contacts.csv", "calibration.toml")]
+    assert tables["plain"] == tables["seen"]
+    assert measured["wall_s"] > 0.5  # 30 frames at 60 Hz: it waited for the clock
