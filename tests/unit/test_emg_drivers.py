@@ -125,6 +125,20 @@ def test_samples_are_exact_and_none_is_lost(name: str) -> None:
     assert chunks[0].samples.shape[1] == 3
 
 
+@pytest.mark.parametrize("name", ["cyton", "serial-emg"])
+def test_what_waited_before_the_first_read_is_neither_delivered_nor_called_lost(name: str) -> None:
+    with emulator(name) as device, opened(name, device) as source:
+        time.sleep(1.5)  # three times what a port's buffer holds of a Cyton
+        called_ns = time.monotonic_ns()
+        chunks = chunks_of(source, 100)
+        assert not [note for note in source.info.notes if "lost" in note]
+    phase, exact = phases(name, chunks)
+    assert exact.all()
+    assert (phase == phase[0]).all()
+    assert chunks[0].first_index == 0
+    assert chunks[-1].t_ns > called_ns
+
+
 @pytest.mark.parametrize("name", COUNTED)
 @pytest.mark.parametrize("fault", ["loss 0.1", "half 0.1", "duplicate 0.2"])
 def test_lost_torn_and_repeated_packets_leave_every_sample_its_number(name: str, fault: str) -> None:
@@ -198,7 +212,7 @@ def test_garbage_is_not_taken_for_a_signal(name: str) -> None:
     assert "baud" in error.hint
 
 
-@pytest.mark.parametrize("name", sorted(CASES))
+@pytest.mark.parametrize("name", ["cyton", "lsl-emg"])
 def test_a_source_slower_than_it_should_be_is_refused(name: str) -> None:
     with emulator(name) as device:
         device.say("slow 0.7")

@@ -41,6 +41,9 @@ _LOOKED_AWAY_S = 0.25
 # Held up for longer than this, more samples came than a port's buffer keeps, and the rate has to be measured afresh.
 _HELD_UP_S = 0.4
 
+# A port's buffers are empty after this many looks, or it is not only what has waited that comes.
+_MOST_WAITING = 64
+
 # A measurement disturbed by a busy machine evens out with time: it may take this many times as long before a refusal.
 _PATIENCE = 5
 
@@ -93,6 +96,7 @@ class LiveEmg(Opened):
         self._chunks: deque[EmgChunk] = deque()
         self._clock: SampleClock | None = None
         self._health: EmgHealth | None = None
+        self._begun = False
         self._next_index = 0
         self._n_fresh = 0
         self._n_repeated = 0
@@ -199,8 +203,7 @@ class LiveEmg(Opened):
         except BaseException:
             self.close()
             raise
-        self._chunks.clear()
-        self._next_index = 0
+        self._begun = False
 
     def close(self) -> None:
         """Switch the stream off and disconnect."""
@@ -214,6 +217,9 @@ class LiveEmg(Opened):
     def read(self, timeout_s: float) -> EmgChunk | None:
         """Return the next samples without a gap between them, or ``None`` when none came within ``timeout_s``.
 
+        What came before the first call is thrown away: a port keeps half a second at most, and what it lost is no
+        loss to anybody.
+
         Raises:
             DeviceUnavailableError: The source is not open, was unplugged, or has been silent for too long.
             SampleRateError: It has become too slow or too fast.
@@ -224,6 +230,8 @@ class LiveEmg(Opened):
             raise self._lost
         deadline_s = time.monotonic() + timeout_s
         try:
+            if not self._begun:
+                self._begin()
             while not self._chunks:
                 self._collect()
                 left_s = deadline_s - time.monotonic()
@@ -234,6 +242,22 @@ class LiveEmg(Opened):
             self._lost = error
             raise
         return self._chunks.popleft() if self._chunks else None
+
+    def _begin(self) -> None:
+        """Throw away what has waited since the source was opened."""
+        for _ in range(_MOST_WAITING):
+            if self._arrived() is None:
+                break
+        self._chunks.clear()
+        self._begun, self._next_index, self._last_row, self._n_fresh = True, 0, None, 0
+        self._looked_at_s = time.monotonic()
+        if self._clock is not None:
+            self._clock.restart()
+        self._new_health()
+
+    def _new_health(self) -> None:
+        names = tuple(f"ch{c}" for c in self._columns())
+        self._health = EmgHealth(self._rate_hz() or 0.0, names, limits=self._limits())
 
     def _collect(self) -> None:
         """Put what has arrived in the queue, cut where samples are missing."""
@@ -293,8 +317,7 @@ class LiveEmg(Opened):
         self._check_columns()
         self._clock, self._health = SampleClock(rate_hz, counter_turn=self.counter_turn), None
         self._measure(self._clock, rate_hz)
-        names = tuple(f"ch{c}" for c in self._columns())
-        self._health = EmgHealth(rate_hz, names, limits=self._limits())
+        self._new_health()
 
     def _measure(self, clock: SampleClock, rate_hz: float) -> None:
         """Wait for the first sample, then measure until the rate is proven or certainly another."""

@@ -117,6 +117,11 @@ class SampleClock:
         """How long the measured rate goes back, seconds."""
         return (self._points[-1][1] - self._points[0][1]) * 1e-9 if self._points else 0.0
 
+    def restart(self) -> None:
+        """Count and stamp afresh from the next arrival on, at the rate known so far."""
+        self._n, self._line, self._pauses_ns, self._earliest_ns = 0, None, (0, 0), math.inf
+        self.forget_rate()
+
     def forget_rate(self) -> None:
         """Measure afresh: what was between the arrivals so far is not known."""
         self._points.clear()
