@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import Options
-from tega.devices.live_emg import Arrived, LiveEmg, LiveEmgOptions
+from tega.devices.live_emg import Arrived
+from tega.devices.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_port import POLL_S, SerialPort
 from tega.errors import DeviceUnavailableError
 
@@ -36,23 +37,21 @@ _BOARDS = {
 }
 
 
-class ChordsOptions(LiveEmgOptions, frozen=True, kw_only=True):
+class ChordsOptions(LiveSerialOptions, frozen=True, kw_only=True):
     """Settings of :class:`Chords`.
 
     Attributes:
-        port: The board's port, such as ``/dev/ttyACM0`` or ``COM3``.
         baud: Bits per second: 230400 or 115200, by board.
         rate_hz: Samples per second, for a board whose name is not known here.
         bits: Of its converter, likewise.
     """
 
-    port: str
-    baud: Annotated[int, msgspec.Meta(ge=300, le=4_000_000)] = 230_400
+    baud: BaudRate = 230_400
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100_000)] | None = None
     bits: Annotated[int, msgspec.Meta(ge=8, le=16)] | None = None
 
 
-class Chords(LiveEmg):
+class Chords(LiveSerialEmg):
     """A board that says its name, starts and stops on command, and numbers its packets.
 
     Args:
@@ -61,20 +60,17 @@ class Chords(LiveEmg):
 
     name: ClassVar[str] = "chords"
     summary: ClassVar[str] = "a board with Chords firmware (BioAmp, NPG Lite, UNO R4, ...)"
-    extra: ClassVar[str] = "lab"
-    requires: ClassVar[tuple[str, ...]] = ("serial",)
     options_type: ClassVar[type[Options]] = ChordsOptions
     counter_turn: ClassVar[int | None] = 256
+    stop_command: ClassVar[bytes] = b"STOP\n"
 
     def __init__(self, options: ChordsOptions) -> None:
         super().__init__(options)
         self._options = options
-        self._port: SerialPort | None = None
         self._board = _Board(options.rate_hz or 0.0, options.bits or 0)
         self._board_name = ""
         self._n_channels = 0
         self._waiting = b""
-        self._n_bytes = 0
 
     def _start(self) -> None:
         """Ask the board who it is, start it, and read off the stream how many channels it sends.
@@ -85,8 +81,8 @@ class Chords(LiveEmg):
         from tega.wire import ChordsDecoder, chords_channels
 
         o = self._options
-        self._port = SerialPort(o.port, o.baud, driver=self.name)
-        self._board_name = self._ask(self._port)
+        port = self._connect(o.baud)
+        self._board_name = self._ask(port)
         known = _BOARDS.get(self._board_name)
         if known is None and o.rate_hz is None:
             raise DeviceUnavailableError(
@@ -96,7 +92,7 @@ class Chords(LiveEmg):
         self._board = _Board(
             o.rate_hz or (known.rate_hz if known else 0.0), o.bits or (known.bits if known else 0)
         )
-        self._port.write(b"START\n")
+        port.write(b"START\n")
         data, deadline = b"", time.monotonic() + o.start_s
         while (n_channels := chords_channels(data) if len(data) >= _LOOK_BYTES else None) is None:
             if time.monotonic() > deadline:
@@ -104,10 +100,10 @@ class Chords(LiveEmg):
                     f"chords: {self._board_name} was started, but no packets came ({len(data)} bytes did)",
                     "check the baud rate (230400 or 115200) and that the board runs Chords firmware",
                 )
-            data = (data + self._port.read())[-4096:]
+            data = (data + port.read())[-4096:]
             time.sleep(POLL_S)
         self._n_channels = n_channels
-        self._decoder, self._waiting, self._n_bytes = ChordsDecoder(n_channels), data, 0
+        self._decoder, self._waiting = ChordsDecoder(n_channels), data
 
     def _ask(self, port: SerialPort) -> str:
         """Return the board's name; opening the port restarts some boards, so ask until they have started."""
@@ -127,24 +123,12 @@ class Chords(LiveEmg):
         )
 
     def _arrived(self) -> Arrived | None:
-        data = self._waiting + (self._port.read() if self._port is not None else b"")
-        arrival_ns, self._waiting = time.monotonic_ns(), b""
-        self._n_bytes += len(data)
-        batch = self._decoder.feed(data)
+        data, arrival_ns = self._received()
+        batch = self._decoder.feed(self._waiting + data)
+        self._waiting = b""
         if not len(batch.samples):
             return None
         return Arrived(batch.samples.astype(np.float64), batch.missing.astype(np.int64), arrival_ns)
-
-    def _stop(self) -> None:
-        if self._port is None:
-            return
-        try:
-            self._port.write(b"STOP\n")
-        except DeviceUnavailableError:
-            pass  # unplugged: there is nothing left to stop
-        finally:
-            self._port.close()
-            self._port = None
 
     def _rate_hz(self) -> float | None:
         return self._board.rate_hz or None
@@ -158,11 +142,8 @@ class Chords(LiveEmg):
     def _limits(self) -> tuple[float, float] | None:
         return (0.0, float(2**self._board.bits - 1)) if self._board.bits else None
 
-    def _label(self) -> str:
-        return self._options.port.replace("\\", "/").rsplit("/", 1)[-1]
-
     def _own_notes(self) -> tuple[str, ...]:
-        notes = () if self._port is None else self._port.notes
+        notes = super()._own_notes()
         if self._board_name:
             notes += (f"Chords board {self._board_name}, {self._n_channels} channels",)
         if self._port is not None and self._n_channels and (n := self._decoder.skipped_bytes):

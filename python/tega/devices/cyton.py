@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from tega.devices.base import Options
-from tega.devices.live_emg import Arrived, LiveEmg, LiveEmgOptions
+from tega.devices.live_emg import Arrived
+from tega.devices.live_serial import LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_port import SerialPort
 from tega.errors import DeviceUnavailableError
 
@@ -22,21 +22,19 @@ _ANSWER_S = 1.5
 _RESET_S = 4.0
 
 
-class CytonOptions(LiveEmgOptions, frozen=True, kw_only=True):
+class CytonOptions(LiveSerialOptions, frozen=True, kw_only=True):
     """Settings of :class:`Cyton`.
 
     Attributes:
-        port: The dongle's port, such as ``/dev/ttyUSB0`` or ``COM3``.
         gain: Of the channels in use; lower it where they saturate.
         bipolar: Two electrodes per channel, on its own two pins; otherwise one, against the common SRB2.
     """
 
-    port: str
     gain: Literal[1, 2, 4, 6, 8, 12, 24] = 24
     bipolar: bool = True
 
 
-class Cyton(LiveEmg):
+class Cyton(LiveSerialEmg):
     """A Cyton's channels 1 to 3, or those asked for; the others are switched off.
 
     Args:
@@ -45,17 +43,14 @@ class Cyton(LiveEmg):
 
     name: ClassVar[str] = "cyton"
     summary: ClassVar[str] = "OpenBCI Cyton over its USB dongle, microvolts at 250 Hz"
-    extra: ClassVar[str] = "lab"
-    requires: ClassVar[tuple[str, ...]] = ("serial",)
     options_type: ClassVar[type[Options]] = CytonOptions
     counter_turn: ClassVar[int | None] = 256
+    stop_command: ClassVar[bytes] = b"s"
 
     def __init__(self, options: CytonOptions) -> None:
         super().__init__(options)
         self._options = options
-        self._port: SerialPort | None = None
         self._firmware = ""
-        self._n_bytes = 0
 
     def _start(self) -> None:
         """Silence the board, reset it, set its channels, and start the stream.
@@ -66,22 +61,22 @@ class Cyton(LiveEmg):
         from tega.wire import CytonDecoder
 
         o = self._options
-        self._port = SerialPort(o.port, _BAUD, driver=self.name)
+        port = self._connect(_BAUD)
         # A board that a crashed program left streaming answers nothing before it is told to stop.
-        self._port.write(b"s")
-        self._port.drain(quiet_s=0.1, timeout_s=1.0)
-        self._firmware = self._reset(self._port)
-        self._set(self._port, b"d", "default settings")
+        port.write(b"s")
+        port.drain(quiet_s=0.1, timeout_s=1.0)
+        self._firmware = self._reset(port)
+        self._set(port, b"d", "default settings")
         for channel in range(1, 9):
             if channel in self._columns():
                 digits = f"{channel}0{_GAIN_DIGIT[o.gain]}01{0 if o.bipolar else 1}0"
-                self._set(self._port, f"x{digits}X".encode(), f"channel {channel}")
+                self._set(port, f"x{digits}X".encode(), f"channel {channel}")
             else:
-                self._port.write(str(channel).encode())
-        self._set(self._port, b"~6", "250 samples/s")
-        self._port.drain(quiet_s=0.05, timeout_s=0.5)
-        self._decoder, self._n_bytes = CytonDecoder(o.gain), 0
-        self._port.write(b"b")
+                port.write(str(channel).encode())
+        self._set(port, b"~6", "250 samples/s")
+        port.drain(quiet_s=0.05, timeout_s=0.5)
+        self._decoder = CytonDecoder(o.gain)
+        port.write(b"b")
 
     def _reset(self, port: SerialPort) -> str:
         """Reset the board and return its firmware's version."""
@@ -116,22 +111,9 @@ class Cyton(LiveEmg):
             )
 
     def _arrived(self) -> Arrived | None:
-        data = self._port.read() if self._port is not None else b""
-        arrival_ns = time.monotonic_ns()
-        self._n_bytes += len(data)
+        data, arrival_ns = self._received()
         batch = self._decoder.feed(data)
         return Arrived(batch.microvolts, batch.missing.astype(np.int64), arrival_ns) if len(batch) else None
-
-    def _stop(self) -> None:
-        if self._port is None:
-            return
-        try:
-            self._port.write(b"s")
-        except DeviceUnavailableError:
-            pass  # unplugged: there is nothing left to stop
-        finally:
-            self._port.close()
-            self._port = None
 
     def _rate_hz(self) -> float:
         return _RATE_HZ
@@ -150,11 +132,8 @@ class Cyton(LiveEmg):
         full_uv = 4.5e6 / self._options.gain * (1 - 2**-22)
         return (-full_uv, full_uv)
 
-    def _label(self) -> str:
-        return self._options.port.replace("\\", "/").rsplit("/", 1)[-1]
-
     def _own_notes(self) -> tuple[str, ...]:
-        notes = () if self._port is None else self._port.notes
+        notes = super()._own_notes()
         if self._firmware:
             notes += (f"Cyton firmware {self._firmware}, gain {self._options.gain}",)
         if self._port is not None and (n := self._decoder.skipped_bytes):

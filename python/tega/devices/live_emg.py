@@ -9,28 +9,21 @@ from collections import deque
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import msgspec
-import numpy as np
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.devices.emg_health import EmgHealth
 from tega.devices.lifecycle import Opened
+from tega.devices.packet_order import PacketOrder, believed_losses
 from tega.devices.sample_clock import SampleClock
+from tega.devices.sample_rate import LEAST_RATE_HZ, LOST_TOLERANCE, RATE_TOLERANCE, too_slow, wrong_rate
 from tega.devices.serial_port import POLL_S
-from tega.errors import DeviceUnavailableError, SampleRateError
+from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["LEAST_RATE_HZ", "Arrived", "LiveEmg", "LiveEmgOptions"]
-
-LEAST_RATE_HZ = 125.0
-"""Below it the 50 Hz low-pass would lie above 0.4 of the rate, where it filters next to nothing."""
-
-RATE_TOLERANCE = 0.05
-"""A rate further off than this is not the one the filter was made and calibrated for."""
-
-LOST_TOLERANCE = 0.2
-"""A running source this far off is given up: its levels would come late and from the wrong band."""
+__all__ = ["Arrived", "LiveEmg", "LiveEmgOptions"]
 
 # Random bytes can look like a packet once in a second; a source that gives less than this share is silent.
 _ALIVE_SHARE = 0.05
@@ -99,8 +92,7 @@ class LiveEmg(Opened):
         self._begun = False
         self._next_index = 0
         self._n_fresh = 0
-        self._n_repeated = 0
-        self._last_row: NDArray[np.float64] | None = None
+        self._order = PacketOrder(self.counter_turn or 0)
         self._silent_s = 0.0
         self._looked_at_s = 0.0
         self._checked_at_s = 0.0
@@ -155,8 +147,8 @@ class LiveEmg(Opened):
         notes = self._own_notes()
         if self._clock is not None and (said := self._rate_words()):
             notes += (said,)
-        if self._n_repeated:
-            notes += (f"{self._n_repeated} packets came twice; used once",)
+        if self._order.n_repeated:
+            notes += (f"{self._order.n_repeated} packets came twice; used once",)
         if self._health is not None:
             notes += self._health.words()
         return DeviceInfo(
@@ -194,7 +186,7 @@ class LiveEmg(Opened):
             MissingExtraError: A package it needs is not installed.
         """
         self.close()
-        self._open, self._lost, self._last_row, self._n_repeated = True, None, None, 0
+        self._open, self._lost, self._order = True, None, PacketOrder(self.counter_turn or 0)
         # Any way out of the program that runs Python code switches the stream off.
         atexit.register(self.close)
         try:
@@ -249,7 +241,7 @@ class LiveEmg(Opened):
             if self._arrived() is None:
                 break
         self._chunks.clear()
-        self._begun, self._next_index, self._last_row, self._n_fresh = True, 0, None, 0
+        self._begun, self._next_index, self._n_fresh = True, 0, 0
         self._looked_at_s = time.monotonic()
         if self._clock is not None:
             self._clock.restart()
@@ -263,7 +255,7 @@ class LiveEmg(Opened):
         """Put what has arrived in the queue, cut where samples are missing."""
         arrived, clock, now_s = self._arrived(), self._clock, time.monotonic()
         if arrived is not None and arrived.missing is not None:
-            arrived = self._without_repeats(arrived, arrived.missing)
+            arrived = Arrived(*self._order.once(arrived.samples, arrived.missing), arrived.arrival_ns)
         self._n_fresh += 0 if arrived is None else len(arrived.samples)
         away_s, self._looked_at_s = now_s - self._looked_at_s, now_s
         self._silent_s += min(away_s, _LOOKED_AWAY_S)
@@ -277,7 +269,7 @@ class LiveEmg(Opened):
             return
         samples, missing = arrived.samples, arrived.missing
         if missing is not None:
-            missing = _believed(missing, clock.room(len(samples), arrived.arrival_ns))
+            missing = believed_losses(missing, clock.room(len(samples), arrived.arrival_ns))
         n_missing = 0 if missing is None else int(missing.sum())
         stamp = clock.take(len(samples), arrived.arrival_ns, n_missing)
         columns = [c - 1 for c in self._columns()]
@@ -294,26 +286,11 @@ class LiveEmg(Opened):
             self._checked_at_s = now_s
             self._check_running(clock)
 
-    def _without_repeats(self, arrived: Arrived, missing: NDArray[np.int64]) -> Arrived:
-        """Leave out packets that came twice: by the counter one turn less one is missing, but nothing has changed."""
-        samples, last = arrived.samples, self._last_row
-        before = samples[:-1] if last is None else np.concatenate([last[np.newaxis], samples[:-1]])
-        offset = len(samples) - len(before)
-        again = np.zeros(len(samples), np.bool_)
-        again[offset:] = (missing[offset:] == (self.counter_turn or 0) - 1) & (
-            samples[offset:] == before
-        ).all(axis=1)
-        self._last_row = samples[-1]
-        if not again.any():
-            return arrived
-        self._n_repeated += int(again.sum())
-        return Arrived(samples[~again], missing[~again], arrived.arrival_ns)
-
     def _prove(self) -> None:
         """Make sure that the stream that was started can be used."""
         rate_hz = self._rate_hz()
         if rate_hz is None or rate_hz < LEAST_RATE_HZ:
-            raise self._too_slow(rate_hz, "is said to send")
+            raise too_slow(f"{self.name}: {self._label()}", rate_hz, "is said to send")
         self._check_columns()
         self._clock, self._health = SampleClock(rate_hz, counter_turn=self.counter_turn), None
         self._measure(self._clock, rate_hz)
@@ -344,35 +321,20 @@ class LiveEmg(Opened):
                 if abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
                     return
                 if measured_s > patience_s:
-                    raise self._wrong_rate(measured_hz, rate_hz)
+                    raise wrong_rate(f"{self.name}: {self._label()}", measured_hz, rate_hz)
 
     def _check_running(self, clock: SampleClock) -> None:
         rate_hz, measured_hz = self._rate_hz(), clock.measured_hz
         if rate_hz is None or measured_hz is None or clock.measured_s < 5.0:
             return
         if measured_hz < LEAST_RATE_HZ or abs(measured_hz / rate_hz - 1) > LOST_TOLERANCE:
-            raise self._wrong_rate(measured_hz, rate_hz)
+            raise wrong_rate(f"{self.name}: {self._label()}", measured_hz, rate_hz)
 
     def _rate_words(self) -> str:
         rate_hz, measured_hz = self._rate_hz(), self.measured_hz
         if rate_hz is None or measured_hz is None or abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
             return ""
         return f"{measured_hz:.1f} samples/s came where {rate_hz:g} were expected"
-
-    def _too_slow(self, rate_hz: float | None, how: str) -> SampleRateError:
-        said = "no rate at all" if rate_hz is None else f"{rate_hz:.4g} samples/s"
-        return SampleRateError(
-            f"{self.name}: {self._label()} {how} {said}; the 50 Hz filter needs {LEAST_RATE_HZ:g}",
-            "make the board send faster: no delay() in its loop, a higher baud rate, fewer characters a line",
-        )
-
-    def _wrong_rate(self, measured_hz: float, rate_hz: float) -> SampleRateError:
-        if measured_hz < LEAST_RATE_HZ:
-            return self._too_slow(measured_hz, "really sends")
-        return SampleRateError(
-            f"{self.name}: {self._label()} really sends {measured_hz:.1f} samples/s, {rate_hz:g} were expected",
-            f"set the board to {rate_hz:g}, or rate_hz to what it sends and calibrate again",
-        )
 
     def _silent(self, after_s: float) -> DeviceUnavailableError:
         instead = self._instead()
@@ -394,11 +356,3 @@ class LiveEmg(Opened):
                 f"{self.name}: {self._label()} has {there} channels, asked for {list(wanted)}",
                 f"set channels to different numbers from 1 to {there}",
             )
-
-
-def _believed(missing: NDArray[np.int64], room: int) -> NDArray[np.int64]:
-    """Leave out the largest losses until there was time for the rest: a damaged counter shows losses that are none."""
-    missing = missing.copy()
-    while missing.sum() > room:
-        missing[missing.argmax()] = 0
-    return missing

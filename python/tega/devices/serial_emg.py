@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, ClassVar
 
 import msgspec
 
 from tega.devices.base import Options
-from tega.devices.live_emg import Arrived, LiveEmg, LiveEmgOptions
-from tega.devices.serial_port import SerialPort
+from tega.devices.live_emg import Arrived
+from tega.devices.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
 
 __all__ = ["SerialEmg", "SerialEmgOptions"]
 
 
-class SerialEmgOptions(LiveEmgOptions, frozen=True, kw_only=True):
+class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
     """Settings of :class:`SerialEmg`.
 
     Attributes:
-        port: The port's name, such as ``/dev/ttyACM0`` or ``COM3``.
         rate_hz: Lines per second the board is programmed to print; proven when the source opens.
         baud: Bits per second.
         columns: Samples on a line, one per channel.
@@ -26,15 +24,14 @@ class SerialEmgOptions(LiveEmgOptions, frozen=True, kw_only=True):
         bits: Of the board's converter, so that saturation can be told; none means it is not looked for.
     """
 
-    port: str
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100_000)]
-    baud: Annotated[int, msgspec.Meta(ge=300, le=4_000_000)] = 115_200
+    baud: BaudRate = 115_200
     columns: Annotated[int, msgspec.Meta(ge=1, le=64)] = 3
     leading: Annotated[int, msgspec.Meta(ge=0, le=64)] = 0
     bits: Annotated[int, msgspec.Meta(ge=8, le=24)] | None = None
 
 
-class SerialEmg(LiveEmg):
+class SerialEmg(LiveSerialEmg):
     """Lines of numbers from a serial port.
 
     Lines carry no number of their own: a lost line is not seen, only that fewer come.
@@ -45,34 +42,23 @@ class SerialEmg(LiveEmg):
 
     name: ClassVar[str] = "serial-emg"
     summary: ClassVar[str] = "a board that prints samples as lines of numbers (Arduino, MyoWare, ...)"
-    extra: ClassVar[str] = "lab"
-    requires: ClassVar[tuple[str, ...]] = ("serial",)
     options_type: ClassVar[type[Options]] = SerialEmgOptions
 
     def __init__(self, options: SerialEmgOptions) -> None:
         super().__init__(options)
         self._options = options
-        self._port: SerialPort | None = None
-        self._n_bytes = 0
 
     def _start(self) -> None:
         from tega.wire import AsciiEmgDecoder
 
         o = self._options
-        self._port = SerialPort(o.port, o.baud, driver=self.name)
-        self._decoder, self._n_bytes = AsciiEmgDecoder(o.columns, leading=o.leading), 0
+        self._connect(o.baud)
+        self._decoder = AsciiEmgDecoder(o.columns, leading=o.leading)
 
     def _arrived(self) -> Arrived | None:
-        data = self._port.read() if self._port is not None else b""
-        arrival_ns = time.monotonic_ns()
-        self._n_bytes += len(data)
+        data, arrival_ns = self._received()
         samples = self._decoder.feed(data)
         return Arrived(samples, None, arrival_ns) if len(samples) else None
-
-    def _stop(self) -> None:
-        if self._port is not None:
-            self._port.close()
-        self._port = None
 
     def _rate_hz(self) -> float:
         return self._options.rate_hz
@@ -87,11 +73,8 @@ class SerialEmg(LiveEmg):
         bits = self._options.bits
         return None if bits is None else (0.0, float(2**bits - 1))
 
-    def _label(self) -> str:
-        return self._options.port.replace("\\", "/").rsplit("/", 1)[-1]
-
     def _own_notes(self) -> tuple[str, ...]:
-        notes = () if self._port is None else self._port.notes
+        notes = super()._own_notes()
         if self._port is not None and (n := self._decoder.rejected_lines):
             notes += (
                 f"{n} lines were no row of {self._options.columns} numbers, the last one {self._said()}",
