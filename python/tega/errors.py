@@ -11,7 +11,8 @@
     ├── RecordingError (ValueError)         a recording that is missing, cut short or cannot be parsed
     ├── WireError (ValueError)              a packet that cannot be encoded
     └── DeviceUnavailableError (RuntimeError)
-        └── MissingExtraError (ImportError) a device needs a package that is not installed
+        ├── MissingExtraError (ImportError) a device needs a package that is not installed
+        └── SampleRateError                 a source's true sample rate cannot carry the filter
 
 Each message names the thing, the value and its unit; ``hint`` is the next step to take.
 """
@@ -26,6 +27,7 @@ __all__ = [
     "InvalidValueError",
     "MissingExtraError",
     "RecordingError",
+    "SampleRateError",
     "ShapeError",
     "TegaError",
     "WireError",
@@ -84,3 +86,7 @@ class DeviceUnavailableError(TegaError, RuntimeError):
 
 class MissingExtraError(DeviceUnavailableError, ImportError):
     """A device needs a package that is not installed; the hint names the extra that brings it."""
+
+
+class SampleRateError(DeviceUnavailableError):
+    """A source's true sample rate is too low for the filter, or not the one it is said to have."""
