@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import itertools
 import time
 from collections import deque
@@ -17,6 +16,7 @@ from tega.devices.packet_order import PacketOrder, believed_losses
 from tega.devices.sample_clock import SampleClock
 from tega.devices.sample_rate import LEAST_RATE_HZ, LOST_TOLERANCE, RATE_TOLERANCE, too_slow, wrong_rate
 from tega.devices.serial_port import POLL_S
+from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
@@ -187,8 +187,8 @@ class LiveEmg(Opened):
         """
         self.close()
         self._open, self._lost, self._order = True, None, PacketOrder(self.counter_turn or 0)
-        # Any way out of the program that runs Python code switches the stream off.
-        atexit.register(self.close)
+        # Any way out of the program that runs Python code switches the stream off, SIGTERM too.
+        closes_on_exit(self.close)
         try:
             self._start()
             self._prove()
@@ -202,7 +202,7 @@ class LiveEmg(Opened):
         if not self._open:
             return
         self._open = False
-        atexit.unregister(self.close)
+        release(self.close)
         self._chunks.clear()
         self._stop()
 
