@@ -70,7 +70,9 @@ def _pose(file: str, name: str, table: object) -> list[float]:
     angles: list[float] = []
     for finger in FINGERS:
         values = table[finger]
-        numbers = isinstance(values, list) and len(values) == 4 and all(type(v) in {int, float} for v in values)
+        numbers = (
+            isinstance(values, list) and len(values) == 4 and all(type(v) in {int, float} for v in values)
+        )
         if not numbers:
             raise ConfigError(f"{file}: [{name}] {finger} = {values!r} is not four angles in rad")
         angles += values

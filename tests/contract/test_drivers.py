@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import pytest
 
 from tega.devices import Options, driver_class, driver_names
 from tega.testing.contract import check_driver
+from tega.testing.emulators.allegro_process import AllegroProcess
 
 
 def _images(folder: Path) -> dict[str, Any]:
@@ -34,7 +35,25 @@ def _emg(folder: Path) -> dict[str, Any]:
     return {"file": folder / "emg.npy", "rate_hz": 200.0}
 
 
+def _allegro(folder: Path) -> dict[str, Any]:
+    del folder
+    hand = AllegroProcess()
+    EMULATED.append(hand)
+    return {**hand.__enter__().options, "silent_after_ms": 1000, "lowest_rate_hz": 50}
+
+
+EMULATED: list[AllegroProcess] = []
+
+
+@pytest.fixture(autouse=True)
+def _end_emulated() -> Iterator[None]:
+    yield
+    while EMULATED:
+        EMULATED.pop().unplug()
+
+
 OPTIONS: dict[str, Callable[[Path], dict[str, Any]]] = {
+    "allegro": _allegro,
     "can-recorder": lambda folder: {"file": folder / "can.csv"},
     "emg-file": _emg,
     "images": _images,

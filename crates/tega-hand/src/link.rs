@@ -116,7 +116,7 @@ pub struct HandLink {
     last_set_ns: i64,
     n_checked: u32,
     late: bool,
-    jumps_in_a_row: u32,
+    jumpiness: u32,
     still: Option<Still>,
     info_due_ns: i64,
     poll_due_ns: i64,
@@ -153,7 +153,7 @@ impl HandLink {
             last_set_ns: 0,
             n_checked: 0,
             late: false,
-            jumps_in_a_row: 0,
+            jumpiness: 0,
             still: None,
             info_due_ns: 0,
             poll_due_ns: 0,
@@ -222,7 +222,7 @@ impl HandLink {
         if phase == Phase::Checking {
             // `tries` stays above zero until the hand has been told what to send.
             self.sets.restart();
-            (self.n_checked, self.jumps_in_a_row, self.late, self.still) = (0, 0, false, None);
+            (self.n_checked, self.jumpiness, self.late, self.still) = (0, 0, false, None);
             self.angles_rad = None;
             (self.first_set_ns, self.last_set_ns) = (t_ns, t_ns);
         } else {

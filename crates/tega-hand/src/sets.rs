@@ -4,7 +4,7 @@ use tega_wire::allegro::{Finger, Scale, angle_rad};
 
 use crate::joints::{JOINTS, Joints};
 
-/// A frame that repeats its finger's last one this soon after it is the adapter's copy, not the hand's next report.
+/// A frame that repeats the frame before it this soon is the adapter's copy, not the hand's next report.
 const COPY_NS: i64 = 1_500_000;
 /// A finger whose frame was lost keeps its last angles this long: three cycles.
 pub(crate) const HELD_NS: i64 = 9_000_000;
@@ -27,6 +27,7 @@ pub(crate) struct PositionSets {
     counts: [[i16; 4]; 4],
     last_ns: [Option<i64>; 4],
     fresh: [bool; 4],
+    newest: Option<usize>,
     pub(crate) n_copies: u64,
     pub(crate) n_incomplete: u64,
 }
@@ -40,7 +41,8 @@ impl PositionSets {
     pub(crate) fn take(&mut self, finger: Finger, counts: [i16; 4], t_ns: i64) -> Taken {
         let f = usize::from(finger.number());
         let since = self.last_ns[f].map(|last| t_ns - last);
-        if self.counts[f] == counts && since.is_some_and(|since| since < COPY_NS) {
+        let repeated = self.newest.replace(f) == Some(f) && self.counts[f] == counts;
+        if repeated && since.is_some_and(|since| since < COPY_NS) {
             self.n_copies += 1;
             return Taken::Partly;
         }

@@ -14,6 +14,7 @@ struct Hand {
     reports_temperature: bool,
     missing_finger: Option<usize>,
     mute: bool,
+    twice: bool,
     angles: [f64; 16],
     moves: bool,
     servo_on: bool,
@@ -31,6 +32,7 @@ impl Default for Hand {
             reports_temperature: true,
             missing_finger: None,
             mute: false,
+            twice: false,
             angles: CLOSURE_POSES_RAD[0],
             moves: true,
             servo_on: false,
@@ -84,7 +86,8 @@ impl Hand {
                     angle_counts(self.angles[4 * finger + j], tega_wire::allegro::Scale::V4).unwrap()
                 };
                 let data = (0..4).flat_map(|j| counts(j).to_le_bytes()).collect();
-                out.push((0x80 + 4 * finger as u32, data));
+                let frame: Owned = (0x80 + 4 * finger as u32, data);
+                out.extend(std::iter::repeat_n(frame, if self.twice { 2 } else { 1 }));
             }
         }
         if self.reports_temperature && t_ms % 500 == 0 {
@@ -239,6 +242,28 @@ fn one_lost_frame_holds_that_finger_and_a_lost_finger_stops() {
     bench.run(2500);
     assert_eq!(bench.fault(), "no-positions");
     assert!(bench.link.fault().unwrap().to_string().contains("ring"), "{:?}", bench.link.fault());
+}
+
+#[test]
+fn frames_that_come_twice_count_once() {
+    let mut bench = Bench::new(Hand { twice: true, ..Hand::default() });
+    bench.level = 3;
+    bench.run(1000);
+    let counts = bench.link.counts();
+    assert_eq!((bench.link.phase(), counts.incomplete), (Phase::Running, 0));
+    assert_eq!(counts.copies, 4 * counts.sets);
+}
+
+#[test]
+fn two_sets_in_one_batch_are_two_cycles() {
+    let mut bench = Bench::new(Hand { moves: false, ..Hand::default() });
+    bench.run(600);
+    let before = bench.link.counts();
+    let set = bench.hand.report(600);
+    bench.t_ms += 3;
+    let out = bench.give(&[set.clone(), set].concat());
+    let after = bench.link.counts();
+    assert_eq!((after.sets - before.sets, after.copies, out.len()), (2, 0, 4));
 }
 
 #[test]

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
+import numpy as np
 
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.lifecycle import Opened, require
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from tega.hand_link import HandFault, HandLink, HandState, Received
@@ -117,11 +117,18 @@ class Allegro(Opened):
     def info(self) -> DeviceInfo:
         """Name, version and serial number of the hand, as far as it has said them."""
         o = self._options
-        label, notes = f"{o.interface} {Path(str(o.channel)).name}", ()
+        label = f"{o.interface} {Path(str(o.channel)).name}"
+        notes: tuple[str, ...] = ()
         if self._link is not None and (state := self._link.state(0)).hardware:
             notes = (f"version {state.hardware}, firmware {state.firmware}, serial SAH040{state.serial}",)
         return DeviceInfo(
-            driver="allegro", kind="hand", label=label, live=True, rate_hz=1000 / 3, unit="CAN frames", notes=notes
+            driver="allegro",
+            kind="hand",
+            label=label,
+            live=True,
+            rate_hz=1000 / 3,
+            unit="CAN frames",
+            notes=notes,
         )
 
     def open(self) -> None:
@@ -165,13 +172,8 @@ class Allegro(Opened):
         )
         self._thread = threading.Thread(target=self._run, args=(self._link,), name="allegro", daemon=True)
         self._thread.start()
-        started = self._ready.wait(_START_S)
         try:
-            self._check()
-            if not started:
-                raise DeviceUnavailableError(
-                    f"allegro: the hand was not ready within {_START_S:g} s", "try again; then check the adapter"
-                )
+            self._check(started=self._ready.wait(_START_S))
         except BaseException:
             self.close()
             raise
@@ -216,15 +218,9 @@ class Allegro(Opened):
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
-        """The hand's joint angles as last reported, float64 (16,), rad.
-
-        Raises:
-            DeviceUnavailableError: The hand is not open, or has not reported any.
-        """
+        """The hand's joint angles as last reported, float64 (16,), rad; NaN before the first report."""
         angles = None if self._link is None else self._link.angles_rad
-        if angles is None:
-            raise DeviceUnavailableError("allegro: no joint angles have been reported", "open the hand first")
-        return angles
+        return np.full(16, np.nan) if angles is None else angles
 
     def state(self) -> HandState:
         """Return phase, version, temperatures and counters.
@@ -252,7 +248,7 @@ class Allegro(Opened):
     def _taken(self) -> list[CanFrame]:
         return [self._sent.popleft() for _ in range(len(self._sent))]
 
-    def _check(self) -> None:
+    def _check(self, *, started: bool = True) -> None:
         link = self._link
         if link is None:
             raise DeviceUnavailableError("allegro: the hand is not open", "open it first")
@@ -261,7 +257,9 @@ class Allegro(Opened):
             wrong = WrongDeviceError if fault.kind in _REFUSED else DeviceUnavailableError
             raise wrong(f"allegro: {fault.message}{self._trouble}", fault.hint)
         if self._thread is None or not self._thread.is_alive():
-            raise DeviceUnavailableError(f"allegro: the hand's thread has ended{self._trouble}", "open it again")
+            raise DeviceUnavailableError(
+                f"allegro: the hand's thread has ended{self._trouble}", "open it again"
+            )
 
     def _open_bus(self) -> Any:
         o = self._options

@@ -206,7 +206,7 @@ class SteeredHand(Device, Protocol):
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
-        """The joint angles as last reported, float64 (16,), rad."""
+        """The joint angles as last reported, float64 (16,), rad; NaN before the first report."""
         ...
 
     def step(self, level: int) -> Sequence[CanFrame]:

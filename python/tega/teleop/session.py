@@ -233,8 +233,13 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
         else:
             vests.append(vest)
     if config.hand.driver is not None:
-        hand = stack.enter_context(driver_class(config.hand.driver, "hand")(config.hand.options))
+        hand: HandDriver | SteeredHand = driver_class(config.hand.driver, "hand")(config.hand.options)
+        stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
+            if config.session.pace == "fast":
+                raise ConfigError(
+                    f"session.pace = 'fast', but {hand.info.label} is live", "set session.pace = 'real'"
+                )
             steered = hand
         else:
             hands.append(hand)

@@ -11,7 +11,8 @@ use crate::sets::{HELD_NS, Taken};
 const PLAUSIBLE_RAD: f64 = 0.25;
 /// Further in one cycle than ten times the fastest joint.
 const JUMP_RAD: f64 = 0.3;
-const JUMPS: u32 = 10;
+/// A jump counts two and a set without one takes one off: ten in a row are too many, and so is every other one.
+const TOO_JUMPY: u32 = 20;
 /// Still to the last count for this long, while the target moved this far, is not a hand that is blocked.
 const STILL_NS: i64 = 300 * MS;
 const MOVED_RAD: f64 = 0.15;
@@ -128,14 +129,14 @@ impl HandLink {
         let Some(last) = self.angles_rad.filter(|_| t_ns - self.last_set_ns <= HELD_NS) else { return true };
         let jumped = (0..JOINTS).find(|&j| (angles[j] - last[j]).abs() > JUMP_RAD);
         let Some(j) = jumped else {
-            self.jumps_in_a_row = 0;
+            self.jumpiness = self.jumpiness.saturating_sub(1);
             return true;
         };
         self.counts.jumps += 1;
-        self.jumps_in_a_row += 1;
+        self.jumpiness += 2;
         // The hand does answer, so it is not silent.
         self.last_set_ns = t_ns;
-        if self.jumps_in_a_row >= JUMPS {
+        if self.jumpiness >= TOO_JUMPY {
             self.fail(Fault::Jumping { joint: JOINT_NAMES[j], jump_rad: angles[j] - last[j] }, t_ns);
         }
         false

@@ -147,7 +147,13 @@ class AllegroNode:
             self._next_temperature_s = max(self._next_temperature_s + self._temperature_s, t_s)
             out += [self._temperature(finger) for finger in range(4)]
         if out and "babble" in self.faults:
-            out += [(0x3C0, bytes(8)), (0x040, b"\x01"), (0x080, b"\x01\x02"), (0x001, bytes(4)), (0x2FC, b"")]
+            out += [
+                (0x3C0, bytes(8)),
+                (0x040, b"\x01"),
+                (0x080, b"\x01\x02"),
+                (0x001, bytes(4)),
+                (0x2FC, b""),
+            ]
         if out and "foreign" in self.faults:
             out.append((0x180 | self._device, bytes(8)))
         return [frame for frame in out for _ in range(2)] if "duplicate" in self.faults else out
