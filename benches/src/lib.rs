@@ -8,6 +8,7 @@ use std::hint::black_box;
 
 use ndarray::Array3;
 use tega_emg::{ButterworthLowpass, GraspIntent, Kind, Preset};
+use tega_gel::{Gel, Indenter, PICTURE, Shape};
 use tega_hand::{Gains, HandController, JointModel, PoseSet};
 use tega_tactile::{
     Difference, LiveScratch, Options, Order, Outline, Pair, PaperScratch, Scratch, Spread, contact_metrics,
@@ -58,6 +59,13 @@ pub fn kernels() -> Vec<Kernel> {
     all.push(plain("lowpass/3-channels/10000", || lowpass(10_000)));
     all.push(plain("grasp_intent/3-channels/10", intent));
     all.push(plain("hand/controller-and-model/16", hand));
+    for (variant, force_n) in [("untouched", 0.0), ("ball-1-N", 1.0), ("ball-4-N", 4.0), ("ball-12-N", 12.0)]
+    {
+        let ball = Shape::Sphere { radius: 4.4 };
+        all.push(tactile("gel_frame", variant, FINGER, move || gel(vec![indenter(ball, force_n)])));
+    }
+    let face = Shape::Box { half: [20.0; 3] };
+    all.push(tactile("gel_frame", "face-4-N", FINGER, move || gel(vec![indenter(face, 4.0)])));
     all
 }
 
@@ -124,6 +132,23 @@ fn intent() -> Run {
     let samples = emg(10);
     Box::new(move || {
         black_box(intent.process(black_box(&samples)).expect("whole rows"));
+    })
+}
+
+fn indenter(shape: Shape, force_n: f64) -> Indenter {
+    Indenter { shape, pose_mm: [[1.0, 0.0, 0.0, 0.3], [0.0, 1.0, 0.0, -0.2], [0.0, 0.0, 1.0, 0.0]], force_n }
+}
+
+/// A frame of a simulated fingertip: pressed, shaded, with its noise.
+fn gel(indenters: Vec<Indenter>) -> Run {
+    let mut gel = Gel::new(1, 1.0).expect("a spread within bounds");
+    let (mut picture, mut number) = (vec![0; PICTURE], 0);
+    Box::new(move || {
+        number += 1;
+        black_box(gel.press(black_box(&indenters)).expect("a shape"));
+        // Within one second, so that no drift of the colours falls on the frame that is counted.
+        gel.paint(number % 60, &mut picture).expect("a picture's buffer");
+        black_box(&picture);
     })
 }
 

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from tega import _native
 from tega.emg import ButterworthLowpass, GraspIntent
+from tega.sim.gel import Gel
+from tega.sim.seams import Indenter
 from tega.tactile import contact_mask, contact_metrics, read_contact
 
 SIZES = ((120, 160), (240, 320), (61, 83))
@@ -32,6 +34,19 @@ def pictures(size: tuple[int, int], rng: np.random.Generator) -> tuple[NDArray[n
     return np.clip(baseline + change, 0, 255).astype(np.uint8), baseline
 
 
+def presses() -> list[Indenter]:
+    """Return shapes that press a gel together; a turn by sides of 3, 4 and 5 needs no trigonometry."""
+    pose = np.array([[1.0, 0.0, 0.0, 1.0], [0.0, 0.6, -0.8, -2.0], [0.0, 0.8, 0.6, 0.0]])
+    aside = pose - [[0, 0, 0, 3], [0, 0, 0, 1], [0, 0, 0, 0]]
+    return [
+        Indenter("box", (2.0, 3.0, 4.0), pose, 2.0),
+        Indenter("cylinder", (2.0, 3.0, 0.0), aside, 1.5),
+        Indenter("capsule", (1.0, 2.0, 0.0), aside - [[0, 0, 0, 0], [0, 0, 0, 3], [0, 0, 0, 0]], 1.0),
+        Indenter("sphere", (6.0, 0.0, 0.0), pose - [[0, 0, 0, -1], [0, 0, 0, -6], [0, 0, 0, 0]], 3.0),
+        Indenter("plane", (0.0, 0.0, 0.0), pose * [[1], [-1], [-1]], 1.0),
+    ]
+
+
 def main() -> None:
     """Print the instruction set and the digest."""
     digest, rng = hashlib.sha256(), np.random.default_rng(7)
@@ -49,6 +64,11 @@ def main() -> None:
     for preset in ("paper", "live"):
         intent = GraspIntent(1000.0, [900.0, 800.0, 1000.0], tau=100, preset=preset)
         digest.update(intent.process(samples).tobytes())
+    gel, shapes = Gel(8), presses()
+    for index in range(len(shapes)):
+        digest.update(gel.frame(shapes[index:], index).tobytes())
+        digest.update(gel.frame([shapes[index]], 100 + index).tobytes())
+        digest.update(repr(gel.truth).encode() + gel.displacement_mm().tobytes())
     print(_native.instruction_set(), digest.hexdigest())  # noqa: T201  # what it is for
 
 

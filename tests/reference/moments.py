@@ -74,7 +74,7 @@ class Moments:
             images=pictures if images else None,
             shapes=SHAPES if scene else None,
             poses=_poses(squeeze) if scene else None,
-            contact_points=np.array([[0.033, 0.0, 0.1 + 0.1 * squeeze, 6 * squeeze, 3 * squeeze, 3.0]])
+            contact_points=np.array([[0.033, 0.0, 0.1 + 0.1 * squeeze, -3 * squeeze, 6 * squeeze, -4.0]])
             if scene
             else None,
             emg=EmgTail(self._emg[max(0, n - 6000) : n], RATE_HZ, self._maxima, "raw", "µV") if emg else None,

@@ -19,10 +19,13 @@ from tega.teleop.repeats import LastFrame
 from tega.teleop.streams import NEVER_NS, QueuedStream
 from tega.wire import CanFrame, allegro_torque_frames
 
+Course = Sequence[tuple[float, Mapping[str, object]]]
+"""Times, and what is so from then on."""
+
 NOTHING = Truth(0.0, 0.0, False, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, False, 0.1)
 
 
-def score(course: Sequence[tuple[float, Mapping[str, object]]], *, placing_from_s: float = np.inf) -> Scorer:
+def score(course: Course, *, placing_from_s: float = np.inf) -> Scorer:
     """Score what is so from each time on, a hundred times a second for a second after the last."""
     scorer = Scorer(harm_m=0.01)
     truth, left = NOTHING, deque(course)
@@ -38,11 +41,15 @@ def score(course: Sequence[tuple[float, Mapping[str, object]]], *, placing_from_
 
 
 def test_lifted_is_a_second_at_the_height() -> None:
-    up: list[tuple[float, dict[str, object]]] = [(1.0, {"lift_off": True, "object_height_m": 0.1}), (2.0, {"object_height_m": 0.21}), (3.1, {})]
+    up: Course = [
+        (1.0, {"lift_off": True, "object_height_m": 0.1}),
+        (2.0, {"object_height_m": 0.21}),
+        (3.1, {}),
+    ]
     scorer = score(up)
     assert scorer.time_of("lift_off") == 1.0
     assert scorer.time_of("lifted") == pytest.approx(3.0)
-    down: list[tuple[float, dict[str, object]]] = [*up[:2], (2.9, {"object_height_m": 0.19}), (3.0, {"object_height_m": 0.21})]
+    down: Course = [*up[:2], (2.9, {"object_height_m": 0.19}), (3.0, {"object_height_m": 0.21})]
     assert score([*down, (3.5, {})]).time_of("lifted") == pytest.approx(4.0)
 
 
@@ -74,7 +81,7 @@ def test_two_slips_are_one_without_a_rest_in_between(rest_s: float, slips: int) 
 
 def test_sliding_counts_neither_on_the_table_nor_while_it_is_put_down() -> None:
     assert score([(1.0, {"slip_m_s": 0.05})]).count("slip") == 0
-    put_down: list[tuple[float, dict[str, object]]] = [(1.0, {"lift_off": True}), (2.0, {"slip_m_s": 0.05, "dropped": True})]
+    put_down: Course = [(1.0, {"lift_off": True}), (2.0, {"slip_m_s": 0.05, "dropped": True})]
     assert score(put_down, placing_from_s=1.5).count("slip") == 0
     assert score(put_down, placing_from_s=1.5).count("drop") == 0
     assert score(put_down).count("drop") == 1

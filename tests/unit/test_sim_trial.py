@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -182,6 +184,9 @@ def test_what_a_file_holds_is_not_run_again(tmp_path: Path, monkeypatch: pytest.
     content = out.read_bytes()
     run_trials(plans[1:], out=out)
     assert out.read_bytes() == content
+    out.write_bytes(re.sub(rb'"person":"[0-9a-f]+"', b'"person":"00ff"', content))
+    with pytest.raises(RecordingError, match="00ff"):
+        run_trials(plans, out=out)
     out.write_text("something else\n")
     with pytest.raises(RecordingError, match="line 1"):
         run_trials(plans, out=out)
@@ -227,3 +232,15 @@ def test_without_the_extra_one_line_says_what_to_install(
     assert code == 3
     assert "tega[sim]" in err
     assert len(err.strip().splitlines()) == 2
+
+
+def test_a_vest_that_tells_nothing_changes_nothing() -> None:
+    """The negative control: the same person with the same chance does exactly the same."""
+    without, *shams = (
+        msgspec.structs.replace(
+            run_trial(TrialPlan(object="bag", condition=condition, seed=1)), condition="haptic"
+        )
+        for condition in ("non-haptic", "silent", "unfelt")
+    )
+    assert without.lift_off_s is not None
+    assert shams == [without, without]

@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.recordings import write_folder
+from reference.scripted import ScriptedCamera, live_frame
 from reference.waiting import until
+from tega.calibration import Calibration
 from tega.cli.main import main
 from tega.clock import PausableClock
 from tega.config import check_tree
@@ -17,6 +20,8 @@ from tega.errors import MissingExtraError
 from tega.tactile import read_contact
 from tega.teleop import run_session
 from tega.teleop.loop import LoopView
+from tega.teleop.prepare import Finger, Prepared
+from tega.teleop.sources import SourceReport
 from tega.view.browser import BrowserView
 from tega.view.browser.feed import SessionFeed
 from tega.view.browser.hand_figure import HandFigure
@@ -165,3 +170,44 @@ def test_without_viser_the_extra_is_named(monkeypatch):
     monkeypatch.delitem(sys.modules, "tega.view.browser.local", raising=False)
     with pytest.raises(MissingExtraError, match=r"pip install 'tega\[view\]'"):
         BrowserView(port=0).__enter__()
+
+
+def test_a_live_sensor_is_looked_at_as_its_frames_pass(tmp_path):
+    frames = [live_frame(k) for k in range(3)]
+    camera: Any = ScriptedCamera(frames)
+    finger = Finger(camera, frames[0].image, "given", SourceReport())
+    feed = SessionFeed(settings(tmp_path), {})
+    watched = feed.watch(Prepared({"thumb": finger}, None, Calibration(preset="live", origin=""), ""))
+    source = watched.fingers["thumb"].source
+    assert (source.info, source.ended) == (camera.info, False)
+    loop = LoopView(0, {}, [], None, None, None, {})
+    assert feed.complete(ViewState(0, loop)).images == {}
+    for frame in frames:
+        assert source.read(0.1) is frame
+        images = feed.complete(ViewState(0, loop)).images
+        assert images is not None
+        assert images["thumb"].frame is frame.image
+    assert source.ended
+
+
+def test_replay_with_view_keeps_time_and_takes_in_the_same(tmp_path, capsys):
+    write_folder(tmp_path / "presses", 30)
+    tables = {}
+    for out, more in (("plain", []), ("seen", ["--view", "--view-port", "0"])):
+        words = [
+            "replay",
+            "--tactile",
+            f"thumb={tmp_path / 'presses'}",
+            "--out",
+            str(tmp_path / out),
+            "--json",
+            *more,
+        ]
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        printed, err = capsys.readouterr()
+        assert ended.value.code == 0, err
+        measured = json.loads(printed)["measured"]
+        tables[out] = [(tmp_path / out / name).read_bytes() for name in ("contacts.csv", "calibration.toml")]
+    assert tables["plain"] == tables["seen"]
+    assert measured["wall_s"] > 0.5  # 30 frames at 60 Hz: it waited for the clock

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 
@@ -20,6 +21,7 @@ from tega.sim.world import (
     World,
     hand_controller,
 )
+from tega.sim.world.check import main as check
 from tega.sim.world.events import slips
 from tega.sim.world.lift import lift
 from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
@@ -236,12 +238,12 @@ def test_the_palm_goes_to_a_place_and_a_turn():
     world = World("bag", start_m=(0.2, 0.1))
     place, turned = world.palm_pose
     turn = np.array([[np.cos(0.3), 0, np.sin(0.3)], [0, 1, 0], [-np.sin(0.3), 0, np.cos(0.3)]])
-    world.set_palm(place + [0.03, -0.04, 0.05], turn @ turned)
+    world.set_palm(place + np.array([0.03, -0.04, 0.05]), turn @ turned)
     for _ in range(60):
         world.set_torques(1.5 * (GRASP_POSES_RAD[0] - world.angles_rad) - 0.08 * world.velocities_rad_s)
         world.step(30)
     there, now = world.palm_pose
-    np.testing.assert_allclose(there, place + [0.03, -0.04, 0.05], atol=0.002)
+    np.testing.assert_allclose(there, place + np.array([0.03, -0.04, 0.05]), atol=0.002)
     np.testing.assert_allclose(now, turn @ turned, atol=0.01)
 
 
@@ -268,6 +270,53 @@ def test_a_torque_bends_the_joint_of_its_name():
         moved = after(0.2 * np.eye(16)[joint]) - limp
         assert moved[joint] > 0.01, name
         assert np.argmax(np.abs(moved)) == joint, name
+
+
+@pytest.mark.parametrize(
+    ("angles_rad", "tips_mm"),
+    [
+        # Fingertips in the palm's frame, from the vendor's description: index, middle, ring, thumb.
+        (
+            [0.0] * 12 + [0.263, 0, 0, 0],
+            [(0, 55.310, 133.442), (0, 0, 136.200), (0, -55.310, 133.442), (25.963, 161.226, -85.504)],
+        ),
+        (
+            [0, -0.17453, 0.7854, 0.7854] * 2
+            + [0.08727, -0.08727, 0.87266, 0.7854]
+            + [1.0472, 0.43633, 0.2618, 0.7854],
+            [
+                (38.943, 52.710, 103.727),
+                (38.943, 0, 106.371),
+                (48.959, -47.717, 95.808),
+                (106.048, 62.359, -31.424),
+            ],
+        ),
+    ],
+)
+def test_the_hand_s_geometry_is_the_published_one(angles_rad, tips_mm):
+    world = World("bag")
+    data, model = world.data, world.model
+    for finger, first in (("index", 0), ("middle", 4), ("ring", 8), ("thumb", 12)):
+        for joint in range(4):
+            data.qpos[model.joint(f"{finger}{joint}").qposadr[0]] = angles_rad[first + joint]
+    world.mujoco.mj_kinematics(model, data)
+    palm, turned = world.palm_pose
+    for finger, tip_mm in zip(("index", "middle", "ring", "thumb"), tips_mm, strict=True):
+        link = data.body(f"{finger}_link3")
+        length = 0.0423 if finger == "thumb" else 0.0267
+        tip = link.xpos + link.xmat.reshape(3, 3)[:, 2] * length
+        np.testing.assert_allclose(1e3 * turned.T @ (tip - palm), tip_mm, atol=0.002)
+
+
+def test_the_arm_s_geometry_is_the_published_one():
+    world = World("bag")
+    data = world.data
+    data.qpos[:7] = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
+    world.mujoco.mj_kinematics(world.model, data)
+    base, flange = data.body("arm0"), data.body("flange")
+    seen = base.xmat.reshape(3, 3).T @ (flange.xpos - base.xpos)
+    np.testing.assert_allclose(seen, [0.3069, 0, 0.5903], atol=1e-4)
+    np.testing.assert_allclose(flange.xmat.reshape(3, 3)[2, 2], -1, atol=1e-9)
 
 
 def test_the_bench_s_poses_are_the_controller_s_to_use():
@@ -306,10 +355,26 @@ def test_an_object_is_checked():
     assert isinstance(OBJECTS["bag"], ObjectSpec)
 
 
+def test_a_motion_that_runs_away_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo leaves a log where it warns
+    world = World("bag", start_m=(0.2, 0.1))
+    world.data.qvel[:] = 1e9
+    with pytest.raises(InvalidValueError, match="shorter steps"):
+        world.step(20)
+
+
 def test_without_mujoco_one_line_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtraError, match=r"tega\[sim\]"):
         World("bag")
+
+
+def test_the_check_prints_what_it_finds():
+    said = CliRunner().invoke(check, ["--only", "forces"])
+    assert said.exit_code == 0, said.output
+    ratios = [float(line.split("ratio")[1]) for line in said.output.splitlines() if "ratio" in line]
+    assert len(ratios) == 9
+    assert all(0.95 < ratio < 1.05 for ratio in ratios)
 
 
 def course(*pieces):

@@ -1,7 +1,8 @@
 //! A fingertip: what presses it, the picture, and what is true of the contact.
 
 use crate::error::GelError;
-use crate::membrane::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, MAX_INDENTERS, Membrane, PX_PER_MM};
+use crate::grid::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, PX_PER_MM};
+use crate::membrane::{MAX_INDENTERS, Membrane};
 use crate::noise::{EPOCH_FRAMES, Noise};
 use crate::paint::Canvas;
 use crate::shape::Indenter;

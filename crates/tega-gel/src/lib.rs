@@ -23,6 +23,7 @@
 
 mod error;
 mod gel;
+mod grid;
 mod membrane;
 mod noise;
 mod paint;
@@ -33,7 +34,8 @@ mod unit;
 
 pub use error::GelError;
 pub use gel::{CELLS, Gel, PICTURE, Touch};
-pub use membrane::{DOME_MM, LENGTH_MM, MAX_INDENTERS, PX_PER_MM, STIFFNESS_N_MM3};
+pub use grid::{LENGTH_MM, PX_PER_MM, STIFFNESS_N_MM3};
+pub use membrane::{DOME_MM, MAX_INDENTERS};
 pub use shape::{Indenter, Shape};
 pub use simd::instruction_set;
 pub use unit::{HEIGHT, WIDTH};

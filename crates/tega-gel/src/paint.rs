@@ -1,6 +1,7 @@
 //! Displacement to colour to bytes: shading on cells, straight lines between them, noise on top.
 
-use crate::membrane::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, Membrane, PX_PER_MM, ROWS};
+use crate::grid::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, PX_PER_MM, ROWS};
+use crate::membrane::Membrane;
 use crate::noise::{Noise, Part};
 use crate::unit::{HEIGHT, LINE, LIT_COLS, LIT_ROWS, Unit, WIDTH};
 

@@ -1,6 +1,6 @@
 //! One virtual sensor: its still picture, its light, and how both differ from unit to unit.
 
-use crate::membrane::{COLS, MARGIN_COLS, MARGIN_ROWS, ROWS};
+use crate::grid::{COLS, MARGIN_COLS, MARGIN_ROWS, ROWS};
 use crate::rng::Stream;
 
 /// Rows of a picture.

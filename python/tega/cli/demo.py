@@ -135,6 +135,8 @@ def demo(
             stop=lambda: stop() or stopped(),
             **more,
         )
+    if not report.trials:  # stopped before the first one
+        raise KeyboardInterrupt
     write_demo(out_dir, report, courses)
     try:
         draw_demo(out_dir / "demo.png", report, courses)

@@ -39,6 +39,12 @@ __all__ = ["sim_trials"]
 @click.option(
     "--operator", type=click.Choice(["simulated", "scripted"]), default="simulated", show_default=True
 )
+@click.option(
+    "--practice", type=click.IntRange(0, 100), default=0, show_default=True, help="Lifts before each trial."
+)
+@click.option("--mass-kg", type=float, help="Instead of each object's own, as the two below.")
+@click.option("--stiffness-n-m", type=float, help="Of its wall.")
+@click.option("--friction", type=float, help="Between it and the gel.")
 @click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
 @click.option(
     "--jobs",
@@ -60,6 +66,10 @@ def sim_trials(
     n_seeds: int,
     first_seed: int,
     operator: str,
+    practice: int,
+    mass_kg: float | None,
+    stiffness_n_m: float | None,
+    friction: float | None,
     preset: str,
     jobs: int,
     out: Path | None,
@@ -88,7 +98,15 @@ def sim_trials(
     from tega.sim.trials import plan_trials, run_trials
 
     plans = plan_trials(
-        objects, conditions, range(first_seed, first_seed + n_seeds), operator=operator, preset=preset
+        objects,
+        conditions,
+        range(first_seed, first_seed + n_seeds),
+        operator=operator,
+        practice=practice,
+        preset=preset,
+        mass_kg=mass_kg,
+        stiffness_n_m=stiffness_n_m,
+        friction=friction,
     )
     jobs = jobs or os.cpu_count() or 1
     started = time.perf_counter()

@@ -113,13 +113,18 @@ def run_demo(
 
 
 def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
-    """Write the summary, and each trial's tables into a folder of its own.
+    """Write the summary, and each trial's tables into a folder of its own; those of an earlier demo are removed.
 
     Args:
         folder: Where to; it must exist.
         report: What was done.
         courses: The course of each trial in it.
     """
+    for old in folder.glob("[0-9]*-*"):
+        for table in old.glob("*.csv"):
+            table.unlink()
+        if not any(old.iterdir()):
+            old.rmdir()
     for number, (result, streams) in enumerate(zip(report.trials, courses, strict=True), start=1):
         below = folder / f"{number}-{result.object}"
         below.mkdir(exist_ok=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from struct import Struct
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tega.teleop.hand import limp_frames
-from tega.wire import FINGERS, AllegroServo, AllegroTorque, allegro_decode, allegro_torque_frames
+from tega.wire import AllegroServo, allegro_decode, allegro_torque_frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["SimulatedAllegro", "SimulatedBus"]
 
 COUNTS_PER_TORQUE = 1200.0
-_FIRST_JOINT = {finger: 4 * number for number, finger in enumerate(FINGERS)}
+# Torques come a thousand times as often as anything else: the firmware takes their four words as they lie.
+_TORQUES = Struct("<4h")
 
 
 class SimulatedAllegro:
@@ -85,17 +87,20 @@ class SimulatedBus:
         self._apply = apply_torques
         self._scale = full_duty / COUNTS_PER_TORQUE
         self._device_id = device_id
+        fingers = allegro_torque_frames(np.zeros(16), device_id=device_id)
+        self._first_joint = {frame.id: 4 * number for number, frame in enumerate(fingers)}
         self._counts = np.zeros(16)
         self.n_rejected = 0
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no clock
         """Act on frames in their order."""
         for frame in frames:
+            first = self._first_joint.get(frame.id)
+            if first is not None and len(frame.data) == _TORQUES.size:
+                self._counts[first : first + 4] = _TORQUES.unpack(frame.data)
+                continue
             message = allegro_decode(frame, device_id=self._device_id)
-            if isinstance(message, AllegroTorque):
-                first = _FIRST_JOINT[message.finger]
-                self._counts[first : first + 4] = message.counts
-            elif isinstance(message, AllegroServo) and not message.on:
+            if isinstance(message, AllegroServo) and not message.on:
                 self._counts[:] = 0.0
             else:
                 self.n_rejected += 1

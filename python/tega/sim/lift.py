@@ -219,7 +219,7 @@ class Lift:
         )
         return ViewState(
             view.t_ns,
-            view,
+            view._replace(vest=rig.vest),  # what is worn, which need not be what the loop sent
             images=images,
             shapes=self._shapes,
             poses=world.poses(),

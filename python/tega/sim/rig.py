@@ -87,6 +87,7 @@ class Rig:
         levels: Stream of EMG blocks, for the loop.
         frames: The newest picture of each finger.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
+        vest: What the vest's motors are told now; ``None`` where it is off or not worn.
         act: What the person does now.
         truth: What is so, as of the person's last look.
         t_ns: Time that has passed, nanoseconds.
@@ -130,7 +131,7 @@ class Rig:
         self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
         self._act_ns = self._camera_ns = 0
         self._n_frames = self._n_samples = 0
-        self._vest: VestFrame | None = None
+        self.vest: VestFrame | None = None
         self._over = False
         self.t_ns = 0
         self.truth = world.truth()
@@ -150,7 +151,7 @@ class Rig:
 
     def write(self, t_ns: int, frame: VestFrame) -> None:
         """Take a vest frame from the loop."""
-        self._vest = None if self._muted() else self._worn(t_ns / 1e9, frame)
+        self.vest = None if self._muted() else self._worn(t_ns / 1e9, frame)
 
     def _expose(self, t_ns: int) -> None:
         """Take four pictures and put what they show on its way to the loop."""
@@ -180,7 +181,7 @@ class Rig:
                 self.levels.put(block, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()
         t_s = t_ns / 1e9
-        percept = Percept(t_s, truth, self._vest, self.closure())
+        percept = Percept(t_s, truth, self.vest, self.closure())
         act = self.act = self._person.act(percept)
         self.world.set_forearm(act.forearm_m)
         self._scorer.take(t_s, truth, placing=act.phase in _PLACING)

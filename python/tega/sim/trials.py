@@ -64,9 +64,11 @@ def run_trials(
 
     Raises:
         MissingExtraError: A package of the extra ``sim`` is not installed.
-        RecordingError: ``out`` holds something else.
+        RecordingError: ``out`` holds something else, or results of persons with other parameters.
     """
     known = read_results(out) if out is not None else {}
+    if out is not None:
+        _check_persons(out, known.values())
     left = [plan for plan in dict.fromkeys(plans) if plan not in known]
     n_done = len(set(plans)) - len(left)
     file = None
@@ -117,6 +119,19 @@ def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
             ) from error
         results[result.plan] = result
     return results
+
+
+def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
+    """Refuse results of simulated persons whose parameters were not today's."""
+    from tega.sim.operator import load_parameters
+
+    today = load_parameters().digest
+    for result in results:
+        if not today.startswith(result.person):
+            raise RecordingError(
+                f"{path.name}: made with the person's parameters {result.person}, which are {today[:16]} now",
+                "name a new file",
+            )
 
 
 def _results(plans: Sequence[TrialPlan], jobs: int) -> Iterable[TrialResult]:

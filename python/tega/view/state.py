@@ -70,7 +70,7 @@ class ViewState(NamedTuple):
         images: Pictures by finger; ``None`` where there are none.
         shapes: Primitives of the scene. The same object as long as they are the same shapes.
         poses: float64 (n, 7), one row a shape: position in metres, then the quaternion w, x, y, z; z is up.
-        contact_points: float64 (k, 6): where, metres, and the force there, newtons.
+        contact_points: float64 (k, 6): where, metres, and the force on the object there, newtons.
         emg: The newest muscle signal.
         rows: Lines of text, such as object, condition, phase.
         latency_ms: Delays to show, by name.

@@ -49,15 +49,17 @@ def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> Non
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    figure = new_figure(figsize=(15, 0.6 + 2.9 * len(trials)))
+    figure = new_figure(figsize=(16, 0.5 + 2.4 * len(trials)))
     figure.suptitle(title, fontsize=12)
     rows: list[SubFigure] = list(figure.subfigures(len(trials), 1, squeeze=False)[:, 0])
     for row, trial in zip(rows, trials, strict=True):
         row.suptitle(trial.title, fontsize=10, x=0.01, ha="left")
-        left, right = row.subfigures(1, 2, width_ratios=[1.35, 1], squeeze=False)[0]
+        left, right = row.subfigures(1, 2, width_ratios=[1.6, 1], squeeze=False)[0]
         axes = left.subplots(1, 2 * len(trial.touch), squeeze=False)[0]
         for index, (finger, picture) in enumerate(trial.touch.items()):
             draw_touch(axes[2 * index : 2 * index + 2], finger, picture)
+            marked = axes[2 * index + 1]
+            marked.set_title(marked.get_title(), fontsize=7.5)
         ax = right.subplots()
         draw_course(ax, trial.course)
         ax.fill_between(
@@ -67,4 +69,4 @@ def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> Non
             if kind in _EVENT_COLOURS:
                 ax.axvline(t_s, color=_EVENT_COLOURS[kind], lw=0.9, ls=":")
                 ax.text(t_s, 1.0, f" {kind}", color=_EVENT_COLOURS[kind], fontsize=8, va="top")
-    figure.savefig(path, metadata={"Software": None})
+    figure.savefig(path, dpi=85, metadata={"Software": None})

@@ -117,7 +117,8 @@ def _settings(jobs: int) -> dict[str, Error]:
     errors = compare(jobs=jobs)
     for name, error in errors.items():
         click.echo(
-            f"  {name:44} {error.cpu_us:6.1f} µs/ms  slip {1e3 * error.slip_m:5.2f} mm  force "
+            f"  {name:44} {error.cpu_us:6.1f} µs/ms  slip {1e3 * error.slip_m:5.2f} mm, "
+            f"{error.slip_count} more or fewer  force "
             f"{100 * error.force_share:4.1f} %  height {1e3 * error.height_m:5.2f} mm  width "
             f"{1e3 * error.narrowing_m:4.2f} mm  creep {1e6 * error.creep_m_s:5.0f} µm/s"
             f"  chatter {1e3 * error.chatter_n:4.0f} mN"

@@ -16,7 +16,7 @@ __all__ = ["ArmFollower"]
 _SPEED_M_S: Final = 0.25
 _ACCELERATION_M_S2: Final = 1.0
 _TURN_RAD_S: Final = 1.0
-_DAMPING: Final = 1e-4
+_DAMPED: Final = 1e-4 * np.eye(6)
 _POSTURE_PULL: Final = 0.02
 
 
@@ -54,10 +54,10 @@ class ArmFollower:
 
     def lead(self, palm_m: NDArray[np.float64], rotation: NDArray[np.float64] | None = None) -> None:
         """Set where the palm shall go, and how it shall be turned; ``None``: as it was asked to be last."""
-        self._target = palm_m
-        if rotation is not None:
-            self._target_rotation = rotation
-        self._still = False
+        if rotation is None:
+            rotation = self._target_rotation
+        if not (np.array_equal(palm_m, self._target) and np.array_equal(rotation, self._target_rotation)):
+            self._target, self._target_rotation, self._still = palm_m, rotation, False
 
     def tick(self, dt_s: float) -> None:
         """Go on by one tick."""
@@ -94,14 +94,13 @@ class ArmFollower:
         error = np.empty(6)
         error[:3] = self._place - plan.site_xpos[self._site]
         error[3:] = _rotation_vector(self._rotation @ plan.site_xmat[self._site].reshape(3, 3).T)
-        inverse = np.linalg.solve(arm @ arm.T + _DAMPING * np.eye(6), arm).T
+        inverse = np.linalg.solve(arm @ arm.T + _DAMPED, arm).T
         pull = _POSTURE_PULL * (ARM_POSTURE_RAD - plan.qpos[:7])
         step = inverse @ error + pull - inverse @ (arm @ pull)
         most = ARM_SPEEDS_RAD_S * dt_s
         before = plan.qpos[:7].copy()
-        plan.qpos[:7] = np.clip(
-            before + np.clip(step, -most, most), ARM_LIMITS_RAD[:, 0], ARM_LIMITS_RAD[:, 1]
-        )
+        step = np.minimum(np.maximum(step, -most), most)
+        plan.qpos[:7] = np.minimum(np.maximum(before + step, ARM_LIMITS_RAD[:, 0]), ARM_LIMITS_RAD[:, 1])
         return float(np.abs(plan.qpos[:7] - before).max())
 
 
@@ -110,7 +109,7 @@ def _rotation_vector(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
         [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     )
     sine = float(np.sqrt(axis @ axis)) / 2
-    cosine = (float(np.trace(rotation)) - 1) / 2
+    cosine = (float(rotation[0, 0] + rotation[1, 1] + rotation[2, 2]) - 1) / 2
     axis *= 0.5 if sine < 1e-9 else float(np.arctan2(sine, cosine)) / (2 * sine)
     return axis
 

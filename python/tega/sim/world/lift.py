@@ -32,7 +32,7 @@ class Lift(NamedTuple):
         narrowing_m: Largest deformation.
         damage_m: At the end.
         lift_off_s: When the object left the table; None: it never did.
-        cpu_us: Processor time of one simulated millisecond while grasping and after, microseconds.
+        cpu_us: Processor time that the world took for a simulated millisecond while grasping and after, microseconds.
         trace: What was so every 3 ms.
     """
 
@@ -67,14 +67,14 @@ def lift(
         world.set_forearm((height_m, back_m))
         if wanted == 0 and started_s == 0:
             started_s = world.t_s
-        began = time.process_time()
         while tick * _TICK_S < until_s - 1e-9:
-            world.set_torques(FULL_DUTY_NM * controller.step(world.angles_rad, wanted or level))
+            torques = FULL_DUTY_NM * controller.step(world.angles_rad, wanted or level)
             tick += 1
+            began = time.process_time()
+            world.set_torques(torques)
             world.advance_to(tick * _TICK_S)
+            cpu_s += time.process_time() - began if wanted == 0 else 0.0
             trace.append(world.truth())
-        if wanted == 0:
-            cpu_s += time.process_time() - began
     end = trace[-1]
     pads, rest = world.hand_forces_n()
     lift_off = next((truth.t_s for truth in trace if truth.lift_off), None)

@@ -30,7 +30,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         mass_kg: All of it.
         stiffness_n_m: Of the wall under one fingertip, N/m, when new.
         friction: Coulomb coefficient between the object and whatever touches it.
-        diameter_m: Of the upright cylinder that it is.
+        diameter_m: Of the upright cylinder that it is; thinner ones slip through the five closure poses.
         height_m: Of that.
         stiffening_n_m3: Cubic part of the wall's law, N/m³.
         damping_ratio: Of the wall's springs with their own mass.
@@ -47,7 +47,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mass_kg: Annotated[float, msgspec.Meta(ge=0.15, le=2.0)]
     stiffness_n_m: Annotated[float, msgspec.Meta(ge=50, le=10_000)]
     friction: Annotated[float, msgspec.Meta(ge=0.1, le=1.5)]
-    diameter_m: Annotated[float, msgspec.Meta(ge=0.04, le=0.12)]
+    diameter_m: Annotated[float, msgspec.Meta(ge=0.07, le=0.12)]
     height_m: Annotated[float, msgspec.Meta(ge=0.14, le=0.35)]
     stiffening_n_m3: Annotated[float, msgspec.Meta(ge=0, le=1e7)] = 0.0
     damping_ratio: Annotated[float, msgspec.Meta(ge=0.01, le=2)] = 0.5

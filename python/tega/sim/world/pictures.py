@@ -79,11 +79,11 @@ def _scene(figure: Any) -> Any:
             f"pads {sum(truth.pad_force_n):.1f} N",
             fontsize=10,
         )
-        axes.set_xlim(-0.3, 0.3)
-        axes.set_ylim(-0.2, 0.4)
-        axes.set_zlim(0.0, 0.6)
-        axes.set_box_aspect((1, 1, 1), zoom=1.45)
-        axes.view_init(elev=16, azim=-62)
+        axes.set_xlim(-0.27, 0.23)
+        axes.set_ylim(-0.2, 0.3)
+        axes.set_zlim(0.05, 0.55)
+        axes.set_box_aspect((1, 1, 1), zoom=1.5)
+        axes.view_init(elev=20, azim=-12)
         axes.set_axis_off()
     return figure
 
@@ -165,7 +165,7 @@ def _settings(figure: Any, errors: dict[str, Error]) -> Any:
                 label=kind if step_ms == 3 else "",
             )
             if default:
-                axes.plot(error.cpu_us, value, "o", ms=15, mfc="none", color="k", label="default")
+                axes.plot(error.cpu_us, value, "o", ms=15, mfc="none", color="k", label="chosen")
     for axes, title in zip(panels, ("error of slip, mm", "error of the highest force, %"), strict=True):
         axes.set_xlabel("processor time of a simulated millisecond, µs")
         axes.set_title(title, fontsize=10)

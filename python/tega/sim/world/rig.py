@@ -38,7 +38,7 @@ def slip_force_n(spec: ObjectSpec, physics: Physics | None = None) -> float:
     for number, finger in enumerate(FINGERS):
         angle = number * np.pi / 2
         x, y = np.cos(angle), np.sin(angle)
-        # The pad's length stands upright here, as wide as it is across the finger elsewhere: one point of contact.
+        # The pad lies across the upright object, as in the hand: one point of contact.
         pads += (
             f'<body name="{finger}" pos="{reach * x} {reach * y} {spec.height_m / 2}" '
             f'quat="{np.cos(angle / 2)} 0 0 {np.sin(angle / 2)}"><joint name="{finger}" type="slide" axis="-1 0 0" '

@@ -100,5 +100,5 @@ def preamble(physics: Physics) -> str:
         '<compiler angle="radian"/>'
         f'<option timestep="{physics.timestep_s}" jacobian="sparse" integrator="{physics.integrator}" '
         f'cone="elliptic" impratio="{physics.impratio}" noslip_iterations="{physics.noslip}" '
-        f'tolerance="{physics.tolerance}"/><default>{defaults}</default>'
+        f'tolerance="{physics.tolerance}"><flag autoreset="disable"/></option><default>{defaults}</default>'
     )

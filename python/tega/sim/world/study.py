@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from tega.sim.world.allegro import FULL_DUTY_NM
+from tega.sim.world.events import slips
 from tega.sim.world.lift import LIFT_M, Lift, lift
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
@@ -44,16 +45,18 @@ class Error(NamedTuple):
 
     Attributes:
         slip_m: Of the slip at the end.
+        slip_count: Of the number of slips.
         force_share: Of the highest pad force, as a share of it.
         height_m: Of the object's height at the end.
         narrowing_m: Of the largest deformation.
         creep_m_s: Sinking of the held object in the last half second; not an error but what is to be small.
         chatter_n: Mean change of a pad's force from one 3 ms to the next while gripping; likewise.
         same_outcomes: Whether the same lifts held.
-        cpu_us: Processor time of one simulated millisecond, median over the cases, microseconds.
+        cpu_us: Processor time that the world took for a simulated millisecond, median over the cases, microseconds.
     """
 
     slip_m: float
+    slip_count: int
     force_share: float
     height_m: float
     narrowing_m: float
@@ -97,6 +100,7 @@ def _error(lifts: list[Lift], reference: list[Lift]) -> Error:
     pairs = list(zip(lifts, reference, strict=True))
     return Error(
         slip_m=max(abs(a.slip_m - b.slip_m) for a, b in pairs),
+        slip_count=max(abs(len(slips(a.trace)) - len(slips(b.trace))) for a, b in pairs),
         force_share=max(abs(a.peak_force_n / b.peak_force_n - 1) for a, b in pairs),
         height_m=max(abs(a.height_m - b.height_m) for a, b in pairs),
         narrowing_m=max(abs(a.narrowing_m - b.narrowing_m) for a, b in pairs),

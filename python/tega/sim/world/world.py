@@ -97,6 +97,12 @@ class World:
         data.qpos[self._joints] = GRASP_POSES_RAD[0]
         at = model.joint("object").qposadr[0]
         data.qpos[at : at + 2] += np.random.default_rng(seed).normal(0, _PLACING_M, 2)
+        warnings = mujoco.mjtWarning
+        self._runaway = [
+            int(warnings.mjWARN_BADQPOS),
+            int(warnings.mjWARN_BADQVEL),
+            int(warnings.mjWARN_BADQACC),
+        ]
         self._steps = 0
         self._watch_every = max(1, round(_WATCH_S / self.physics.timestep_s))
         self._lead_every = 2 * self._watch_every
@@ -173,7 +179,11 @@ class World:
         self._arm.lead(np.array(palm_m, np.float64), turn)
 
     def step(self, n: int = 1) -> None:
-        """Go on by ``n`` steps of physics."""
+        """Go on by ``n`` steps of physics.
+
+        Raises:
+            InvalidValueError: The motion has run away: the steps are too long for a wall this stiff.
+        """
         every, done = self._watch_every, 0
         while done < n:
             if self._steps % every == 0:
@@ -243,6 +253,12 @@ class World:
 
     def _attend(self) -> None:
         """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
+        if self.data.warning.number[self._runaway].any():
+            raise InvalidValueError(
+                f"the motion ran away before {self.t_s:.3f} s with steps of {1e3 * self.physics.timestep_s:g} ms and a "
+                f"wall of {self.spec.stiffness_n_m:g} N/m",
+                "use shorter steps, or integrator = 'discrete'",
+            )
         if self._steps % self._lead_every == 0:
             # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
             tick_s = self._lead_every * self.physics.timestep_s

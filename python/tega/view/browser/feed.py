@@ -13,6 +13,7 @@ import numpy as np
 
 from tega.devices.base import SkippingSource, TactileFrame, TactileSource
 from tega.devices.registry import driver_class
+from tega.teleop.touch import STALE_NS
 from tega.view.browser.hand_figure import HandFigure
 from tega.view.state import EmgTail, TouchImage, ViewState
 
@@ -77,7 +78,11 @@ class SessionFeed:
         shapes = poses = None
         if (angles := state.loop.angles_rad) is not None:
             shapes, poses = self._figure.shapes, self._figure.poses(angles)
-        ages_ms = [(state.t_ns - t_ns) / 1e6 for t_ns, _ in state.loop.contacts.values()]
+        ages_ms = [
+            (state.t_ns - t_ns) / 1e6
+            for t_ns, _ in state.loop.contacts.values()
+            if state.t_ns - t_ns <= STALE_NS
+        ]
         return state._replace(
             images=images,
             shapes=shapes,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tega.haptics import FINGERS, contact_type
+from tega.teleop.touch import STALE_NS
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, TouchSheet
@@ -153,6 +154,8 @@ def _captions(state: ViewState) -> str:
         contact = state.loop.contacts.get(finger)
         if contact is None:
             text = '<span style="color:#adb5bd">no sensor</span>'
+        elif state.t_ns - contact[0] > STALE_NS:
+            text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
         else:
             kind = contact_type(felt.cci_norm, felt.eda_norm) if contact[1].in_contact else "none"
             word = "no contact" if kind == "none" else kind

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Point", "Scene"]
 
 # Length of a force's arrow, metres a newton, and the longest that is drawn.
-_M_PER_N, _LONGEST_M = 0.01, 0.15
+_M_PER_N, _LONGEST_M = 0.02, 0.15
 _FIELD_OF_VIEW_RAD = 0.7
 _FORCE_RED = (214, 40, 40)
 # A plane is drawn as a board under it, so thick.
@@ -57,6 +57,8 @@ class Scene:
         self._shapes: Sequence[Shape] | None = None
         self.batches: list[tuple[Any, list[_Part]]] = []
         self._arrows: Any = None
+        # Made before a run begins: the library that makes them takes its time to import.
+        self._meshes = {name: _unit_mesh(name) for name in ("box", "ball", "tube")}
         server.scene.set_up_direction("+z")
         camera = server.initial_camera
         camera.position, camera.look_at, camera.fov = eye_m, at_m, _FIELD_OF_VIEW_RAD
@@ -103,7 +105,7 @@ class Scene:
         for name, parts in _parts(shapes).items():
             if not parts:
                 continue
-            vertices, faces = _unit_mesh(name)
+            vertices, faces = self._meshes[name]
             rgba = np.array([shapes[part.shape][3] for part in parts])
             positions, wxyzs = _placed(parts, poses)
             handle = self._server.scene.add_batched_meshes_simple(
@@ -128,7 +130,8 @@ class Scene:
             where, force = contact_points[:, :3], contact_points[:, 3:]
             size = np.linalg.norm(force, axis=1, keepdims=True)
             length = np.minimum(size * _M_PER_N, _LONGEST_M)
-            lines = np.stack([where, where + force / np.maximum(size, 1e-9) * length], axis=1)
+            # What the object does to the hand, the other way round: these arrows come out of the object and are seen.
+            lines = np.stack([where, where - force / np.maximum(size, 1e-9) * length], axis=1)
             lines = lines[size[:, 0] > 0.02].astype(np.float32)
         if self._arrows is None:
             if not len(lines):

@@ -23,6 +23,8 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 N_TURNS = 3
 # Without anyone at the page it is still kept fresh for whoever opens it.
 _UNWATCHED_HZ = 2.0
+_LOOK_S = 0.004
+_REST_SHARE = 4.0
 
 
 class BrowserView:
@@ -83,7 +85,6 @@ class BrowserView:
         self.n_offered = self.n_painted = self.n_dropped = 0
         self._slot: tuple[float, ViewState] | None = None
         self._lock = threading.Lock()
-        self._filled = threading.Event()
         self._over = threading.Event()
         self._server: Any = None
         self.page: Page
@@ -91,7 +92,9 @@ class BrowserView:
         self._failure: Exception | None = None
         self._counted: tuple[float, dict[str, int]] | None = None
         self._rates_hz: dict[str, float] = {}
-        self._wait_ms = 0.0
+        self._state: ViewState | None = None
+        self._turn = self._n_owed = 0
+        self._wait_ms = self._painted_s = 0.0
 
     @property
     def url(self) -> str:
@@ -135,7 +138,6 @@ class BrowserView:
             Exception: What went wrong in painting, if something did and nothing else is on its way.
         """
         self._over.set()
-        self._filled.set()
         if self._painter is not None:
             self._painter.join()
         if self._server is not None:
@@ -151,7 +153,6 @@ class BrowserView:
             if self._slot is not None:
                 self.n_dropped += 1
             self._slot = (time.monotonic(), state)
-        self._filled.set()
 
     def __call__(self, loop: LoopView) -> None:
         """Take a moment of the loop, as its observer; returns at once."""
@@ -159,47 +160,44 @@ class BrowserView:
 
     def _paint_on(self) -> None:
         """Paint the newest moment whenever there is one, until told to stop."""
-        due_s = time.monotonic()
-        state: ViewState | None = None
-        offered_s, turn, n_owed = 0.0, 0, 0
-        while not self._over.is_set():
-            # A moment that no other follows is painted to the end: nothing on the page stays older than the rest.
-            self._filled.wait(self._period_s if n_owed else None)
-            if self._over.wait(max(0.0, due_s - time.monotonic())):
-                return
-            with self._lock:
-                taken, self._slot = self._slot, None
-                self._filled.clear()
+        rest_s = 0.0
+        # The slot is looked at, not waited for: waking a thread would cost whoever offers more than all the rest.
+        while not self._over.wait(rest_s):
+            began_s, rest_s = time.monotonic(), _LOOK_S
             try:
-                if taken is not None:
-                    offered_s, state = taken[0], self._complete(taken[1])
-                    self._measure(state)
-                    n_owed = N_TURNS
-                if state is None or n_owed == 0:
-                    continue
-                latency_ms = {
-                    **state.latency_ms,
-                    "to the page": self._waited_ms(offered_s, new=taken is not None),
-                }
-                self.page.paint(state, turn=turn, rates_hz=self._rates_hz, latency_ms=latency_ms)
+                painted = self._paint_next(began_s)
             except Exception as error:  # told when the view is closed: the run goes on without a picture
                 self._failure = error
                 return
-            turn, n_owed = (turn + 1) % N_TURNS, n_owed - 1
-            if taken is not None:
-                self.n_painted += 1
-            watched = bool(self._server.get_clients())
-            due_s = time.monotonic() + (self._period_s if watched else 1 / _UNWATCHED_HZ)
+            if painted:
+                period_s = self._period_s if self._server.get_clients() else 1 / _UNWATCHED_HZ
+                took_s = time.monotonic() - began_s
+                # Where painting takes long the machine is busy: better fewer moments than the run's time.
+                rest_s = max(period_s - took_s, _REST_SHARE * took_s)
 
-    def _waited_ms(self, offered_s: float, *, new: bool) -> float:
-        """Return how long the newest moment painted had been waiting."""
-        if new:
-            self._wait_ms = (time.monotonic() - offered_s) * 1e3
-        return self._wait_ms
+    def _paint_next(self, now_s: float) -> bool:
+        """Paint a new moment, or more of the last one if no other follows; tell whether there was anything to do."""
+        with self._lock:
+            taken, self._slot = self._slot, None
+        if taken is not None:
+            offered_s, state = taken
+            self._wait_ms = (now_s - offered_s) * 1e3
+            self._state = self._complete(state)
+            self._measure(now_s, self._state)
+            self._n_owed = N_TURNS
+        elif self._n_owed == 0 or now_s - self._painted_s < 2 * self._period_s:
+            return False
+        if self._state is not None:
+            latency_ms = {**self._state.latency_ms, "to the page": self._wait_ms}
+            self.page.paint(self._state, turn=self._turn, rates_hz=self._rates_hz, latency_ms=latency_ms)
+        self._turn = (self._turn + 1) % N_TURNS
+        self._n_owed -= 1
+        self._painted_s = now_s
+        self.n_painted += taken is not None
+        return True
 
-    def _measure(self, state: ViewState) -> None:
+    def _measure(self, now_s: float, state: ViewState) -> None:
         """Work the rates out over the last second."""
-        now_s = time.monotonic()
         counts = {**state.loop.counts, "page": self.n_painted}
         if self._counted is None:
             self._counted = (now_s, counts)

@@ -19,7 +19,7 @@ def vest_svg(frame: VestFrame | None) -> str:
     """Draw the vest.
 
     Args:
-        frame: What the motors are told; ``None`` leaves the discs empty.
+        frame: What the motors are told; ``None`` where there is no vest, or it is off.
 
     Returns:
         An SVG element. Columns are thumb to ring from the left of each face; the number in a disc is percent.
@@ -28,7 +28,8 @@ def vest_svg(frame: VestFrame | None) -> str:
     half = len(values) // 2
     n_rows = half // _N_COLUMNS
     height = _TOP + n_rows * _PITCH_Y + 8
-    faces = (("front · CCI", values[:half], 0), ("back · EDA", values[half:], _WIDTH // 2))
+    off = " · off" if frame is None else ""
+    faces = ((f"front · CCI{off}", values[:half], 0), (f"back · EDA{off}", values[half:], _WIDTH // 2))
     parts = [
         f'<svg viewBox="0 0 {_WIDTH} {height}" width="100%" role="img" aria-label="vest"'
         ' font-family="system-ui, sans-serif" text-anchor="middle">'

@@ -1,0 +1,337 @@
+//! One grid of the gel, and what is done to it: shapes laid over it, sweeps over its rows, sums of what the springs carry.
+
+use crate::membrane::MAX_INDENTERS;
+use crate::shape::CLEAR;
+
+/// Picture's pixels a millimetre.
+pub const PX_PER_MM: f64 = 18.68;
+/// The skin's length l, millimetres: 20 pixels of the sensor that the light field was fitted on.
+pub const LENGTH_MM: f64 = 20.0 / PX_PER_MM;
+/// The springs' stiffness k, newtons per cubic millimetre; see `docs/sim-touch.md` for where it comes from.
+pub const STIFFNESS_N_MM3: f64 = 0.225;
+/// Cells of the finest grid: the picture and 72 pixels (across) or 64 (along) around it, 20.6 mm x 24 mm.
+pub(crate) const CELL_PX: usize = 4;
+pub(crate) const COLS: usize = 96;
+pub(crate) const ROWS: usize = 112;
+/// Cells of the finest grid that lie outside the picture on each side.
+pub(crate) const MARGIN_COLS: usize = 18;
+pub(crate) const MARGIN_ROWS: usize = 16;
+
+/// Displacement that is not worth a cell's work, millimetres: the picture would change by a count at most.
+const NEGLIGIBLE_MM: f32 = 0.004;
+/// Columns are worked on so many at a time, and sums kept in so many lanes, whatever the instruction set.
+pub(crate) const LANES: usize = 8;
+
+/// Rows and columns of cells, ends excluded; columns are multiples of [`LANES`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Window {
+    pub(crate) rows: [usize; 2],
+    pub(crate) cols: [usize; 2],
+}
+
+/// What one shape does.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Pressed {
+    /// How far its foremost point is in, millimetres.
+    pub(crate) depth: f32,
+    /// What the springs carry, newtons.
+    pub(crate) force: f32,
+}
+
+/// A grid. `height` has a still cell around it: cell (r, c) is at (r + 1) * (cols + 2) + c + 1. `floor` and `gaps` have
+/// not: r * cols + c.
+#[derive(Debug, Clone)]
+pub(crate) struct Level {
+    pub(crate) rows: usize,
+    pub(crate) cols: usize,
+    pub(crate) cell_mm: f32,
+    /// l² in cells, squared.
+    pub(crate) square: f32,
+    pub(crate) window: Window,
+    pub(crate) height: Vec<f32>,
+    /// What the next sweep writes; still around the window like `height`.
+    pub(crate) next: Vec<f32>,
+    pub(crate) floor: Vec<f32>,
+    pub(crate) gaps: Vec<Vec<f32>>,
+    /// Level of each shape's foremost cell in its gaps.
+    pub(crate) tops: [f32; MAX_INDENTERS],
+}
+
+impl Level {
+    pub(crate) fn new(shrink: usize) -> Self {
+        let (rows, cols) = (ROWS / shrink, COLS / shrink);
+        let cell_mm = ((shrink * CELL_PX) as f64 / PX_PER_MM) as f32;
+        let length = LENGTH_MM as f32 / cell_mm;
+        Self {
+            rows,
+            cols,
+            cell_mm,
+            square: length * length,
+            window: Window::default(),
+            height: vec![0.0; (rows + 2) * (cols + 2)],
+            next: vec![0.0; (rows + 2) * (cols + 2)],
+            floor: vec![0.0; rows * cols],
+            gaps: vec![vec![CLEAR; rows * cols]; MAX_INDENTERS],
+            tops: [CLEAR; MAX_INDENTERS],
+        }
+    }
+
+    /// Where a row's window lies in `height`.
+    #[inline(always)]
+    pub(crate) fn tall(&self, row: usize) -> std::ops::Range<usize> {
+        let start = (row + 1) * (self.cols + 2) + 1;
+        start + self.window.cols[0]..start + self.window.cols[1]
+    }
+
+    /// Where a row's window lies in `floor` and `gaps`.
+    #[inline(always)]
+    pub(crate) fn flat(&self, row: usize) -> std::ops::Range<usize> {
+        row * self.cols + self.window.cols[0]..row * self.cols + self.window.cols[1]
+    }
+
+    /// A cell's row of the window with a cell before and after, and the rows above and below it.
+    #[inline(always)]
+    pub(crate) fn around(&self, row: usize) -> [&[f32]; 3] {
+        let (here, stride) = (self.tall(row), self.cols + 2);
+        [
+            &self.height[here.start - 1..=here.end],
+            &self.height[here.start - stride..here.end - stride],
+            &self.height[here.start + stride..here.end + stride],
+        ]
+    }
+}
+
+#[inline(always)]
+pub(crate) fn highest(gaps: &[f32]) -> f32 {
+    let mut tops = [CLEAR; LANES];
+    for lanes in chunks(gaps) {
+        for k in 0..LANES {
+            tops[k] = if lanes[k] > tops[k] { lanes[k] } else { tops[k] };
+        }
+    }
+    tops.iter().fold(CLEAR, |top, gap| if *gap > top { *gap } else { top })
+}
+
+/// A depth to start from, rather too small: a skin is soon up but slow to come down. Springs carry the volume that lies
+/// inside the shape and, about, what the skin pulls down beside it.
+#[inline(always)]
+pub(crate) fn guess(grid: &Level, i: usize, force: f32) -> f32 {
+    let cell = grid.cell_mm * grid.cell_mm;
+    let top = grid.tops[i];
+    let mut depth = (force / 80.0).sqrt();
+    for _ in 0..6 {
+        let (mut inside, mut over) = ([0.0f32; LANES], [0.0f32; LANES]);
+        for lanes in chunks(&grid.gaps[i]) {
+            for k in 0..LANES {
+                let h = lanes[k] + (depth - top);
+                inside[k] += if h > 0.0 { h } else { 0.0 };
+                over[k] += if h > 0.0 { 1.0 } else { 0.0 };
+            }
+        }
+        let (inside, over) = (inside.iter().sum::<f32>() * cell, over.iter().sum::<f32>() * cell);
+        let length = LENGTH_MM as f32;
+        let beside = depth * length * (over.sqrt() + 2.0 * length);
+        depth *= (force / (STIFFNESS_N_MM3 as f32 * (inside + beside))).clamp(0.25, 4.0).sqrt();
+    }
+    depth
+}
+
+/// Whether a cell's gel lies on a shape: at its height, and pressed by it about as its own springs alone need. Under a
+/// shape that is not hollow the pressure is at least that; a cell that the contact only borders on has less.
+#[inline(always)]
+pub(crate) fn rests(h: f32, floor: f32, around: f32, square: f32) -> bool {
+    h <= floor && floor > 0.0 && (1.0 + 4.0 * square) * h - square * around > 0.75 * h
+}
+
+/// A window's columns, a few at a time.
+#[inline(always)]
+pub(crate) fn chunks(line: &[f32]) -> &[[f32; LANES]] {
+    line.as_chunks().0
+}
+
+/// Means of four cells, or the nearest of them where the shape does not lie over all.
+#[inline(always)]
+pub(crate) fn pool(fine: &[f32], coarse: &mut [f32], cols: usize) {
+    for (two, out) in fine.chunks_exact(2 * cols).zip(coarse.chunks_exact_mut(cols / 2)) {
+        let (upper, lower) = two.split_at(cols);
+        for ((out, a), b) in out.iter_mut().zip(upper.as_chunks::<2>().0).zip(lower.as_chunks::<2>().0) {
+            let (low0, high0) = if a[0] < a[1] { (a[0], a[1]) } else { (a[1], a[0]) };
+            let (low1, high1) = if b[0] < b[1] { (b[0], b[1]) } else { (b[1], b[0]) };
+            let low = if low0 < low1 { low0 } else { low1 };
+            let high = if high0 > high1 { high0 } else { high1 };
+            *out = if low > CLEAR / 2.0 { 0.25 * ((a[0] + a[1]) + (b[0] + b[1])) } else { high };
+        }
+    }
+}
+
+/// Where the coarse grid is displaced at all.
+#[inline(always)]
+pub(crate) fn reach(grid: &Level) -> Window {
+    let mut highest = [0.0f32; COLS];
+    let mut rows = [grid.rows, 0];
+    let [c0, c1] = grid.window.cols;
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let mut any = false;
+        for (high, h) in highest[c0..c1].iter_mut().zip(&grid.height[grid.tall(r)]) {
+            any |= *h > NEGLIGIBLE_MM;
+            *high = if *h > *high { *h } else { *high };
+        }
+        if any {
+            rows = [rows[0].min(r), r + 1];
+        }
+    }
+    let displaced = |high: &f32| *high > NEGLIGIBLE_MM;
+    let first = highest.iter().position(displaced).unwrap_or(grid.cols);
+    let last = highest.iter().rposition(displaced).map_or(0, |c| c + 1);
+    Window { rows, cols: [first, last] }
+}
+
+/// A coarse window with a cell around it, in a grid twice as fine.
+pub(crate) fn wider(coarse: Window, fine: &Level) -> Window {
+    let both = |[from, to]: [usize; 2], whole: usize, limit: usize| {
+        let end = (2 * to + 2).next_multiple_of(whole).min(limit);
+        [(2 * from.saturating_sub(1) / whole * whole).min(end), end]
+    };
+    Window { rows: both(coarse.rows, 1, fine.rows), cols: both(coarse.cols, LANES, fine.cols) }
+}
+
+/// The highest shape over each cell, at least the still gel.
+#[inline(always)]
+pub(crate) fn raise_floor(grid: &mut Level, pressed: &[Pressed]) {
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let at = grid.flat(r);
+        let floor = &mut grid.floor[at.clone()];
+        for (i, (pressed, top)) in pressed.iter().zip(&grid.tops).enumerate() {
+            let lift = pressed.depth - top;
+            for (floor, gap) in floor.iter_mut().zip(&grid.gaps[i][at.clone()]) {
+                let under = if i == 0 { 0.0 } else { *floor };
+                let inside = gap + lift;
+                *floor = if inside > under { inside } else { under };
+            }
+        }
+    }
+}
+
+/// Lowers the skin by a share, but not into the shapes.
+#[inline(always)]
+pub(crate) fn settle(grid: &mut Level, share: f32) {
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let (tall, flat) = (grid.tall(r), grid.flat(r));
+        for (h, floor) in grid.height[tall].iter_mut().zip(&grid.floor[flat]) {
+            let lower = *h * share;
+            *h = if lower > *floor { lower } else { *floor };
+        }
+    }
+}
+
+/// Starts the fine grid from the coarse one, straight lines between cells; all outside the window is still.
+#[inline(always)]
+pub(crate) fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
+    fine.height.fill(0.0);
+    fine.next.fill(0.0);
+    let stride = coarse.cols + 2;
+    for r in fine.window.rows[0]..fine.window.rows[1] {
+        // Coarse rows around this one, counted with the still one before the first; the nearer has 3/4.
+        let near = r / 2 + 1;
+        let far = if r.is_multiple_of(2) { near - 1 } else { near + 1 };
+        let rows =
+            coarse.height[near * stride..][..stride].iter().zip(&coarse.height[far * stride..][..stride]);
+        for (line, (near, far)) in line.iter_mut().zip(rows) {
+            *line = 0.75 * near + 0.25 * far;
+        }
+        // line[m + 1] is coarse column m.
+        let [m0, m1] = fine.window.cols.map(|c| c / 2);
+        let (before, here, after) = (&line[m0..m1], &line[m0 + 1..=m1], &line[m0 + 2..m1 + 2]);
+        let (tall, flat) = (fine.tall(r), fine.flat(r));
+        let cells =
+            fine.height[tall].as_chunks_mut::<2>().0.iter_mut().zip(fine.floor[flat].as_chunks::<2>().0);
+        for ((height, floor), ((before, here), after)) in cells.zip(before.iter().zip(here).zip(after)) {
+            let start = [0.75 * here + 0.25 * before, 0.75 * here + 0.25 * after];
+            for side in 0..2 {
+                height[side] = if start[side] > floor[side] { start[side] } else { floor[side] };
+            }
+        }
+    }
+}
+
+/// Relaxes every cell of the window once: even rows from what all were, then odd ones from the new even ones.
+#[inline(always)]
+pub(crate) fn sweep(grid: &mut Level, relax: f32) {
+    let shares = [relax * grid.square / (1.0 + 4.0 * grid.square), 1.0 - relax];
+    let (stride, [first, last]) = (grid.cols + 2, grid.window.rows);
+    let mut next = std::mem::take(&mut grid.next);
+    for r in (first.next_multiple_of(2)..last).step_by(2) {
+        let [here, up, down] = grid.around(r);
+        relax_row(&mut next[grid.tall(r)], &grid.floor[grid.flat(r)], here, up, down, shares);
+    }
+    for r in (first | 1..last).step_by(2) {
+        let (at, [here, ..]) = (grid.tall(r), grid.around(r));
+        let (before, rest) = next.split_at_mut(at.start);
+        let (own, after) = rest.split_at_mut(at.len());
+        let up = &before[at.start - stride..][..at.len()];
+        let down = &after[stride - at.len()..][..at.len()];
+        relax_row(own, &grid.floor[grid.flat(r)], here, up, down, shares);
+    }
+    grid.next = std::mem::replace(&mut grid.height, next);
+}
+
+/// Relaxes a row; a function of its own, so that the compiler knows that its arguments do not overlap.
+#[inline(always)]
+fn relax_row(
+    out: &mut [f32],
+    floor: &[f32],
+    here: &[f32],
+    up: &[f32],
+    down: &[f32],
+    [share, keep]: [f32; 2],
+) {
+    let n = out.len();
+    let (left, here, right) = (&here[..n], &here[1..=n], &here[2..n + 2]);
+    let (floor, up, down) = (&floor[..n], &up[..n], &down[..n]);
+    for c in 0..n {
+        let h = here[c] * keep + ((up[c] + down[c]) + (left[c] + right[c])) * share;
+        out[c] = if h > floor[c] { h } else { floor[c] };
+    }
+}
+
+/// What the springs under each shape carry; a cell belongs to the shape that lies highest over it.
+#[inline(always)]
+pub(crate) fn carry(grid: &Level, pressed: &mut [Pressed]) {
+    let scale = STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm;
+    let alone = pressed.len() == 1;
+    for (i, (pressed, top)) in pressed.iter_mut().zip(&grid.tops).enumerate() {
+        let mut sums = [0.0f32; LANES];
+        for r in grid.window.rows[0]..grid.window.rows[1] {
+            let at = grid.flat(r);
+            let shape = if alone { None } else { Some((&grid.gaps[i][at.clone()], pressed.depth - top)) };
+            carry_row(&grid.floor[at], grid.around(r), grid.square, shape, &mut sums);
+        }
+        pressed.force = scale * sums.iter().sum::<f32>();
+    }
+}
+
+/// Adds a row's pressures; of one shape's cells only where its gaps and how far it is lifted are given.
+#[inline(always)]
+fn carry_row(
+    floor: &[f32],
+    around: [&[f32]; 3],
+    square: f32,
+    shape: Option<(&[f32], f32)>,
+    sums: &mut [f32; LANES],
+) {
+    let n = floor.len();
+    let [here, up, down] = around;
+    let (left, here, right) = (chunks(&here[..n]), chunks(&here[1..=n]), chunks(&here[2..n + 2]));
+    let (floor, up, down) = (chunks(floor), chunks(&up[..n]), chunks(&down[..n]));
+    let gaps = shape.map(|(gaps, lift)| (chunks(gaps), lift));
+    for at in 0..floor.len() {
+        for k in 0..LANES {
+            let (h, floor) = (here[at][k], floor[at][k]);
+            let sum = (up[at][k] + down[at][k]) + (left[at][k] + right[at][k]);
+            let pressure = (1.0 + 4.0 * square) * h - square * sum;
+            let touches = h <= floor && floor > 0.0 && pressure > 0.0;
+            let mine = gaps.is_none_or(|(gaps, lift)| gaps[at][k] + lift >= floor);
+            sums[k] += if touches && mine { pressure } else { 0.0 };
+        }
+    }
+}

@@ -1,0 +1,90 @@
+"""The simulated gel under any press: bounds, symmetry, order."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tega.sim.gel import HEIGHT, PX_PER_MM, STIFFNESS_N_MM3, WIDTH, Gel, ball
+from tega.sim.seams import Indenter
+
+# One unit for all examples: what it shows depends on no earlier press, as test_gel.py says.
+GEL = Gel(11)
+
+forces_n = st.floats(0.05, 15.0)
+places = st.tuples(st.floats(60.0, 180.0), st.floats(60.0, 260.0))
+sizes_mm = st.floats(0.5, 30.0)
+turns = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)
+
+
+def rotation(q):
+    w, x, y, z = np.array(q) / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+@st.composite
+def indenters(draw):
+    shape = draw(st.sampled_from(["sphere", "cylinder", "capsule", "box", "plane"]))
+    x, y = draw(places)
+    place = [(x - 119.5) / PX_PER_MM, (y - 159.5) / PX_PER_MM, 0.0]
+    pose = np.column_stack([rotation(draw(turns)), place])
+    return Indenter(shape, (draw(sizes_mm), draw(sizes_mm), draw(sizes_mm)), pose, draw(forces_n))
+
+
+@given(st.lists(indenters(), max_size=3), st.integers(0, 100_000))
+def test_any_press_gives_a_picture_and_a_truth_that_fit_together(presses, index):
+    image = GEL.frame(presses, index)
+    truth, mask, height = GEL.truth, GEL.contact_mask(), GEL.displacement_mm()
+    assert image.shape == (HEIGHT, WIDTH, 3)
+    assert np.isfinite(height).all()
+    assert height.min() >= 0
+    assert mask.sum() == truth.area_px <= HEIGHT * WIDTH
+    assert truth.depth_mm == height.max()
+    assert np.isfinite(truth.centre_xy).all() == (truth.area_px > 0)
+    if truth.area_px:
+        columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
+        assert columns[0] <= truth.centre_xy[0] <= columns[-1]
+        assert rows[0] <= truth.centre_xy[1] <= rows[-1]
+    # Only where the gel is displaced does the picture differ from the untouched one.
+    far = np.kron(height, np.ones((4, 4))) == 0
+    far &= ~np.kron(dilated(height > 0), np.ones((4, 4), bool))
+    assert np.array_equal(image[far], GEL.frame([], index)[far])
+
+
+def dilated(cells):
+    padded = np.pad(cells, 3)
+    rows, columns = cells.shape
+    return np.any([padded[i : i + rows, j : j + columns] for i in range(7) for j in range(7)], axis=0)
+
+
+@given(forces_n, st.floats(1.0, 4.0), places, st.floats(1.0, 40.0))
+def test_more_force_goes_deeper_and_touches_no_less(force_n, times, place, radius_mm):
+    light = GEL.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=place)])
+    firm = GEL.press([ball(force_n=force_n * times, radius_mm=radius_mm, centre_xy=place)])
+    assert firm.depth_mm >= light.depth_mm * (times**0.5 * 0.9)
+    # One ring of cells is what the solver may be off by.
+    assert firm.area_mm2 >= light.area_mm2 - 8 * 16 / PX_PER_MM**2
+
+
+@given(st.floats(0.3, 15.0), st.floats(2.0, 40.0), places)
+def test_the_springs_carry_a_ball_s_force(force_n, radius_mm, place):
+    GEL.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=place)])
+    carried = STIFFNESS_N_MM3 * GEL.displacement_mm().sum() * (4 / PX_PER_MM) ** 2
+    # Beside the picture lies what is missing.
+    assert 0.5 * force_n < carried < 1.06 * force_n
+
+
+@given(forces_n, places, st.floats(1.0, 20.0))
+def test_a_shape_upside_down_or_lifted_presses_alike(force_n, place, radius_mm):
+    press = ball(force_n=force_n, radius_mm=radius_mm, centre_xy=place)
+    turned = press.pose_mm.copy()
+    turned[:, :3] = rotation((0.3, 0.7, -0.2, 0.5))
+    turned[2, 3] += 55.0
+    assert GEL.press([press]) == GEL.press([press._replace(pose_mm=turned)])

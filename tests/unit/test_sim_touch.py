@@ -1,0 +1,144 @@
+"""What the simulated touch is worth: closed form, published force and depth, recorded presses, what live reads."""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tega.audit import Mark
+from tega.sim import check_touch
+from tega.sim.check_touch import (
+    GOLDEN,
+    GOLDEN_RADIUS_MM,
+    Presses,
+    ball_press,
+    like_presses,
+    load_presses,
+    on_dome,
+    readings,
+)
+from tega.sim.closeness import TOLERANCES, match_press, statistics
+from tega.sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
+from tega.tactile import read_contact
+
+
+@pytest.fixture(scope="module")
+def presses(recordings: Path) -> Presses:
+    return load_presses(recordings / "digit" / "digit_ball_D20641")
+
+
+@pytest.mark.parametrize("radius_mm", [4.4, 12.0, 33.0])
+@pytest.mark.parametrize("contact_mm", [1.2, 1.8, 2.4])
+def test_a_ball_goes_in_and_touches_as_the_closed_form_says(radius_mm: float, contact_mm: float) -> None:
+    depth_mm, force_n = ball_press(on_dome(radius_mm), contact_mm)
+    truth = Gel(1).press([ball(force_n=force_n, radius_mm=radius_mm)])
+    # A ball is not its paraboloid: deeper in it is steeper.
+    assert truth.depth_mm == pytest.approx(depth_mm, rel=0.04)
+    # Half a cell is 0.11 mm.
+    assert (truth.area_mm2 / np.pi) ** 0.5 == pytest.approx(contact_mm, abs=0.12)
+
+
+def test_the_skin_beside_a_ball_falls_off_as_a_bessel_function() -> None:
+    from scipy.special import k1
+
+    gel = Gel(1)
+    truth = gel.press([ball(force_n=3.0)])
+    height = gel.displacement_mm()
+    middle = (height[39] + height[40]) / 2
+    slope = -np.diff(middle[30:]) / (4 / PX_PER_MM)
+    at_mm = (np.arange(1, slope.size + 1)) * 4 / PX_PER_MM
+    contact_mm = (truth.area_mm2 / np.pi) ** 0.5
+    beside = (at_mm > contact_mm + 0.3) & (at_mm < contact_mm + 2.5)
+    expected = k1(at_mm[beside] / LENGTH_MM)
+    ratio = slope[beside] / expected
+    assert ratio / ratio.mean() == pytest.approx(np.ones(ratio.size), abs=0.04)
+
+
+def test_force_and_depth_are_those_of_a_published_test() -> None:
+    gel = Gel(1)
+    forces = np.geomspace(0.5, 40, 60)
+    depths = [gel.press([ball(force_n=n, radius_mm=GOLDEN_RADIUS_MM)]).depth_mm for n in forces]
+    simulated = np.interp([depth for depth, _ in GOLDEN], depths, forces)
+    measured = np.array([force for _, force in GOLDEN])
+    assert simulated / measured == pytest.approx(np.ones(4), abs=0.12)
+    exponents = [
+        np.log(b / a) / np.log(y / x)
+        for (x, a), (y, b) in pairwise(zip(np.arange(1, 5) / 2, simulated, strict=True))
+    ]
+    assert all(1.6 < exponent < 2.1 for exponent in exponents)
+
+
+def test_live_follows_what_is_true() -> None:
+    gel = Gel(3)
+    for name, over_dent in (
+        ("ball 4.4 mm", (0.5, 1.15)),
+        ("ball 12 mm", (0.4, 1.2)),
+        ("cylinder 3 mm", (0.5, 1.0)),
+    ):
+        seen = [r for r in readings(name, gel) if r.eda]
+        assert len(seen) >= 5, name
+        assert [r.eda for r in seen] == sorted(r.eda for r in seen)
+        assert [r.cci for r in seen] == sorted(r.cci for r in seen)
+        assert [r.area_px for r in seen] == sorted(r.area_px for r in seen)
+        assert all(over_dent[0] < r.eda / r.dent_px < over_dent[1] for r in seen), name
+
+
+def test_a_flat_face_keeps_its_area_and_an_edge_is_sharper_than_a_face() -> None:
+    gel = Gel(3)
+    flat = [r for r in readings("flat 5 x 5 mm", gel) if r.force_n >= 1]
+    # 5 mm are 23.4 cells.
+    assert {round((r.area_px / 16) ** 0.5) for r in flat} <= {23, 24}
+    edge = {r.force_n: r.cci for r in readings("edge", gel)}
+    assert all(edge[r.force_n] > 1.5 * r.cci for r in flat if r.eda)
+
+
+def test_untouched_frames_are_never_contact() -> None:
+    for seed in range(3):
+        gel = Gel(seed)
+        still = gel.frame([], 0)
+        assert all(read_contact(gel.frame([], n * 37), still).eda == 0 for n in range(1, 60))
+
+
+def test_statistics_are_off_by_nothing_for_the_same_kind_of_press() -> None:
+    gel, mark = Gel(6), Mark((110.0, 150.0), 55.0)
+    frames = [gel.frame([ball(force_n=4.0, centre_xy=mark.centre_xy)], n) for n in (10, 20)]
+    one, two = (statistics(frame, gel.frame([], 500 + n), mark) for n, frame in enumerate(frames))
+    assert set(one) == set(TOLERANCES)
+    assert all(one[name] == pytest.approx(two[name], rel=0.1, abs=0.05) for name in one)
+
+
+def test_simulated_presses_are_close_to_recorded_ones(presses: Presses) -> None:
+    gel = Gel(0, spread=0.0)
+    picked = range(0, len(presses.frames), 6)
+    found = [
+        match_press(presses.frames[k], presses.still, presses.marks[k], gel, index=100 * k) for k in picked
+    ]
+    assert np.median([m.score for m in found]) <= 0.6
+    assert max(m.score for m in found) <= 1
+    assert max(max(m.off.values()) for m in found) <= 3
+    assert min(m.correlation for m in found) >= 0.85
+    assert np.median([m.correlation for m in found]) >= 0.9
+
+
+def test_a_ball_pressed_to_a_like_difference_covers_what_was_marked(presses: Presses) -> None:
+    some = Presses(presses.still, presses.frames[::3], presses.marks[::3])
+    areas, touching, _ = zip(*like_presses(some, Gel(0, spread=0.0)), strict=True)
+    assert 0.85 < np.median(areas) < 1.15
+    # The marks are where the dent ends; the gel touches on some 0.53 to 0.70 of their area.
+    assert 0.5 < np.median(touching) < 0.75
+
+
+def test_the_command_says_what_it_leaves_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TEGA_DATA", str(tmp_path / "none"))
+    monkeypatch.setattr(sys, "argv", ["check_touch", str(tmp_path)])
+    assert check_touch.main() == 0
+    said = capsys.readouterr().out
+    assert "left out: no recordings" in said
+    assert "## what live reads" in said
+    assert {p.name for p in tmp_path.iterdir()} == {"sim-touch.png", "sim-touch-readings.png"}
