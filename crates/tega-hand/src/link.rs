@@ -119,6 +119,8 @@ pub struct HandLink {
     jumpiness: u32,
     still: Option<Still>,
     info_due_ns: i64,
+    /// When the rate was looked at last, and the number of sets then.
+    rated: (i64, u64),
     poll_due_ns: i64,
 }
 
@@ -156,6 +158,7 @@ impl HandLink {
             jumpiness: 0,
             still: None,
             info_due_ns: 0,
+            rated: (0, 0),
             poll_due_ns: 0,
         }
     }

@@ -15,6 +15,7 @@ struct Hand {
     missing_finger: Option<usize>,
     mute: bool,
     twice: bool,
+    every_ms: i64,
     angles: [f64; 16],
     moves: bool,
     servo_on: bool,
@@ -33,6 +34,7 @@ impl Default for Hand {
             missing_finger: None,
             mute: false,
             twice: false,
+            every_ms: 3,
             angles: CLOSURE_POSES_RAD[0],
             moves: true,
             servo_on: false,
@@ -75,7 +77,7 @@ impl Hand {
             return Vec::new();
         }
         let mut out = Vec::new();
-        if t_ms % 3 == 0 {
+        if t_ms % self.every_ms == 0 {
             for (angle, duty) in self.angles.iter_mut().zip(self.duties) {
                 if self.servo_on && self.moves {
                     *angle += 0.003 * 9.52 * f64::from(duty) / 1200.0;
@@ -367,6 +369,16 @@ fn slow_reports_and_impossible_angles_are_refused_before_the_motors_go_on() {
     slow.run(300);
     assert_eq!(slow.fault(), "too-slow");
     assert!(!bench.pushed() && !slow.pushed());
+}
+
+#[test]
+fn a_hand_that_becomes_slow_is_let_go() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(600);
+    bench.hand.every_ms = 6;
+    bench.run(2200);
+    assert_eq!(bench.fault(), "too-slow");
+    assert!(bench.limp());
 }
 
 #[test]

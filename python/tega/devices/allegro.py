@@ -28,6 +28,8 @@ __all__ = ["Allegro", "AllegroOptions"]
 
 # Waiting for a frame ends this soon, so that silence is noticed in time.
 _WAIT_S = 0.002
+# A frame that waits longer is dropped: the next cycle has a newer one.
+_SEND_S = 0.01
 # Python changes threads every 5 ms when left alone; the hand reports every 3 ms.
 _SWITCH_S = 0.0005
 _REOPEN_NS = 1_000_000_000
@@ -355,7 +357,7 @@ class Allegro(Opened):
             if self._bus is None:
                 return
             try:
-                self._bus.send(message, timeout=_WAIT_S)
+                self._bus.send(message, timeout=_SEND_S)
                 self._sent.append(frame)
             except (self._can.CanError, OSError):
                 self.n_unsent += 1

@@ -100,6 +100,7 @@ impl HandLink {
                 out.push(Command::ServoOn.frame(self.settings.device));
                 out.push(Request::Info.frame(self.settings.device));
             }
+            self.rated = (t_ns, self.counts.sets);
             (self.info_due_ns, self.poll_due_ns) = (t_ns + INFO_NS, t_ns + POLL_AFTER_NS);
         }
     }
@@ -121,6 +122,12 @@ impl HandLink {
         if t_ns >= self.info_due_ns {
             self.info_due_ns = t_ns + INFO_NS;
             out.push(Request::Info.frame(self.settings.device));
+            let (since_ns, sets) = std::mem::replace(&mut self.rated, (t_ns, self.counts.sets));
+            let rate_hz = (self.counts.sets - sets) as f64 / ((t_ns - since_ns) as f64 * 1e-9);
+            if rate_hz < self.settings.lowest_rate_hz {
+                self.fail(Fault::TooSlow { rate_hz, lowest_hz: self.settings.lowest_rate_hz }, t_ns);
+                return;
+            }
         }
         if self.heat.silent_ns(t_ns) > POLL_AFTER_NS && t_ns >= self.poll_due_ns {
             self.poll_due_ns = t_ns + POLL_NS;
