@@ -48,8 +48,9 @@ def opened(browser: Any, url: str) -> Iterator[Any]:
     page = browser.new_page(viewport=SIZE)
     try:
         page.goto(url)
-        # viser warns where WebGL has no graphics card behind it.
-        page.locator(".mantine-Notification-closeButton").first.click(timeout=20_000)
+        # viser warns, sooner or later, where WebGL has no graphics card behind it.
+        page.add_style_tag(content=".mantine-Notification-root { display: none !important }")
+        page.locator("canvas").first.wait_for(timeout=60_000)
         yield page
     finally:
         page.close()

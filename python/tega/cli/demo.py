@@ -62,7 +62,8 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     help="Show it in the browser, on this machine only; goes round until stopped.",
 )
 @click.option(
-    "--port",
+    "--view-port",
+    "port",
     type=click.IntRange(0, 65_535),
     default=8080,
     show_default=True,

@@ -110,7 +110,7 @@ OBJECTS: Final[dict[str, ObjectSpec]] = {
         ObjectSpec(
             name="bag",
             mass_kg=0.40,
-            stiffness_n_m=120.0,
+            stiffness_n_m=250.0,
             friction=0.5,
             diameter_m=0.10,
             height_m=0.20,
