@@ -1,4 +1,10 @@
 //! A link against a hand made of bytes: time is a number here, so every deadline is exact.
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::struct_excessive_bools,
+    reason = "a test may fail, and a hand has many ways to be odd"
+)]
 
 use tega_hand::{CLOSURE_POSES_RAD, HandController, HandLink, LinkSettings, Phase};
 use tega_wire::allegro::{CanFrame, Received, angle_counts};

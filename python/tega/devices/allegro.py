@@ -262,6 +262,11 @@ class Allegro(Opened):
             raise DeviceUnavailableError(
                 f"allegro: the hand's thread has ended{self._trouble}", "open it again"
             )
+        if not started:
+            raise DeviceUnavailableError(
+                f"allegro: the hand was not ready within {_START_S:g} s{self._trouble}",
+                "try again; then check the adapter",
+            )
 
     def _open_bus(self) -> Any:
         o = self._options
