@@ -13,6 +13,7 @@ import pytest
 from tega.devices import Options, driver_class, driver_names
 from tega.testing.contract import check_driver
 from tega.testing.emulators.allegro_process import AllegroProcess
+from tega.testing.emulators.digit import DigitProcess
 
 
 def _images(folder: Path) -> dict[str, Any]:
@@ -42,7 +43,14 @@ def _allegro(folder: Path) -> dict[str, Any]:
     return {**hand.__enter__().options, "silent_after_ms": 1000, "lowest_rate_hz": 50}
 
 
-EMULATED: list[AllegroProcess] = []
+def _digit(folder: Path) -> dict[str, Any]:
+    del folder
+    sensor = DigitProcess()
+    EMULATED.append(sensor)
+    return {"source": sensor.__enter__().source, "warm_up_s": 0.1}
+
+
+EMULATED: list[AllegroProcess | DigitProcess] = []
 
 
 @pytest.fixture(autouse=True)
@@ -55,6 +63,7 @@ def _end_emulated() -> Iterator[None]:
 OPTIONS: dict[str, Callable[[Path], dict[str, Any]]] = {
     "allegro": _allegro,
     "can-recorder": lambda folder: {"file": folder / "can.csv"},
+    "digit": _digit,
     "emg-file": _emg,
     "images": _images,
     "python-can": lambda _folder: {"interface": "virtual", "channel": "contract"},
