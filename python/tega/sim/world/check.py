@@ -14,6 +14,8 @@ import numpy as np
 from tega.sim.world.effects import effects, levels, slip_forces
 from tega.sim.world.lift import Lift, lift
 from tega.sim.world.objects import OBJECTS
+from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
+from tega.sim.world.scene import Physics
 from tega.sim.world.study import REFERENCE, Error, bounds, compare
 
 __all__ = ["main"]
@@ -25,7 +27,9 @@ __all__ = ["main"]
 )
 @click.option("--jobs", default=1, show_default=True, help="Lifts at a time in the comparison of settings.")
 @click.option("--pictures", type=click.Path(path_type=Path), help="Folder to draw into.")
-@click.option("--only", type=click.Choice(["forces", "levels", "effects", "repeat", "long", "settings"]))
+@click.option(
+    "--only", type=click.Choice(["forces", "levels", "effects", "flex", "repeat", "long", "settings"])
+)
 def main(*, long_s: float, jobs: int, pictures: Path | None, only: str | None) -> None:
     """Check the simulated world and print what was found."""
     lifts: dict[str, list[Lift]] = {}
@@ -36,6 +40,8 @@ def main(*, long_s: float, jobs: int, pictures: Path | None, only: str | None) -
         lifts = _levels()
     if only in (None, "effects"):
         _effects()
+    if only in (None, "flex"):
+        _flex()
     if only in (None, "repeat"):
         _repeat()
     if only in (None, "long"):
@@ -88,6 +94,31 @@ def _effects() -> None:
             f"{row.needed[1]}   narrower by {1e3 * row.narrowing_m[0]:5.1f} -> {1e3 * row.narrowing_m[1]:5.1f} mm"
             f"   {'as it should' if row.right else 'WRONG'}"
         )
+
+
+def _flex() -> None:
+    click.echo("The bag as a flex, in steps of 3 and 0.75 ms, beside the bag of springs")
+    bag = OBJECTS["bag"]
+    flex = bag.with_(shell="flex")
+    for changes in ({}, {"friction": 1.0}, {"mass_kg": 0.25}):
+        spec = flex.with_(**changes)
+        ratio = slip_force_n(spec) * 4 * spec.friction / (spec.mass_kg * GRAVITY_M_S2)
+        click.echo(f"  {spec.mass_kg:5.2f} kg  µ {spec.friction:4.2f}  slips at {ratio:.3f} of m g / (4 µ)")
+    fine = Physics(integrator="discrete", timestep_s=7.5e-4)
+    for level in range(2, 6):
+        for name, spec, physics in (("springs", bag, None), ("flex", flex, None), ("flex, fine", flex, fine)):
+            one = lift(spec, level, physics=physics)
+            gripped = max((truth for truth in one.trace if truth.t_s <= 4.0), key=lambda truth: truth.t_s)
+            click.echo(
+                f"  level {level}  {name:10}  {'held' if one.held else 'LOST'}  pads at most {one.peak_force_n:4.1f} N"
+                f"  slip {1e3 * one.slip_m:4.1f} mm  narrower by {1e3 * gripped.deformation_m:4.1f} mm gripped, "
+                f"{1e3 * one.narrowing_m:4.1f} mm at most  {one.cpu_us:4.0f} µs/ms"
+            )
+    held = bounds(flex, 3, seconds=60.0)
+    click.echo(
+        f"  held for {held.simulated_s:g} s: overlap {1e3 * held.penetration_m:.2f} mm, "
+        f"sank {1e3 * held.slip_m:.2f} mm, finite {held.finite}, held {held.held}"
+    )
 
 
 def _repeat() -> None:

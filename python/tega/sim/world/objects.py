@@ -6,7 +6,7 @@ The defaults come from the ranges of household objects; none was measured for th
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 import msgspec
 
@@ -41,6 +41,8 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         clearance_m: Between the palm and the object in the grasp pose.
         forward_m: How far towards the fingertips the object's axis is from the palm's frame then.
         rgba: Colour to draw it in.
+        shell: What gives: ``pads``, a wall on springs for each finger; ``flex``, all of it as one linear elastic
+            solid as soft as that wall. A flex has no ``stiffening_n_m3`` and no ``plastic_share``.
     """
 
     name: str
@@ -58,6 +60,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     clearance_m: Annotated[float, msgspec.Meta(ge=0, le=0.05)] = 0.003
     forward_m: Annotated[float, msgspec.Meta(ge=-0.05, le=0.1)] = -0.01
     rgba: tuple[float, float, float, float] = (0.6, 0.6, 0.6, 1.0)
+    shell: Literal["pads", "flex"] = "pads"
 
     @property
     def palm_to_axis_m(self) -> tuple[float, float]:

@@ -14,6 +14,8 @@ import numpy as np
 
 from tega.sim.seams import Indenter
 from tega.sim.world.allegro import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
+from tega.sim.world.body import Body
+from tega.sim.world.objects import ObjectSpec
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,6 +24,9 @@ __all__ = ["SEAM_FINGERS", "Touch"]
 
 SEAM_FINGERS = ("thumb", "index", "middle", "ring")
 """The order of fingers outside the world."""
+
+_FLEX = -1
+"""What a contact of MuJoCo calls the shape that is a flex."""
 
 # Pad axes are axes of the last link: x to the right in the upright picture, y down (towards the palm), z out.
 _PAD_AXES = np.array([1, 2, 0])
@@ -35,19 +40,24 @@ class Touch:
         mujoco: The module.
         model: The world's model.
         data: Its state.
+        spec: The object.
+        body: Reader of it.
     """
 
-    def __init__(self, mujoco: Any, model: Any, data: Any) -> None:
+    def __init__(self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec, body: Body) -> None:
         self._mujoco, self._model, self._data = mujoco, model, data
         self._pads = {model.geom(f"{finger}_pad").id: i for i, finger in enumerate(SEAM_FINGERS)}
         self._sites = [model.site(f"{finger}_pad").id for finger in SEAM_FINGERS]
         self._table = model.geom("table").id
-        shells = [model.geom(f"{finger}_shell").id for finger in FINGERS]
-        self._object = {*shells, model.geom("core").id, model.geom("object").id}
-        self._size_mm = {
-            shape: (1e3 * float(model.geom_size[shape, 0]), 1e3 * float(model.geom_size[shape, 1]), 0.0)
-            for shape in self._object
-        }
+        self._body = body
+        radius = spec.diameter_m / 2
+        if spec.shell == "flex":
+            self._object, sizes = {_FLEX}, {_FLEX: [radius, spec.height_m / 2 - radius]}
+        else:
+            shells = [model.geom(f"{finger}_shell").id for finger in FINGERS]
+            self._object = {*shells, model.geom("core").id, model.geom("object").id}
+            sizes = {shape: model.geom_size[shape].tolist() for shape in self._object}
+        self._size_mm = {shape: (1e3 * size[0], 1e3 * size[1], 0.0) for shape, size in sizes.items()}
         self._force = np.zeros(6)
 
     def read(self) -> tuple[list[float], float, float]:
@@ -113,8 +123,9 @@ class Touch:
         to_pad = data.site_xmat[site].reshape(3, 3).T[_PAD_AXES] * _PAD_SIGNS
         near = place / force_n
         contact = to_pad @ (near - data.site_xpos[site])
-        centre = to_pad @ (data.geom_xpos[shape] - near)
-        turned = to_pad @ data.geom_xmat[shape].reshape(3, 3)
+        where, lies = self._flex_pose(near, normal) if shape == _FLEX else self._geom_pose(shape)
+        centre = to_pad @ (where - near)
+        turned = to_pad @ lies
         x, y, z = (to_pad @ normal).tolist()
         # Unroll: turn the normal upright, and put the contact where the surface has it.
         sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
@@ -139,3 +150,21 @@ class Touch:
         pose[0, 3] += 1e3 * flat[0]
         pose[1, 3] += 1e3 * flat[1]
         return Indenter("capsule", self._size_mm[shape], pose, force_n)
+
+    def _geom_pose(self, shape: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self._data.geom_xpos[shape], self._data.geom_xmat[shape].reshape(3, 3)
+
+    def _flex_pose(
+        self, near: NDArray[np.float64], normal: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where a capsule as wide as the untouched object lies that touches at a place as the flex does.
+
+        A flex has no primitive. The capsule lies along the wall, as upright as the object; that the wall is flatter
+        where it is squeezed is not in it.
+        """
+        out = normal / math.sqrt(normal @ normal)
+        axis = np.array(self._body.upright())
+        along = axis - (axis @ out) * out
+        along /= math.sqrt(along @ along)
+        where = near + 1e-3 * self._size_mm[_FLEX][0] * out
+        return where, np.stack([out, np.cross(along, out), along], axis=1)

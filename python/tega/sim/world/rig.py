@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from tega.sim.world.allegro import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
+from tega.sim.world.body import body_of
 from tega.sim.world.objects import ObjectSpec
-from tega.sim.world.scene import Physics, import_mujoco, preamble
-from tega.sim.world.shells import object_body, object_tendons
+from tega.sim.world.scene import Physics, import_mujoco, object_parts, physics_for, preamble
 
 __all__ = ["GRAVITY_M_S2", "slip_force_n"]
 
@@ -32,7 +32,8 @@ def slip_force_n(spec: ObjectSpec, physics: Physics | None = None) -> float:
     The pads first press 1.6 times as hard as they must, then ease off by 8 % of that a second; the object slides
     when it is faster than 5 mm/s.
     """
-    mujoco = import_mujoco()
+    mujoco, settings = import_mujoco(), physics_for(spec, physics)
+    thing, tendons = object_parts(spec, settings)
     reach = spec.diameter_m / 2 + PAD_RADIUS_M
     pads, motors = "", ""
     for number, finger in enumerate(FINGERS):
@@ -47,20 +48,18 @@ def slip_force_n(spec: ObjectSpec, physics: Physics | None = None) -> float:
         )
         motors += f'<motor joint="{finger}"/>'
     model = mujoco.MjModel.from_xml_string(
-        f"<mujoco>{preamble(physics or Physics())}<worldbody>{pads}{object_body(spec)}</worldbody>"
-        f"<tendon>{object_tendons(spec)}</tendon><actuator>{motors}</actuator></mujoco>"
+        f"<mujoco>{preamble(settings)}<worldbody>{pads}{thing}</worldbody>"
+        f"<tendon>{tendons}</tendon><actuator>{motors}</actuator></mujoco>"
     )
     data = mujoco.MjData(model)
     needed = spec.mass_kg * GRAVITY_M_S2 / (4 * spec.friction)
-    speed = model.joint("object").dofadr[0] + 2
-    thing = model.body("object").id
-    # The weight comes on as the pads close, so that nothing falls before they hold.
-    weight = spec.mass_kg * GRAVITY_M_S2
+    body = body_of(mujoco, model, data, spec)
     while True:
         share = min(1.0, data.time / _SETTLE_S)
         force = needed * _WITHIN * (1 - _EASE_PER_S * max(0.0, data.time - 2 * _SETTLE_S))
         data.ctrl[:] = force
-        data.xfrc_applied[thing, 2] = weight * (1 - share)
+        # The weight comes on as the pads close, so that nothing falls before they hold.
+        model.opt.gravity[2] = -GRAVITY_M_S2 * share
         mujoco.mj_step(model, data)
-        if force <= 0 or (data.time > 2 * _SETTLE_S and data.qvel[speed] < -_SLIPS_M_S):
+        if force <= 0 or (data.time > 2 * _SETTLE_S and body.rise_m_s() < -_SLIPS_M_S):
             return float(force)

@@ -7,16 +7,26 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import msgspec
 import numpy as np
 
-from tega.errors import MissingExtraError
+from tega.errors import InvalidValueError, MissingExtraError
 from tega.sim.world.allegro import hand_actuators, hand_body
 from tega.sim.world.arm import arm_actuators, arm_body
+from tega.sim.world.flex import flex_body
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.shells import object_body, object_tendons
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["PALM_ROTATION", "Physics", "build", "grasp_palm_m", "import_mujoco", "preamble"]
+__all__ = [
+    "PALM_ROTATION",
+    "Physics",
+    "build",
+    "grasp_palm_m",
+    "import_mujoco",
+    "object_parts",
+    "physics_for",
+    "preamble",
+]
 
 PALM_ROTATION: Final = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Palm to world: the fingers point along x, the palm faces y, the index finger is on top. float64 (3, 3)."""
@@ -46,6 +56,24 @@ class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     integrator: Literal["implicitfast", "implicit", "discrete"] = "implicitfast"
 
 
+def physics_for(spec: ObjectSpec, physics: Physics | None) -> Physics:
+    """Return the physics asked for, or what is the default for an object.
+
+    Raises:
+        InvalidValueError: A flex is to be moved in a way that MuJoCo cannot move it.
+    """
+    if spec.shell != "flex":
+        return physics or Physics()
+    found = physics or Physics(integrator="discrete", timestep_s=3e-3)
+    if found.integrator != "discrete" or found.noslip:
+        raise InvalidValueError(
+            f"object {spec.name!r} is a flex, which cannot go with integrator {found.integrator!r} and "
+            f"{found.noslip} sweeps of noslip",
+            "integrator = 'discrete' and noslip = 0",
+        )
+    return found
+
+
 def import_mujoco() -> Any:
     """Import MuJoCo.
 
@@ -68,20 +96,26 @@ def grasp_palm_m(spec: ObjectSpec) -> NDArray[np.float64]:
 
 def build(mujoco: Any, spec: ObjectSpec, physics: Physics) -> Any:
     """Return the model: table, arm, hand, object."""
+    thing, tendons = object_parts(spec, physics)
     return mujoco.MjModel.from_xml_string(
         f'<mujoco model="tega">{preamble(physics)}<worldbody>'
         '<geom name="table" class="table" type="plane" size="0.4 0.4 0.02"/>'
-        f"{arm_body(hand_body())}{object_body(spec)}"
-        f"</worldbody><tendon>{object_tendons(spec)}</tendon>"
+        f"{arm_body(hand_body())}{thing}"
+        f"</worldbody><tendon>{tendons}</tendon>"
         f"<actuator>{arm_actuators()}{hand_actuators()}</actuator></mujoco>"
     )
 
 
+def object_parts(spec: ObjectSpec, physics: Physics) -> tuple[str, str]:
+    """Return the object's bodies and its tendons."""
+    if spec.shell == "flex":
+        return flex_body(spec, _contact(physics)), ""
+    return object_body(spec), object_tendons(spec)
+
+
 def preamble(physics: Physics) -> str:
     """Return the settings of the solver and the classes of shapes: who touches whom, and how hard."""
-    contact = (
-        f'condim="4" solref="{physics.solref_s} 1" solimp="{physics.onset} 0.99 {physics.width_m} 0.5 2"'
-    )
+    contact = _contact(physics)
     dark, unseen = 'rgba="0.2 0.2 0.22 1"', 'rgba="0 0 0 0"'
     classes = {f"finger{n}": f'contype="{1 << n}" conaffinity="0" {contact} {dark}' for n in range(4)}
     classes |= {
@@ -102,3 +136,7 @@ def preamble(physics: Physics) -> str:
         f'cone="elliptic" impratio="{physics.impratio}" noslip_iterations="{physics.noslip}" '
         f'tolerance="{physics.tolerance}"><flag autoreset="disable"/></option><default>{defaults}</default>'
     )
+
+
+def _contact(physics: Physics) -> str:
+    return f'condim="4" solref="{physics.solref_s} 1" solimp="{physics.onset} 0.99 {physics.width_m} 0.5 2"'

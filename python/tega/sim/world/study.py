@@ -10,6 +10,7 @@ import numpy as np
 from tega.sim.world.allegro import FULL_DUTY_NM
 from tega.sim.world.events import slips
 from tega.sim.world.lift import LIFT_M, Lift, lift
+from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
 from tega.sim.world.world import World
@@ -145,17 +146,21 @@ class Bounds(NamedTuple):
 
 
 def bounds(
-    name: str = "bottle", level: int = 4, *, seconds: float = 600.0, physics: Physics | None = None
+    spec: ObjectSpec | str = "bottle",
+    level: int = 4,
+    *,
+    seconds: float = 600.0,
+    physics: Physics | None = None,
 ) -> Bounds:
     """Grasp, lift, and hold an object for a long time while the grip goes between two levels twice a minute.
 
     Args:
-        name: The object.
+        spec: The object, or its name.
         level: Closure level; every 30 s for 10 s it is one more.
         seconds: How long to hold.
         physics: How the motion is computed.
     """
-    world, controller = World(name, physics=physics, start_m=(0.0, 0.0)), hand_controller()
+    world, controller = World(spec, physics=physics, start_m=(0.0, 0.0)), hand_controller()
     mujoco, data = world.mujoco, world.data
     penetration = kinetic = up_slip = 0.0
     tick, up_s = 0, 5.0

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from tega.errors import InvalidValueError, ShapeError
 from tega.sim.world.allegro import TORQUE_LIMITS_NM, joint_names
+from tega.sim.world.body import body_of
 from tega.sim.world.follower import ArmFollower
 from tega.sim.world.objects import OBJECTS, ObjectSpec
 from tega.sim.world.pads import Touch
 from tega.sim.world.poses import GRASP_POSES_RAD
-from tega.sim.world.scene import PALM_ROTATION, Physics, build, grasp_palm_m, import_mujoco
+from tega.sim.world.scene import PALM_ROTATION, Physics, build, grasp_palm_m, import_mujoco, physics_for
+from tega.sim.world.shapes import Shape
 from tega.sim.world.truth import Witness
 
 if TYPE_CHECKING:
@@ -27,22 +29,6 @@ _SETTLE_S = 0.3
 _PLACING_M = 1e-3
 _BACK = -np.array([0.5, 0.75**0.5, 0.0])
 """The way back from the grasp pose: 30° from straight out of the palm."""
-
-
-class Shape(NamedTuple):
-    """A primitive to draw.
-
-    Attributes:
-        name: Its name, one of a kind.
-        kind: What it is.
-        size_m: Half lengths; capsule and cylinder: radius and half length along z; plane: half lengths.
-        rgba: Colour.
-    """
-
-    name: str
-    kind: Literal["sphere", "capsule", "cylinder", "box", "plane"]
-    size_m: tuple[float, float, float]
-    rgba: tuple[float, float, float, float]
 
 
 class World:
@@ -83,7 +69,7 @@ class World:
             if spec not in OBJECTS:
                 raise InvalidValueError(f"there is no object {spec!r}", f"one of {', '.join(OBJECTS)}")
             spec = OBJECTS[spec]
-        self.spec, self.physics = spec, physics or Physics()
+        self.spec, self.physics = spec, physics_for(spec, physics)
         self.mujoco = mujoco = import_mujoco()
         self.model = model = build(mujoco, spec, self.physics)
         self.data = data = mujoco.MjData(model)
@@ -95,8 +81,8 @@ class World:
         self._arm = ArmFollower(mujoco, model, self._place(*start_m), PALM_ROTATION)
         data.qpos[:7] = data.act[:7] = self._arm.angles_rad
         data.qpos[self._joints] = GRASP_POSES_RAD[0]
-        at = model.joint("object").qposadr[0]
-        data.qpos[at : at + 2] += np.random.default_rng(seed).normal(0, _PLACING_M, 2)
+        self._body = body_of(mujoco, model, data, spec)
+        self._body.move(*np.random.default_rng(seed).normal(0, _PLACING_M, 2))
         warnings = mujoco.mjtWarning
         self._runaway = [
             int(warnings.mjWARN_BADQPOS),
@@ -108,10 +94,10 @@ class World:
         self._lead_every = 2 * self._watch_every
         self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
         mujoco.mj_forward(model, data)
-        self._touch = Touch(mujoco, model, data)
+        self._touch = Touch(mujoco, model, data, spec, self._body)
         self._witness: Witness | None = None
         self._hold_still(_SETTLE_S)
-        self._witness = Witness(model, data, spec, self._touch)
+        self._witness = Witness(model, data, spec, self._touch, self._body)
         self._steps = 0
         drawn = [i for i in range(model.ngeom) if model.geom_rgba[i, 3] > 0]
         self._drawn = np.array(drawn)
@@ -232,12 +218,14 @@ class World:
                 tuple(model.geom_rgba[i].tolist()),
             )
             for i in self._drawn
-        ]
+        ] + self._body.shapes()
 
     def poses(self) -> NDArray[np.float64]:
         """Return where those are: float64 (n, 7), position in metres and quaternion w, x, y, z."""
-        poses = np.empty((len(self._drawn), 7))
-        poses[:, :3] = self.data.geom_xpos[self._drawn]
+        more = self._body.poses()
+        poses = np.empty((len(self._drawn) + len(more), 7))
+        poses[: len(self._drawn), :3] = self.data.geom_xpos[self._drawn]
+        poses[len(self._drawn) :] = more
         for row, i in enumerate(self._drawn):
             self.mujoco.mju_mat2Quat(poses[row, 3:], self.data.geom_xmat[i])
         return poses
