@@ -242,6 +242,21 @@ def test_a_virtual_bus_does_as_well() -> None:
         assert not node.duties.any()
 
 
+@pytest.mark.parametrize("end", ["", "raise SystemExit(3)", "raise ValueError"])
+def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
+    with AllegroProcess() as hand:
+        program = (
+            "import time\n"
+            "from tega.devices.allegro import Allegro, AllegroOptions\n"
+            f"driver = Allegro(AllegroOptions(**{ ({**hand.options, **PATIENT})!r}))\n"
+            f"driver.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(driver.state().phase)\n{end}\n"
+        )
+        said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+        assert said.stdout.strip() == "running"
+        assert _limp(hand)
+        assert not hand.command()["reports"]
+
+
 def test_bad_levels_and_bad_settings() -> None:
     with AllegroProcess() as hand, _driver(hand) as driver:
         for level in (0, 6):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import sys
 import threading
@@ -174,6 +175,8 @@ class Allegro(Opened):
         )
         self._thread = threading.Thread(target=self._run, args=(self._link,), name="allegro", daemon=True)
         self._thread.start()
+        # A program that ends without closing must not leave the fingers pushing.
+        atexit.register(self.close)
         try:
             self._check(started=self._ready.wait(_START_S))
         except BaseException:
@@ -186,6 +189,7 @@ class Allegro(Opened):
         if thread is not None:
             self._leaving.set()
             thread.join(_LEAVE_S + _START_S)
+            atexit.unregister(self.close)
             sys.setswitchinterval(self._switch_s)
         self._link = None
 
