@@ -118,6 +118,12 @@ class EmgConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
+_Threshold = Annotated[float, msgspec.Meta(ge=0, le=99)]
+_EachThreshold = Annotated[tuple[_Threshold, ...], msgspec.Meta(min_length=40, max_length=40)]
+_Step = Annotated[float, msgspec.Meta(gt=0, le=100)]
+_EachStep = Annotated[tuple[_Step, ...], msgspec.Meta(min_length=40, max_length=40)]
+
+
 class VestConfig(_Section, frozen=True):
     """The vest.
 
@@ -127,6 +133,9 @@ class VestConfig(_Section, frozen=True):
         rate_hz: Frames per second.
         keep_alive_s: A frame equal to the last one sent is sent to a real vest again after this long at the latest;
             0 sends every frame. It stays well below the 200 ms after which a vest has to fall silent by itself.
+        mirror: ``back`` reverses the back's columns, ``all`` both faces' (a left hand, or a mirrored vest).
+        threshold: The lowest intensity that this person feels, percent: one number, or 40 in the wearer's order.
+        step: The smallest increase that this person notices, percent; likewise. See ``tega.haptics.FeltMap``.
         options: The driver's own settings.
     """
 
@@ -134,6 +143,9 @@ class VestConfig(_Section, frozen=True):
     layout: Literal["paper32", "x40", "x16"] | None = None
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 30.0
     keep_alive_s: Annotated[float, msgspec.Meta(ge=0, le=0.15)] = 0.1
+    mirror: Literal["none", "back", "all"] = "none"
+    threshold: _Threshold | _EachThreshold = 0.0
+    step: _Step | _EachStep = 1.0
     options: Any = msgspec.field(default_factory=dict)
 
 

@@ -12,7 +12,8 @@
     ├── WireError (ValueError)              a packet that cannot be encoded
     └── DeviceUnavailableError (RuntimeError)
         ├── WrongDeviceError            a device answers, but not the one the settings ask for
-        └── MissingExtraError (ImportError) a device needs a package that is not installed
+        ├── MissingExtraError (ImportError) a device needs a package that is not installed
+        └── SampleRateError                 a source's true sample rate cannot carry the filter
 
 Each message names the thing, the value and its unit; ``hint`` is the next step to take.
 """
@@ -27,6 +28,7 @@ __all__ = [
     "InvalidValueError",
     "MissingExtraError",
     "RecordingError",
+    "SampleRateError",
     "ShapeError",
     "TegaError",
     "WireError",
@@ -90,3 +92,7 @@ class WrongDeviceError(DeviceUnavailableError):
 
 class MissingExtraError(DeviceUnavailableError, ImportError):
     """A device needs a package that is not installed; the hint names the extra that brings it."""
+
+
+class SampleRateError(DeviceUnavailableError):
+    """A source's true sample rate is too low for the filter, or not the one it is said to have."""

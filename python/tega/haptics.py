@@ -33,6 +33,7 @@ __all__ = [
     "HIGH_SHARE",
     "LAYOUTS",
     "ContactType",
+    "FeltMap",
     "Layout",
     "Mirror",
     "VestFrame",
@@ -201,6 +202,59 @@ def vest_frame(
     )
     intensities.flags.writeable = False
     return VestFrame(layout, intensities)
+
+
+class FeltMap:
+    """Evens out what one person feels at each motor.
+
+    Every motor has a threshold, the lowest intensity that is felt there, and a step, the smallest increase that is
+    noticed. An intensity of i percent becomes
+
+    ``threshold + i/100 · n · step``, with ``n`` the least ``(100 − threshold) / step`` of all motors:
+
+    the same number of noticeable steps above what is just felt, wherever it is shown, and as many of them as the
+    person's weakest motor has. 0 stays exactly 0. A step is taken to be as large everywhere between the threshold
+    and 100 as where it was measured; with equal motors that leaves the range from threshold to 100. Results are
+    rounded half to even.
+
+    Args:
+        threshold: Percent, 0 to 99: one number for all motors, or one for each of 40 in the wearer's order.
+        step: Percent, above 0 to 100; likewise.
+
+    Raises:
+        InvalidValueError: A number is out of its range or not finite.
+        ShapeError: There are neither 1 nor 40 of them.
+
+    Example:
+        >>> FeltMap(threshold=20).apply(vest_frame([0, 1, 50, 100], [0] * 4)).intensities[:4]
+        array([  0,  21,  60, 100], dtype=uint8)
+    """
+
+    def __init__(
+        self, *, threshold: float | Iterable[float] = 0.0, step: float | Iterable[float] = 1.0
+    ) -> None:
+        thresholds = _per_motor("threshold", threshold, 0.0, 99.0)
+        steps = _per_motor("step", step, 0.0, 100.0)
+        if not steps.all():
+            raise InvalidValueError("step = 0 is out of range: above 0 to 100 percent")
+        n_steps = float(np.min((100.0 - thresholds) / steps))
+        shares = np.arange(101)[:, np.newaxis] / 100.0
+        table = np.clip(np.rint(thresholds + shares * n_steps * steps), 0, 100).astype(np.uint8)
+        table[0] = 0
+        self._table: NDArray[np.uint8] = table
+
+    def apply(self, frame: VestFrame) -> VestFrame:
+        """Return the frame that is felt evenly; its intensities are read-only."""
+        return VestFrame(frame.layout, _read_only(self._table[frame.intensities, frame.motors]))
+
+
+def _per_motor(name: str, values: float | Iterable[float], least: float, most: float) -> NDArray[np.float64]:
+    numbers = np.asarray(values if isinstance(values, int | float) else list(values), np.float64)
+    if numbers.shape not in {(), (40,)}:
+        raise ShapeError(f"{name} has shape {numbers.shape}", "give one number, or one for each of 40 motors")
+    if not bool(np.all((numbers >= least) & (numbers <= most))):
+        raise InvalidValueError(f"{name} = {values!r} is out of range: {least:g} to {most:g} percent")
+    return np.broadcast_to(numbers, (40,))
 
 
 def contact_type(cci_norm: float, eda_norm: float) -> ContactType:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from contract.peers import PEERS
 from tega.devices import Options, driver_class, driver_names
 from tega.testing.contract import check_driver
 from tega.testing.emulators.allegro_process import AllegroProcess
@@ -74,10 +75,15 @@ OPTIONS: dict[str, Callable[[Path], dict[str, Any]]] = {
 }
 
 
+# With their emulators, in test_vests.py.
+VESTS = {"bhaptics-ble", "bhaptics-player", "hid-vest", "on-screen-vest"}
+
+
 def test_every_built_in_driver_is_put_through_the_contract() -> None:
-    assert set(OPTIONS) <= set(driver_names())
+    covered = set(OPTIONS) | set(PEERS)
+    assert covered <= set(driver_names())
     built_in = {n for n in driver_names() if driver_class(n).__module__.startswith("tega.")}
-    assert built_in == set(OPTIONS)
+    assert built_in == covered | VESTS
 
 
 @pytest.mark.parametrize("name", sorted(OPTIONS))
@@ -85,6 +91,14 @@ def test_contract(name: str, tmp_path: Path) -> None:
     driver = driver_class(name)
     make: Any = driver.options_type
     check_driver(driver, make(**OPTIONS[name](tmp_path)))
+
+
+@pytest.mark.parametrize("name", sorted(PEERS))
+def test_contract_with_a_peer(name: str, tmp_path: Path) -> None:
+    driver = driver_class(name)
+    make: Any = driver.options_type
+    with PEERS[name](tmp_path) as options:
+        check_driver(driver, make(**options))
 
 
 class _Forgetful:

@@ -11,7 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reference import haptics as reference
-from tega.haptics import HIGH_SHARE, LAYOUTS, Layout, Mirror, contact_type, intensity, vest_frame
+from tega.haptics import (
+    HIGH_SHARE,
+    LAYOUTS,
+    FeltMap,
+    Layout,
+    Mirror,
+    VestFrame,
+    contact_type,
+    intensity,
+    vest_frame,
+)
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 positive = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
@@ -111,3 +121,27 @@ def test_the_reading_rule(cci: float, eda: float) -> None:
     else:
         wanted = "focal" if cci > eda else "broad"
     assert contact_type(cci, eda) == wanted
+
+
+thresholds = st.lists(st.integers(0, 99), min_size=40, max_size=40)
+steps = st.lists(st.integers(1, 400).map(lambda n: n / 4), min_size=40, max_size=40)
+
+
+@given(threshold=thresholds, step=steps, intensities=st.lists(st.integers(0, 100), min_size=40, max_size=40))
+def test_every_motor_is_as_many_noticeable_steps_above_its_threshold(
+    threshold: list[int], step: list[float], intensities: list[int]
+) -> None:
+    n = min((100 - t) / Fraction(s) for t, s in zip(threshold, step, strict=True))
+    frame = VestFrame("x40", np.array(intensities, np.uint8))
+    felt = FeltMap(threshold=threshold, step=step).apply(frame).intensities.tolist()
+    for got, i, t, s in zip(felt, intensities, threshold, step, strict=True):
+        exact = t + Fraction(i, 100) * n * Fraction(s) if i else Fraction(0)
+        assert abs(got - exact) <= Fraction(1, 2) + Fraction(1, 10**9)
+
+
+@given(layout=layouts, front=four, back=four)
+def test_without_threshold_and_with_equal_steps_nothing_changes(
+    layout: Layout, front: list[float], back: list[float]
+) -> None:
+    frame = vest_frame(front, back, layout=layout)
+    assert FeltMap(step=7).apply(frame) == frame

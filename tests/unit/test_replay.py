@@ -277,7 +277,7 @@ def test_emg_samples_that_are_no_numbers_are_held_and_counted(replay: Replay, tm
     ]
     summary = replay(*words)
     assert summary["emg"]["held_samples"] == [4, 1, 0]
-    assert "emg: ch1: 4 samples were no numbers; the one before was held" in summary["notes"]
+    assert "emg: ch1: 4 samples were missing or no numbers; the one before was held" in summary["notes"]
 
 
 def test_a_folder_that_is_not_ours_is_left_alone(replay: Replay, press: list[object], tmp_path: Path) -> None:

@@ -37,6 +37,7 @@ _VERBS = {
     "hand": _Verb(
         "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."
     ),
+    "identify": _Verb("Hardware", "tega.cli.identify", "identify", "Light the vest's motors one at a time."),
     "audit": _Verb(
         "Tooling",
         "tega.cli.audit",

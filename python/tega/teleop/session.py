@@ -15,6 +15,7 @@ from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.registry import driver_class
 from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
+from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
@@ -140,9 +141,13 @@ def _run(
     pacer = Pacer(clock)
     start_ns = pacer.start()
     maxima = {finger: prepared.calibration.touch(finger) or TouchMaxima() for finger in prepared.fingers}
+    vest = config.vest
+    felt = None
+    if (vest.threshold, vest.step) != (0.0, 1.0):
+        felt = FeltMap(threshold=vest.threshold, step=vest.step)
     loop = DualLoop(
         pacer=pacer,
-        touch=TouchLoop(maxima, layout=layout),
+        touch=TouchLoop(maxima, layout=layout, mirror=config.vest.mirror, felt=felt),
         contacts={
             name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns)
             for name, finger in prepared.fingers.items()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
+import numpy as np
 
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame, TactileSource
 from tega.errors import DeviceUnavailableError, RecordingError, ShapeError, TegaError
@@ -14,7 +15,6 @@ from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.repeats import STUCK_FRAMES, LastFrame
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from tega.emg import GraspIntent
@@ -31,6 +31,9 @@ __all__ = [
 
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
+
+# Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
+MOST_GAP_S = 1.0
 
 # Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
 # otherwise keep a core busy with asking.
@@ -255,6 +258,9 @@ class BlockMeter:
     def take(self, chunk: EmgChunk) -> list[Block]:
         """Take the next samples.
 
+        Samples that are missing before them, by their numbers, take their time: they are held for a tenth of a
+        second, and after that the channels are bad until samples come again.
+
         Args:
             chunk: They.
 
@@ -264,10 +270,14 @@ class BlockMeter:
         Raises:
             ShapeError: The samples have another number of channels than the maxima.
         """
-        fused = self._intent.process(chunk.samples)
-        report = self._report
+        samples, report = chunk.samples, self._report
+        n_missing = max(0, chunk.first_index - self._next_index)
+        if n_missing:
+            n_told = min(n_missing, round(MOST_GAP_S * self._rate_hz))
+            samples = np.concatenate([np.full((n_told, *samples.shape[1:]), np.nan), samples])
+        fused = self._intent.process(samples)
         report.n_items += len(chunk.samples)
-        report.n_missing += max(0, chunk.first_index - self._next_index)
+        report.n_missing += n_missing
         self._next_index = chunk.first_index + len(chunk.samples)
         self.end_ns = chunk.t_ns - self._start_ns
         if not len(fused):

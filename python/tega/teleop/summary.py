@@ -147,8 +147,11 @@ def _notes(state: RunState) -> list[str]:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
         for name, n_held in zip(muscles.maxima.channels, muscles.intent.held_samples, strict=True):
             if n_held:
-                notes.append(f"emg: {name}: {n_held} samples were no numbers; the one before was held")
+                notes.append(
+                    f"emg: {name}: {n_held} samples were missing or no numbers; the one before was held"
+                )
         notes += _ending("emg", muscles.report, end_ns, "its last level held to the end")
+    notes += [f"vest: {note}" for vest in state.sinks.kept for note in vest.sink.info.notes]
     return notes
 
 

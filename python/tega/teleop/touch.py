@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from tega.haptics import intensity, vest_frame
+from tega.haptics import FeltMap, intensity, vest_frame
 
 if TYPE_CHECKING:
     from tega.calibration import TouchMaxima
-    from tega.haptics import Layout, VestFrame
+    from tega.haptics import Layout, Mirror, VestFrame
     from tega.tactile import ContactMetrics
 
 __all__ = ["STALE_NS", "Felt", "TouchLoop"]
@@ -48,10 +48,21 @@ class TouchLoop:
     Args:
         maxima: What counts as full, by finger; the fingers in use are its keys.
         layout: Which motors the vest has.
+        mirror: Which faces have their columns reversed.
+        felt: Evens out what the wearer feels; ``None`` sends the law's own intensities.
     """
 
-    def __init__(self, maxima: Mapping[str, TouchMaxima], *, layout: Layout) -> None:
-        self._layout = layout
+    def __init__(
+        self,
+        maxima: Mapping[str, TouchMaxima],
+        *,
+        layout: Layout,
+        mirror: Mirror = "none",
+        felt: FeltMap | None = None,
+    ) -> None:
+        self._layout: Layout = layout
+        self._mirror: Mirror = mirror
+        self._map = felt
         self._maxima = {f: (m.cci_max, m.eda_max) for f, m in maxima.items()}
         self._column = {f: _COLUMNS.index(f) for f in maxima}
         self._newest: dict[int, tuple[int, Felt]] = {}
@@ -87,7 +98,9 @@ class TouchLoop:
     def frame(self, t_ns: int) -> VestFrame:
         """Return the vest frame for a time."""
         felt = self.fresh(t_ns)
-        return vest_frame([f.front for f in felt], [f.back for f in felt], layout=self._layout)
+        front, back = [f.front for f in felt], [f.back for f in felt]
+        frame = vest_frame(front, back, layout=self._layout, mirror=self._mirror)
+        return frame if self._map is None else self._map.apply(frame)
 
     def silence(self) -> VestFrame:
         """Return the frame in which every motor rests."""

@@ -1,0 +1,64 @@
+"""``tega-teleop identify``: which motor is where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tega.cli.options import debug_option
+
+__all__ = ["identify"]
+
+
+@click.command(epilog="Example: tega-teleop identify --set vest.driver=bhaptics-player --motor 0")
+@click.argument("config", type=click.Path(path_type=Path), metavar="[CONFIG.toml]", required=False)
+@click.option(
+    "--motor", "motors", type=click.IntRange(0, 39), multiple=True, help="Only this one; repeatable."
+)
+@click.option(
+    "--percent", type=click.IntRange(1, 100), default=50, show_default=True, help="How hard it vibrates."
+)
+@click.option(
+    "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="How long each does."
+)
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@debug_option
+def identify(
+    *, config: Path | None, motors: tuple[int, ...], percent: int, seconds: float, sets: tuple[str, ...]
+) -> None:
+    """Light the vest's motors one at a time and say where each should be felt.
+
+    Wear the vest and compare: row 1 is at the top, column 1 at your own left on both panels. Where the front is
+    felt mirrored, set front_mirror (bhaptics-ble). The settings of the person (threshold, step, mirror) are left out.
+    """
+    from tega.cli.options import Stop
+    from tega.clock import SystemClock
+    from tega.config import load_config
+    from tega.devices import driver_class
+    from tega.errors import ConfigError
+    from tega.haptics import vest_frame
+    from tega.teleop.identify import light_motor, motor_place
+    from tega.teleop.session import DEFAULT_LAYOUT
+
+    settings = load_config(config, sets=sets).config
+    if settings.vest.driver is None:
+        raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
+    layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
+    every = vest_frame([0] * 4, [0] * 4, layout=layout).motors.tolist()
+    with Stop() as stop, driver_class(settings.vest.driver, "vest")(settings.vest.options) as vest:
+        for note in vest.info.notes:
+            click.echo(f"note: {note}", err=True)
+        for motor in motors or every:
+            click.echo(f"motor {motor:>2}: {motor_place(motor)}")
+            light_motor(
+                vest,
+                motor,
+                layout=layout,
+                percent=percent,
+                duration_s=seconds,
+                clock=SystemClock(),
+                stop=stop,
+            )
+            if stop():
+                raise KeyboardInterrupt

@@ -1,0 +1,148 @@
+"""From arrival times, which come in bunches, to the time of a sample and the true sample rate.
+
+A USB serial adapter delivers several samples at once, up to 16 ms late. A sample cannot arrive before it was taken,
+so the earliest arrivals are the true ones: stamps lie on a line of one period per sample, laid under the arrivals. An
+early arrival pulls the line down at once; once a second it is raised to the earliest of that second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+__all__ = ["SampleClock", "Stamp"]
+
+# The line is looked over this often, and the rate is fitted over this long.
+_LOOK_NS = 1_000_000_000
+_FIT_NS = 10_000_000_000
+# A sample that seems to come from further in the future than this has a wrong number.
+_FUTURE_NS = 50_000_000
+# A fit over less than this says nothing.
+_LEAST_FIT_NS = 200_000_000
+
+
+class Stamp(NamedTuple):
+    """What the clock says of a chunk.
+
+    Attributes:
+        t_ns: When its last sample was complete, on the clock of the arrivals; never decreases.
+        n_lost: Whole turns of the packet counter that elapsed time shows to have gone missing before it, in samples.
+    """
+
+    t_ns: int
+    n_lost: int
+
+
+class SampleClock:
+    """Stamps samples that are counted, and measures how fast they really come.
+
+    Args:
+        rate_hz: The rate they are said to come at.
+        counter_turn: After how many samples the device's own counter repeats, so that a loss of whole turns is
+            seen in the elapsed time alone; ``None`` for a device that does not count, where time tells nothing
+            about losses.
+
+    Example:
+        >>> clock = SampleClock(250.0)
+        >>> clock.take(4, 16_000_000).t_ns, clock.take(4, 48_000_000).t_ns, clock.take(4, 48_000_000).t_ns
+        (16000000, 32000000, 48000000)
+    """
+
+    def __init__(self, rate_hz: float, *, counter_turn: int | None = None) -> None:
+        self._period_ns = 1e9 / rate_hz
+        self._turn = counter_turn
+        self._n = 0
+        self._line: tuple[int, float] | None = None
+        self._points: deque[tuple[int, int]] = deque()
+        self._earliest_ns = math.inf
+        self._look_ns = 0
+        self._arrival_ns = 0
+        self._pauses_ns = (0, 0)
+        self._last_ns = 0
+
+    def take(self, n_samples: int, arrival_ns: int, n_missing: int = 0) -> Stamp:
+        """Count samples in.
+
+        Args:
+            n_samples: How many arrived.
+            arrival_ns: When, on the monotonic clock.
+            n_missing: How many the device's counter says are missing before them.
+
+        Returns:
+            The time of the last of them, and losses that only time shows.
+        """
+        self._n += n_missing + n_samples
+        self._points.append((self._n, arrival_ns))
+        while arrival_ns - self._points[0][1] > _FIT_NS:
+            self._points.popleft()
+        n_lost = 0
+        if self._line is None:
+            self._line, self._look_ns = (self._n, float(arrival_ns)), arrival_ns + _LOOK_NS
+            self._arrival_ns = arrival_ns
+        before, now = self._pauses_ns
+        self._pauses_ns, self._arrival_ns = (before, max(now, arrival_ns - self._arrival_ns)), arrival_ns
+        late_ns = arrival_ns - self._on_line()
+        if late_ns < 0:
+            self._line, late_ns = (self._n, float(arrival_ns)), 0.0
+        self._earliest_ns = min(self._earliest_ns, late_ns)
+        if arrival_ns >= self._look_ns:
+            n_lost = self._look(arrival_ns)
+        self._last_ns = max(self._last_ns, min(round(self._on_line()), arrival_ns))
+        return Stamp(self._last_ns, n_lost)
+
+    def room(self, n_samples: int, arrival_ns: int) -> int:
+        """Return how many samples can be missing before those that arrive, if none of them is from the future."""
+        if self._line is None:
+            return 2**31
+        ahead_ns = self._on_line() + n_samples * self._period_ns - arrival_ns
+        return max(0, math.floor((_FUTURE_NS - ahead_ns) / self._period_ns))
+
+    @property
+    def measured_hz(self) -> float | None:
+        """Samples per second over the last ten seconds, the missing ones counted in; ``None`` before 0.2 s."""
+        if len(self._points) < 3 or self._points[-1][1] - self._points[0][1] < _LEAST_FIT_NS:
+            return None
+        n0, t0 = self._points[0]
+        # Least squares of the number of samples against the time of arrival.
+        times = [(t - t0) * 1e-9 for _, t in self._points]
+        mean_t = sum(times) / len(times)
+        mean_n = sum(n - n0 for n, _ in self._points) / len(times)
+        spread = sum((t - mean_t) ** 2 for t in times)
+        slope = sum((t - mean_t) * (n - n0 - mean_n) for t, (n, _) in zip(times, self._points, strict=True))
+        return slope / spread if spread > 0 else None
+
+    @property
+    def measured_s(self) -> float:
+        """How long the measured rate goes back, seconds."""
+        return (self._points[-1][1] - self._points[0][1]) * 1e-9 if self._points else 0.0
+
+    def restart(self) -> None:
+        """Count and stamp afresh from the next arrival on, at the rate known so far."""
+        self._n, self._line, self._pauses_ns, self._earliest_ns = 0, None, (0, 0), math.inf
+        self.forget_rate()
+
+    def forget_rate(self) -> None:
+        """Measure afresh: what was between the arrivals so far is not known."""
+        self._points.clear()
+
+    def _on_line(self) -> float:
+        n, t_ns = self._line or (0, 0.0)
+        return t_ns + (self._n - n) * self._period_ns
+
+    def _look(self, arrival_ns: int) -> int:
+        """Raise the line to the earliest arrival of the last second, and count whole turns that went missing."""
+        n_lost, late_ns = 0, self._earliest_ns
+        if self._turn is not None:
+            # While packets were lost none arrived; a stream that has only become slow has no such pause.
+            lost_ns = min(late_ns, max(self._pauses_ns))
+            n_lost = math.floor(lost_ns / self._period_ns / self._turn + 0.25) * self._turn
+        if n_lost:
+            self._n += n_lost
+            self.forget_rate()
+        elif (rate_hz := self.measured_hz) is not None and rate_hz > 0:
+            on_line_ns, self._period_ns = self._on_line(), 1e9 / rate_hz
+            self._line = (self._n, on_line_ns + late_ns)
+        self._earliest_ns, self._look_ns = math.inf, arrival_ns + _LOOK_NS
+        self._pauses_ns = (0 if n_lost else self._pauses_ns[1], 0)
+        return n_lost

@@ -1,0 +1,124 @@
+"""A serial port as the drivers need it: it never waits, and it says in plain words what is wrong with it."""
+
+from __future__ import annotations
+
+import errno
+import time
+from pathlib import Path
+from typing import Any
+
+from tega.devices.lifecycle import require
+from tega.errors import DeviceUnavailableError
+
+__all__ = ["POLL_S", "SerialPort"]
+
+POLL_S = 0.004
+"""How often a port is looked at while waiting: one period of a 250 Hz board."""
+
+_WRITE_TIMEOUT_S = 0.5
+
+
+class SerialPort:
+    """An open port, 8 data bits, no parity, one stop bit.
+
+    Args:
+        port: Its name, such as ``/dev/ttyUSB0``, ``/dev/serial/by-id/…`` or ``COM3``.
+        baud: Bits per second.
+        driver: Who uses it, for the messages.
+
+    Raises:
+        DeviceUnavailableError: It is not there, in use, not allowed, or cannot be set up.
+        MissingExtraError: pyserial is not installed.
+    """
+
+    def __init__(self, port: str, baud: int, *, driver: str) -> None:
+        self.name = Path(port).name
+        self.notes: tuple[str, ...] = ()
+        self._driver = driver
+        serial: Any = require("serial", driver=driver, extra="lab")
+        try:
+            self._port: Any = serial.Serial(
+                port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
+            )
+        except (OSError, ValueError) as error:
+            raise DeviceUnavailableError(
+                f"{driver}: port {port} did not open: {error}", _hint(error)
+            ) from error
+        if "ttyUSB" in port or "FTDI" in port:
+            try:
+                self._port.set_low_latency_mode(True)
+            except (OSError, ValueError, NotImplementedError, AttributeError):
+                self.notes = (
+                    f"{self.name}: low-latency mode could not be set, so samples may come 16 ms late; "
+                    "write 1 to the adapter's latency_timer",
+                )
+
+    def read(self) -> bytes:
+        """Return what has arrived, without waiting.
+
+        Raises:
+            DeviceUnavailableError: The port is gone.
+        """
+        try:
+            n = self._port.in_waiting
+            return bytes(self._port.read(n)) if n else b""
+        except (OSError, TypeError, AttributeError) as error:
+            raise self._gone(error) from error
+
+    def write(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises:
+            DeviceUnavailableError: The port is gone, or takes nothing.
+        """
+        try:
+            self._port.write(data)
+        except OSError as error:
+            raise self._gone(error) from error
+
+    def read_until(self, end: bytes, timeout_s: float) -> bytes:
+        """Return what arrives up to and with ``end``, or what came until the time was over."""
+        data, deadline = b"", time.monotonic() + timeout_s
+        while end not in data and time.monotonic() < deadline:
+            got = self.read()
+            data += got
+            if not got:
+                time.sleep(POLL_S)
+        return data
+
+    def drain(self, quiet_s: float, timeout_s: float) -> int:
+        """Throw away what arrives until nothing did for ``quiet_s``; return how many bytes that were."""
+        n, deadline = 0, time.monotonic() + timeout_s
+        quiet_from = time.monotonic()
+        while time.monotonic() < deadline and time.monotonic() - quiet_from < quiet_s:
+            got = len(self.read())
+            if got:
+                n, quiet_from = n + got, time.monotonic()
+            else:
+                time.sleep(POLL_S)
+        return n
+
+    def close(self) -> None:
+        """Close it; a port that is gone already is closed as well."""
+        try:
+            self._port.close()
+        except OSError:
+            return
+
+    def _gone(self, error: BaseException) -> DeviceUnavailableError:
+        return DeviceUnavailableError(
+            f"{self._driver}: {self.name} was lost: {error}", "was it unplugged? plug it in and start again"
+        )
+
+
+def _hint(error: BaseException) -> str:
+    """Say what to do about a port that did not open."""
+    number, text = getattr(error, "errno", None), str(error)
+    if number == errno.EACCES or "Permission" in text:
+        return "your user may not open it: join the group that owns it (often dialout) and log in again"
+    if number in {errno.EBUSY, errno.EAGAIN} or "lock" in text or "Access is denied" in text:
+        return "another program has it open: close that one (a serial monitor, ModemManager)"
+    from serial.tools import list_ports
+
+    there = ", ".join(sorted(p.device for p in list_ports.comports() if p.hwid != "n/a"))
+    return f"ports that are there: {there}" if there else "no USB serial port is there: check cable and power"

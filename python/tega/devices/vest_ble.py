@@ -1,0 +1,197 @@
+"""A bHaptics vest over Bluetooth LE, without the vendor's software."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.devices.base import Options
+from tega.devices.lifecycle import require
+from tega.devices.vest_ble_guard import Guard
+from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
+from tega.errors import DeviceUnavailableError
+from tega.wire import x40_ble_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine
+
+__all__ = ["BleOptions", "BleVest"]
+
+_NAMES: Final = ("TactSuit", "Tactot")
+_SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
+_MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
+_BATTERY: Final = "6e400008-b5a3-f393-e0a9-e50e24dcca9e"
+_CALL_S = 1.5  # no call to the radio may take longer
+_LOW_BATTERY = 15
+
+
+class BleOptions(VestOptions, frozen=True):
+    """Settings of :class:`BleVest`.
+
+    Attributes:
+        address: The vest's Bluetooth address (on macOS its identifier); empty for the first vest that is heard.
+        scan_s: How long to listen for it.
+        front_mirror: Swap left and right on the front panel: its sense rests on one published table, see
+            ``tega-teleop identify``.
+    """
+
+    address: str = ""
+    scan_s: Annotated[float, msgspec.Meta(gt=0, le=30)] = 5.0
+    front_mirror: bool = False
+
+
+class BleVest(StreamedVest):
+    """Writes the 20-byte motor frame, without response, to the vest's motor characteristic.
+
+    As far as is known a vest holds the last frame for ever, so everything rests on the zeros that are sent on the way
+    out; a second process sends them if this one is killed. A broken radio link may leave it vibrating until it is
+    found again. Nothing but motor frames is ever written to a vest.
+
+    Args:
+        options: The settings.
+    """
+
+    name: ClassVar[str] = "bhaptics-ble"
+    summary: ClassVar[str] = "bHaptics vest over Bluetooth LE, without the vendor's software"
+    extra: ClassVar[str] = "lab"
+    requires: ClassVar[tuple[str, ...]] = ("bleak",)
+    options_type: ClassVar[type[Options]] = BleOptions
+
+    def __init__(self, options: BleOptions) -> None:
+        super().__init__(options)
+        self._options = options
+
+    @property
+    def _label(self) -> str:
+        return self._options.address or "first vest heard"
+
+    def _new_link(self) -> VestLink:
+        return _BleLink(self._options)
+
+
+class _BleLink:
+    def __init__(self, options: BleOptions) -> None:
+        self._options = options
+        self._runner: asyncio.Runner | None = None
+        self._client: Any = None
+        self._broken: tuple[type[Exception], ...] = (OSError, EOFError)
+        self._gone = False
+        self._guard: Guard | None = None
+        self._battery: int | None = None
+
+    @property
+    def present(self) -> bool:
+        return not self._gone
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        if self._battery is None or self._battery > _LOW_BATTERY:
+            return ()
+        return (f"the vest's battery is at {self._battery} %",)
+
+    def connect(self) -> None:
+        self._bleak = require("bleak", driver=BleVest.name, extra="lab")
+        self._broken = (OSError, EOFError, self._bleak.exc.BleakError)
+        self._runner = asyncio.Runner()
+        o = self._options
+        device = self._call(self._find(), o.scan_s + _CALL_S, "looking for the vest")
+        if device is None:
+            what = f"no vest with the address {o.address}" if o.address else "no vest (TactSuit…, Tactot…)"
+            raise DeviceUnavailableError(
+                f"{what} was heard in {o.scan_s:g} s of Bluetooth scanning",
+                "switch it on and close the Player and the phone's app: a vest talks to one program at a time",
+            )
+        self._client = self._bleak.BleakClient(device, disconnected_callback=self._on_disconnected)
+        self._call(self._client.connect(), o.open_timeout_s, "connecting")
+        details = device.details
+        self._guard = Guard(device.address, details.get("path", "") if isinstance(details, dict) else "")
+        if self._client.services.get_characteristic(_MOTORS) is None:
+            raise DeviceUnavailableError(
+                f"{device.name or device.address} has no motor characteristic {_MOTORS}",
+                "it is no vest of the kinds this driver knows (X40, X16 and their likes)",
+            )
+        if self._client.services.get_characteristic(_BATTERY) is not None:
+            with contextlib.suppress(DeviceUnavailableError):
+                value = self._call(self._client.read_gatt_char(_BATTERY), _CALL_S, "reading the battery")
+                self._battery = value[0] if value else None
+
+    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002  # a write returns when the radio's stack has it
+        return True
+
+    def send(self, intensities: NDArray[np.uint8]) -> None:
+        if self._client is None or self._gone:
+            raise DeviceUnavailableError("the vest has disconnected")
+        frame = x40_ble_frame(intensities, front_mirror=self._options.front_mirror)
+        self._call(self._client.write_gatt_char(_MOTORS, frame, response=False), _CALL_S, "writing a frame")
+
+    def poll(self) -> None:
+        self._call(asyncio.sleep(0.001), _CALL_S, "listening")
+        if self._gone:
+            raise DeviceUnavailableError("the vest has disconnected")
+
+    def close(self) -> None:
+        client, self._client = self._client, None
+        runner, self._runner = self._runner, None
+        if runner is None:
+            return
+        if client is not None:
+            with contextlib.suppress(*self._broken, TimeoutError):
+                runner.run(asyncio.wait_for(client.disconnect(), _CALL_S))
+        runner.close()
+        guard, self._guard = self._guard, None
+        if guard is not None:
+            guard.dismiss()
+
+    def abort(self) -> None:
+        """Nothing: every call has its own end."""
+
+    async def _find(self) -> Any:
+        def wanted(device: Any, name: str | None) -> bool:
+            if self._options.address:
+                return bool(device.address.lower() == self._options.address.lower())
+            return (name or "").startswith(_NAMES)
+
+        # A connected vest is not heard: a program that was killed may have left it so.
+        with contextlib.suppress(NotImplementedError):
+            adapter = await self._bleak.BleakAdapter.get()
+            for device in await adapter.get_connected_devices([_SERVICE]):
+                if wanted(device, device.name):
+                    return device
+        return await self._bleak.BleakScanner.find_device_by_filter(
+            lambda device, heard: wanted(device, heard.local_name or device.name),
+            timeout=self._options.scan_s,
+        )
+
+    def _call(self, work: Coroutine[Any, Any, Any], timeout_s: float, doing: str) -> Any:
+        if self._runner is None:
+            work.close()
+            raise DeviceUnavailableError("the vest is not connected")
+        try:
+            return self._runner.run(asyncio.wait_for(work, timeout_s))
+        except TimeoutError as error:
+            raise DeviceUnavailableError(
+                f"Bluetooth: no answer within {timeout_s:g} s while {doing}",
+                "move closer, or restart the adapter",
+            ) from error
+        except self._bleak.exc.BleakBluetoothNotAvailableError as error:
+            raise DeviceUnavailableError(
+                f"Bluetooth: {error.args[0]}", "plug an adapter in, or switch it on"
+            ) from error
+        except self._bleak.exc.BleakError as error:
+            raise DeviceUnavailableError(
+                f"Bluetooth: {error}, while {doing}",
+                "close the Player and the phone's app (a vest talks to one program at a time), move closer, try again",
+            ) from error
+        except self._broken as error:
+            raise DeviceUnavailableError(
+                f"Bluetooth: the system's service cannot be reached ({error!r}) while {doing}",
+                "on Linux: systemctl start bluetooth; in a container the system's D-Bus socket is needed",
+            ) from error
+
+    def _on_disconnected(self, _client: Any) -> None:
+        self._gone = True

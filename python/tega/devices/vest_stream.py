@@ -1,0 +1,304 @@
+"""What all live vests share: the newest frame only, keep-alive, watchdog, and silence on every way out.
+
+A driver makes *links*; a thread of its own connects one, feeds it, and replaces it when it breaks. The loop hands
+its frame over through one slot and never waits for a radio or a socket.
+
+==================  ==================================================================================
+a frame written     replaces one that was not sent yet
+an equal frame      is sent again after 100 ms
+no frame, 200 ms    zeros, and zeros again every second
+link lost           frames are dropped, a new link is tried after 0.5 s, then up to 5 s; it begins with zeros
+close, exception,   zeros, then the link is closed
+exit, SIGTERM
+==================  ==================================================================================
+"""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import threading
+import time
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Protocol
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.lifecycle import Opened
+from tega.devices.ways_out import closes_on_exit, release
+from tega.errors import DeviceUnavailableError
+from tega.haptics import VestFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["HOLD_MS", "StreamedVest", "VestCounters", "VestLink", "VestOptions"]
+
+WATCHDOG_S: Final = 0.2
+KEEP_ALIVE_S: Final = 0.1
+REST_S: Final = 1.0
+HOLD_MS: Final = 200
+"""How long a frame lasts by itself where the protocol can say so: two keep-alive periods."""
+
+_POLL_S = 0.05
+_STALLED_S = 1.0  # a link that takes no frame for this long counts as lost
+_RETRY_S = (0.5, 5.0)
+_JOIN_S = 2.0
+_ZEROS: Final[NDArray[np.uint8]] = np.zeros(40, np.uint8)
+
+
+class VestOptions(Options, frozen=True):
+    """Settings every live vest has.
+
+    Attributes:
+        limit: The highest intensity that is ever sent, percent.
+        open_timeout_s: How long opening may take.
+    """
+
+    limit: Annotated[int, msgspec.Meta(ge=1, le=100)] = 100
+    open_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0
+
+
+class VestLink(Protocol):
+    """One connection to a vest.
+
+    All but ``abort`` is called on the writer's thread; failures are raised as DeviceUnavailableError.
+    """
+
+    @property
+    def present(self) -> bool:
+        """Whether a vest is at the other end, as far as the link knows."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the results must know."""
+        ...
+
+    def connect(self) -> None:
+        """Connect, or say why not."""
+        ...
+
+    def ready(self, timeout_s: float) -> bool:
+        """Wait until the link takes a frame without queueing it; tell whether it does."""
+        ...
+
+    def send(self, intensities: NDArray[np.uint8]) -> None:
+        """Send (40,) intensities, 0 to 100, in the wearer's order."""
+        ...
+
+    def poll(self) -> None:
+        """Take in what the other end said; does not wait."""
+        ...
+
+    def close(self) -> None:
+        """Close, after zeros have been sent if that was possible."""
+        ...
+
+    def abort(self) -> None:
+        """Make a call that hangs on the other thread return."""
+        ...
+
+
+class VestCounters(msgspec.Struct, kw_only=True):
+    """What a live vest's writer did.
+
+    Attributes:
+        written: Frames handed over.
+        sent: Frames sent, keep-alives and zeros included.
+        superseded: Frames replaced by a newer one before they could be sent.
+        silenced: Times the watchdog sent zeros.
+        lost: Times the link broke.
+        problem: Why it broke last; empty if it never did.
+    """
+
+    written: int = 0
+    sent: int = 0
+    superseded: int = 0
+    silenced: int = 0
+    lost: int = 0
+    problem: str = ""
+
+
+class StreamedVest(Opened):
+    """Base of the live vest drivers.
+
+    Args:
+        options: The settings.
+    """
+
+    kind: ClassVar[Kind] = "vest"
+    name: ClassVar[str]
+
+    def __init__(self, options: VestOptions) -> None:
+        self._limit = options.limit
+        self._open_timeout_s = options.open_timeout_s
+        self.counters = VestCounters()
+        self._link: VestLink | None = None
+        self._thread: threading.Thread | None = None
+        self._last: threading.Thread | None = None
+        self._changed = threading.Condition()
+        self._stopping = False
+        self._slot = _ZEROS
+        self._slot_is_new = False
+        self._written_s = 0.0
+        self._up = threading.Event()
+        self._failure: DeviceUnavailableError | None = None
+
+    def _new_link(self) -> VestLink:
+        """Make a link that is not connected yet."""
+        raise NotImplementedError
+
+    @property
+    def _label(self) -> str:
+        """What the vest is called."""
+        raise NotImplementedError
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Where the vest is, and what went wrong with it since it was opened."""
+        link, counters = self._link, self.counters
+        notes = () if link is None else link.notes
+        if counters.lost:
+            notes = (*notes, f"the link was lost {counters.lost} times, at last: {counters.problem}")
+        return DeviceInfo(
+            driver=self.name, kind="vest", label=self._label, live=True, unit="0 to 100", notes=notes
+        )
+
+    def open(self) -> None:
+        """Connect and send zeros.
+
+        Raises:
+            DeviceUnavailableError: The vest is not there or does not answer in time.
+            MissingExtraError: A package it needs is not installed.
+        """
+        self.close()
+        if self._last is not None and self._last.is_alive():
+            raise DeviceUnavailableError(
+                f"{self.name}: the link used before has not let go yet", "try again in some seconds"
+            )
+        self._begin()
+        connected = threading.Event()
+        self._thread = threading.Thread(target=self._run, args=(connected,), name=self.name, daemon=True)
+        self._thread.start()
+        closes_on_exit(self.close)
+        in_time = connected.wait(self._open_timeout_s)
+        failure = self._failure
+        if in_time and failure is None:
+            return
+        self.close()
+        raise failure or DeviceUnavailableError(
+            f"{self.name}: no answer within {self._open_timeout_s} s", "is it switched on and in reach?"
+        )
+
+    def _begin(self) -> None:
+        self.counters = VestCounters()
+        self._stopping, self._failure = False, None
+        self._slot, self._slot_is_new, self._written_s = _ZEROS, False, time.monotonic()
+
+    def close(self) -> None:
+        """Send zeros and disconnect; waits for that, but not for a peer that hangs."""
+        thread, self._thread = self._thread, None
+        if thread is None:
+            return
+        self._last = thread
+        with self._changed:
+            self._stopping = True
+            self._changed.notify()
+        thread.join(_JOIN_S)
+        if thread.is_alive() and (link := self._link) is not None:
+            link.abort()
+            thread.join(_JOIN_S)
+        release(self.close)
+
+    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:  # noqa: ARG002  # a vest shows the present
+        """Hand a frame over; returns at once.
+
+        Returns:
+            The frame within the limit; all zeros while the link is down or reports no vest.
+
+        Raises:
+            DeviceUnavailableError: The vest is not open.
+        """
+        if self._thread is None:
+            raise DeviceUnavailableError(f"{self.name} is not open", "open it first")
+        taken = frame
+        if self._limit < 100:
+            taken = VestFrame(frame.layout, np.minimum(frame.intensities, np.uint8(self._limit)))
+        with self._changed:
+            self.counters.written += 1
+            self.counters.superseded += self._slot_is_new
+            self._slot, self._slot_is_new, self._written_s = taken.x40(), True, time.monotonic()
+            self._changed.notify()
+        link = self._link
+        if self._up.is_set() and link is not None and link.present:
+            return taken
+        return VestFrame(frame.layout, np.zeros_like(frame.intensities))
+
+    def _run(self, connected: threading.Event) -> None:
+        retry_s = _RETRY_S[0]
+        while not self._stopping:
+            self._link = link = self._new_link()
+            try:
+                link.connect()
+                link.send(_ZEROS)
+                self._up.set()
+                connected.set()
+                retry_s = _RETRY_S[0]
+                self._serve(link)
+            except Exception as error:  # whatever it is, the vest is silenced and tried again
+                if not connected.is_set():
+                    self._failure = _said(error)
+                    self._stopping = True
+                elif self._up.is_set():
+                    self.counters.lost += 1
+                    self.counters.problem = _said(error).message
+            finally:
+                self._up.clear()
+                _leave(link)
+            connected.set()
+            with self._changed:
+                self._changed.wait_for(lambda: self._stopping, retry_s * random.uniform(0.8, 1.2))
+            retry_s = min(2 * retry_s, _RETRY_S[1])
+
+    def _serve(self, link: VestLink) -> None:
+        """Feed a link until the driver is closed or the link breaks."""
+        shown, shown_s = _ZEROS, time.monotonic()
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._slot_is_new or self._stopping, _POLL_S)
+                if self._stopping:
+                    return
+            link.poll()
+            if not link.ready(_POLL_S):
+                if time.monotonic() - shown_s > _STALLED_S:
+                    raise DeviceUnavailableError(f"{self.name}: takes no frames, for {_STALLED_S:g} s now")
+                continue
+            with self._changed:
+                wanted, self._slot_is_new = self._slot, False
+                now = time.monotonic()
+                if now - self._written_s > WATCHDOG_S:
+                    self.counters.silenced += bool(wanted.any())
+                    wanted = self._slot = _ZEROS
+            if now - shown_s >= (KEEP_ALIVE_S if wanted.any() else REST_S) or not np.array_equal(
+                wanted, shown
+            ):
+                link.send(wanted)
+                shown, shown_s = wanted, now
+                self.counters.sent += 1
+
+
+def _said(error: Exception) -> DeviceUnavailableError:
+    if isinstance(error, DeviceUnavailableError):
+        return error
+    return DeviceUnavailableError(f"unexpected {type(error).__name__}: {error}", "report it")
+
+
+def _leave(link: VestLink) -> None:
+    """Silence a vest and let go of it, whatever state the link is in."""
+    steps: tuple[Callable[[], None], ...] = (lambda: link.send(_ZEROS), link.close)
+    for step in steps:
+        with contextlib.suppress(Exception):  # it may be left because it does not work
+            step()

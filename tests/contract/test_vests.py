@@ -1,0 +1,385 @@
+"""Live vests against emulators in other processes: the contract, newest only, watchdog, faults, every way out."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+import pytest
+
+from tega.config import check_tree
+from tega.devices import driver_class
+from tega.devices.vest_player import PlayerVest
+from tega.devices.vest_stream import StreamedVest
+from tega.errors import DeviceUnavailableError
+from tega.haptics import VestFrame, vest_frame
+from tega.teleop import run_session
+from tega.testing.contract import check_driver
+from tega.testing.emulators.hid_port import HidPort
+from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.vest_faults import fault_rows, vest_bench
+from tega.wire import vest_levels
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+
+TOUCH = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
+OTHER = vest_frame([7, 20, 33, 47], [60, 67, 73, 87], layout="x40")
+SILENT = [0] * 40
+
+
+class Bench(NamedTuple):
+    """A vest driver and the emulator at its other end."""
+
+    vest: StreamedVest
+    peer: EmulatedVest
+    port: HidPort | None = None
+
+    def shows(self, frame: VestFrame) -> bool:
+        """Tell whether the motors do what a frame says, to the level."""
+        return bool(np.array_equal(vest_levels(self.peer.report().motors), vest_levels(frame.x40())))
+
+    def feed(self, condition: Callable[[], bool], frame: VestFrame = TOUCH) -> None:
+        """Write a frame again and again, as the loop does, until something holds."""
+        self.wait(lambda: bool(self.vest.write(0, frame)) and condition())
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        """Wait until something holds."""
+        for _ in range(750):
+            if condition():
+                return
+            time.sleep(0.02)
+        pytest.fail(f"never came true; {self.vest.counters}; {self.vest.info.notes}")
+
+
+def make(name: str, **options: Any) -> StreamedVest:
+    driver: Any = driver_class(name, "vest")
+    vest: StreamedVest = driver(driver.options_type(**options))
+    return vest
+
+
+@contextmanager
+def bench(name: str, **options: Any) -> Iterator[Bench]:
+    if name == "bhaptics-ble" and shutil.which("dbus-daemon") is None:
+        pytest.skip("dbus-daemon is not installed")
+    with vest_bench(name, **options) as made:
+        yield Bench(*made)
+
+
+RADIO = ["bhaptics-ble", "bhaptics-player", "hid-vest"]
+
+
+@pytest.fixture(params=RADIO)
+def any_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    with bench(request.param) as made:
+        yield made
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[Path, list[bytes]]]:
+    """Open a terminal and collect what is drawn in it."""
+    ours, theirs = os.openpty()
+    seen: list[bytes] = []
+
+    def collect() -> None:
+        while True:
+            try:
+                seen.append(os.read(ours, 4096))
+            except OSError:
+                return
+
+    reader = threading.Thread(target=collect)
+    reader.start()
+    yield Path(os.ttyname(theirs)), seen
+    os.close(theirs)
+    reader.join()
+    os.close(ours)
+
+
+def test_contract(any_bench: Bench) -> None:
+    vest: Any = any_bench.vest
+    check_driver(type(vest), vest._options)
+    report = any_bench.peer.report()
+    assert report.errors == []
+    assert report.motors == SILENT
+    assert not {m for m in report.modules if m.startswith(("tega.wire", "tega._native", "tega.devices"))}
+
+
+def test_contract_of_the_vest_on_screen(terminal: tuple[Path, list[bytes]]) -> None:
+    path, seen = terminal
+    driver: Any = driver_class("on-screen-vest", "vest")
+    check_driver(driver, driver.options_type(terminal=path))
+    with driver(driver.options_type(terminal=path)) as vest:
+        for _ in range(1000):
+            vest.write(0, TOUCH)
+            if b"  12   9   6   3        2   0  15   8" in b"".join(seen):
+                break
+            time.sleep(0.02)
+        else:
+            pytest.fail("the touch was not drawn")
+    with pytest.raises(DeviceUnavailableError, match="the terminal /nowhere does not open"):
+        driver(driver.options_type(terminal=Path("/nowhere"))).open()
+
+
+def test_a_touch_reaches_the_right_motors_and_an_open_vest_begins_silent(any_bench: Bench) -> None:
+    with any_bench.vest:
+        assert any_bench.shows(vest_frame([0] * 4, [0] * 4))
+        any_bench.feed(lambda: any_bench.shows(TOUCH))
+        any_bench.feed(lambda: any_bench.shows(OTHER), OTHER)
+        one = np.zeros(40, np.uint8)
+        one[3], one[36] = 100, 47
+        any_bench.feed(lambda: any_bench.shows(VestFrame("x40", one)), VestFrame("x40", one))
+    report = any_bench.peer.report()
+    assert report.errors == []
+    assert report.motors == SILENT
+
+
+def test_an_equal_frame_is_sent_again_so_that_no_radio_lets_it_lapse(any_bench: Bench) -> None:
+    with any_bench.vest as vest:
+        any_bench.feed(lambda: any_bench.shows(TOUCH))
+        before = vest.counters.sent
+        any_bench.feed(lambda: vest.counters.sent >= before + 3)
+
+
+def test_a_frame_that_is_not_renewed_is_silenced_by_the_watchdog(any_bench: Bench) -> None:
+    with any_bench.vest as vest:
+        any_bench.feed(lambda: any_bench.shows(TOUCH))
+        any_bench.wait(lambda: any_bench.peer.report().motors == SILENT and vest.counters.silenced == 1)
+
+
+def test_a_slow_vest_gets_the_newest_frame_and_no_queue(any_bench: Bench) -> None:
+    with any_bench.vest as vest:
+        any_bench.feed(lambda: any_bench.shows(TOUCH))
+        any_bench.peer.fault("slow")
+        for k in range(60):
+            vest.write(0, vest_frame([k, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            time.sleep(0.02)
+        received = any_bench.peer.report().received
+        any_bench.wait(lambda: any_bench.peer.report().motors == SILENT)
+        # What was on its way when writing stopped: the frame in the link, the newest one, and zeros.
+        assert any_bench.peer.report().received - received <= 8
+        assert vest.counters.superseded >= 10
+        assert vest.counters.lost == 0
+
+
+def test_writing_returns_zeros_while_the_link_is_down_and_the_frame_again_afterwards(
+    any_bench: Bench,
+) -> None:
+    broken = "close" if any_bench.port else "drop"
+    with any_bench.vest as vest:
+        any_bench.feed(lambda: any_bench.shows(TOUCH))
+        connections = any_bench.peer.report().connections
+        any_bench.peer.fault(broken)
+        any_bench.feed(lambda: vest.counters.lost == 1)
+        any_bench.feed(lambda: not vest.write(0, TOUCH).intensities.any() or broken == "drop")
+        any_bench.peer.fault("")
+        any_bench.feed(lambda: any_bench.shows(TOUCH))
+        any_bench.feed(lambda: vest.write(0, TOUCH) == TOUCH)
+        report = any_bench.peer.report()
+        assert report.connections > connections
+        assert "link was lost 1 times" in vest.info.notes[-1]
+    changes = [values for _, values in report.history]
+    assert SILENT in changes[1:], "a new link begins with zeros"
+
+
+def test_a_frozen_peer_delays_neither_write_nor_close(any_bench: Bench) -> None:
+    with any_bench.vest as vest:
+        any_bench.feed(lambda: any_bench.shows(TOUCH))
+        any_bench.peer.fault("freeze")
+        for _ in range(20):
+            vest.write(0, OTHER)
+            time.sleep(0.01)
+        any_bench.feed(lambda: vest.counters.lost == 1, OTHER)
+    any_bench.peer.fault("")
+
+
+OPENING = [
+    ("bhaptics-ble", "refuse", "connection-refused.*one program at a time"),
+    ("bhaptics-ble", "off", "no vest .* was heard in 0.5 s"),
+    ("bhaptics-ble", "wrong-version", "TactSuitX40_EMU has no motor characteristic"),
+    ("bhaptics-ble", "no-adapter", "No Bluetooth adapters found"),
+    ("bhaptics-player", "refuse", "answers HTTP 503"),
+    ("bhaptics-player", "wrong-version", "answers HTTP 404 instead of serving /v2/feedbacks"),
+    ("bhaptics-player", "no-vest", "has no vest connected"),
+    ("bhaptics-player", "freeze", "cannot be reached: timed out"),
+    ("hid-vest", "close", "no USB board 1209:0001 is there"),
+    ("hid-vest", "refuse", "does not open: open failed; .*udev rule"),
+    ("hid-vest", "wrong-version", "format version is 0x2, 0x1 is needed"),
+    ("hid-vest", "garbage", "no status in report format version 1: .*checksum"),
+    ("hid-vest", "freeze", "no status in report format version 1"),
+    ("hid-vest", "no-vest", "the USB board 1209:0001 has no vest connected"),
+]
+
+
+@pytest.mark.parametrize(("name", "fault", "said"), OPENING)
+def test_opening_says_what_is_wrong(name: str, fault: str, said: str) -> None:
+    options = {"scan_s": 0.5} if name == "bhaptics-ble" else {}
+    with bench(name, open_timeout_s=1.0, **options) as made:
+        made.peer.fault(fault)
+        if made.port is not None:
+            made.port.can_open = fault != "refuse"
+        with pytest.raises(DeviceUnavailableError, match=said):
+            made.vest.open()
+        with pytest.raises(DeviceUnavailableError, match="is not open"):
+            made.vest.write(0, TOUCH)
+
+
+def test_a_vest_that_a_dead_program_left_connected_is_found_and_silenced() -> None:
+    with bench("bhaptics-ble") as made:
+        made.peer.fault("held")
+        with made.vest:
+            made.feed(lambda: made.shows(TOUCH))
+        assert made.peer.report().motors == SILENT
+        made.peer.fault("held")
+        with pytest.raises(DeviceUnavailableError, match="no vest with the address 00:11"):
+            make("bhaptics-ble", scan_s=0.3, address="00:11").open()
+
+
+def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(DeviceUnavailableError, match=r"cannot be reached.*start the bHaptics Player"):
+        make("bhaptics-player", port=9).open()
+    with pytest.raises(DeviceUnavailableError, match=r"no USB board 1209:0001, serial number X is there"):
+        make("hid-vest", serial="X").open()  # the real hidapi, which finds no such board
+    monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/nowhere/bus")
+    with pytest.raises(DeviceUnavailableError, match=r"service cannot be reached.*systemctl start bluetooth"):
+        make("bhaptics-ble").open()
+
+
+def test_garbage_from_the_player_is_counted_and_the_touch_goes_on() -> None:
+    with bench("bhaptics-player") as made, made.vest as vest:
+        made.peer.fault("garbage")
+        made.feed(lambda: any("could not be read and were ignored" in n for n in vest.info.notes))
+        made.feed(lambda: made.shows(OTHER), OTHER)
+        assert vest.counters.lost == 0
+
+
+def test_a_vest_that_leaves_the_player_is_not_reported_as_felt() -> None:
+    with bench("bhaptics-player") as made, made.vest as vest:
+        made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
+        made.peer.fault("no-vest")
+        made.feed(lambda: not vest.write(0, TOUCH).intensities.any())
+        assert "has no vest connected" in vest.info.notes[0]
+        made.peer.fault("")
+        made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
+
+
+def test_a_player_that_answers_no_pings_is_fed_all_the_same() -> None:
+    with bench("bhaptics-player") as made:
+        made.peer.fault("no-pong")
+        with made.vest as vest:
+            made.feed(lambda: made.shows(TOUCH))
+            assert any("answers no pings" in n for n in vest.info.notes)
+
+
+def test_the_limit_holds_and_is_reported(any_bench: Bench) -> None:
+    vest: Any = any_bench.vest
+    limited = any_bench._replace(vest=type(vest)(msgspec.structs.replace(vest._options, limit=40)))
+    with limited.vest as vest:
+        limited.feed(lambda: vest.write(0, TOUCH).intensities.max() == 40)
+        limited.feed(lambda: max(limited.peer.report().motors) == 40)
+
+
+PROGRAM = """
+import sys, time
+from tega.config import check_tree
+from tega.devices import driver_class
+from tega.haptics import vest_frame
+name, how, options = sys.argv[1], sys.argv[2], eval(sys.argv[3])
+if name == "hid-vest":
+    from tega.testing.emulators.hid_port import HidPort
+    installed = HidPort(options.pop("path")).installed()
+    installed.__enter__()
+driver = driver_class(name, "vest")
+vest = driver(driver.options_type(**options))
+vest.open()
+print("open", flush=True)
+def touch():
+    for _ in range(20 if how != "wait" else 100000):
+        vest.write(0, vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40"))
+        time.sleep(0.02)
+if how == "exception":
+    with vest:
+        touch()
+        raise RuntimeError("on purpose")
+touch()
+"""
+
+
+@pytest.mark.parametrize("how", ["forgotten", "exception", "SIGTERM", "SIGKILL"])
+def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how: str) -> None:
+    made = any_bench
+    vest: Any = made.vest
+    options = {"bhaptics-player": {"port": getattr(vest._options, "port", 0)}, "bhaptics-ble": {}}.get(
+        vest.name, {"path": made.peer.address.get("path")}
+    )
+    mode = how if how in {"forgotten", "exception"} else "wait"
+    words = [sys.executable, "-c", PROGRAM, vest.name, mode, repr(options)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
+        made.wait(lambda: made.shows(TOUCH))
+        if mode == "wait":
+            program.send_signal(getattr(signal, how))
+        _, said = program.communicate()
+    assert program.returncode == {"forgotten": 0, "exception": 1, "SIGTERM": 143, "SIGKILL": -9}[how], said
+    made.wait(lambda: made.peer.report().motors == SILENT)
+    made.peer.report()
+
+
+class _Careless(PlayerVest):
+    """A driver whose link has a bug."""
+
+    def _new_link(self) -> Any:
+        link: Any = super()._new_link()
+        link.ready = lambda _timeout_s: 1 // self.divisor
+        return link
+
+    divisor = 0
+
+
+def test_a_bug_in_a_link_silences_the_vest_and_is_told() -> None:
+    with bench("bhaptics-player") as made:
+        options: Any = made.vest
+        careless = made._replace(vest=_Careless(options._options))
+        with careless.vest as vest:
+            careless.feed(lambda: vest.counters.lost == 1)
+            assert "unexpected ZeroDivisionError" in vest.info.notes[-1]
+            careless.vest.divisor = 1  # type: ignore[attr-defined]
+            careless.feed(lambda: careless.shows(TOUCH))
+        assert careless.peer.report().motors == SILENT
+
+
+def test_the_fault_table_tells_rest_and_recovery() -> None:
+    (row,) = fault_rows({"bhaptics-player": ["no writes"]}, fault_s=1.0)
+    assert (row.driver, row.fault, row.lost) == ("bhaptics-player", "no writes", 0)
+    assert row.silent_s is not None
+    assert row.recovered_s is not None
+
+
+def test_a_session_in_real_time_is_felt_and_ends_silent() -> None:
+    with bench("bhaptics-player") as made:
+        settings = {
+            "session": {"duration_s": 1.2},
+            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 1.2}}},
+            "vest": {
+                "driver": "bhaptics-player",
+                "options": {"port": made.peer.address["port"]},
+                "threshold": 20,
+            },
+        }
+        summary = run_session(check_tree(settings, {}, base=Path.cwd()).config)
+        report = made.peer.report()
+    assert summary["ended"] == "complete" or summary["ended"] == "duration"
+    assert report.errors == []
+    assert report.motors == SILENT
+    felt = {values[0] for _, values in report.history}
+    assert len(felt) > 3
+    assert min(felt - {0}) >= 20

@@ -1,0 +1,138 @@
+"""Faults of an EMG signal and the words for them; and none where there is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tega.devices.base import EmgChunk
+from tega.devices.emg_formats import read_emg_file
+from tega.devices.emg_health import EmgHealth, swapped_channels
+
+NAMES = ("ch1", "ch2", "ch3")
+RATE_HZ = 500.0
+
+
+def looked_at(
+    samples: NDArray[np.float64],
+    rate_hz: float = RATE_HZ,
+    limits: tuple[float, float] | None = (-5000.0, 5000.0),
+) -> EmgHealth:
+    health = EmgHealth(rate_hz, NAMES[: samples.shape[1]], limits=limits)
+    for first in range(0, len(samples), 7):
+        health.take(EmgChunk(0, first, samples[first : first + 7]))
+    return health
+
+
+def muscle(seconds: float = 4.0, rate_hz: float = RATE_HZ) -> NDArray[np.float64]:
+    """Return three channels of noise with a band like EMG's, in a contraction, with some of it shared."""
+    n = round(seconds * rate_hz)
+    band = np.diff(np.random.default_rng(3).standard_normal((n + 3, 3)), axis=0)
+    band = band[:-2] + band[1:-1] + band[2:]
+    band = 0.85 * band + 0.15 * np.roll(band, 1, axis=1)
+    effort = 10 + 250 * np.abs(np.sin(np.arange(n) / rate_hz))
+    signal: NDArray[np.float64] = band[:n] * effort[:, None] + [12.0, -8.0, 5.0]
+    return signal
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 250.0, 500.0, 1000.0, 5000.0])
+def test_a_sound_signal_is_not_spoken_of(rate_hz: float) -> None:
+    health = looked_at(muscle(rate_hz=rate_hz), rate_hz)
+    assert health.now == health.words() == ()
+
+
+def test_each_fault_is_named_on_its_own_channel() -> None:
+    t_s = np.arange(2000) / RATE_HZ
+    mains = np.sin(2 * np.pi * 50 * t_s)
+    faults = {
+        "at the converter's limit: electrode off": np.full(2000, 5000.0),
+        "no signal at all": np.full(2000, 3.0),
+        "clipped": np.clip(muscle()[:, 1] * 30, -5000, 5000),
+        "50 Hz mains: check the reference": muscle()[:, 1] + 130 * mains,
+        "mostly 50 Hz mains: electrode or reference loose": muscle()[:, 1] * 0.3 + 900 * mains,
+        "no numbers": np.where(t_s % 0.1 < 0.01, np.nan, 1.0) * muscle()[:, 1],
+    }
+    for words, signal in faults.items():
+        samples = muscle()
+        samples[:, 1] = signal
+        said = looked_at(samples).now
+        assert len(said) == 1, (words, said)
+        assert said[0].startswith("ch2: ")
+        assert words in said[0]
+
+
+def test_sixty_hertz_is_called_sixty() -> None:
+    samples = muscle() + 300 * np.sin(2 * np.pi * 60 * np.arange(2000) / RATE_HZ)[:, None]
+    assert all("60 Hz mains" in words for words in looked_at(samples).now)
+
+
+def test_mains_in_all_channels_is_not_called_a_bridge() -> None:
+    samples = 0.05 * muscle() + 900 * np.sin(2 * np.pi * 50 * np.arange(2000) / RATE_HZ)[:, None]
+    assert not [words for words in looked_at(samples).now if "bridged" in words]
+
+
+def test_bridged_electrodes_show_the_same_signal() -> None:
+    samples = muscle()
+    samples[:, 2] = 0.5 * samples[:, 0] + 0.05 * samples[:, 1]
+    assert looked_at(samples).now == ("ch1 and ch3: the same signal: electrodes bridged by gel or sweat",)
+
+
+def test_envelopes_that_rise_together_are_no_bridge() -> None:
+    effort = np.abs(np.sin(np.arange(2000) / RATE_HZ))[:, None] * [300.0, 250.0, 400.0]
+    assert looked_at(effort + np.random.default_rng(0).normal(0, 0.01, effort.shape)).now == ()
+
+
+def test_repeated_rows_tell_the_true_rate() -> None:
+    said = looked_at(np.repeat(muscle()[:500], 4, axis=0)).now
+    assert said == ("rows repeat: only about 124 of 500 samples/s are new",)
+
+
+def test_gaps_are_counted_with_the_longest() -> None:
+    health = EmgHealth(RATE_HZ, NAMES)
+    samples = muscle()
+    for first, index in ((0, 0), (100, 103), (200, 250)):
+        health.take(EmgChunk(0, index, samples[first : first + 100]))
+    assert health.missing_samples == 50
+    assert health.words() == ("50 samples were lost in 2 gaps, the longest 94 ms",)
+
+
+def test_words_say_how_long_a_fault_lasted_after_it_is_over() -> None:
+    samples = muscle()
+    samples[:500, 0] = 5000.0
+    health = looked_at(samples)
+    assert health.now == ()
+    assert [w for w in health.words() if w.startswith("ch1")] == [
+        "ch1: at the converter's limit: electrode off, cable out, or amplifier saturated (for 1 s)"
+    ]
+
+
+def test_without_limits_saturation_is_not_guessed() -> None:
+    clipped = np.clip(muscle() * 30, -5000, 5000)
+    assert looked_at(clipped, limits=None).now == ()
+
+
+@pytest.mark.parametrize("name", ["v1", "v2", "v8", "v10"])
+def test_real_squeezes_show_nothing_but_what_is_in_them(recordings: Path, name: str) -> None:
+    # They clip in strong squeezes, and between squeezes a 60 Hz line of about one count is left, at places.
+    path = recordings / "emg" / "my_thesis" / f"recording_force_{name}.mat"
+    samples, _ = read_emg_file(path, (3, 6, 8))
+    said = looked_at(samples, 200.0, limits=(-128.0, 127.0)).words()
+    assert not [w for w in said if "clipped" not in w and ": 60 Hz mains" not in w], said
+
+
+def test_swapped_electrodes() -> None:
+    own = [[0.9, 0.2, 0.1], [0.3, 0.8, 0.3], [0.2, 0.1, 0.7]]
+    assert swapped_channels(own, NAMES) == ""
+    assert swapped_channels([own[1], own[0], own[2]], NAMES).startswith("ch1 and ch2 look swapped")
+    mixed = swapped_channels([own[1], own[2], own[0]], NAMES)
+    assert (
+        mixed
+        == "electrodes look mixed up: ch2 belongs where ch1 is, ch3 belongs where ch2 is, ch1 belongs where ch3 is"
+    )
+
+
+def test_muscles_that_work_together_are_not_called_swapped() -> None:
+    assert swapped_channels([[0.6, 0.65, 0.5], [0.6, 0.55, 0.5], [0.4, 0.5, 0.6]], NAMES) == ""

@@ -1,0 +1,77 @@
+"""Live EMG in the loop: missing samples take their time, and a run survives its source."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tega.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
+from tega.config import check_tree
+from tega.devices.base import DeviceInfo, EmgChunk
+from tega.emg import GraspIntent
+from tega.teleop.session import run_session
+from tega.teleop.sources import SourceReport, grasp_blocks
+from tega.testing.emulators.process import Emulator
+
+
+class Gappy:
+    """A source whose samples come in chunks with given numbers."""
+
+    def __init__(self, chunks: list[EmgChunk]) -> None:
+        self._chunks = chunks
+        self.info = DeviceInfo(driver="gappy", kind="emg", label="gappy", live=True, channels=("ch1",))
+
+    @property
+    def ended(self) -> bool:
+        return not self._chunks
+
+    def read(self, timeout_s: float) -> EmgChunk:  # noqa: ARG002
+        return self._chunks.pop(0)
+
+
+def test_missing_samples_take_their_time() -> None:
+    # 100 samples, 350 missing, 100 samples, at 500 Hz in blocks of 50: eleven blocks of time.
+    ones = np.ones((100, 1))
+    source: Any = Gappy([EmgChunk(200_000_000, 0, ones), EmgChunk(1_100_000_000, 450, ones)])
+    intent = GraspIntent(500.0, [1.0], tau=50, kind="envelope", preset="paper")
+    report = SourceReport()
+    blocks = list(grasp_blocks(source, intent, report, rate_hz=500.0, tau=50))
+    assert (report.n_items, report.n_missing) == (200, 350)
+    assert len(blocks) == 11
+    assert [level for _, (level,), _ in blocks][:2] == [5, 5]
+    # Bad from the first block that lies in the gap, until 100 ms of good samples have come.
+    assert 0 in [level for _, (level,), _ in blocks]
+    assert [fused for _, _, fused in blocks] == [5] * 11
+
+
+def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> None:
+    maxima = EmgMaxima(
+        kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
+    )
+    save_calibration(
+        Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima), tmp_path / "c.toml"
+    )
+    with Emulator("cyton", "--signal", "emg", "--fault", "loss=0.02") as device:
+        tree: dict[str, Any] = {
+            "session": {"duration_s": 2.5, "out_dir": str(tmp_path / "out")},
+            "calibration": {"file": str(tmp_path / "c.toml")},
+            "emg": {"driver": "cyton", "kind": "raw", "options": {"port": device.port, "measure_s": 0.25}},
+        }
+        config = check_tree(tree, {}, base=tmp_path).config
+        unplugged: list[bool] = []
+
+        def watch(view: Any) -> None:
+            if view.t_ns > 1_500_000_000 and not unplugged:
+                unplugged.append(True)
+                device.say("unplug")
+
+        summary = run_session(config, observer=watch)
+    notes = " ".join(summary["notes"])
+    assert "emg: lost: cyton: " in notes
+    assert "was lost" in notes
+    assert "its last level held to the end" in notes
+    assert "Cyton firmware v3.1.2, gain 24" in notes
+    assert summary["emg"]["samples"] > 100
+    assert (tmp_path / "out" / "can.csv").read_text().splitlines()[-1].endswith("104,")

@@ -1,0 +1,114 @@
+"""The emulators' own bytes, against the published packets, and that they stand on nothing of ours."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+
+import pytest
+
+from tega.testing.emg_faults import outcome
+from tega.testing.emulators.ascii_board import AsciiBoard
+from tega.testing.emulators.chords import ChordsBoard
+from tega.testing.emulators.cyton import CytonBoard
+from tega.testing.emulators.faults import FAULTS, Faults, Signal
+from tega.testing.emulators.process import Emulator
+
+MODULES = ("ascii_board", "chords", "cyton", "lsl")
+
+
+def signal(kind: str, rate_hz: float = 250.0) -> Signal:
+    return Signal(rate_hz, random.Random(0), kind)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_an_emulator_imports_nothing_that_it_is_to_check(module: str) -> None:
+    code = (
+        f"import sys, tega.testing.emulators.{module}\n"
+        "print([m for m in sys.modules if m.startswith(('tega.wire', 'tega._native', 'tega.devices'))])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout == "[]\n"
+
+
+def test_cyton_packets_are_the_published_bytes() -> None:
+    board = CytonBoard(signal("flat"))
+    board.power_on()
+    assert board.packet().hex() == "a000" + "000000" * 8 + "000000001f40" + "c0"
+    assert board.packet().hex() == "a001" + "000000" * 8 + "000000000000" + "c0"
+    board = CytonBoard(signal("ramp"))
+    board.power_on()
+    # Steps -500, -400, ... 200 of 100 counts: -50000 is 0xFF3CB0.
+    counts = "ff3cb0" + "ff63c0" + "ff8ad0" + "ffb1e0" + "ffd8f0" + "000000" + "002710" + "004e20"
+    assert board.packet().hex() == "a000" + counts + "000000001f40" + "c0"
+    board = CytonBoard(signal("rail"))
+    board.power_on()
+    assert [board.packet()[2:5].hex() for _ in range(257)][-1] == "7fffff"
+    assert board.packet()[1] == 1
+
+
+def test_a_cyton_answers_in_text_only_while_it_does_not_stream() -> None:
+    board = CytonBoard(signal("flat"))
+    board.power_on()
+    assert board.hear(b"v").endswith(b"Firmware: v3.1.2\r\n$$$")
+    assert board.hear(b"x106") == b""
+    assert board.hear(b"0100X") == b"Success: Channel set for 1$$$"
+    assert board.hear(b"x9060100X").startswith(b"Failure")
+    assert board.hear(b"bv") != b""
+    assert board.hear(b"b") == b""
+    assert board.hear(b"d") == b""
+
+
+def test_chords_packets_are_the_published_bytes() -> None:
+    board = ChordsBoard(signal("flat"), name="NPG-LITE", rate_hz=500, bits=12, n_channels=3, baud=230_400)
+    board.power_on()
+    assert board.packet().hex() == "c77c00" + "0800" * 3 + "01"
+    assert board.packet().hex() == "c77c01" + "0800" * 3 + "01"
+    for _ in range(253):
+        board.packet()
+    assert (board.packet()[2], board.packet()[2]) == (255, 0)
+    assert board.hear(b"WHO") == b""
+    assert board.hear(b"RU\nSTART\nSTATUS\n") == b"NPG-LITE\r\nRUNNING\r\n"
+    assert board.streaming
+
+
+def test_lines_are_what_arduino_prints() -> None:
+    board = AsciiBoard(signal("ramp"), rate_hz=500, n_channels=3, baud=0, stamp=True, banner="MyoWare")
+    assert board.power_on() == b"MyoWare\r\n"
+    assert [board.packet() for _ in range(2)] == [b"0,12,112,212\r\n", b"2,13,113,213\r\n"]
+
+
+def test_faults_do_what_they_say() -> None:
+    faults, packet = Faults(random.Random(1)), bytes(range(33))
+    assert faults.pass_on(packet) == packet
+    expected = {"loss": 0, "duplicate": 66}
+    for name, length in expected.items():
+        faults.set(name, 1.0)
+        assert len(faults.pass_on(packet)) == length
+        faults.clear()
+    faults.set("half", 1.0)
+    halves = [faults.pass_on(packet) for _ in range(50)]
+    assert all(0 < len(h) < 33 and packet.startswith(h) for h in halves)
+    with pytest.raises(KeyError):
+        faults.set("nonsense", 1.0)
+    with pytest.raises(ValueError, match=r"1\.5"):
+        faults.set("loss", 1.5)
+
+
+def test_an_emulator_says_what_it_does_not_understand() -> None:
+    with Emulator("cyton") as device:
+        assert device.say("loss 0.5") == ""
+        for line in ("nonsense", "loss 7", "signal nothing", "slow fast"):
+            with pytest.raises(ValueError, match=line):
+                device.say(line)
+        assert set(FAULTS) >= {"loss", "half", "noise", "duplicate", "garbage", "freeze", "slow"}
+        first = device.port
+        device.say("plug")
+        assert device.port.startswith("/dev/")
+        assert first.startswith("/dev/")
+
+
+def test_the_table_of_faults_is_made_by_running_into_them() -> None:
+    assert outcome("serial-emg", "unplug").startswith("ends: lost, after ")
+    assert outcome("lsl-emg", "garbage") == "-"

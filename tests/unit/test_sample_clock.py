@@ -1,0 +1,108 @@
+"""Stamps under bunched arrivals, the measured rate, and losses that only time shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tega.devices.sample_clock import SampleClock
+
+MS = 1_000_000
+
+
+def test_bunched_arrivals_are_stamped_with_the_time_of_the_samples() -> None:
+    # An adapter that delivers every 16 ms, up to 3 ms late; the first delivery happens to be late as well.
+    rng = np.random.default_rng(1)
+    clock, errors = SampleClock(250.0), []
+    for k in range(1, 1000):
+        late_ns = int(rng.uniform(0.1, 3.0) * MS)
+        stamp = clock.take(4, k * 16 * MS + late_ns)
+        errors.append(stamp.t_ns - k * 16 * MS)
+    settled = np.array(errors[100:])
+    assert (
+        settled.min() >= -0.3 * MS
+    )  # as far under the earliest arrivals as the fitted rate is off within a second
+    assert settled.max() <= 0.6 * MS
+    assert np.array(errors).max() <= 3 * MS
+
+
+def test_a_stamp_never_decreases_and_never_lies_in_the_future() -> None:
+    rng = np.random.default_rng(2)
+    clock, arrival_ns, last_ns = SampleClock(1000.0), 0, 0
+    for _ in range(2000):
+        n = int(rng.integers(1, 40))
+        arrival_ns += int(rng.exponential(n * MS))
+        stamp = clock.take(n, arrival_ns)
+        assert last_ns <= stamp.t_ns <= arrival_ns
+        last_ns = stamp.t_ns
+
+
+@pytest.mark.parametrize("true_hz", [20.0, 249.0, 251.5, 480.0, 2000.0])
+def test_the_true_rate_is_measured_whatever_was_said(true_hz: float) -> None:
+    clock = SampleClock(250.0)
+    for k in range(1, 400):
+        clock.take(10, round(k * 10 / true_hz * 1e9))
+    assert clock.measured_hz == pytest.approx(true_hz, rel=1e-6)
+
+
+def test_before_two_tenths_of_a_second_no_rate_is_claimed() -> None:
+    clock = SampleClock(250.0)
+    for k in range(1, 12):
+        clock.take(4, k * 16 * MS)
+    assert clock.measured_hz is None
+
+
+def test_a_drifting_clock_is_followed() -> None:
+    clock = SampleClock(250.0)
+    for k in range(1, 4000):
+        true_ns = round(k * 16 * MS * 1.02)
+        stamp = clock.take(4, true_ns + (k % 3) * MS)
+        assert abs(stamp.t_ns - true_ns) < 25 * MS
+    assert abs(stamp.t_ns - true_ns) < 2 * MS
+
+
+def test_the_counters_losses_keep_the_stamps_in_step() -> None:
+    clock = SampleClock(250.0, counter_turn=256)
+    clock.take(4, 16 * MS)
+    stamp = clock.take(4, 16 * MS + 54 * 4 * MS, n_missing=50)
+    assert stamp == (16 * MS + 54 * 4 * MS, 0)
+
+
+def test_a_loss_of_whole_turns_is_found_by_time_and_only_once() -> None:
+    clock, lost, now_ns = SampleClock(250.0, counter_turn=256), [], 0
+    for k in range(2000):
+        now_ns += 16 * MS
+        if k == 700:
+            now_ns += 512 * 4 * MS  # twice round: the counter goes on as if nothing had happened
+        lost.append(clock.take(4, now_ns).n_lost)
+    assert sum(lost) == 512
+    assert 700 < lost.index(512) < 700 + 130
+
+
+@pytest.mark.parametrize("share", [0.2, 0.33, 0.9])
+def test_a_stream_that_becomes_slow_is_no_loss(share: float) -> None:
+    clock, now_ns = SampleClock(500.0, counter_turn=256), 0
+    for k in range(2000):
+        now_ns += round(8 * MS / (1.0 if k < 500 else share))
+        assert clock.take(4, now_ns).n_lost == 0
+    assert clock.measured_hz == pytest.approx(500.0 * share, rel=0.01)
+
+
+def test_there_is_room_for_as_many_losses_as_time_has_passed() -> None:
+    clock = SampleClock(250.0, counter_turn=256)
+    for k in range(1, 200):
+        clock.take(4, k * 16 * MS)
+    on_time_ns = 200 * 16 * MS
+    assert clock.room(4, on_time_ns) <= 13
+    assert 100 <= clock.room(4, on_time_ns + 400 * MS) <= 113
+
+
+def test_a_late_delivery_is_no_loss() -> None:
+    # The host was busy for 1.5 s and then got everything at once.
+    clock, lost = SampleClock(250.0, counter_turn=256), 0
+    for k in range(1, 2000):
+        arrival_ns = k * 16 * MS
+        if 700 <= k < 794:
+            arrival_ns = 794 * 16 * MS
+        lost += clock.take(4, arrival_ns).n_lost
+    assert lost == 0
