@@ -11,6 +11,7 @@
     ├── RecordingError (ValueError)         a recording that is missing, cut short or cannot be parsed
     ├── WireError (ValueError)              a packet that cannot be encoded
     └── DeviceUnavailableError (RuntimeError)
+        ├── WrongDeviceError            a device answers, but not the one the settings ask for
         ├── MissingExtraError (ImportError) a device needs a package that is not installed
         └── SampleRateError                 a source's true sample rate cannot carry the filter
 
@@ -31,6 +32,7 @@ __all__ = [
     "ShapeError",
     "TegaError",
     "WireError",
+    "WrongDeviceError",
 ]
 
 
@@ -82,6 +84,10 @@ class WireError(TegaError, ValueError):
 
 class DeviceUnavailableError(TegaError, RuntimeError):
     """A device is not there, or does not answer."""
+
+
+class WrongDeviceError(DeviceUnavailableError):
+    """A device answers, but it is not the one the settings ask for."""
 
 
 class MissingExtraError(DeviceUnavailableError, ImportError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,8 @@ import pytest
 from contract.peers import PEERS
 from tega.devices import Options, driver_class, driver_names
 from tega.testing.contract import check_driver
+from tega.testing.emulators.allegro_process import AllegroProcess
+from tega.testing.emulators.digit import DigitProcess
 
 
 def _images(folder: Path) -> dict[str, Any]:
@@ -35,8 +37,34 @@ def _emg(folder: Path) -> dict[str, Any]:
     return {"file": folder / "emg.npy", "rate_hz": 200.0}
 
 
+def _allegro(folder: Path) -> dict[str, Any]:
+    del folder
+    hand = AllegroProcess()
+    EMULATED.append(hand)
+    return {**hand.__enter__().options, "silent_after_ms": 1000, "lowest_rate_hz": 50}
+
+
+def _digit(folder: Path) -> dict[str, Any]:
+    del folder
+    sensor = DigitProcess()
+    EMULATED.append(sensor)
+    return {"source": sensor.__enter__().source, "warm_up_s": 0.1}
+
+
+EMULATED: list[AllegroProcess | DigitProcess] = []
+
+
+@pytest.fixture(autouse=True)
+def _end_emulated() -> Iterator[None]:
+    yield
+    while EMULATED:
+        EMULATED.pop().unplug()
+
+
 OPTIONS: dict[str, Callable[[Path], dict[str, Any]]] = {
+    "allegro": _allegro,
     "can-recorder": lambda folder: {"file": folder / "can.csv"},
+    "digit": _digit,
     "emg-file": _emg,
     "images": _images,
     "python-can": lambda _folder: {"interface": "virtual", "channel": "contract"},

@@ -51,6 +51,20 @@ impl HandController {
         level: i64,
         velocities_rad_s: Option<&Joints>,
     ) -> Result<Joints, HandError> {
+        self.step_within(1.0, angles_rad, level, velocities_rad_s)
+    }
+
+    /// One cycle with every torque limit lowered to a share of it, 0 to 1: a hot hand, or one that is let go.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn step_within(
+        &mut self,
+        share: f64,
+        angles_rad: &Joints,
+        level: i64,
+        velocities_rad_s: Option<&Joints>,
+    ) -> Result<Joints, HandError> {
         let checked = check_level(level).and_then(|level| {
             check_angles(angles_rad)?;
             if let Some(velocities) = velocities_rad_s {
@@ -67,7 +81,8 @@ impl HandController {
             self.trajectory.get_or_insert_with(|| Trajectory::new(self.poses.clone(), angles_rad));
         trajectory.advance(level);
         // The torque factor moves with the pose, so that the limit has no jump either.
-        let factor = trajectory.shares().iter().zip(self.gains.level_factors).map(|(s, f)| s * f).sum();
+        let factor: f64 = trajectory.shares().iter().zip(self.gains.level_factors).map(|(s, f)| s * f).sum();
+        let factor = share.clamp(0.0, 1.0) * factor;
         let target = trajectory.target_rad();
         self.torques = self.gains.torques(&target, angles_rad, &velocities, factor, &self.torques);
         self.level = Some(level);
@@ -102,7 +117,7 @@ impl HandController {
     }
 }
 
-fn check_level(level: i64) -> Result<usize, HandError> {
+pub(crate) fn check_level(level: i64) -> Result<usize, HandError> {
     match usize::try_from(level) {
         Ok(known @ 1..=LEVELS) => Ok(known),
         _ => Err(HandError::Level { value: level }),

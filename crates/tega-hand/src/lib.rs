@@ -3,6 +3,7 @@
 //! The hand reports its joint angles every 3 ms and takes nothing but torques. [`Trajectory`] turns a closure level
 //! of 1 to 5 into joint targets, [`Gains`] the difference to the measured angles into torques within their limits,
 //! and [`HandController`] is both in one call per cycle. [`JointModel`] stands in for a hand that is not attached.
+//! [`HandLink`] is the whole conversation with a hand on a bus: received frames in, frames to send out.
 //!
 //! Angles are in rad, torques in units of full motor duty (1.0 = 1200 counts on the wire), joints in the order of
 //! the hand's messages: index, middle, ring, thumb, four each.
@@ -22,17 +23,23 @@
 
 mod controller;
 mod error;
+mod fault;
+mod heat;
 mod joints;
+mod link;
 mod model;
 mod pd;
 mod poses;
+mod sets;
 mod trajectory;
 
 pub use controller::HandController;
 pub use error::HandError;
+pub use fault::Fault;
 pub use joints::{
     ENCODER_RANGE_RAD, JOINT_LIMITS_RAD, JOINT_NAMES, JOINTS, Joints, STOP_MARGIN_RAD, TICK_S, TORQUE_LIMITS,
 };
+pub use link::{Counts, HandLink, LinkSettings, Phase};
 pub use model::{FULL_DUTY_SPEED_RAD_S, JointModel, TIME_CONSTANT_S};
 pub use pd::Gains;
 pub use poses::{CLOSURE_POSES_RAD, LEVELS, POSE_MARGIN_RAD, PoseSet};

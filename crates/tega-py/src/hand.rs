@@ -11,7 +11,7 @@ use crate::errors::{BindError, InvalidValueError};
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 
 #[pyclass(module = "tega._native")]
-struct HandController(tega_hand::HandController);
+pub(crate) struct HandController(pub(crate) tega_hand::HandController);
 
 #[pymethods]
 impl HandController {

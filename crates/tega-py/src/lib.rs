@@ -8,6 +8,7 @@ mod emg;
 mod errors;
 mod gel;
 mod hand;
+mod hand_link;
 mod haptics;
 mod image;
 mod tactile;
@@ -22,6 +23,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     haptics::register(m)?;
     emg::register(m)?;
     hand::register(m)?;
+    hand_link::register(m)?;
     gel::register(m)?;
     image::register(m)?;
     wire::register(m)?;

@@ -34,6 +34,9 @@ _VERBS = {
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
     ),
     "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List the drivers that are installed."),
+    "hand": _Verb(
+        "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."
+    ),
     "identify": _Verb("Hardware", "tega.cli.identify", "identify", "Light the vest's motors one at a time."),
     "audit": _Verb(
         "Tooling",

@@ -32,6 +32,7 @@ __all__ = [
     "Kind",
     "Options",
     "SkippingSource",
+    "SteeredHand",
     "TactileFrame",
     "TactileSource",
     "VestSink",
@@ -194,4 +195,24 @@ class HandDriver(Device, Protocol):
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
         """Send CAN frames in order and return those really sent."""
+        ...
+
+
+@runtime_checkable
+class SteeredHand(Device, Protocol):
+    """A robot hand that closes its own loop: it is told a level and steers on the angles it reads."""
+
+    label: ClassVar[str]
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The joint angles as last reported, float64 (16,), rad; NaN before the first report."""
+        ...
+
+    def step(self, level: int) -> Sequence[CanFrame]:
+        """Ask for a closure level, 1 to 5, and return the frames sent since the last call."""
+        ...
+
+    def limp(self) -> Sequence[CanFrame]:
+        """Begin to let go and return the frames sent since the last call."""
         ...

@@ -18,7 +18,7 @@ from typing import Any, Literal, overload
 
 import msgspec
 
-from tega.devices.base import Device, EmgSource, HandDriver, Kind, TactileSource, VestSink
+from tega.devices.base import Device, EmgSource, HandDriver, Kind, SteeredHand, TactileSource, VestSink
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
 
 __all__ = ["DriverRecord", "driver_class", "driver_names", "list_drivers"]
@@ -62,7 +62,7 @@ def driver_class(name: str, kind: Literal["emg"]) -> type[EmgSource]: ...
 @overload
 def driver_class(name: str, kind: Literal["vest"]) -> type[VestSink]: ...
 @overload
-def driver_class(name: str, kind: Literal["hand"]) -> type[HandDriver]: ...
+def driver_class(name: str, kind: Literal["hand"]) -> type[HandDriver | SteeredHand]: ...
 @overload
 def driver_class(name: str, kind: Kind | None = None) -> type[Device]: ...
 def driver_class(name: str, kind: Kind | None = None) -> type[Device]:

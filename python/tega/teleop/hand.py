@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -28,11 +29,11 @@ class Hand(Protocol):
         """The hand's joint angles as last known, float64 (16,), in radians."""
         ...
 
-    def step(self, level: int) -> list[CanFrame]:
+    def step(self, level: int) -> Sequence[CanFrame]:
         """Go on by one tick of 3 ms at a closure level, 1 to 5, and return what is to be sent."""
         ...
 
-    def limp(self) -> list[CanFrame]:
+    def limp(self) -> Sequence[CanFrame]:
         """Return the frames that leave the hand without force."""
         ...
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from tega.calibration import TouchMaxima, save_calibration
 from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import SessionConfig
-from tega.devices.base import EmgSource, HandDriver, TactileSource, VestSink
+from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
 from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.registry import driver_class
 from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
@@ -41,13 +41,15 @@ class Sinks(NamedTuple):
     Attributes:
         kept: The vest of the settings, if it is a real one.
         vests: A vest of the settings that only records, the vest recorder.
-        hands: The hand of the settings, the CAN recorder.
+        hands: A hand of the settings that only takes frames, the CAN recorder.
+        steered: A hand of the settings that closes its own loop.
         recorder: Of contacts and levels; ``None`` without an output folder.
     """
 
     kept: list[KeepAlive]
     vests: list[VestSink]
     hands: list[HandDriver]
+    steered: SteeredHand | None
     recorder: RunRecorder | None
 
 
@@ -151,7 +153,7 @@ def _run(
             for name, finger in prepared.fingers.items()
         },
         levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns),
-        hand=ModelledAllegro(device_id=config.hand.device_id),
+        hand=sinks.steered or ModelledAllegro(device_id=config.hand.device_id),
         vests=sinks.vests,
         hands=sinks.hands,
         recorder=sinks.recorder,
@@ -222,6 +224,7 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
     kept: list[KeepAlive] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
+    steered: SteeredHand | None = None
     if config.vest.driver is not None:
         vest = stack.enter_context(driver_class(config.vest.driver, "vest")(config.vest.options))
         if vest.info.live:
@@ -235,13 +238,22 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
         else:
             vests.append(vest)
     if config.hand.driver is not None:
-        hands.append(stack.enter_context(driver_class(config.hand.driver, "hand")(config.hand.options)))
+        hand: HandDriver | SteeredHand = driver_class(config.hand.driver, "hand")(config.hand.options)
+        stack.enter_context(hand)
+        if isinstance(hand, SteeredHand):
+            if config.session.pace == "fast":
+                raise ConfigError(
+                    f"session.pace = 'fast', but {hand.info.label} is live", "set session.pace = 'real'"
+                )
+            steered = hand
+        else:
+            hands.append(hand)
     folder = config.session.out_dir
     if folder is None:
-        return Sinks(kept, vests, hands, None)
+        return Sinks(kept, vests, hands, steered, None)
     vests.append(stack.enter_context(VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))))
     hands.append(stack.enter_context(CanRecorder(CanRecorderOptions(file=folder / "can.csv"))))
     recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
     stack.callback(recorder.close)
     save_calibration(prepared.calibration, folder / "calibration.toml")
-    return Sinks(kept, vests, hands, recorder)
+    return Sinks(kept, vests, hands, steered, recorder)

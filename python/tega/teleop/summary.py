@@ -15,6 +15,7 @@ from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
+    from tega.devices.base import SteeredHand
     from tega.teleop.session import RunState
     from tega.teleop.sources import SourceReport
 
@@ -62,11 +63,11 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         ],
     }
     summary["hand"] = {
-        "model": ModelledAllegro.label,
+        "model": ModelledAllegro.label if state.sinks.steered is None else state.sinks.steered.label,
         "rate_hz": 1e9 / HAND_TICK_NS,
         "ticks": loop.n_hand_ticks,
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
-        "sinks": [sink.info.driver for sink in state.sinks.hands],
+        "sinks": [sink.info.driver for sink in (*_steered(state), *state.sinks.hands)],
     }
     if config.session.pace == "real":
         pacing = state.pacing
@@ -119,6 +120,10 @@ def _emg(state: RunState) -> dict[str, Any] | None:
         "missing": muscles.report.n_missing,
         "held_samples": [int(n) for n in muscles.intent.held_samples],
     }
+
+
+def _steered(state: RunState) -> list[SteeredHand]:
+    return [] if state.sinks.steered is None else [state.sinks.steered]
 
 
 def _notes(state: RunState) -> list[str]:

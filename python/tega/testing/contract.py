@@ -24,16 +24,22 @@ from tega.devices.base import (
     HandDriver,
     Options,
     SkippingSource,
+    SteeredHand,
     TactileSource,
     VestSink,
 )
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import vest_frame
 from tega.wire import allegro_torque_frames
 
 __all__ = ["check_driver"]
 
-_PROTOCOLS = {"tactile": TactileSource, "emg": EmgSource, "vest": VestSink, "hand": HandDriver}
+_PROTOCOLS: dict[str, tuple[type, ...]] = {
+    "tactile": (TactileSource,),
+    "emg": (EmgSource,),
+    "vest": (VestSink,),
+    "hand": (HandDriver, SteeredHand),
+}
 # A recording read by a contract check is expected to end before this many reads.
 _MOST_READS = 100_000
 
@@ -56,6 +62,8 @@ def check_driver(driver: type[Device], options: Options, *, most_items: int = 64
         _check_source(device, most_items)
         if isinstance(device, SkippingSource):
             _check_skip(device)
+    elif isinstance(device, SteeredHand):
+        _check_hand(device)
     else:
         _check_sink(device)
 
@@ -100,6 +108,8 @@ def _use(device: Any) -> None:
         device.read(0.0)
     elif isinstance(device, VestSink) and device.info.kind == "vest":
         device.write(0, vest_frame([0] * 4, [0] * 4))
+    elif isinstance(device, SteeredHand):
+        device.step(1)
     else:
         device.write(0, allegro_torque_frames(np.zeros(16)))
 
@@ -186,6 +196,23 @@ def _check_skip(source: SkippingSource) -> None:
         _rule(third is not None and np.array_equal(third.image, frames[2].image), "and not over its content")
         source.skip(_MOST_READS)
         _rule(source.read(0.0) is None, "skipping past the end reaches the end")
+
+
+def _check_hand(hand: SteeredHand) -> None:
+    with hand:
+        for level in (1, 2, 5):
+            hand.step(level)
+            angles = hand.angles_rad
+            _rule(angles.dtype == np.float64 and angles.shape == (16,), "angles_rad is float64 (16,)")
+            _rule(bool(np.isfinite(angles).all()), "angles are finite")
+        for level in (0, 6):
+            refused = False
+            try:
+                hand.step(level)
+            except InvalidValueError:
+                refused = True
+            _rule(refused, "a level outside 1 to 5 raises InvalidValueError")
+        _rule(all(0 <= f.id <= 0x7FF for f in hand.limp()), "limp gives the frames that were sent")
 
 
 def _check_sink(sink: Any) -> None:

@@ -1,0 +1,417 @@
+//! A link against a hand made of bytes: time is a number here, so every deadline is exact.
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::struct_excessive_bools,
+    reason = "a test may fail, and a hand has many ways to be odd"
+)]
+
+use tega_hand::{CLOSURE_POSES_RAD, HandController, HandLink, LinkSettings, Phase};
+use tega_wire::allegro::{CanFrame, Received, angle_counts};
+
+const MS: i64 = 1_000_000;
+
+/// What stands at the other end: it answers, reports every 3 ms once told to, and moves to where its duty drives it.
+struct Hand {
+    hardware: u16,
+    side: u8,
+    status: u8,
+    joint_c: u8,
+    reports_temperature: bool,
+    missing_finger: Option<usize>,
+    mute: bool,
+    twice: bool,
+    every_ms: i64,
+    angles: [f64; 16],
+    moves: bool,
+    servo_on: bool,
+    told: bool,
+    duties: [i16; 16],
+}
+
+impl Default for Hand {
+    fn default() -> Self {
+        Self {
+            hardware: 0x0402,
+            side: 0,
+            status: 0,
+            joint_c: 40,
+            reports_temperature: true,
+            missing_finger: None,
+            mute: false,
+            twice: false,
+            every_ms: 3,
+            angles: CLOSURE_POSES_RAD[0],
+            moves: true,
+            servo_on: false,
+            told: false,
+            duties: [0; 16],
+        }
+    }
+}
+
+type Owned = (u32, Vec<u8>);
+
+impl Hand {
+    fn hear(&mut self, frames: &[CanFrame]) -> Vec<Owned> {
+        let mut out = Vec::new();
+        for frame in frames {
+            match (frame.id(), frame.is_remote()) {
+                (0x200, true) => {
+                    let [h0, h1] = self.hardware.to_le_bytes();
+                    let status = self.status | u8::from(self.servo_on);
+                    out.push((0x200, vec![h0, h1, 6, 4, self.side, 50, status]));
+                }
+                (0x220, true) => out.push((0x220, b"A080R\0\0\0".to_vec())),
+                (id @ (0xE0 | 0xE4 | 0xE8 | 0xEC), true) => out.push((u32::from(id), vec![self.joint_c; 4])),
+                (0x100, false) => self.servo_on = true,
+                (0x104, false) => self.servo_on = false,
+                (0x204, false) => self.told = frame.data()[0] == 3,
+                (id @ 0x180..=0x18C, false) => {
+                    for (j, bytes) in frame.data().chunks(2).enumerate() {
+                        self.duties[usize::from(id - 0x180) + j] = i16::from_le_bytes([bytes[0], bytes[1]]);
+                    }
+                }
+                other => panic!("not expected on the bus: {other:?}"),
+            }
+        }
+        if self.mute { Vec::new() } else { out }
+    }
+
+    fn report(&mut self, t_ms: i64) -> Vec<Owned> {
+        if !self.told || self.mute {
+            return Vec::new();
+        }
+        let mut out = Vec::new();
+        if t_ms % self.every_ms == 0 {
+            for (angle, duty) in self.angles.iter_mut().zip(self.duties) {
+                if self.servo_on && self.moves {
+                    *angle += 0.003 * 9.52 * f64::from(duty) / 1200.0;
+                }
+            }
+            for finger in (0..4).filter(|&f| self.missing_finger != Some(f)) {
+                let counts = |j: usize| {
+                    angle_counts(self.angles[4 * finger + j], tega_wire::allegro::Scale::V4).unwrap()
+                };
+                let data = (0..4).flat_map(|j| counts(j).to_le_bytes()).collect();
+                let frame: Owned = (0x80 + 4 * finger as u32, data);
+                out.extend(std::iter::repeat_n(frame, if self.twice { 2 } else { 1 }));
+            }
+        }
+        if self.reports_temperature && t_ms % 500 == 0 {
+            out.extend((0..4).map(|f| (0xE0 + 4 * f, vec![self.joint_c; 4])));
+        }
+        out
+    }
+}
+
+struct Bench {
+    link: HandLink,
+    hand: Hand,
+    t_ms: i64,
+    level: i64,
+    sent: Vec<(i64, CanFrame)>,
+}
+
+impl Bench {
+    fn new(hand: Hand) -> Self {
+        Self::with(hand, LinkSettings::default())
+    }
+
+    fn with(hand: Hand, settings: LinkSettings) -> Self {
+        let link = HandLink::new(settings, HandController::default());
+        Self { link, hand, t_ms: 0, level: 1, sent: Vec::new() }
+    }
+
+    fn give(&mut self, frames: &[Owned]) -> Vec<CanFrame> {
+        let frames: Vec<_> = frames
+            .iter()
+            .map(|(id, data)| Received { id: *id, data, remote: false, extended: false, error: false })
+            .collect();
+        let out = self.link.exchange(&frames, self.t_ms * MS, self.level).unwrap();
+        self.sent.extend(out.iter().map(|frame| (self.t_ms, *frame)));
+        out
+    }
+
+    fn tick(&mut self) {
+        self.t_ms += 1;
+        let mut frames = self.hand.report(self.t_ms);
+        // Answers take the way back and forth within the millisecond.
+        while {
+            let out = self.give(&frames);
+            frames = self.hand.hear(&out);
+            !frames.is_empty()
+        } {}
+    }
+
+    fn run(&mut self, ms: i64) -> &mut Self {
+        for _ in 0..ms {
+            self.tick();
+        }
+        self
+    }
+
+    fn fault(&self) -> &'static str {
+        self.link.fault().map_or("", tega_hand::Fault::kind)
+    }
+
+    /// Whether any joint was ever told to push.
+    fn pushed(&self) -> bool {
+        let torque = |frame: &CanFrame| (0x180..=0x18C).contains(&frame.id());
+        self.sent.iter().any(|(_, frame)| torque(frame) && frame.data().iter().any(|&b| b != 0))
+    }
+
+    fn limp(&self) -> bool {
+        self.hand.duties == [0; 16] && !self.hand.servo_on
+    }
+}
+
+#[test]
+fn it_identifies_looks_and_only_then_switches_on() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(52);
+    let first = bench.sent[0];
+    assert_eq!((first.0, first.1.id(), first.1.is_remote()), (51, 0x200, true));
+    bench.run(150);
+    assert_eq!(bench.link.phase(), Phase::Running);
+    let ids: Vec<u16> = bench.sent.iter().map(|(_, frame)| frame.id()).collect();
+    let at = |id| ids.iter().position(|&i| i == id).unwrap();
+    assert!(at(0x200) < at(0x180) && at(0x104) < at(0x204) && at(0x204) < at(0x100));
+    assert!(bench.hand.servo_on);
+    assert_eq!(bench.link.serial(), b"A080R\0\0\0");
+    bench.level = 3;
+    // The measured pose is not exactly a pose: it is left slowly.
+    bench.run(5000);
+    for (angle, wanted) in bench.hand.angles.iter().zip(CLOSURE_POSES_RAD[2]) {
+        assert!((angle - wanted).abs() < 0.01, "{angle} {wanted}");
+    }
+    assert!((bench.link.counts().sets as f64 / (bench.t_ms as f64 / 3.0) - 1.0).abs() < 0.05);
+}
+
+#[test]
+fn a_stranger_gets_requests_and_nothing_else() {
+    for (hand, fault) in [
+        (Hand { hardware: 0x0500, ..Hand::default() }, "wrong-version"),
+        (Hand { hardware: 0x0301, ..Hand::default() }, "wrong-version"),
+        (Hand { side: 1, ..Hand::default() }, "wrong-side"),
+        (Hand { mute: true, ..Hand::default() }, "no-answer"),
+    ] {
+        let mut bench = Bench::new(hand);
+        bench.run(600);
+        assert_eq!(bench.fault(), fault);
+        assert!(bench.sent.iter().all(|(_, frame)| frame.id() == 0x200 && frame.is_remote()));
+        assert!(bench.link.abandon().is_empty());
+    }
+}
+
+#[test]
+fn silence_switches_off_after_30_ms_and_is_survived() {
+    let mut bench = Bench::new(Hand::default());
+    bench.level = 4;
+    bench.run(1000);
+    let last = bench.link.counts().sets;
+    bench.hand.mute = true;
+    bench.run(28);
+    assert_eq!((bench.link.phase(), bench.link.counts().late), (Phase::Running, 1));
+    bench.run(4);
+    assert_eq!((bench.link.phase(), bench.link.counts().silences), (Phase::Silent, 1));
+    assert!(bench.limp());
+    bench.hand.mute = false;
+    bench.hand.told = false; // its power was off
+    bench.run(1200);
+    assert_eq!(bench.link.phase(), Phase::Running);
+    assert!(bench.hand.servo_on && bench.link.counts().sets > last);
+}
+
+#[test]
+fn a_hand_that_stays_away_is_given_up_after_five_attempts() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(500);
+    bench.hand.mute = true;
+    bench.run(6500);
+    assert_eq!(bench.fault(), "silent");
+    assert!(bench.limp());
+}
+
+#[test]
+fn one_lost_frame_holds_that_finger_and_a_lost_finger_stops() {
+    let mut bench = Bench::new(Hand::default());
+    bench.level = 2;
+    bench.run(600);
+    bench.hand.missing_finger = Some(2);
+    bench.run(3);
+    bench.hand.missing_finger = None;
+    bench.run(60);
+    assert_eq!((bench.link.phase(), bench.link.counts().incomplete), (Phase::Running, 1));
+    bench.hand.missing_finger = Some(2);
+    bench.run(60);
+    assert_eq!(bench.link.phase(), Phase::Silent);
+    assert!(bench.limp());
+    bench.run(2500);
+    assert_eq!(bench.fault(), "no-positions");
+    assert!(bench.link.fault().unwrap().to_string().contains("ring"), "{:?}", bench.link.fault());
+}
+
+#[test]
+fn frames_that_come_twice_count_once() {
+    let mut bench = Bench::new(Hand { twice: true, ..Hand::default() });
+    bench.level = 3;
+    bench.run(1000);
+    let counts = bench.link.counts();
+    assert_eq!((bench.link.phase(), counts.incomplete), (Phase::Running, 0));
+    assert_eq!(counts.copies, 4 * counts.sets);
+}
+
+#[test]
+fn two_sets_in_one_batch_are_two_cycles() {
+    let mut bench = Bench::new(Hand { moves: false, ..Hand::default() });
+    bench.run(600);
+    let before = bench.link.counts();
+    let set = bench.hand.report(600);
+    bench.t_ms += 3;
+    let out = bench.give(&[set.clone(), set].concat());
+    let after = bench.link.counts();
+    assert_eq!((after.sets - before.sets, after.copies, out.len()), (2, 0, 4));
+}
+
+#[test]
+fn a_frozen_hand_is_let_go() {
+    let mut bench = Bench::new(Hand { moves: false, ..Hand::default() });
+    bench.run(1000);
+    assert_eq!(bench.link.phase(), Phase::Running); // at rest it may well stand still
+    bench.level = 5;
+    bench.run(1500);
+    assert_eq!(bench.fault(), "frozen");
+    assert!(bench.limp());
+}
+
+#[test]
+fn heat_lowers_the_torque_and_then_ends_it() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(600);
+    assert!((bench.link.heat_share(600 * MS) - 1.0).abs() < 1e-12);
+    bench.hand.joint_c = 75;
+    bench.run(600);
+    assert!((bench.link.heat_share(1200 * MS) - 0.5).abs() < 1e-12);
+    bench.hand.joint_c = 0xF6; // no reading at all
+    bench.run(600);
+    assert_eq!(bench.link.phase(), Phase::Running);
+    bench.hand.joint_c = 80;
+    bench.run(600);
+    assert_eq!(bench.fault(), "too-hot");
+    assert!(bench.limp());
+}
+
+#[test]
+fn temperatures_that_do_not_come_are_asked_for() {
+    let mut bench = Bench::new(Hand { reports_temperature: false, ..Hand::default() });
+    bench.run(1500);
+    assert_eq!(bench.link.joints_c(), &[None; 16]);
+    bench.run(1500);
+    assert_eq!(bench.link.joints_c(), &[Some(40); 16]);
+}
+
+#[test]
+fn a_fault_of_the_hand_stops_and_a_warning_only_lowers() {
+    let mut bench = Bench::new(Hand { status: 0b0100, ..Hand::default() });
+    bench.run(1500);
+    assert_eq!(bench.link.phase(), Phase::Running);
+    assert!((bench.link.heat_share(1500 * MS) - 0.5).abs() < 1e-12);
+    bench.hand.status = 0b1_0000;
+    bench.run(1100);
+    assert_eq!(bench.fault(), "reported");
+    assert!(bench.limp());
+}
+
+#[test]
+fn another_program_on_the_bus_is_no_company() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(10);
+    bench.give(&[(0x184, vec![1, 0, 0, 0, 0, 0, 0, 0])]);
+    assert_eq!(bench.fault(), "foreign-host");
+    assert!(bench.sent.is_empty());
+    let mut bench = Bench::new(Hand::default());
+    bench.level = 3;
+    bench.run(800);
+    let out = bench.give(&[(0x100, Vec::new())]);
+    bench.hand.hear(&out);
+    assert_eq!(bench.fault(), "foreign-host");
+    assert!(bench.limp());
+}
+
+#[test]
+fn letting_go_fades_the_torque_and_silences_the_hand() {
+    let mut bench = Bench::new(Hand::default());
+    bench.level = 5;
+    bench.run(1500);
+    assert!(bench.pushed());
+    bench.link.release(bench.t_ms * MS);
+    bench.run(100);
+    assert!(bench.hand.servo_on && !bench.link.released());
+    bench.run(130);
+    assert!(bench.limp() && bench.link.released() && !bench.hand.told);
+    let sent = bench.sent.len();
+    bench.run(500);
+    assert_eq!(bench.sent.len(), sent);
+}
+
+#[test]
+fn reading_only_never_switches_on() {
+    let settings = LinkSettings { torque: false, ..LinkSettings::default() };
+    let mut bench = Bench::with(Hand { angles: [0.4; 16], ..Hand::default() }, settings);
+    bench.level = 5;
+    bench.run(1500);
+    assert_eq!(bench.link.phase(), Phase::Running);
+    assert!(!bench.hand.servo_on && !bench.pushed());
+    assert!((bench.link.angles_rad().unwrap()[5] - 0.4).abs() < 1e-4);
+}
+
+#[test]
+fn slow_reports_and_impossible_angles_are_refused_before_the_motors_go_on() {
+    let mut bench = Bench::new(Hand { angles: [2.2; 16], ..Hand::default() });
+    bench.run(300);
+    assert_eq!(bench.fault(), "angle");
+    let mut slow = Bench::with(Hand::default(), LinkSettings { lowest_rate_hz: 400.0, ..Default::default() });
+    slow.run(300);
+    assert_eq!(slow.fault(), "too-slow");
+    assert!(!bench.pushed() && !slow.pushed());
+}
+
+#[test]
+fn a_hand_that_becomes_slow_is_let_go() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(600);
+    bench.hand.every_ms = 6;
+    bench.run(2200);
+    assert_eq!(bench.fault(), "too-slow");
+    assert!(bench.limp());
+}
+
+#[test]
+fn angles_that_jump_are_not_followed() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(600);
+    for k in 0..12 {
+        bench.hand.angles[9] = if k % 2 == 0 { 1.2 } else { 0.1 };
+        bench.run(3);
+    }
+    assert_eq!(bench.link.phase(), Phase::Running, "a jump there and back is one set that is not used");
+    bench.hand.moves = false;
+    bench.hand.angles[9] = 1.5;
+    bench.run(40);
+    assert_eq!(bench.fault(), "jumping");
+    assert!(bench.limp());
+}
+
+#[test]
+fn any_frame_is_survived() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(400);
+    for id in [0x001, 0x040, 0x080, 0x0C0, 0x0E0, 0x200, 0x220, 0x3C0, 0x7FF] {
+        for len in 0..=8 {
+            bench.give(&[(id, vec![0xA5; len])]);
+        }
+    }
+    bench.level = 6;
+    assert!(bench.link.exchange(&[], bench.t_ms * MS, 6).is_err());
+}

@@ -1,0 +1,173 @@
+//! Binding of `tega_hand::HandLink`: frames cross as tuples.
+#![allow(clippy::needless_pass_by_value, reason = "arguments arrive from Python as owned borrows")]
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
+use pyo3::types::{PyBytes, PyDict};
+use tega_hand::{LinkSettings, Phase};
+use tega_wire::allegro::{CanFrame, DeviceId, Received};
+
+use crate::errors::{BindError, InvalidValueError};
+use crate::hand::HandController;
+
+type Sent<'py> = Vec<(u16, Bound<'py, PyBytes>, bool)>;
+
+/// Identifier, data, remote, extended, error frame.
+type Given = (u32, PyBackedBytes, bool, bool, bool);
+
+/// The hand's own thread exchanges while others look on.
+#[pyclass(module = "tega._native", frozen)]
+struct HandLink(Mutex<tega_hand::HandLink>);
+
+impl HandLink {
+    fn link(&self) -> MutexGuard<'_, tega_hand::HandLink> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl HandLink {
+    #[new]
+    #[pyo3(signature = (controller, /, *, device_id, left, torque, silent_after_ns, lowest_rate_hz, reconnects))]
+    fn new(
+        controller: PyRef<'_, HandController>,
+        device_id: u8,
+        left: bool,
+        torque: bool,
+        silent_after_ns: i64,
+        lowest_rate_hz: f64,
+        reconnects: u32,
+    ) -> Result<Self, BindError> {
+        if silent_after_ns <= 0 || !(lowest_rate_hz.is_finite() && lowest_rate_hz >= 0.0) {
+            let text = format!(
+                "silent_after_ns = {silent_after_ns} ns, lowest_rate_hz = {lowest_rate_hz} Hz: the first is \
+                 above 0, the second 0 or more"
+            );
+            return Err(InvalidValueError::new_err((text, "")).into());
+        }
+        let device = DeviceId::new(device_id)?;
+        let settings = LinkSettings { device, left, torque, silent_after_ns, lowest_rate_hz, reconnects };
+        Ok(Self(Mutex::new(tega_hand::HandLink::new(settings, controller.0.clone()))))
+    }
+
+    #[pyo3(signature = (frames, t_ns, level, /))]
+    fn exchange<'py>(
+        &self,
+        py: Python<'py>,
+        frames: Vec<Given>,
+        t_ns: i64,
+        level: i64,
+    ) -> Result<Sent<'py>, BindError> {
+        let frames: Vec<Received<'_>> = frames
+            .iter()
+            .map(|(id, data, remote, extended, error)| Received {
+                id: *id,
+                data: data.as_ref(),
+                remote: *remote,
+                extended: *extended,
+                error: *error,
+            })
+            .collect();
+        Ok(sent(py, &self.link().exchange(&frames, t_ns, level)?))
+    }
+
+    #[pyo3(signature = (t_ns, /))]
+    fn release(&self, t_ns: i64) {
+        self.link().release(t_ns);
+    }
+
+    fn abandon<'py>(&self, py: Python<'py>) -> Sent<'py> {
+        sent(py, &self.link().abandon())
+    }
+
+    #[getter]
+    fn phase(&self) -> &'static str {
+        match self.link().phase() {
+            Phase::Listening => "listening",
+            Phase::Identifying => "identifying",
+            Phase::Checking => "checking",
+            Phase::Running => "running",
+            Phase::Silent => "silent",
+            Phase::Releasing => "releasing",
+            Phase::Stopped => "stopped",
+            Phase::Faulted => "faulted",
+        }
+    }
+
+    #[getter]
+    fn released(&self) -> bool {
+        self.link().released()
+    }
+
+    #[getter]
+    fn fault(&self) -> Option<(&'static str, String, &'static str)> {
+        self.link().fault().map(|fault| (fault.kind(), fault.to_string(), fault.hint()))
+    }
+
+    #[getter]
+    fn angles_rad<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.link().angles_rad().map(|angles| PyArray1::from_slice(py, angles))
+    }
+
+    #[getter]
+    fn target_rad<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.link().target_rad().map(|target| PyArray1::from_slice(py, &target))
+    }
+
+    #[getter]
+    fn torques<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.link().torques())
+    }
+
+    #[getter]
+    fn info(&self) -> Option<(u16, u16, u8, u8, u8)> {
+        self.link().info().map(|info| (info.hardware, info.firmware, info.side, info.palm_c, info.status))
+    }
+
+    #[getter]
+    fn serial(&self) -> String {
+        let text = String::from_utf8_lossy(self.link().serial()).into_owned();
+        text.trim_end_matches('\0').escape_debug().to_string()
+    }
+
+    #[getter]
+    fn joints_c(&self) -> Vec<Option<u8>> {
+        self.link().joints_c().to_vec()
+    }
+
+    #[pyo3(signature = (t_ns, /))]
+    fn heat_share(&self, t_ns: i64) -> f64 {
+        self.link().heat_share(t_ns)
+    }
+
+    #[getter]
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let counts = self.link().counts();
+        let dict = PyDict::new(py);
+        for (name, count) in [
+            ("sets", counts.sets),
+            ("incomplete", counts.incomplete),
+            ("copies", counts.copies),
+            ("late", counts.late),
+            ("silences", counts.silences),
+            ("jumps", counts.jumps),
+            ("malformed", counts.malformed),
+            ("unknown", counts.unknown),
+            ("others", counts.others),
+        ] {
+            dict.set_item(name, count)?;
+        }
+        Ok(dict)
+    }
+}
+
+fn sent<'py>(py: Python<'py>, frames: &[CanFrame]) -> Sent<'py> {
+    frames.iter().map(|frame| (frame.id(), PyBytes::new(py, frame.data()), frame.is_remote())).collect()
+}
+
+pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_class::<HandLink>()
+}

@@ -1,0 +1,288 @@
+"""A DIGIT, or any camera or stream that OpenCV opens, as a tactile source."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import msgspec
+import numpy as np
+
+from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
+from tega.devices.lifecycle import Opened
+from tega.devices.opencv import load_cv2
+from tega.devices.picture_check import CameraCounts, PictureCheck
+from tega.devices.video_nodes import find_node
+from tega.errors import ConfigError, DeviceUnavailableError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Digit", "DigitOptions"]
+
+_FIRST_S = 3.0
+_LEAVE_S = 5.0
+_BACK_OFF_S = (0.25, 4.0)
+# From this firmware on the three colours have levels of their own.
+_RGB_REVISION = 0x0200
+_GAP = 1.5
+
+
+class DigitOptions(Options, frozen=True):
+    """Settings of :class:`Digit`; either ``serial`` or ``source``.
+
+    Attributes:
+        serial: The number printed on the sensor, such as ``D20641``; found whatever it is plugged into.
+        source: Anything else that OpenCV opens: ``/dev/video2`` or the address of a stream.
+        width: Of the picture as the sensor sends it, pixels.
+        height: Likewise.
+        rate_hz: Pictures a second to ask for; 30 where four sensors share one USB 2 bus.
+        led: Level of the three lights, 0 to 15 each; red, green, blue. Only for ``serial``.
+        orientation: ``upright`` turns by 90° against the clock, as the maker's driver does; ``as-sent`` does not.
+        warm_up_s: Pictures of the first moments are not used: exposure still settles.
+    """
+
+    serial: str | None = None
+    source: str | None = None
+    width: Annotated[int, msgspec.Meta(ge=16, le=4096)] = 320
+    height: Annotated[int, msgspec.Meta(ge=16, le=4096)] = 240
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 60.0
+    led: tuple[int, int, int] = (15, 15, 15)
+    orientation: Literal["upright", "as-sent"] = "upright"
+    warm_up_s: Annotated[float, msgspec.Meta(ge=0, le=10)] = 0.5
+
+
+class Digit(Opened):
+    """Gives the newest picture, never an old one: a thread drains the camera and keeps one picture.
+
+    Pictures that are torn, black, repeated or of another size are counted and not given, so a finger without good
+    pictures falls silent. A camera that goes away is looked for again, by its serial number, after 0.25 s and then
+    at most 4 s, and set up anew.
+
+    Args:
+        options: The settings.
+
+    Attributes:
+        counts: What the camera sent.
+    """
+
+    kind: ClassVar[Kind] = "tactile"
+    summary: ClassVar[str] = "a DIGIT by its serial number, or any camera or stream OpenCV opens"
+    extra: ClassVar[str] = "lab"
+    requires: ClassVar[tuple[str, ...]] = ("cv2",)
+    options_type: ClassVar[type[Options]] = DigitOptions
+
+    def __init__(self, options: DigitOptions) -> None:
+        self._options = options
+        self._cv2: Any = None
+        self._thread: threading.Thread | None = None
+        self._leaving = threading.Event()
+        self._fresh = threading.Condition()
+        self._newest: TactileFrame | None = None
+        self._given = -1
+        self._rate_hz = options.rate_hz
+        self._notes: tuple[str, ...] = ()
+        self._trouble = ""
+        self.counts = CameraCounts()
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Serial number or source, the rate it agreed to, and what is to be known of it."""
+        o = self._options
+        return DeviceInfo(
+            driver="digit",
+            kind="tactile",
+            label=o.serial or (o.source or "").rstrip("/").rsplit("/", 1)[-1],
+            live=True,
+            rate_hz=self._rate_hz,
+            unit="counts of 255",
+            notes=self._notes,
+        )
+
+    def open(self) -> None:
+        """Open the camera, set it up, read back what it agreed to, and wait for its first good picture.
+
+        Raises:
+            ConfigError: Neither or both of ``serial`` and ``source``, or a light level outside 0 to 15.
+            DeviceUnavailableError: No such camera, it does not open, has another size, or sends no good picture.
+            MissingExtraError: OpenCV is not installed.
+        """
+        o = self._options
+        self.close()
+        if (o.serial is None) == (o.source is None):
+            raise ConfigError(
+                "digit: set either serial or source", "serial is printed on the sensor: D and five digits"
+            )
+        if not all(0 <= level <= 15 for level in o.led):
+            raise ConfigError(f"digit: led = {list(o.led)} is out of range: three levels, 0 to 15")
+        # A dead V4L2 stream blocks a read for so many seconds; read by OpenCV at the first capture.
+        os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
+        # OpenCV prints a warning at every pause; the counters say it better.
+        os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
+        self._cv2 = load_cv2("digit")
+        self.counts = CameraCounts()
+        self._newest, self._given, self._trouble = None, -1, ""
+        capture = self._capture()
+        self._leaving.clear()
+        self._thread = threading.Thread(target=self._run, args=(capture,), name="digit", daemon=True)
+        self._thread.start()
+        with self._fresh:
+            if self._fresh.wait_for(lambda: self._newest is not None, _FIRST_S + o.warm_up_s):
+                return
+        self.close()
+        raise DeviceUnavailableError(
+            f"digit {self.info.label}: no good picture within {_FIRST_S + o.warm_up_s:g} s "
+            f"({self.counts.received} came: {self.counts.black} black, {self.counts.torn} torn, "
+            f"{self.counts.duplicate} repeated, {self.counts.odd_size} not {o.width}×{o.height}){self._trouble}",
+            "unplug it and plug it in again; use another cable or USB port",
+        )
+
+    def close(self) -> None:
+        """Close the camera."""
+        thread, self._thread = self._thread, None
+        self._leaving.set()
+        if thread is not None:
+            thread.join(_LEAVE_S)
+
+    @property
+    def ended(self) -> bool:
+        """Never: a camera that went away is looked for again."""
+        return False
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        """Return the newest picture that was not given yet, or ``None`` when none came within ``timeout_s``.
+
+        Raises:
+            DeviceUnavailableError: The camera is not open.
+        """
+        if self._thread is None:
+            raise DeviceUnavailableError(f"digit {self.info.label} is not open", "open it first")
+
+        def unread() -> bool:
+            return self._newest is not None and self._newest.seq > self._given
+
+        with self._fresh:
+            if not self._fresh.wait_for(unread, timeout_s) or self._newest is None:
+                return None
+            self._given = self._newest.seq
+            return self._newest
+
+    def _capture(self) -> Any:
+        """Open the camera and set it up."""
+        o, cv2 = self._options, self._cv2
+        node = None if o.serial is None else find_node(o.serial)
+        place = o.source if node is None else node.device
+        local = str(place).startswith("/dev/")
+        if local:
+            capture = cv2.VideoCapture(place, cv2.CAP_V4L2)
+        else:
+            limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 2000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000]
+            capture = cv2.VideoCapture(place, cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
+        if not capture.isOpened():
+            capture.release()
+            raise DeviceUnavailableError(
+                f"digit {self.info.label}: the camera does not open",
+                "another program may use it; udev has to let you read it",
+            )
+        if local:
+            try:
+                self._set_up(capture, revision=0 if node is None else node.revision, lights=node is not None)
+            except DeviceUnavailableError:
+                capture.release()
+                raise
+        return capture
+
+    def _set_up(self, capture: Any, *, revision: int, lights: bool) -> None:
+        o, cv2 = self._options, self._cv2
+        notes = []
+        for setting, value in (
+            (cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"YUYV")),
+            (cv2.CAP_PROP_FRAME_WIDTH, o.width),
+            (cv2.CAP_PROP_FRAME_HEIGHT, o.height),
+            (cv2.CAP_PROP_FPS, o.rate_hz),
+        ):
+            capture.set(setting, value)
+        size = (round(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+        if size != (o.width, o.height):
+            raise DeviceUnavailableError(
+                f"digit {self.info.label}: asked for {o.width}×{o.height}, the camera gives {size[0]}×{size[1]}",
+                "a DIGIT has 320×240 at 60 or 30 and 640×480 at 30 or 15 pictures a second",
+            )
+        rate_hz = float(capture.get(cv2.CAP_PROP_FPS))
+        if rate_hz > 0:
+            self._rate_hz = rate_hz
+        if rate_hz < 0.99 * o.rate_hz:
+            notes.append(f"asked for {o.rate_hz:g} pictures a second, the camera gives {rate_hz:g}")
+        if lights:
+            red, green, blue = o.led
+            level = red << 8 | green << 4 | blue
+            if revision < _RGB_REVISION:
+                level = max(o.led)
+                notes.append(f"firmware {revision >> 8}.{revision & 255:02}: one level for all lights")
+            if not capture.set(cv2.CAP_PROP_ZOOM, level):
+                notes.append("the lights could not be set")
+        self._notes = tuple(notes)
+
+    def _run(self, capture: Any) -> None:
+        """Read until told to leave; a camera that goes away is opened again."""
+        back_off_s = _BACK_OFF_S[0]
+        while not self._leaving.is_set():
+            if capture is None:
+                if self._leaving.wait(back_off_s):
+                    break
+                try:
+                    capture = self._capture()
+                except DeviceUnavailableError as error:
+                    self._trouble = f": {error.message}"
+                    back_off_s = min(2 * back_off_s, _BACK_OFF_S[1])
+                    continue
+            if self._drain(capture):
+                back_off_s = _BACK_OFF_S[0]
+            capture.release()
+            capture = None
+            self.counts.lost += 1
+        if capture is not None:
+            capture.release()
+
+    def _drain(self, capture: Any) -> bool:
+        """Read one capture until it fails; return whether it gave anything."""
+        check, any_came = PictureCheck(self.counts), False
+        opened_ns, last_ns = time.monotonic_ns(), 0
+        while not self._leaving.is_set():
+            came, sent = capture.read()
+            if not came:
+                break
+            any_came = True
+            t_ns = self._stamp(capture)
+            if last_ns:
+                intervals = (t_ns - last_ns) * 1e-9 * self._rate_hz
+                self.counts.dropped += round(intervals) - 1 if intervals > _GAP else 0
+            last_ns = t_ns
+            image: NDArray[np.uint8] = np.asarray(sent, np.uint8)
+            if image.ndim != 3 or image.shape[:2] != (self._options.height, self._options.width):
+                self.counts.received += 1
+                self.counts.odd_size += 1
+                continue
+            verdict = check.judge(image)
+            if verdict == "good" and time.monotonic_ns() - opened_ns >= self._options.warm_up_s * 1e9:
+                self._give(t_ns, image)
+        return any_came
+
+    def _stamp(self, capture: Any) -> int:
+        """The kernel's time of the picture where it is the monotonic clock's, else now."""
+        now_ns = time.monotonic_ns()
+        kernel_ns = round(capture.get(self._cv2.CAP_PROP_POS_MSEC) * 1e6)
+        return kernel_ns if 0 <= now_ns - kernel_ns < 1_000_000_000 else now_ns
+
+    def _give(self, t_ns: int, image: NDArray[np.uint8]) -> None:
+        seq = self.counts.received - 1 + self.counts.dropped
+        if self._options.orientation == "upright":
+            image = np.ascontiguousarray(np.rot90(image))
+        with self._fresh:
+            if self._newest is not None:
+                # Two cameras' clocks, or a stamp taken here after one of the kernel's.
+                t_ns = max(t_ns, self._newest.t_ns)
+            self._newest = TactileFrame(t_ns, seq, image, f"{self.info.label} picture {seq}")
+            self._fresh.notify_all()

@@ -1,0 +1,87 @@
+"""Which pictures of a fingertip camera can be used: new, whole, lit ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["CameraCounts", "PictureCheck"]
+
+# Mean below which a picture is black although the lights are on.
+_BLACK = 5.0
+# A sensor's noise makes two pictures, or two rows, never equal; so many equal ones are a stalled source.
+_STUCK = 3
+_TAIL_SHARE = 16
+
+
+class CameraCounts(msgspec.Struct, kw_only=True):
+    """What a camera sent.
+
+    Attributes:
+        received: Pictures in all.
+        used: Pictures passed on.
+        dropped: Pictures that never came, by the gaps between the others; an estimate.
+        torn: Pictures whose end is missing, or is that of the picture before.
+        duplicate: Pictures equal to the one before to the last bit.
+        stuck: Times the source sent the same picture three times or more.
+        black: Pictures without light.
+        odd_size: Pictures of another size than the first.
+        lost: Times the camera went away.
+    """
+
+    received: int = 0
+    used: int = 0
+    dropped: int = 0
+    torn: int = 0
+    duplicate: int = 0
+    stuck: int = 0
+    black: int = 0
+    odd_size: int = 0
+    lost: int = 0
+
+
+class PictureCheck:
+    """Judges pictures as they come.
+
+    Args:
+        counts: Counted up along the way.
+    """
+
+    def __init__(self, counts: CameraCounts) -> None:
+        self._counts = counts
+        self._last: NDArray[np.uint8] | None = None
+        self._n_equal = 0
+
+    def judge(self, image: NDArray[np.uint8]) -> Literal["good", "odd_size", "duplicate", "black", "torn"]:
+        """Tell whether a picture can be used; the reason is counted.
+
+        Args:
+            image: uint8 (H, W, 3), rows in the order the sensor sends them. It is kept: do not change it.
+        """
+        counts, last = self._counts, self._last
+        counts.received += 1
+        if last is not None and image.shape != last.shape:
+            counts.odd_size += 1
+            return "odd_size"
+        self._last = image
+        if last is not None and np.array_equal(image, last):
+            counts.duplicate += 1
+            self._n_equal += 1
+            counts.stuck += self._n_equal == _STUCK - 1
+            return "duplicate"
+        self._n_equal = 0
+        if float(image[::4, ::4].mean()) < _BLACK:
+            counts.black += 1
+            return "black"
+        n_rows = max(2, len(image) // _TAIL_SHARE)
+        tail = image[-n_rows:]
+        if (tail == tail[-1, -1]).all() or (last is not None and np.array_equal(tail, last[-n_rows:])):
+            counts.torn += 1
+            return "torn"
+        counts.used += 1
+        return "good"

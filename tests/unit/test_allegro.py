@@ -1,0 +1,288 @@
+"""The Allegro driver against the emulated hand in another process, behind a serial CAN adapter.
+
+Exact deadlines are tried in the Rust tests, where time is a number; here a busy machine must not matter, so silence
+is only noticed after a second.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.config import check_tree
+from tega.devices import SteeredHand, driver_class
+from tega.devices.allegro import Allegro, AllegroOptions
+from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, TegaError, WrongDeviceError
+from tega.hand import CLOSURE_POSES_RAD
+from tega.teleop import run_session
+from tega.testing.emulators.allegro import FAULTS, AllegroNode
+from tega.testing.emulators.allegro_port import BusPort
+from tega.testing.emulators.allegro_process import AllegroProcess
+
+PATIENT: dict[str, Any] = {"silent_after_ms": 1000.0, "lowest_rate_hz": 50.0}
+
+
+def _driver(hand: AllegroProcess, **options: Any) -> Allegro:
+    make: Any = AllegroOptions
+    return Allegro(make(**{**hand.options, **PATIENT, **options}))
+
+
+def _until(done: Callable[[], bool], *, seconds: float = 20.0) -> bool:
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        if done():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def _reaches(driver: Allegro, level: int) -> bool:
+    def near() -> bool:
+        driver.step(level)
+        return float(np.abs(driver.angles_rad - CLOSURE_POSES_RAD[level - 1]).max()) < 0.03
+
+    return _until(near)
+
+
+def _limp(hand: AllegroProcess) -> bool:
+    state = hand.command()
+    return not state["servo_on"] and not any(state["duties"])
+
+
+def test_the_emulated_hand_shares_no_code_with_the_driver() -> None:
+    program = (
+        "import sys, tega.testing.emulators.allegro_port\n"
+        "print([m for m in sys.modules if m.startswith(('tega.wire', 'tega._native', 'tega.hand'))])"
+    )
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
+
+
+def test_the_emulated_hand_says_what_a_real_one_said() -> None:
+    node = AllegroNode()
+    # Bytes of the fact sheet: information of a 4.2 hand with firmware 4.6, right; temperatures one byte a joint.
+    (can_id, data), *_ = node.hear(0x200, b"", remote=True, t_s=0.0)
+    assert (can_id, data[:5]) == (0x200, bytes.fromhex("0204060400"))
+    assert node.hear(0x0E4, b"", remote=True, t_s=0.0) == [(0x0E4, bytes([36] * 4))]
+    assert node.due(1.0) == []
+    node.hear(0x204, bytes.fromhex("03000000F4010000"), remote=False, t_s=1.0)
+    assert [frame[0] for frame in node.due(1.0035)] == [0x080, 0x084, 0x088, 0x08C]
+    node.hear(0x180, bytes.fromhex("7800 10FF 3C00 C4FF"), remote=False, t_s=1.01)
+    assert [round(float(d), 4) for d in node.duties[:4]] == [0.1, -0.2, 0.05, -0.05]
+    assert node.hear(0x201, b"", remote=True, t_s=1.0) == []
+
+
+def test_it_steers_on_the_angles_it_reads_and_lets_go() -> None:
+    with AllegroProcess("--seed", "3") as hand:
+        with _driver(hand) as driver:
+            assert isinstance(driver, SteeredHand)
+            assert _reaches(driver, 4)
+            truth = hand.command()
+            assert truth["servo_on"]
+            assert np.abs(driver.angles_rad - truth["angles_rad"]).max() < 0.02
+            assert _until(lambda: None not in driver.state().joints_c)
+            assert _until(lambda: {f.id for f in driver.step(1)} >= {0x180, 0x184, 0x188, 0x18C})
+            assert "firmware 4.6" in driver.info.notes[0]
+        assert _limp(hand)
+        assert not hand.command()["reports"]
+        with pytest.raises(DeviceUnavailableError):
+            driver.step(1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--hardware", "0x0500"), "version 5.0"),
+        (("--side", "left"), "left hand"),
+        (("--hardware", "0x0301"), "3.1"),
+    ],
+)
+def test_another_hand_is_refused_before_any_torque(arguments: tuple[str, ...], words: str) -> None:
+    with AllegroProcess(*arguments) as hand:
+        with pytest.raises(WrongDeviceError, match=words):
+            _driver(hand).open()
+        assert _limp(hand)
+        assert not hand.command()["reports"]
+
+
+def test_nobody_there_and_no_adapter() -> None:
+    with (
+        AllegroProcess("--device-id", "2") as hand,
+        pytest.raises(DeviceUnavailableError, match="20 requests") as got,
+    ):
+        _driver(hand).open()
+    assert "12 V" in got.value.hint
+    with pytest.raises(DeviceUnavailableError, match="did not open"):
+        _driver(hand).open()
+
+
+ENDS = {
+    "silence": "fell silent",
+    "freeze": "single count",
+    "half": "ring finger sends no",
+    "hot": "85 °C",
+    "overheated": "temperature fault",
+    "jump": "jumps by",
+    "foreign": "another program",
+    "slow": "times a second",
+}
+GOES_ON = {"drop", "duplicate", "babble", "power-cycle"}
+
+
+def test_every_fault_of_the_emulated_hand_is_tried() -> None:
+    assert set(ENDS) | GOES_ON == set(FAULTS)
+
+
+@pytest.mark.parametrize("fault", sorted(ENDS))
+def test_a_fault_lets_go_of_the_hand_and_says_why(fault: str) -> None:
+    lowest_hz = 150.0 if fault == "slow" else 50.0
+    with (
+        AllegroProcess() as hand,
+        _driver(hand, reconnects=1, silent_after_ms=300.0, lowest_rate_hz=lowest_hz) as driver,
+    ):
+        driver.step(2)
+        hand.command(fault)
+        said: list[TegaError] = []
+
+        def ended() -> bool:
+            try:
+                driver.step(5)
+            except DeviceUnavailableError as error:
+                said.append(error)
+            return bool(said)
+
+        assert _until(ended)
+        assert ENDS[fault] in str(said[0])
+        assert said[0].hint
+        if fault != "silence":  # what hears nothing cannot be told; its motors keep their last duty
+            assert _until(lambda: _limp(hand))
+
+
+@pytest.mark.parametrize("fault", [*sorted(GOES_ON), "garbage"])
+def test_a_nuisance_is_survived(fault: str) -> None:
+    with AllegroProcess() as hand, _driver(hand, silent_after_ms=300.0) as driver:
+        hand.command(fault)
+
+        def told() -> bool:
+            driver.step(4)
+            counts = driver.state().counts
+            return {
+                "drop": counts.incomplete,
+                "duplicate": counts.copies,
+                "babble": min(counts.unknown, counts.malformed),
+                "power-cycle": counts.silences,
+                "garbage": driver.n_garbled,
+            }[fault] > 10 * (fault != "power-cycle")
+
+        assert _until(told)
+        counted = driver.state().counts.sets
+        assert _until(lambda: driver.state().counts.sets > counted + 100)
+        assert _until(lambda: bool(hand.command()["servo_on"]))
+        assert any(hand.command()["duties"])
+
+
+def test_an_adapter_that_goes_away_is_said() -> None:
+    with AllegroProcess() as hand, _driver(hand, reconnects=1, silent_after_ms=300.0) as driver:
+        driver.step(1)
+        hand.unplug()
+
+        def ended() -> bool:
+            try:
+                driver.step(1)
+            except DeviceUnavailableError as error:
+                return "adapter failed" in str(error)
+            return False
+
+        assert _until(ended)
+
+
+def test_reading_only_leaves_the_motors_off() -> None:
+    with AllegroProcess() as hand, _driver(hand, torque=False) as driver:
+        driver.step(5)
+        time.sleep(0.3)
+        assert _limp(hand)
+        assert np.abs(driver.angles_rad - hand.command()["angles_rad"]).max() < 0.01
+
+
+@contextmanager
+def _on_a_virtual_bus(channel: str) -> Iterator[AllegroNode]:
+    node, ended = AllegroNode(), threading.Event()
+    port = BusPort(node, interface="virtual", channel=channel)
+
+    def live() -> None:
+        while not ended.wait(0.001):
+            port.take(time.monotonic())
+            port.send(node.due(time.monotonic()))
+
+    thread = threading.Thread(target=live)
+    thread.start()
+    try:
+        yield node
+    finally:
+        ended.set()
+        thread.join()
+        port.close()
+
+
+def test_a_virtual_bus_does_as_well() -> None:
+    make: Any = AllegroOptions
+    with _on_a_virtual_bus("test-allegro") as node:
+        with Allegro(make(interface="virtual", channel="test-allegro", **PATIENT)) as driver:
+            assert _reaches(driver, 3)
+        assert not node.servo_on
+        assert not node.duties.any()
+
+
+@pytest.mark.parametrize("end", ["", "raise SystemExit(3)", "raise ValueError"])
+def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
+    with AllegroProcess() as hand:
+        program = (
+            "import time\n"
+            "from tega.devices.allegro import Allegro, AllegroOptions\n"
+            f"driver = Allegro(AllegroOptions(**{ ({**hand.options, **PATIENT})!r}))\n"
+            f"driver.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(driver.state().phase)\n{end}\n"
+        )
+        said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+        assert said.stdout.strip() == "running"
+        assert _limp(hand)
+        assert not hand.command()["reports"]
+
+
+def test_bad_levels_and_bad_settings() -> None:
+    with AllegroProcess() as hand, _driver(hand) as driver:
+        for level in (0, 6):
+            with pytest.raises(InvalidValueError, match="level"):
+                driver.step(level)
+    make: Any = driver_class("allegro", "hand").options_type
+    with pytest.raises(ConfigError, match=r"none\.toml"):
+        Allegro(make(interface="virtual", channel="x", poses=Path("none.toml"))).open()
+
+
+def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
+    emg = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 1.5}}
+    with AllegroProcess() as hand:
+        settings = {**hand.options, **PATIENT}
+        tree = {
+            "session": {"pace": "real", "out_dir": str(tmp_path / "out")},
+            "emg": emg,
+            "hand": {"driver": "allegro", "options": settings},
+        }
+        summary = run_session(check_tree(tree, {}, base=tmp_path).config)
+        assert _limp(hand)
+        assert summary["hand"]["model"] == Allegro.label
+        assert summary["hand"]["sinks"] == ["allegro", "can-recorder"]
+        sent = (tmp_path / "out" / "can.csv").read_text().splitlines()
+        assert sum(",180," in line for line in sent) > 100
+        tree["session"] = {"pace": "fast"}
+        with pytest.raises(ConfigError, match="live"):
+            run_session(check_tree(tree, {}, base=tmp_path).config)
+        assert _limp(hand)

@@ -1,0 +1,143 @@
+"""The DIGIT's driver on an emulated sensor in another process, read by the same ``VideoCapture``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.devices.digit import Digit, DigitOptions
+from tega.devices.picture_check import CameraCounts, PictureCheck
+from tega.devices.video_nodes import find_node, video_nodes
+from tega.errors import ConfigError, DeviceUnavailableError
+from tega.testing.emulators.digit import FAULTS, DigitProcess
+
+
+def _driver(sensor: DigitProcess, **options: Any) -> Digit:
+    make: Any = DigitOptions
+    return Digit(make(**{"source": sensor.source, "warm_up_s": 0.1, **options}))
+
+
+def _until(done: Callable[[], bool], *, seconds: float = 20.0) -> bool:
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        if done():
+            return True
+        time.sleep(0.005)
+    return False
+
+
+def test_it_gives_the_newest_picture_once_and_turned() -> None:
+    with DigitProcess() as sensor, _driver(sensor) as digit:
+        first = digit.read(5.0)
+        assert first is not None
+        assert first.image.shape == (320, 240, 3)
+        # Sent with blue rising downwards: turned against the clock it rises to the right.
+        means = first.image[:, :, 0].mean(axis=0)
+        assert means[-20:].mean() > means[:20].mean() + 20
+        time.sleep(0.3)
+        second = digit.read(5.0)
+        assert second is not None
+        assert second.seq > first.seq + 5
+        assert time.monotonic_ns() - second.t_ns < 10**9
+        assert digit.read(0.0) is None or digit.counts.used > 0
+    with pytest.raises(DeviceUnavailableError, match="not open"):
+        digit.read(0.0)
+
+
+COUNTED = {
+    "freeze": "stuck",
+    "black": "black",
+    "torn": "torn",
+    "duplicate": "duplicate",
+    "pause": "lost",
+    "cut": "lost",
+}
+SILENT = set(COUNTED) - {"duplicate"}
+
+
+def test_every_fault_of_the_emulated_sensor_is_tried() -> None:
+    assert set(COUNTED) | {"small"} == set(FAULTS)
+
+
+@pytest.mark.parametrize("fault", sorted(COUNTED))
+def test_a_fault_is_counted_silences_and_is_survived(fault: str) -> None:
+    with DigitProcess() as sensor, _driver(sensor) as digit:
+        sensor.command(fault)
+        assert _until(lambda: getattr(digit.counts, COUNTED[fault]) > 0)
+        if fault in SILENT:
+            assert _until(lambda: digit.read(0.1) is None)
+            assert digit.read(0.2) is None
+        else:
+            assert digit.read(5.0) is not None
+        sensor.command("clear")
+        assert _until(lambda: digit.read(0.1) is not None)
+
+
+def test_as_sent_and_another_size() -> None:
+    with DigitProcess() as sensor:
+        with _driver(sensor, orientation="as-sent") as digit:
+            frame = digit.read(5.0)
+            assert frame is not None
+            assert frame.image.shape == (240, 320, 3)
+        with pytest.raises(DeviceUnavailableError, match="does not open"):
+            _driver(sensor, source="http://127.0.0.1:9/video").open()
+        # FFmpeg scales what changes size under way, so only an opening can tell.
+        sensor.command("small")
+        with pytest.raises(DeviceUnavailableError, match=r"no good picture.*[1-9]\d* not 320×240"):
+            _driver(sensor).open()
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"serial": "D20641", "source": "x"}, {"source": "x", "led": (16, 0, 0)}]
+)
+def test_settings_that_cannot_be(options: dict[str, Any]) -> None:
+    make: Any = DigitOptions
+    with pytest.raises(ConfigError):
+        Digit(make(**options)).open()
+
+
+def _camera(sysfs: Path, number: int, *, serial: str, index: int, revision: str = "0200") -> None:
+    usb = sysfs / "devices" / f"1-{serial}"
+    interface = usb / "1.0"
+    interface.mkdir(parents=True, exist_ok=True)
+    (usb / "serial").write_text(serial + "\n")
+    (usb / "bcdDevice").write_text(revision + "\n")
+    entry = sysfs / "class" / f"video{number}"
+    entry.mkdir(parents=True)
+    (entry / "index").write_text(f"{index}\n")
+    (entry / "name").write_text("DIGIT: DIGIT\n")
+    (entry / "device").symlink_to(interface)
+
+
+def test_a_sensor_is_found_by_its_number(tmp_path: Path) -> None:
+    for number, serial, index in ((0, "D20001", 0), (1, "D20001", 1), (10, "D20641", 0), (11, "D20641", 1)):
+        _camera(tmp_path, number, serial=serial, index=index, revision="0101" if number < 2 else "0200")
+    nodes = video_nodes(tmp_path / "class")
+    assert [(node.device, node.serial, node.revision) for node in nodes] == [
+        ("/dev/video0", "D20001", 0x0101),
+        ("/dev/video10", "D20641", 0x0200),
+    ]
+    assert find_node("D20641", tmp_path / "class").device == "/dev/video10"
+    with pytest.raises(DeviceUnavailableError, match=r"D99999.*D20001.*D20641"):
+        find_node("D99999", tmp_path / "class")
+    with pytest.raises(DeviceUnavailableError, match="none"):
+        find_node("D20641", tmp_path / "nothing")
+
+
+def test_a_picture_with_the_end_of_the_one_before_is_torn() -> None:
+    random = np.random.default_rng(0)
+    counts = CameraCounts()
+    check = PictureCheck(counts)
+    one, two = (random.integers(60, 120, (240, 320, 3), dtype=np.uint8) for _ in range(2))
+    assert check.judge(one) == "good"
+    mixed = two.copy()
+    mixed[200:] = one[200:]
+    assert check.judge(mixed) == "torn"
+    assert check.judge(two) == "good"
+    assert [check.judge(two.copy()) for _ in range(4)] == ["duplicate"] * 4
+    assert (counts.stuck, counts.duplicate, counts.torn, counts.used) == (1, 4, 1, 2)
