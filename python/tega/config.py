@@ -66,14 +66,30 @@ class SessionSection(_Section, frozen=True):
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
 
 
+_Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]
+
+
 class CalibrationConfig(_Section, frozen=True):
-    """Where the maxima come from.
+    """Where baselines, maxima and the wearer's thresholds come from.
 
     Attributes:
-        file: A calibration file; none means they are taken from the recording itself, which is not causal.
+        file: A file of maxima; none means those of ``person``, or, for recordings only, of the recording itself, which
+            is not causal.
+        person: Whose calibration to use, as ``tega-teleop calibrate`` has kept it.
+        folder: Where it keeps them; none means ``calibrations`` beside the settings file.
+        baseline_old_h: A baseline older than this is warned of, hours.
+        touch_old_h: Likewise maxima of a fingertip.
+        emg_old_h: Likewise rest and maxima of the muscles; a refresh makes them new.
+        vest_old_h: Likewise thresholds of the vest.
     """
 
     file: Path | None = None
+    person: str | None = None
+    folder: Path | None = None
+    baseline_old_h: _Hours = 24.0
+    touch_old_h: _Hours = 720.0
+    emg_old_h: _Hours = 12.0
+    vest_old_h: _Hours = 2160.0
 
 
 class TactileConfig(_Section, frozen=True):
@@ -110,11 +126,13 @@ class EmgConfig(_Section, frozen=True):
     Attributes:
         driver: Name of an EMG driver.
         kind: What the samples are: ``raw`` (offset removed and rectified here), ``rectified`` or ``envelope``.
+        muscles: What each channel sits on, for the words of a calibration; none means ECR, FCU, FDS where there are three.
         options: The driver's own settings.
     """
 
     driver: str
     kind: Literal["raw", "rectified", "envelope"]
+    muscles: tuple[str, ...] = ()
     options: Any = msgspec.field(default_factory=dict)
 
 
@@ -279,8 +297,15 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         vest=with_options(config.vest, "vest", "vest"),
         hand=with_options(config.hand, "hand", "hand"),
     )
+    if config.calibration.person is not None and config.calibration.folder is None:
+        beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
+        config = msgspec.structs.replace(config, calibration=beside)
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
-    return LoadedConfig(config, values)
+    if config.calibration.person is None:
+        return LoadedConfig(config, values)
+    from tega.calibration.person import with_person
+
+    return with_person(LoadedConfig(config, values), given=set(origins))
 
 
 def _where(origins: Mapping[str, str], key: str) -> str:

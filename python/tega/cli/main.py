@@ -33,6 +33,10 @@ _VERBS = {
     "sim-trials": _Verb(
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
     ),
+    "calibrate": _Verb(
+        "Hardware", "tega.cli.calibrate", "calibrate", "Calibrate fingertips, muscles and vest for a person."
+    ),
+    "practice": _Verb("Hardware", "tega.cli.practice", "practice", "Follow a level with the muscles."),
     "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List the drivers that are installed."),
     "hand": _Verb(
         "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."

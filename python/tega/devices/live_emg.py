@@ -177,6 +177,11 @@ class LiveEmg(Opened):
         """What the signal looks like; ``None`` before the source was opened."""
         return self._health
 
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """The converter's limits in the unit of the samples, where they are known."""
+        return self._limits()
+
     def open(self) -> None:
         """Connect, switch the stream on and measure its true rate; the samples of that time are not delivered.
 

@@ -73,6 +73,7 @@ def run_session(
     stop: Callable[[], bool] = lambda: False,
     on_prepared: Callable[[Prepared], Prepared] = lambda prepared: prepared,
     haptics: Callable[[], bool] = lambda: True,
+    settings: str = "SETTINGS.toml",
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -85,6 +86,7 @@ def run_session(
         on_prepared: Given what the run starts with; returns what it is to start with. A display looks at the sources
             there, or puts others in front of them that let it see what is read.
         haptics: Asked at every vest tick; every motor rests while it says no.
+        settings: How the settings file is named in the commands that an error suggests.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -117,7 +119,7 @@ def run_session(
                     raise ConfigError(
                         f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
                     )
-        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop))
+        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
         sinks = _sinks(stack, config, prepared)
         progress("running", 0, 0)
         return _run(

@@ -132,6 +132,7 @@ def _notes(state: RunState) -> list[str]:
     end_ns = state.loop.end_ns
     if not state.prepared.calibration_name:
         notes.append(f"maxima {state.prepared.calibration.origin}")
+    notes += state.prepared.warnings
     for name, finger in state.prepared.fingers.items():
         maxima = state.prepared.calibration.touch(name)
         if maxima is None or maxima.eda_max is None:

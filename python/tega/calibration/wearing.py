@@ -1,0 +1,84 @@
+"""Where a person says that columns of a vest are felt, and what that says about how it is worn or driven."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+__all__ = ["SITES", "Wearing", "judge_wearing", "site_motors", "site_place"]
+
+SITES: tuple[str, ...] = tuple(f"{side}{column}" for side in "fb" for column in (1, 2, 3, 4))
+"""Columns: front and back, from the wearer's left."""
+
+
+def site_motors(site: str) -> tuple[int, ...]:
+    """Return the motors of a site: a column such as ``f1``, or one motor such as ``m23``.
+
+    Example:
+        >>> site_motors("b2")
+        (21, 25, 29, 33, 37)
+    """
+    if site.startswith("m"):
+        return (int(site[1:]),)
+    first = (20 if site[0] == "b" else 0) + int(site[1]) - 1
+    return tuple(range(first, first + 20, 4))
+
+
+def site_place(site: str) -> str:
+    """Say where a site is felt.
+
+    Example:
+        >>> site_place("b2"), site_place("m23")
+        ('back, column 2 of 4 from your left', 'back, row 1, column 4 of 4 from your left')
+    """
+    if site.startswith("m"):
+        panel, place = divmod(int(site[1:]), 20)
+        row, column = divmod(place, 4)
+        return f"{('front', 'back')[panel]}, row {row + 1}, column {column + 1} of 4 from your left"
+    return f"{'back' if site[0] == 'b' else 'front'}, column {site[1]} of 4 from your left"
+
+
+class Wearing(NamedTuple):
+    """How well the places were named.
+
+    Attributes:
+        n_right: Places named right.
+        n_asked: Places shown.
+        problems: What is wrong, one sentence each.
+    """
+
+    n_right: int
+    n_asked: int
+    problems: tuple[str, ...]
+
+
+def judge_wearing(answers: Mapping[str, str]) -> Wearing:
+    """Judge what a person said.
+
+    Neighbouring columns are easily taken for each other; a mirrored face or faces exchanged are not, and are told.
+
+    Args:
+        answers: By the column shown, the column named, or ``"n"`` for nothing felt.
+    """
+    felt = {shown: said for shown, said in answers.items() if said in SITES}
+    problems = []
+    unfelt = [shown for shown in answers if shown not in felt]
+    if unfelt:
+        places = "; ".join(map(site_place, unfelt))
+        problems.append(f"not felt at all: {places}: tighten the vest, or a motor is dead")
+    if felt and sum(said[0] != shown[0] for shown, said in felt.items()) > len(felt) / 2:
+        problems.append("front and back are felt exchanged: is the vest on the right way round?")
+    mirrored = []
+    for side, name in (("f", "front"), ("b", "back")):
+        own = [(int(s[1]), int(a[1])) for s, a in felt.items() if s[0] == side and a[0] == side]
+        as_is = sum(abs(shown - said) for shown, said in own)
+        turned = sum(abs(5 - shown - said) for shown, said in own)
+        if len(own) >= 3 and turned < as_is and as_is >= len(own):
+            mirrored.append(name)
+    if mirrored:
+        what = {
+            ("front",): "over Bluetooth set vest.options.front_mirror = true",
+            ("back",): 'set vest.mirror = "back"',
+        }.get(tuple(mirrored), 'set vest.mirror = "all"')
+        problems.append(f"{' and '.join(mirrored)} felt mirrored: {what}")
+    return Wearing(sum(shown == said for shown, said in answers.items()), len(answers), tuple(problems))
