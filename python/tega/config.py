@@ -126,7 +126,8 @@ class EmgConfig(_Section, frozen=True):
     Attributes:
         driver: Name of an EMG driver.
         kind: What the samples are: ``raw`` (offset removed and rectified here), ``rectified`` or ``envelope``.
-        muscles: What each channel sits on, for the words of a calibration; none means ECR, FCU, FDS where there are three.
+        muscles: What each channel sits on, for the words of a calibration; none means ECR, FCU, FDS where
+            there are three.
         options: The driver's own settings.
     """
 

@@ -1,4 +1,4 @@
-"""A person at the calibration wizard: the command in a process of its own, its prompts read and answered line by line."""
+"""A person at the calibration wizard: the command in a process of its own, its prompts answered line by line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Wizard"]
+from tega.calibration.wearing import SITES, site_motors
+from tega.testing.emulators.vests import EmulatedVest
+
+__all__ = ["Wearer", "Wizard", "presses", "records"]
 
 Answer = Callable[[str], str | None]
 
@@ -30,6 +33,8 @@ class Wizard:
         self, words: list[str], answer: Answer, heard: Callable[[str], None] = lambda _line: None
     ) -> None:
         self.lines: list[str] = []
+        self.code: int | None = None
+        self.out = ""
         self._answer = answer
         self._heard = heard
         command = [sys.executable, "-m", "tega.cli", *words]
@@ -61,7 +66,7 @@ class Wizard:
                 else:
                     process.stdin.write(said + "\n")
                     process.stdin.flush()
-        code = process.wait(30)
+        self.code = code = process.wait(30)
         reader.join()
         if not process.stdin.closed:
             process.stdin.close()
@@ -103,12 +108,59 @@ def presses(command: Callable[[str], None], firmness: list[float], *, hold_s: fl
     threading.Thread(target=go, daemon=True).start()
 
 
-def settings(path: Path, **parts: str) -> Path:
-    """Write a settings file of some parts and return its path."""
-    path.write_text("\n".join(parts.values()))
-    return path
-
-
 def records(folder: Path) -> Iterator[str]:
     """Name every file under a folder."""
     yield from sorted(f.relative_to(folder).as_posix() for f in folder.rglob("*") if f.is_file())
+
+
+class Wearer:
+    """Answers the vest's questions from what the emulated motors really did.
+
+    Args:
+        peer: The emulated vest.
+        threshold: The lowest percent that is felt, by column.
+        step: The smallest increase in percent that is noticed.
+        mirrored: Whether the back is felt mirrored.
+    """
+
+    def __init__(
+        self, peer: EmulatedVest, threshold: dict[str, int], *, step: int = 13, mirrored: bool = False
+    ) -> None:
+        self._peer = peer
+        self._threshold = threshold
+        self._step = step
+        self._mirrored = mirrored
+        self._n_seen = len(peer.report().history)
+        self.asked: list[str] = []
+        self.loudest = 0
+
+    def __call__(self, prompt: str) -> str | None:
+        """Answer one prompt."""
+        if prompt.startswith(">"):
+            return ""
+        bursts = self._bursts()
+        self.asked += [site for site, _ in bursts[:1]]
+        if "Where" in prompt:
+            ((site, _),) = bursts
+            return f"b{5 - int(site[1])}" if self._mirrored and site[0] == "b" else site
+        if "Felt" in prompt:
+            return "y" if bursts and bursts[0][1] >= self._threshold[bursts[0][0]] else "n"
+        if "stronger" in prompt:
+            (_, first), (_, second) = bursts
+            return "s" if abs(first - second) < self._step else "12"[second > first]
+        return "q"
+
+    def _bursts(self) -> list[tuple[str, int]]:
+        """What vibrated since the last question: column and percent, one each."""
+        history = self._peer.report().history
+        new, self._n_seen = history[self._n_seen :], len(history)
+        bursts: list[tuple[str, int]] = []
+        dark = True
+        for _, motors in new:
+            lit = {k for k, v in enumerate(motors) if v}
+            self.loudest = max(self.loudest, *motors)
+            if lit and dark:
+                (site,) = [s for s in SITES if lit == set(site_motors(s))]
+                bursts.append((site, max(motors)))
+            dark = not lit
+        return bursts

@@ -1,7 +1,7 @@
-"""Muscles at rest and at work: offset, rest and maxima of each channel, and whether the electrodes are where they should be.
+"""Muscles at rest and at work: offset, rest and maxima of each channel, and whether each electrode is on its muscle.
 
-Every number goes through the chain that a run uses (:func:`tega.emg.channel_maxima`), so that a maximum means in a run what
-it meant here. Values are in the source's unit.
+Every number goes through the chain that a run uses (:func:`tega.emg.channel_maxima`), so that a maximum means in a
+run what it meant here. Values are in the source's unit.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def judge_squeezes(
     for k, share in enumerate(overall):
         if share < _AGREE * overall.max():
             problems.append(
-                f"squeeze {k + 1} reached {share / overall.max():.0%} of the strongest: all of them as strong as you can"
+                f"squeeze {k + 1} reached {share / overall.max():.0%} of the strongest: all as strong as you can"
             )
     return Squeezes(paper, live, tuple(problems))
 

@@ -141,7 +141,8 @@ def _surface(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     ).reshape(height * width, -1)
     some = slice(None, None, 7)
     weights = np.linalg.lstsq(terms[some], picture.reshape(-1, 3)[some].astype(np.float64), rcond=None)[0]
-    return np.clip(np.rint(terms @ weights), 0, 255).astype(np.uint8).reshape(picture.shape)
+    fitted: NDArray[np.float64] = np.rint(terms @ weights).reshape(picture.shape)
+    return np.clip(fitted, 0, 255).astype(np.uint8)
 
 
 class GelChange(NamedTuple):
@@ -231,8 +232,11 @@ def _blurred(grey: NDArray[np.float64]) -> NDArray[np.float64]:
     """Average over 5 by 5 pixels; a pixel's own noise is no spot."""
     padded = np.pad(grey, ((_BOX // 2 + 1, _BOX // 2), (_BOX // 2 + 1, _BOX // 2)), mode="edge")
     sums = padded.cumsum(axis=0).cumsum(axis=1)
-    boxes = sums[_BOX:, _BOX:] - sums[:-_BOX, _BOX:] - sums[_BOX:, :-_BOX] + sums[:-_BOX, :-_BOX]
-    return boxes / _BOX**2
+    boxes: NDArray[np.float64] = (
+        sums[_BOX:, _BOX:] - sums[:-_BOX, _BOX:] - sums[_BOX:, :-_BOX] + sums[:-_BOX, :-_BOX]
+    )
+    boxes /= _BOX**2
+    return boxes
 
 
 def _bgr(values: NDArray[np.float64]) -> tuple[float, float, float]:

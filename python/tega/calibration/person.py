@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import msgspec
@@ -66,19 +65,21 @@ def person_calibration(
         now: To tell the age.
 
     Raises:
-        CalibrationError: A record is missing, or was made for another person, device or way of measuring; the hint is the
-            command to run.
+        CalibrationError: A record is missing, or was made for another person, device or way of measuring; the
+            hint is the command to run.
     """
     person, folder = _whose(config.calibration)
     warnings: list[str] = []
     fingers: dict[str, TouchMaxima] = {}
     for finger, source in sources.items():
-        record = _needed(folder, person, TouchRecord, source.info, f"finger {finger!r}", settings)
+        record = _needed(
+            folder, person, TouchRecord, source.info, what=f"finger {finger!r}", settings=settings
+        )
         fingers[finger] = record.live if config.session.preset == "live" else record.paper
         warnings += _touch_warnings(config, folder, finger, record, settings=settings, now=now)
     muscles = None
     if emg is not None and conditions is not None and config.emg is not None:
-        record_emg = _needed(folder, person, EmgRecord, emg.info, "EMG", settings)
+        record_emg = _needed(folder, person, EmgRecord, emg.info, what="EMG", settings=settings)
         _check_emg(record_emg, conditions, config, command=calibrate_command(settings, person, "emg"))
         maxima = record_emg.live_max if config.session.preset == "live" else record_emg.paper_max
         muscles = msgspec.structs.replace(conditions, maxima=maxima)
@@ -106,7 +107,7 @@ def _whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
 
 
 def _needed(
-    folder: CalibrationFolder, person: str, wanted: type[Any], info: DeviceInfo, what: str, settings: str
+    folder: CalibrationFolder, person: str, wanted: type[Any], info: DeviceInfo, *, what: str, settings: str
 ) -> Any:
     part: Part = "touch" if wanted is TouchRecord else "emg"
     command = calibrate_command(settings, person, part)
@@ -290,7 +291,7 @@ def _closed_info(driver: str, kind: Literal["tactile", "emg", "vest"], options: 
     from tega.devices.registry import driver_class
 
     try:
-        info: DeviceInfo = driver_class(driver, kind)(options).info  # type: ignore[call-overload]
+        info: DeviceInfo = driver_class(driver, kind)(options).info
     except TegaError:  # it needs to be opened, or a package is missing; the run will say so
         return None
     return info
@@ -299,8 +300,8 @@ def _closed_info(driver: str, kind: Literal["tactile", "emg", "vest"], options: 
 def felt_by(record: VestRecord) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return threshold and step of each of the 40 motors, percent.
 
-    A motor where nothing was felt, or none was asked about, has the middle of the others: one dead motor must not take the
-    range of all.
+    A motor where nothing was felt, or none was asked about, has the middle of the others: one dead motor must not
+    take the range of all.
 
     Args:
         record: What a person feels.

@@ -26,6 +26,7 @@ _GAP_NS = 200_000_000
 _LEAST_NS = 300_000_000
 # Presses differ; one under half of the middle one was not meant.
 _ODD_SHARE = 0.5
+_SIZE_PERCENTILE = 90.0
 
 _Preset = Literal["paper", "live"]
 
@@ -36,7 +37,7 @@ class Press(NamedTuple):
     Attributes:
         start_ns: When the gel was first touched.
         end_ns: When it was last touched.
-        eda_px: Its largest dent, pixels.
+        eda_px: Its dent, pixels: as large as one frame in ten showed it, so that one frame does not decide.
     """
 
     start_ns: int
@@ -84,7 +85,9 @@ class PressMeter:
         if not self._now or t_ns - self._now[-1][0] < _GAP_NS:
             return None
         (start_ns, _), (end_ns, _) = self._now[0], self._now[-1]
-        press = Press(start_ns, end_ns, max(m.eda for _, m in self._now))
+        press = Press(
+            start_ns, end_ns, round(float(np.percentile([m.eda for _, m in self._now], _SIZE_PERCENTILE)))
+        )
         self._now = []
         if end_ns - start_ns < _LEAST_NS:
             return None

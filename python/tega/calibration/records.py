@@ -1,4 +1,4 @@
-"""What a calibration leaves behind, as TOML that people read: one record a file, dated, with the unit in each key's name.
+"""What a calibration leaves behind, as TOML that people read: one record a file, dated, units in the keys' names.
 
 A record is written whole or not at all, and refused where its format or version is not known. Times are UTC.
 """

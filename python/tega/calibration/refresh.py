@@ -71,12 +71,12 @@ def refresh(
                     raise _nothing(person, f"finger {finger!r}", device_name(source.info))
                 files.append(take_baseline(finger, source, folder, guide, times, now=now).file)
         elif part == "emg" and config.emg is not None:
-            files.append(_emg(config.emg, person, folder, guide, times, now))
+            files.append(_emg(config.emg, person, folder, guide, times=times, now=now))
     return files
 
 
 def _emg(
-    section: EmgConfig, person: str, folder: CalibrationFolder, guide: Guide, times: Times, now: datetime
+    section: EmgConfig, person: str, folder: CalibrationFolder, guide: Guide, *, times: Times, now: datetime
 ) -> Path:
     with driver_class(section.driver, "emg")(section.options) as source:
         record = folder.record(person, EmgRecord, device_name(source.info))

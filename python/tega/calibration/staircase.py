@@ -1,7 +1,7 @@
 """The lowest level a person feels, found by going up and down: a state machine that asks and is answered.
 
-A vest's motor has 16 levels, of which 0 is off; finer numbers do not reach it. The same machine finds the smallest noticeable
-increase, where the level is the increase.
+A vest's motor has 16 levels, of which 0 is off; finer numbers do not reach it. The same machine finds the smallest
+noticeable increase, where the level is the increase.
 
 Example:
     >>> ladder = Ladder(ceiling=9)
@@ -53,9 +53,9 @@ class Limen(NamedTuple):
 class Ladder:
     """Asks level by level, up until it is felt, down until it is not, and up again.
 
-    The first way up goes two levels at a time and only finds the neighbourhood. One question of the second way up is about nothing
-    at all (level 0), which tells people who always say yes. It ends after a bounded number of questions whatever is
-    answered, and never asks above the ceiling.
+    The first way up goes two levels at a time and only finds the neighbourhood. One question of the second way up is
+    about nothing at all (level 0), which tells people who always say yes. It ends after a bounded number of questions
+    whatever is answered, and never asks above the ceiling.
 
     Args:
         ceiling: The highest level that may be shown, 1 to 15.

@@ -226,10 +226,11 @@ def take_muscles(
     source: EmgSource,
     chain: Chain,
     muscles: Sequence[str],
-    quiet: Quiet,
-    maxima: Maxima,
     guide: Guide,
     times: Times,
+    *,
+    quiet: Quiet,
+    maxima: Maxima,
 ) -> tuple[tuple[tuple[float, ...], ...], tuple[str, ...]]:
     """Have each muscle work alone and say which channel answers.
 
@@ -260,10 +261,10 @@ def emg_record(
     source: EmgSource,
     config: EmgConfig,
     chain: Chain,
+    *,
     quiet: Quiet,
     maxima: Maxima,
     answers: tuple[tuple[float, ...], ...],
-    *,
     person: str,
     notes: tuple[str, ...],
     now: datetime,

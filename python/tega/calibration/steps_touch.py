@@ -203,7 +203,7 @@ def take_presses(
             f"{finger}: press firmly, as firmly as it will be in use, and let go; {PRESSES} times, "
             "with something round and with your own fingertip"
         )
-        _follow(finger, source, baseline.picture, meter, guide, times)
+        _follow(finger, source, baseline.picture, meter, guide, times=times)
         return meter
 
     _, notes = until_good(
@@ -239,6 +239,7 @@ def _follow(
     picture: NDArray[np.uint8],
     meter: PressMeter,
     guide: Guide,
+    *,
     times: Times,
 ) -> None:
     """Measure frames until there are enough firm presses and the gel is free, or it takes too long."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -105,9 +106,7 @@ def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, t
         said = {}
         for site in random.Random(seed).sample(SITES, len(SITES)):
             with pulses.silence():
-                said[site] = _asked(
-                    guide, "Where?", answers, lambda site=site: pulses.one(site, pulses.ceiling)
-                )
+                said[site] = _asked(guide, "Where?", answers, partial(pulses.one, site, pulses.ceiling))
         return judge_wearing(said)
 
     wearing, notes = until_good(guide, "vest: places", attempt, lambda w: w.problems)
@@ -136,7 +135,7 @@ def take_thresholds(
         Undecided: Nobody is there to answer.
         DeviceUnavailableError: The vest went away.
     """
-    _each(pulses, sites, done, guide, keep, title="threshold", ceiling=lambda _site: pulses.ceiling,
+    _each(pulses, sites, done, guide, keep=keep, title="threshold", ceiling=lambda _site: pulses.ceiling,
           asking=_ask_felt)  # fmt: skip
 
 
@@ -176,7 +175,7 @@ def take_steps(
         return said != "s" if level == 0 else said == ("2" if second else "1")
 
     sites = tuple(s for s, felt in thresholds.items() if felt.level and middle(s) < pulses.ceiling)
-    _each(pulses, sites, done, guide, keep, title="step",
+    _each(pulses, sites, done, guide, keep=keep, title="step",
           ceiling=lambda site: pulses.ceiling - middle(site), asking=asking)  # fmt: skip
 
 
@@ -185,8 +184,8 @@ def _each(
     sites: tuple[str, ...],
     done: Mapping[str, Felt],
     guide: Guide,
-    keep: Callable[[str, Felt], None],
     *,
+    keep: Callable[[str, Felt], None],
     title: str,
     ceiling: Callable[[str], int],
     asking: Callable[[Pulses, Guide, str, int], bool],
@@ -196,11 +195,9 @@ def _each(
         ladder = Ladder(ceiling(site))
         with pulses.silence():
             while (level := ladder.level) is not None:
-                share = (len(sites) - len(left) + k + ladder.share) / len(sites)
-                guide.show(
-                    f"{title}: {site_place(site)}", [Bar(title, share, f"{len(sites) - len(left) + k} of {len(sites)}")],
-                    None,
-                )  # fmt: skip
+                n_done = len(sites) - len(left) + k
+                bar = Bar(title, (n_done + ladder.share) / len(sites), f"{n_done} of {len(sites)}")
+                guide.show(f"{title}: {site_place(site)}", [bar], None)
                 ladder.answer(felt=asking(pulses, guide, site, level))
         found = ladder.result()
         keep(site, Felt(level=found.level or 0, n_false=found.n_false))

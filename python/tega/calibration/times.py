@@ -34,5 +34,5 @@ class Times(NamedTuple):
 
     def scaled(self, by: float) -> Times:
         """Return them all times a factor; how long pictures are collected stays, noise does not hurry."""
-        times = self._make(value * by for value in self)
+        times = Times(*(value * by for value in self))
         return times._replace(baseline_s=self.baseline_s, presses_s=max(3.0, times.presses_s))

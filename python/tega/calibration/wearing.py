@@ -76,9 +76,11 @@ def judge_wearing(answers: Mapping[str, str]) -> Wearing:
         if len(own) >= 3 and turned < as_is and as_is >= len(own):
             mirrored.append(name)
     if mirrored:
-        what = {
-            ("front",): "over Bluetooth set vest.options.front_mirror = true",
-            ("back",): 'set vest.mirror = "back"',
-        }.get(tuple(mirrored), 'set vest.mirror = "all"')
+        what = 'set vest.mirror = "all"'
+        if len(mirrored) == 1:
+            what = {
+                "front": "over Bluetooth set vest.options.front_mirror = true",
+                "back": 'set vest.mirror = "back"',
+            }[mirrored[0]]
         problems.append(f"{' and '.join(mirrored)} felt mirrored: {what}")
     return Wearing(sum(shown == said for shown, said in answers.items()), len(answers), tuple(problems))

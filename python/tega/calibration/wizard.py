@@ -202,8 +202,8 @@ class Calibrating:
     def _emg(self, section: EmgConfig) -> EmgRecord:
         self._guide.part(
             "Muscles",
-            "Rest, three strong squeezes with pauses, then each muscle alone: what is nothing, what is full, and whether "
-            "each electrode sits on its muscle.",
+            "Rest, three strong squeezes with pauses, then each muscle alone: what is nothing, what is full, and "
+            "whether each electrode sits on its muscle.",
         )
         with driver_class(section.driver, "emg")(section.options) as source:
             _check_live(source)
@@ -214,14 +214,14 @@ class Calibrating:
             maxima = self._step(
                 "emg.squeezes", Maxima, lambda: take_squeezes(source, chain, quiet, guide, times)
             )
-            answers, notes = take_muscles(source, chain, muscles, quiet, maxima, guide, times)
+            answers, notes = take_muscles(source, chain, muscles, guide, times, quiet=quiet, maxima=maxima)
             return emg_record(
                 source,
                 section,
                 chain,
-                quiet,
-                maxima,
-                answers,
+                quiet=quiet,
+                maxima=maxima,
+                answers=answers,
                 person=self._person,
                 notes=notes,
                 now=self._now(),

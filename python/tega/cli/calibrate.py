@@ -63,8 +63,9 @@ def calibrate(
 ) -> None:
     """Calibrate the devices of SETTINGS.toml for one person, step by step.
 
-    Fingertips: baseline and five presses. Muscles: rest, three squeezes, each muscle alone. Vest: where, threshold, step.
-    Ctrl-C keeps what is done; the same command goes on from there. Then: tega-teleop run SETTINGS.toml --person ID.
+    Fingertips: baseline and five presses. Muscles: rest, three squeezes, each muscle alone. Vest: where, threshold,
+    step. Ctrl-C keeps what is done; the same command goes on from there. Then: tega-teleop run SETTINGS.toml
+    --person ID.
 
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
     """

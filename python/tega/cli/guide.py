@@ -35,13 +35,14 @@ def guide_for(*, yes: bool, get_ready_s: float) -> Guide:
 
 
 class LineGuide:
-    """One line at a time on stderr, answers from stdin: a line that begins with ``>`` waits for Enter, one with ``?`` for
-    an answer.
+    """One line at a time on stderr, answers from stdin.
+
+    A line that begins with ``>`` waits for Enter, one with ``?`` for an answer.
 
     Args:
         yes: Do not wait for Enter.
         get_ready_s: How long each prompt then stands.
-    """  # noqa: D205
+    """
 
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
         self._yes = yes

@@ -113,7 +113,8 @@ def prepare(
     conditions = None
     if emg is not None and config.emg is not None:
         conditions = emg_conditions(emg, config.emg.kind)
-    calibration, name, warnings = None, "", ()
+    calibration: Calibration | None = None
+    name, warnings = "", tuple[str, ...]()
     if path is not None:
         calibration, name = load_calibration(path), path.name
         calibration.check_fits(preset=preset, fingers=sources, emg=conditions, name=path.name)
