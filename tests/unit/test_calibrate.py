@@ -84,7 +84,18 @@ class Mover:
 
 
 def calibrate(file: Path, answer: Any, *more: str) -> Wizard:
-    words = ["calibrate", str(file), "--person", "p01", "--json", "--time-scale", "0.2", *more]
+    words = [
+        "calibrate",
+        str(file),
+        "--person",
+        "p01",
+        "--json",
+        "--time-scale",
+        "0.2",
+        "--pause-s",
+        "0",
+        *more,
+    ]
     wizard = Wizard(words, answer)
     wizard.run()
     return wizard

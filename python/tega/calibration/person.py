@@ -23,6 +23,7 @@ __all__ = ["Personal", "calibrate_command", "felt_by", "person_calibration", "wi
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05
 _MOTORS = 40
+_FRAME_S = 1.0
 
 
 class Personal(NamedTuple):
@@ -75,6 +76,7 @@ def person_calibration(
         record = _needed(
             folder, person, TouchRecord, source.info, what=f"finger {finger!r}", settings=settings
         )
+        _check_size(record, source, finger, command=calibrate_command(settings, person, "touch"))
         fingers[finger] = record.live if config.session.preset == "live" else record.paper
         warnings += _touch_warnings(config, folder, finger, record, settings=settings, now=now)
     muscles = None
@@ -127,6 +129,19 @@ def _needed(
             f"{what}: {person} has no calibration on {device}" + (f" ({instead})" if instead else ""), command
         )
     return record
+
+
+def _check_size(record: TouchRecord, source: TactileSource, finger: str, *, command: str) -> None:
+    frame = source.read(_FRAME_S)
+    if frame is None:  # no picture just now; the run says so
+        return
+    height, width = frame.image.shape[:2]
+    if (width, height) != (record.width_px, record.height_px):
+        raise CalibrationError(
+            f"finger {finger!r}: {record.person} was calibrated with pictures of {record.width_px}×{record.height_px}, "
+            f"the sensor gives {width}×{height}",
+            command,
+        )
 
 
 def _check_emg(record: EmgRecord, now: EmgMaxima, config: SessionConfig, *, command: str) -> None:
@@ -187,22 +202,26 @@ def _touch_warnings(
 def _vest_warnings(
     config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
 ) -> list[str]:
-    vest = config.vest
-    if vest.driver is None or config.session.preset != "live" or (vest.threshold, vest.step) != (0.0, 1.0):
-        record = _vest_record(config, folder, person)
-        if record is None:
-            return []
-        return _old("vest", record.made, config.calibration.vest_old_h, now,
-                    calibrate_command(settings, person, "vest"))  # fmt: skip
-    info = _closed_info(vest.driver, "vest", vest.options)
-    if info is None or not info.live:
+    """Say that a vest's thresholds are old or not known: a run without them shows the law's own intensities."""
+    info = _live_vest(config)
+    if info is None or config.session.preset != "live":
         return []
-    instead = folder.others(person, "vest", device_name(info))
-    return [
-        f"vest: {person}'s threshold on {device_name(info)} is not known"
-        + (f" ({instead})" if instead else "")
-        + f", so weak touch may not be felt: {calibrate_command(settings, person, 'vest')}"
-    ]
+    device, command = device_name(info), calibrate_command(settings, person, "vest")
+    record = folder.record(person, VestRecord, device)
+    vest = config.vest
+    if record is None:
+        if (vest.threshold, vest.step) != (0.0, 1.0):
+            return []  # given in the settings
+        instead = folder.others(person, "vest", device)
+        return [
+            f"vest: {person}'s threshold on {device} is not known"
+            + (f" ({instead})" if instead else "")
+            + f", so weak touch may not be felt: {command}"
+        ]
+    warnings = _old("vest", record.made, config.calibration.vest_old_h, now, command)
+    if record.layout != (vest.layout or "x40"):
+        warnings.append(f"vest: {person}'s threshold was found with layout {record.layout}: {command}")
+    return warnings + [f"vest: {note}" for note in record.notes]
 
 
 def _old(what: str, made: datetime, limit_h: float, now: datetime, command: str) -> list[str]:
@@ -227,7 +246,6 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
         given: Dotted keys that somebody has set.
 
     Raises:
-        CalibrationError: A record cannot be read.
         InvalidValueError: The person's code cannot be one.
     """
     from tega.config import LoadedConfig, TactileSection, Value
@@ -236,24 +254,34 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     person, folder = _whose(config.calibration)
     folder.person(person)  # a code that cannot be one is refused here
     found: dict[str, tuple[Any, str]] = {}
+
+    def readable(wanted: type[Any], info: DeviceInfo) -> Any:
+        """Read a record; what cannot be used is told by the run, which reads it again, and stops no calibration."""
+        try:
+            return folder.record(person, wanted, device_name(info))
+        except CalibrationError as error:
+            values[f"calibration.{info.kind}"] = Value(error.message, "not used")
+            return None
+
     for finger, section in config.tactile.in_use().items():
         info = _closed_info(section.driver, "tactile", section.options)
         if info is None or not info.live:
             continue
         if gels := folder.gels(device_name(info)):
             found[f"tactile.{finger}.baseline"] = (gels[-1].picture, folder.named(gels[-1].picture))
-        if (record := folder.record(person, TouchRecord, device_name(info))) is not None:
+        if (record := readable(TouchRecord, info)) is not None:
             maxima = record.live if config.session.preset == "live" else record.paper
             name = folder.named(folder.file(person, "touch", record.device))
             for key in ("cci_max", "eda_max"):
                 values[f"calibration.{finger}.{key}"] = Value(getattr(maxima, key), name)
     if config.emg is not None and (info := _closed_info(config.emg.driver, "emg", config.emg.options)):
-        emg = folder.record(person, EmgRecord, device_name(info)) if info.live else None
+        emg = readable(EmgRecord, info) if info.live else None
         if emg is not None:
             name = folder.named(folder.file(person, "emg", emg.device))
             top = emg.live_max if config.session.preset == "live" else emg.paper_max
             values["calibration.emg.maxima"] = Value(top, name)
-    vest = _vest_record(config, folder, person)
+    vest_info = _live_vest(config)
+    vest = None if vest_info is None else readable(VestRecord, vest_info)
     if vest is not None and config.session.preset == "live":
         threshold, step = felt_by(vest)
         name = folder.named(folder.file(person, "vest", vest.device))
@@ -278,12 +306,10 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section), values)
 
 
-def _vest_record(config: SessionConfig, folder: CalibrationFolder, person: str) -> VestRecord | None:
+def _live_vest(config: SessionConfig) -> DeviceInfo | None:
     vest = config.vest
     info = None if vest.driver is None else _closed_info(vest.driver, "vest", vest.options)
-    if info is None or not info.live:
-        return None
-    return folder.record(person, VestRecord, device_name(info))
+    return info if info is not None and info.live else None
 
 
 def _closed_info(driver: str, kind: Literal["tactile", "emg", "vest"], options: Any) -> DeviceInfo | None:
@@ -301,22 +327,14 @@ def felt_by(record: VestRecord) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return threshold and step of each of the 40 motors, percent.
 
     A motor where nothing was felt, or none was asked about, has the middle of the others: one dead motor must not
-    take the range of all.
+    take the range of all. With nothing felt anywhere they are those of no calibration, 0 and 1.
 
     Args:
         record: What a person feels.
-
-    Raises:
-        CalibrationError: Nothing was felt anywhere.
     """
     thresholds = _each_motor(record, record.threshold_percent)
     steps = _each_motor(record, record.step_percent)
-    if thresholds is None:
-        raise CalibrationError(
-            f"vest: {record.person} felt nothing up to {record.ceiling_percent} %",
-            "tighten it, calibrate again",
-        )
-    return thresholds, steps or (1.0,) * _MOTORS
+    return thresholds or (0.0,) * _MOTORS, steps or (1.0,) * _MOTORS
 
 
 def _each_motor(record: VestRecord, percent: tuple[float, ...]) -> tuple[float, ...] | None:

@@ -206,7 +206,7 @@ def take_squeezes(
     def attempt() -> Maxima:
         squeezes = []
         for k in range(n):
-            if k:
+            if k and times.pause_s > 0:
                 collect(source, times.pause_s, guide, "Pause: let go and breathe", names=chain.channels)
             guide.ready(f"Squeeze {k + 1} of {n}: a fist, as strong as you can, until told to stop")
             _drain(source)

@@ -27,12 +27,14 @@ class Times(NamedTuple):
     get_ready_s: float = 2.0
     rest_s: float = 5.0
     squeeze_s: float = 4.0
-    pause_s: float = 20.0
+    pause_s: float = 30.0
     movement_s: float = 3.0
     pulse_s: float = 0.5
     gap_s: float = 0.3
 
     def scaled(self, by: float) -> Times:
-        """Return them all times a factor; how long pictures are collected stays, noise does not hurry."""
+        """Return them all times a factor; noise and muscles do not hurry, so baseline and pauses stay."""
         times = Times(*(value * by for value in self))
-        return times._replace(baseline_s=self.baseline_s, presses_s=max(3.0, times.presses_s))
+        return times._replace(
+            baseline_s=self.baseline_s, pause_s=self.pause_s, presses_s=max(3.0, times.presses_s)
+        )

@@ -109,6 +109,7 @@ class Calibrating:
         self._each_motor = each_motor
         self._seed = seed
         self._unfinished = Unfinished(started=now())
+        self._place = ""
         self.files: list[Path] = []
         self.left: list[str] = []
 
@@ -138,6 +139,7 @@ class Calibrating:
             self._guide.say("All of it is done already; --restart begins anew", tone="warn")
         self._folder.keep_unfinished(self._person, self._unfinished)
         for part in list(self.left):
+            self._place = f" ({list(parts).index(part) + 1} of {len(parts)})"
             file = self._part(part)
             self.files.append(file)
             self._keep(part, self._folder.named(file))
@@ -162,7 +164,7 @@ class Calibrating:
 
     def _finger(self, finger: str, section: TactileConfig) -> TouchRecord:
         self._guide.part(
-            f"Fingertip: {finger}",
+            f"Fingertip: {finger}{self._place}",
             "A picture of the untouched gel, against which touch is measured, then five firm presses that say what is "
             "full on the vest.",
         )
@@ -201,7 +203,7 @@ class Calibrating:
 
     def _emg(self, section: EmgConfig) -> EmgRecord:
         self._guide.part(
-            "Muscles",
+            f"Muscles{self._place}",
             "Rest, three strong squeezes with pauses, then each muscle alone: what is nothing, what is full, and "
             "whether each electrode sits on its muscle.",
         )
@@ -244,7 +246,7 @@ class Calibrating:
                 "raise --ceiling or vest.options.limit",
             )
         self._guide.part(
-            "Vest",
+            f"Vest{self._place}",
             f"Where columns are felt, from which level on, and which increase is noticed. Nothing above {limit} %.",
         )
         try:
@@ -260,6 +262,12 @@ class Calibrating:
                 take_thresholds(
                     pulses, sites, thresholds, guide, keep=self._keeper("vest.threshold", thresholds)
                 )
+                if not any(felt.level for felt in thresholds.values()):
+                    self._forget("vest.threshold")
+                    raise CalibrationError(
+                        f"vest: nothing was felt up to {limit} %",
+                        "is it switched on and tight? then the same command again, or with a higher --ceiling",
+                    )
                 steps = self._felt("vest.step")
                 guide.ready("Now two vibrations each time: say which is the stronger one")
                 take_steps(
@@ -317,6 +325,10 @@ class Calibrating:
         result = take()
         self._keep(name, msgspec.to_builtins(result))
         return result
+
+    def _forget(self, name: str) -> None:
+        self._unfinished.steps.pop(name, None)
+        self._folder.keep_unfinished(self._person, self._unfinished)
 
     def _keep(self, name: str, result: Any) -> None:
         self._unfinished.steps[name] = result

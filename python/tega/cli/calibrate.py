@@ -38,6 +38,10 @@ __all__ = ["calibrate"]
     help="The strongest vibration shown on the vest.",
 )  # fmt: skip
 @click.option("--each-motor", is_flag=True, help="Ask about every motor of the vest, not about its columns.")
+@click.option(
+    "--pause-s", type=click.FloatRange(0, 300), default=30.0, show_default=True, metavar="SECONDS",
+    help="Rest between strong squeezes.",
+)  # fmt: skip
 @click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter; asks nothing.")
 @click.option(
     "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
@@ -56,6 +60,7 @@ def calibrate(
     folder: Path | None,
     ceiling: int,
     each_motor: bool,
+    pause_s: float,
     yes: bool,
     time_scale: float,
     sets: tuple[str, ...],
@@ -79,7 +84,7 @@ def calibrate(
 
     config, kept = _settings(settings, person, folder, sets)
     parts = parts_of(config, only)
-    times = Times().scaled(time_scale)
+    times = Times(pause_s=pause_s).scaled(time_scale)
     guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
     home = CalibrationFolder(kept)
     home.person(person)
