@@ -169,7 +169,8 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
         assert old is not None
         write_record(msgspec.structs.replace(old, made=made), path)
         assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
-        (note,) = [n for n in json.loads(capsys.readouterr().out)["notes"] if "old" in n]
+        said = capsys.readouterr()
+        (note,) = [n for n in json.loads(said.out)["notes"] if "old" in n]
         assert note == (
             f"EMG: 30 hours old, warned of after 12 hours: tega-teleop calibrate {file} --person p01 --refresh"
         )

@@ -13,10 +13,13 @@ from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.calibration.gel import judge_rest, suspect_contact
 from tega.calibration.records import TouchRecord, VestRecord, read_record
 from tega.calibration.store import TouchMaxima
+from tega.calibration.times import Times
+from tega.calibration.wizard import Calibrating, parts_of
+from tega.cli.guide import LineGuide
 from tega.config import load_config
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.devices.opencv import read_image
-from tega.errors import CalibrationError, InvalidValueError
+from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError
 
 CHAIN = Chain(500.0, 50, "raw", ("ch1", "ch2", "ch3"))
 NOW = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
@@ -176,3 +179,20 @@ def test_a_person_s_thresholds_are_no_part_of_the_paper_preset(tmp_path: Path) -
     assert paper.config.vest.threshold == 0.0
     nobody = load_config(None, environ={}, sets=[*sets, "calibration.person=p02"])
     assert nobody.config.vest.threshold == 0.0
+
+
+def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    steps = {"tactile.thumb": "people/p01/touch-D1.toml", "tactile.thumb.baseline": {}, "emg.rest": {}}
+    devices = {"tactile.thumb": "D1", "emg": "ttyUSB0"}
+    folder.keep_unfinished("p01", Unfinished(started=NOW, devices=devices, steps=steps))
+    sets = ["tactile.thumb.driver=digit", "tactile.thumb.options.source=http://127.0.0.1:9/D2"]
+    config = load_config(None, environ={}, sets=sets).config
+    guide = LineGuide(yes=True, get_ready_s=0.0)
+    work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
+    with pytest.raises(DeviceUnavailableError, match="does not open"):
+        work.run(parts_of(config))
+    assert work.left == ["tactile.thumb"]
+    assert work.done == ("emg.rest",)
+    with pytest.raises(ConfigError, match=r"--only vest: the settings have no \[vest\] device"):
+        parts_of(config, ["vest"])

@@ -88,10 +88,12 @@ class Unfinished(msgspec.Struct, kw_only=True):
 
     Attributes:
         started: When.
+        devices: Name of each part's device: what was found on one is nothing for another.
         steps: What the steps that are finished gave, by name.
     """
 
     started: datetime
+    devices: dict[str, str] = msgspec.field(default_factory=dict)
     steps: dict[str, Any] = msgspec.field(default_factory=dict)
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tega.config import CalibrationConfig, LoadedConfig, SessionConfig
     from tega.devices.base import DeviceInfo, EmgSource, TactileSource
 
-__all__ = ["Personal", "calibrate_command", "felt_by", "person_calibration", "with_person"]
+__all__ = ["Personal", "calibrate_command", "closed_info", "felt_by", "person_calibration", "with_person"]
 
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05
@@ -264,7 +264,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
             return None
 
     for finger, section in config.tactile.in_use().items():
-        info = _closed_info(section.driver, "tactile", section.options)
+        info = closed_info(section.driver, "tactile", section.options)
         if info is None or not info.live:
             continue
         if gels := folder.gels(device_name(info)):
@@ -274,7 +274,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
             name = folder.named(folder.file(person, "touch", record.device))
             for key in ("cci_max", "eda_max"):
                 values[f"calibration.{finger}.{key}"] = Value(getattr(maxima, key), name)
-    if config.emg is not None and (info := _closed_info(config.emg.driver, "emg", config.emg.options)):
+    if config.emg is not None and (info := closed_info(config.emg.driver, "emg", config.emg.options)):
         emg = readable(EmgRecord, info) if info.live else None
         if emg is not None:
             name = folder.named(folder.file(person, "emg", emg.device))
@@ -308,11 +308,11 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
 
 def _live_vest(config: SessionConfig) -> DeviceInfo | None:
     vest = config.vest
-    info = None if vest.driver is None else _closed_info(vest.driver, "vest", vest.options)
+    info = None if vest.driver is None else closed_info(vest.driver, "vest", vest.options)
     return info if info is not None and info.live else None
 
 
-def _closed_info(driver: str, kind: Literal["tactile", "emg", "vest"], options: Any) -> DeviceInfo | None:
+def closed_info(driver: str, kind: Literal["tactile", "emg", "vest"], options: Any) -> DeviceInfo | None:
     """Return what a device says of itself while it is closed."""
     from tega.devices.registry import driver_class
 

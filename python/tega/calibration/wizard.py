@@ -11,6 +11,7 @@ import msgspec
 
 from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.calibration.guide import Guide, Undecided
+from tega.calibration.person import closed_info
 from tega.calibration.records import EmgRecord, TouchRecord, VestRecord
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, highest_level
 from tega.calibration.steps_emg import (
@@ -35,10 +36,10 @@ if TYPE_CHECKING:
     from tega.devices.base import Device
     from tega.haptics import Layout
 
-__all__ = ["PARTS", "Calibrating", "Only", "parts_of"]
+__all__ = ["Calibrating", "Only", "parts_of"]
 
 Only = Literal["tactile", "emg", "vest"]
-PARTS: tuple[Only, ...] = ("tactile", "emg", "vest")
+_KINDS: dict[str, Only] = {"tactile": "tactile", "emg": "emg", "vest": "vest"}
 
 _Result = TypeVar("_Result", bound=msgspec.Struct)
 
@@ -128,6 +129,15 @@ class Calibrating:
         before = None if restart else self._folder.unfinished(self._person, self._now())
         if before is not None:
             self._unfinished = before
+        for part in parts:
+            device = self._device(part)
+            if self._unfinished.devices.get(part, device) != device:
+                self._unfinished.steps = {
+                    k: v
+                    for k, v in self._unfinished.steps.items()
+                    if k != part and not k.startswith(f"{part}.")
+                }
+            self._unfinished.devices[part] = device
         done = [part for part in parts if part in self._unfinished.steps]
         self.left = [part for part in parts if part not in done]
         if before is not None:
@@ -146,6 +156,13 @@ class Calibrating:
             self.left.remove(part)
             self._guide.say(f"kept: {self._folder.named(file)}", tone="good")
         self._folder.forget_unfinished(self._person)
+
+    def _device(self, part: str) -> str:
+        kind, _, finger = part.partition(".")
+        config = self._config
+        section: Any = {"emg": config.emg, "vest": config.vest}.get(kind) or config.tactile.in_use()[finger]
+        info = closed_info(section.driver, _KINDS[kind], section.options)
+        return "" if info is None else device_name(info)
 
     @property
     def done(self) -> tuple[str, ...]:
@@ -171,7 +188,7 @@ class Calibrating:
         with driver_class(section.driver, "tactile")(section.options) as source:
             _check_live(source)
             step = f"tactile.{finger}.baseline"
-            taken = self._baseline(step, device_name(source.info))
+            taken = self._baseline(step)
             if taken is None:
                 taken = take_baseline(finger, source, self._folder, self._guide, self._times, now=self._now())
                 self._keep(
@@ -188,10 +205,10 @@ class Calibrating:
                 now=self._now(),
             )
 
-    def _baseline(self, step: str, device: str) -> TakenBaseline | None:
+    def _baseline(self, step: str) -> TakenBaseline | None:
         """Return the baseline that was taken before an interruption."""
         kept = self._unfinished.steps.get(step)
-        if kept is None or Path(kept["file"]).parent.name != device:
+        if kept is None:
             return None
         path = self._folder.path / kept["file"]
         if not path.is_file():

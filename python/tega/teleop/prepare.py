@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Finger", "Muscles", "Prepared", "Progress", "prepare"]
+
+_log = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much is done and how much there is (0 where unknown)."""
@@ -122,6 +125,8 @@ def prepare(
         calibration, name, warnings = person_calibration(
             config, sources, emg, conditions, settings=settings, now=utc_now()
         )
+        for said in warnings:
+            _log.warning("warning: %s", said)
     else:
         for what, source in (*sources.items(), ("emg", emg)):
             if source is not None and source.info.live:
