@@ -156,7 +156,7 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
         for change, said in (
             ("emg.options.channels=[1,2]", "with channels = ch1, ch2, ch3, the run has ch1, ch2"),
             ("emg.kind=rectified", "with kind = raw, the run has rectified"),
-            ("emg.options.bits=12", "bits=10, columns=3, leading=0, the run has"),
+            ("emg.options.bits=12", "settings = bits=10, columns=3, leading=0, the run has"),
         ):
             assert teleop("run", str(file), "--person", "p01", "--set", change) == 1
             err = capsys.readouterr().err
@@ -169,8 +169,8 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
         assert old is not None
         write_record(msgspec.structs.replace(old, made=made), path)
         assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
-        said = capsys.readouterr()
-        (note,) = [n for n in json.loads(said.out)["notes"] if "old" in n]
+        came = capsys.readouterr()
+        (note,) = [n for n in json.loads(came.out)["notes"] if "old" in n]
         assert note == (
             f"EMG: 30 hours old, warned of after 12 hours: tega-teleop calibrate {file} --person p01 --refresh"
         )

@@ -59,7 +59,7 @@ _MOVEMENTS = {
     "FPL": "bend the tip of the thumb",
 }
 # Options that say where a device is or how it is watched, not what its numbers mean.
-_NOT_SETTINGS = {"port", "measure_s", "silence_s", "start_s", "channels", "rate_hz", "by", "value"}
+_NOT_SETTINGS = {"port", "baud", "measure_s", "silence_s", "start_s", "channels", "rate_hz", "by", "value"}
 
 
 class Quiet(msgspec.Struct, frozen=True, kw_only=True):
@@ -254,7 +254,7 @@ def take_muscles(
 
     (drives, _), notes = until_good(guide, "muscles", attempt, lambda found: found[1])
     guide.say("each muscle raises its own channel" if not notes else "kept as it is", tone="good")
-    return tuple(_rounded(row) for row in drives), notes
+    return tuple(tuple(round(float(v), 3) for v in row) for row in drives), notes
 
 
 def emg_record(
