@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from tega.config import CalibrationConfig, LoadedConfig, SessionConfig
     from tega.devices.base import DeviceInfo, EmgSource, TactileSource
 
-__all__ = ["Personal", "calibrate_command", "closed_info", "felt_by", "person_calibration", "with_person"]
+__all__ = [
+    "Personal",
+    "calibrate_command",
+    "closed_info",
+    "felt_by",
+    "person_calibration",
+    "whose",
+    "with_person",
+]
 
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05
@@ -69,7 +77,7 @@ def person_calibration(
         CalibrationError: A record is missing, or was made for another person, device or way of measuring; the
             hint is the command to run.
     """
-    person, folder = _whose(config.calibration)
+    person, folder = whose(config.calibration)
     warnings: list[str] = []
     fingers: dict[str, TouchMaxima] = {}
     for finger, source in sources.items():
@@ -102,7 +110,12 @@ def person_calibration(
     )
 
 
-def _whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
+def whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
+    """Return person and folder of some settings.
+
+    Raises:
+        CalibrationError: They name none.
+    """
     if config.person is None or config.folder is None:
         raise CalibrationError("no person is named", "set calibration.person, or run with --person")
     return config.person, CalibrationFolder(config.folder)
@@ -251,7 +264,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     from tega.config import LoadedConfig, TactileSection, Value
 
     config, values = loaded.config, dict(loaded.values)
-    person, folder = _whose(config.calibration)
+    person, folder = whose(config.calibration)
     folder.person(person)  # a code that cannot be one is refused here
     found: dict[str, tuple[Any, str]] = {}
 

@@ -16,7 +16,7 @@ from tega.calibration.steps_emg import chain_of, take_rest, take_squeezes
 from tega.calibration.steps_touch import take_baseline
 from tega.calibration.times import Times
 from tega.devices.registry import driver_class
-from tega.errors import CalibrationError
+from tega.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["refresh"]
 
-_SQUEEZE_S = 3.0
+_BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
 # A channel beyond these is not the same electrode on the same muscle any more.
 _SCALE = (0.5, 2.0)
 
@@ -55,12 +55,22 @@ def refresh(
         The files written.
 
     Raises:
-        CalibrationError: There is nothing to refresh, or it has changed too much.
+        ConfigError: Nothing of it can be refreshed.
+        CalibrationError: There is no calibration to refresh, or it has changed too much.
         DeviceUnavailableError: A device is missing or went away.
     """
+    if not any(part != "vest" for part in parts):
+        raise ConfigError("nothing to refresh: a vest needs none", "leave out --refresh")
     files = []
     guide.part(
         "Refresh", "Everything off the fingertips, then rest, then one strong squeeze. Twenty seconds."
+    )
+    if any(part.startswith("tactile.") for part in parts):
+        guide.ready("Take everything off all fingertips")
+    quick = times._replace(
+        baseline_s=min(times.baseline_s, _BASELINE_S),
+        rest_s=min(times.rest_s, _REST_S),
+        squeeze_s=min(times.squeeze_s, _SQUEEZE_S),
     )
     for part in parts:
         if part.startswith("tactile."):
@@ -69,9 +79,9 @@ def refresh(
             with driver_class(section.driver, "tactile")(section.options) as source:
                 if folder.record(person, TouchRecord, device_name(source.info)) is None:
                     raise _nothing(person, f"finger {finger!r}", device_name(source.info))
-                files.append(take_baseline(finger, source, folder, guide, times, now=now).file)
+                files.append(take_baseline(finger, source, folder, guide, quick, now=now, is_free=True).file)
         elif part == "emg" and config.emg is not None:
-            files.append(_emg(config.emg, person, folder, guide, times=times, now=now))
+            files.append(_emg(config.emg, person, folder, guide, times=quick, now=now))
     return files
 
 
@@ -89,8 +99,7 @@ def _emg(
                 "calibrate without --refresh",
             )
         quiet = take_rest(source, chain, guide, times)
-        short = times._replace(squeeze_s=min(times.squeeze_s, _SQUEEZE_S))
-        maxima = take_squeezes(source, chain, quiet, guide, short, n=1)
+        maxima = take_squeezes(source, chain, quiet, guide, times, n=1)
     ratios = np.array(maxima.live) / np.array(record.live_max)
     for name, ratio in zip(record.channels, ratios, strict=True):
         if not _SCALE[0] <= ratio <= _SCALE[1]:

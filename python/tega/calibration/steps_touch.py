@@ -55,6 +55,7 @@ def take_baseline(
     times: Times,
     *,
     now: datetime,
+    is_free: bool = False,
 ) -> TakenBaseline:
     """Take the picture of an untouched gel, compare it with the sensor's earlier ones, and keep it.
 
@@ -65,6 +66,7 @@ def take_baseline(
         guide: Shows and asks.
         times: How long it takes.
         now: When this is.
+        is_free: The person has said already that nothing touches.
 
     Raises:
         CalibrationError: It cannot be taken, and nobody is there to see to it.
@@ -73,14 +75,13 @@ def take_baseline(
     device = device_name(source.info)
     before = folder.gels(device)
     last = _picture(before[-1]) if before else None
-    ask_first = True
+    free = is_free
 
     def attempt() -> Rest:
-        nonlocal ask_first
-        guide.ready(
-            f"{finger}: take everything off the fingertip" + ("" if ask_first else ", then once more")
-        )
-        ask_first = False
+        nonlocal free
+        if not free:
+            guide.ready(f"{finger}: take everything off the fingertip")
+        free = False
         rest = judge_rest(_pictures(finger, source, guide, times))
         said = suspect_contact(rest.picture, last)
         return rest._replace(problems=(*rest.problems, *([said] if said else [])))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tega.calibration.folder import device_name
 from tega.calibration.guide import Bar, Guide
-from tega.calibration.person import person_calibration
+from tega.calibration.person import person_calibration, whose
 from tega.calibration.practice import Curve, score
 from tega.calibration.records import PracticeRecord, utc_now
 from tega.devices.registry import driver_class
@@ -26,7 +28,7 @@ _TOP_LEVEL = 5
 
 def track(
     config: SessionConfig, guide: Guide, *, duration_s: float, seed: int, settings: str
-) -> PracticeRecord:
+) -> tuple[PracticeRecord, Path]:
     """Let a calibrated person follow a curve.
 
     Args:
@@ -37,7 +39,7 @@ def track(
         settings: How the settings file is named in the commands that are suggested.
 
     Returns:
-        The score.
+        The score, and where it is kept.
 
     Raises:
         ConfigError: The settings have no EMG.
@@ -79,11 +81,11 @@ def track(
                 Bar("you", now / _TOP_LEVEL, f"{now}"),
             ]
             guide.show("Follow", bars, duration_s - gone_s)
-        driver, device = source.info.driver, personal.name
-        device = source.info.label
+        driver, device = source.info.driver, device_name(source.info)
     found = score(times, levels, curve)
-    return PracticeRecord(
-        person=config.calibration.person or "",
+    person, folder = whose(config.calibration)
+    record = PracticeRecord(
+        person=person,
         device=device,
         driver=driver,
         made=utc_now(),
@@ -94,3 +96,4 @@ def track(
         rms_error_levels=round(found.rms_error_levels, 3),
         delay_s=round(found.delay_s, 2),
     )
+    return record, folder.keep_practice(record)

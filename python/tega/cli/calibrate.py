@@ -100,7 +100,9 @@ def calibrate(
         each_motor=each_motor,
         seed=sum(person.encode()),
     )
-    again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person])
+    where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
+    same = [word for name in only for word in ("--only", name)] + [w for s in sets for w in ("--set", s)]
+    again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
     try:
         if refresh:
             files = refresh_all(config, person, parts, home, guide, times=times, now=utc_now())
@@ -126,9 +128,8 @@ def calibrate(
             )
         raise
     _close(guide)
-    guide.say(
-        f"Finished. {shlex.join(['tega-teleop', 'run', str(settings), '--person', person])}", tone="good"
-    )
+    then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
+    guide.say(f"Finished. {then}", tone="good")
     if as_json:
         echo_json({**told, "finished": True, "done": list(work.done), "left": [], "files": _told(files)})
 

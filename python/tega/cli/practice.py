@@ -30,7 +30,6 @@ def practice(
 
     With --json: {"person", "seconds", "seed", "in_target_percent", "rms_error_levels", "delay_s", "file"}.
     """
-    from tega.calibration.folder import CalibrationFolder
     from tega.calibration.tracking import track
     from tega.cli.guide import TerminalGuide, guide_for
     from tega.cli.options import echo_json
@@ -39,12 +38,10 @@ def practice(
     config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
     guide = guide_for(yes=yes, get_ready_s=1.0)
     try:
-        record = track(config, guide, duration_s=seconds, seed=seed, settings=str(settings))
+        record, file = track(config, guide, duration_s=seconds, seed=seed, settings=str(settings))
     finally:
         if isinstance(guide, TerminalGuide):
             guide.close()
-    assert config.calibration.folder is not None
-    file = CalibrationFolder(config.calibration.folder).keep_practice(record)
     guide.say(
         f"On the level asked for {record.in_target_percent:.0f} % of the time; off by {record.rms_error_levels:.2f} "
         f"levels (RMS); {record.delay_s:.2f} s behind",
