@@ -227,6 +227,7 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
         assert by_site == {s: {9: 10.0, 15: 17.0, 200: -1.0}[t] for s, t in THRESHOLD.items()}
         assert record["step_percent"][0] == pytest.approx(200 / 15, abs=0.01)
         assert record["step_percent"][6] == -1
+        assert record["step_sites"] == ["f4", "b2"]
         assert teleop("config", "show", str(file), "--set", "calibration.person=p01") == 0
         (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("vest.threshold")]
         assert "10.0, 10.0, 17.0, 10.0" in line

@@ -167,6 +167,7 @@ class VestRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="teg
         sites: Columns (``f1`` to ``b4``) or motors (``m0`` to ``m39``), in the order of the next two.
         threshold_percent: The lowest intensity felt there; -1 where none was.
         step_percent: The smallest increase noticed there; -1 where none was.
+        step_sites: Where that was looked for; the others of a face have what was found there.
         named_right: Columns whose place was named right, of ``named``.
         named: Columns whose place was asked.
         false_alarms: How often nothing was felt to be something.
@@ -176,6 +177,7 @@ class VestRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="teg
         "sites": "f front, b back; columns from the wearer's left",
         "threshold_percent": "the lowest intensity felt at each; -1: none was",
         "step_percent": "the smallest increase noticed at each; -1: none was",
+        "step_sites": "where it was looked for; the others of a face have what was found there",
         "false_alarms": "times that nothing was felt to be something",
     }
 
@@ -185,6 +187,7 @@ class VestRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="teg
     sites: tuple[str, ...]
     threshold_percent: tuple[float, ...]
     step_percent: tuple[float, ...]
+    step_sites: tuple[str, ...] = ()
     named_right: int
     named: int
     false_alarms: int

@@ -8,7 +8,7 @@ Example:
     >>> while (level := ladder.level) is not None:
     ...     ladder.answer(felt=level >= 4)
     >>> ladder.result()
-    Limen(level=4, n_false=0, n_trials=9)
+    Limen(level=4, n_false=0, n_trials=11)
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, t
         Undecided: Nobody is there to answer.
         DeviceUnavailableError: The vest went away.
     """
-    answers = {site: site_place(site) for site in SITES} | {"n": "nothing felt", "r": "again"}
+    answers = dict.fromkeys(SITES, "") | {"f4": "front", "b4": "back", "n": "nothing felt", "r": "again"}
 
     def attempt() -> Wearing:
         guide.ready(
@@ -141,6 +141,7 @@ def take_thresholds(
 
 def take_steps(
     pulses: Pulses,
+    sites: tuple[str, ...],
     thresholds: Mapping[str, Felt],
     done: Mapping[str, Felt],
     guide: Guide,
@@ -148,10 +149,11 @@ def take_steps(
     keep: Callable[[str, Felt], None],
     seed: int,
 ) -> None:
-    """Find at each site that is felt the smallest increase that is noticed, half way between threshold and ceiling.
+    """Find at some sites the smallest increase that is noticed, half way between threshold and ceiling.
 
     Args:
         pulses: Vibrations.
+        sites: Where; one that is not felt, or hardly below the ceiling, is left out.
         thresholds: By site.
         done: What is known from before an interruption.
         guide: Asks.
@@ -174,7 +176,7 @@ def take_steps(
         said = _asked(guide, "Which was stronger?", answers, lambda: pulses.pair(site, *pair))
         return said != "s" if level == 0 else said == ("2" if second else "1")
 
-    sites = tuple(s for s, felt in thresholds.items() if felt.level and middle(s) < pulses.ceiling)
+    sites = tuple(s for s in sites if thresholds[s].level and middle(s) < pulses.ceiling)
     _each(pulses, sites, done, guide, keep=keep, title="step",
           ceiling=lambda site: pulses.ceiling - middle(site), asking=asking)  # fmt: skip
 

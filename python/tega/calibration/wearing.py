@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-__all__ = ["SITES", "Wearing", "judge_wearing", "site_motors", "site_place"]
+__all__ = ["SITES", "Wearing", "judge_wearing", "middle_sites", "site_face", "site_motors", "site_place"]
 
 SITES: tuple[str, ...] = tuple(f"{side}{column}" for side in "fb" for column in (1, 2, 3, 4))
 """Columns: front and back, from the wearer's left."""
@@ -36,6 +36,34 @@ def site_place(site: str) -> str:
         row, column = divmod(place, 4)
         return f"{('front', 'back')[panel]}, row {row + 1}, column {column + 1} of 4 from your left"
     return f"{'back' if site[0] == 'b' else 'front'}, column {site[1]} of 4 from your left"
+
+
+def site_face(site: str) -> str:
+    """Return the face of a site, ``f`` or ``b``.
+
+    Example:
+        >>> site_face("b2"), site_face("m3")
+        ('b', 'f')
+    """
+    return "b" if min(site_motors(site)) >= 20 else "f"
+
+
+def middle_sites(levels: Mapping[str, int]) -> tuple[str, ...]:
+    """Return the site of each face that is felt as most are there: the one with the middle threshold.
+
+    Args:
+        levels: Threshold level by site, 0 where nothing is felt.
+
+    Example:
+        >>> middle_sites({"f1": 2, "f2": 3, "f3": 5, "b1": 0})
+        ('f2',)
+    """
+    chosen = []
+    for face in "fb":
+        felt = sorted((level, site) for site, level in levels.items() if level and site_face(site) == face)
+        if felt:
+            chosen.append(felt[len(felt) // 2][1])
+    return tuple(chosen)
 
 
 class Wearing(NamedTuple):

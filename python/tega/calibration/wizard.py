@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -27,6 +27,7 @@ from tega.calibration.steps_emg import (
 from tega.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
 from tega.calibration.steps_vest import Felt, Pulses, take_steps, take_thresholds, take_wearing
 from tega.calibration.times import Times
+from tega.calibration.wearing import middle_sites, site_face
 from tega.config import EmgConfig, SessionConfig, TactileConfig
 from tega.devices.opencv import read_image
 from tega.devices.registry import driver_class
@@ -84,6 +85,7 @@ class Calibrating:
         now: Tells the time of day.
         ceiling_percent: Nothing stronger is shown on the vest.
         each_motor: Ask about every motor of the vest, not about its columns.
+        each_step: Look for the step at every column or motor, not at one of each face.
         seed: Of the order in which the vest's columns are shown.
     """
 
@@ -98,6 +100,7 @@ class Calibrating:
         now: Callable[[], datetime],
         ceiling_percent: int = 60,
         each_motor: bool = False,
+        each_step: bool = False,
         seed: int = 0,
     ) -> None:
         self._config = config
@@ -108,6 +111,7 @@ class Calibrating:
         self._now = now
         self._ceiling_percent = ceiling_percent
         self._each_motor = each_motor
+        self._each_step = each_step
         self._seed = seed
         self._unfinished = Unfinished(started=now())
         self._place = ""
@@ -287,8 +291,17 @@ class Calibrating:
                     )
                 steps = self._felt("vest.step")
                 guide.ready("Now two vibrations each time: say which is the stronger one")
+                asked = sites
+                if not self._each_step:
+                    asked = middle_sites({site: felt.level for site, felt in thresholds.items()})
                 take_steps(
-                    pulses, thresholds, steps, guide, keep=self._keeper("vest.step", steps), seed=self._seed
+                    pulses,
+                    asked,
+                    thresholds,
+                    steps,
+                    guide,
+                    keep=self._keeper("vest.step", steps),
+                    seed=self._seed,
                 )
                 device, driver = device_name(vest.info), vest.info.driver
         except Undecided:
@@ -308,10 +321,8 @@ class Calibrating:
             threshold_percent=tuple(
                 float(LEVEL_PERCENT[thresholds[s].level]) if thresholds[s].level else -1.0 for s in sites
             ),
-            step_percent=tuple(
-                round(100 * steps[s].level / TOP_LEVEL, 2) if s in steps and steps[s].level else -1.0
-                for s in sites
-            ),
+            step_percent=tuple(_step_percent(s, thresholds, steps) for s in sites),
+            step_sites=tuple(steps),
             named_right=where.n_right,
             named=where.n_asked,
             false_alarms=sum(felt.n_false for felt in (*thresholds.values(), *steps.values())),
@@ -350,6 +361,14 @@ class Calibrating:
     def _keep(self, name: str, result: Any) -> None:
         self._unfinished.steps[name] = result
         self._folder.keep_unfinished(self._person, self._unfinished)
+
+
+def _step_percent(site: str, thresholds: Mapping[str, Felt], steps: Mapping[str, Felt]) -> float:
+    """Return a site's step, or that of its face where only that was looked for; -1 where there is none."""
+    measured = steps.get(site) or next((f for s, f in steps.items() if site_face(s) == site_face(site)), None)
+    if measured is None or not measured.level or not thresholds[site].level:
+        return -1.0
+    return round(100 * measured.level / TOP_LEVEL, 2)
 
 
 class _Places(msgspec.Struct, frozen=True, kw_only=True):

@@ -38,6 +38,7 @@ __all__ = ["calibrate"]
     help="The strongest vibration shown on the vest.",
 )  # fmt: skip
 @click.option("--each-motor", is_flag=True, help="Ask about every motor of the vest, not about its columns.")
+@click.option("--each-step", is_flag=True, help="Look for the step at every column, not at one of each face.")
 @click.option(
     "--pause-s", type=click.FloatRange(0, 300), default=30.0, show_default=True, metavar="SECONDS",
     help="Rest between strong squeezes.",
@@ -60,6 +61,7 @@ def calibrate(
     folder: Path | None,
     ceiling: int,
     each_motor: bool,
+    each_step: bool,
     pause_s: float,
     yes: bool,
     time_scale: float,
@@ -98,6 +100,7 @@ def calibrate(
         now=utc_now,
         ceiling_percent=ceiling,
         each_motor=each_motor,
+        each_step=each_step,
         seed=sum(person.encode()),
     )
     where = [] if folder is None else ["--set", f"calibration.folder={folder}"]

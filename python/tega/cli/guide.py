@@ -69,7 +69,7 @@ class LineGuide:
         """Ask until one of the answers comes."""
         if self._yes:
             raise Undecided
-        choices = ", ".join(f"{key} {meaning}" for key, meaning in answers.items())
+        choices = ", ".join(f"{key} {meaning}".rstrip() for key, meaning in answers.items())
         _line(f"? {question} ({choices})")
         while (said := _heard().strip().lower()) not in answers:
             _line(f"? one of: {choices}")
@@ -100,6 +100,7 @@ class TerminalGuide:
         self._get_ready_s = get_ready_s
         self._console: Console = Console(stderr=True, highlight=False)
         self._live: Live | None = None
+        self._shown: tuple[str, Sequence[Bar]] = ("", ())
 
     def part(self, title: str, why: str) -> None:
         """Begin a part."""
@@ -126,10 +127,14 @@ class TerminalGuide:
         """Ask until one of the answers comes; a single letter needs no Enter."""
         if self._yes:
             raise Undecided
-        self._still()
-        choices = "   ".join(f"[bold]{key}[/] {meaning}" for key, meaning in answers.items())
-        self._console.print(f"[bold cyan]{question}[/]   {choices}")
-        hear: Callable[[], str] = _key if all(len(key) == 1 for key in answers) else _heard
+        single = all(len(key) == 1 for key in answers)
+        choices = "   ".join(f"{key} {meaning}".rstrip() for key, meaning in answers.items())
+        if self._live is not None and single:
+            self._live.update(self._panel(f"{self._shown[0]}\n\n{question}", choices, self._shown[1]))
+        else:
+            self._still()
+            self._console.print(f"[bold cyan]{question}[/]   {choices}")
+        hear: Callable[[], str] = _key if single else _heard
         while (said := hear().strip().lower()) not in answers:
             self._console.print(f"one of: {', '.join(answers)}", style="yellow")
         return said
@@ -141,6 +146,7 @@ class TerminalGuide:
         if self._live is None:
             self._live = Live(console=self._console, transient=True, refresh_per_second=10)
             self._live.start()
+        self._shown = (prompt, bars)
         self._live.update(self._panel(prompt, "" if left_s is None else f"{left_s:.0f} s left", bars))
 
     def _countdown(self, prompt: str) -> None:
