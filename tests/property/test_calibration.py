@@ -87,7 +87,7 @@ def test_maxima_are_of_the_firm_presses_and_no_spike_decides(
             t_ns += 16_000_000
     assert len(meter.presses) == PRESSES + weak
     assert 500 not in [p.eda_px for p in meter.firm]
-    middle = float(np.median([500] * weak + sizes))
+    middle = float(np.median(sizes))
     assert len(meter.firm) == sum(size >= middle / 2 for size in sizes)
     assert bool(meter.problems()) == (len(meter.firm) < PRESSES)
     maximum = meter.maxima("live").eda_max
@@ -231,4 +231,6 @@ def test_a_perfect_follower_scores_full_and_a_late_one_is_as_late_as_they_were(
     assert on_time.in_target == 1.0
     assert on_time.rms_error_levels < 0.5
     delayed = score(t_s, [round(curve.at(t - late / 10)) for t in t_s], curve)
+    assert delayed.delay_s is not None
     assert abs(delayed.delay_s - late / 10) <= 0.1001
+    assert score(t_s, [1] * len(t_s), curve).delay_s is None

@@ -11,6 +11,7 @@ import pytest
 from tega.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
 from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.calibration.gel import judge_rest, suspect_contact
+from tega.calibration.presses import PressMeter
 from tega.calibration.records import TouchRecord, VestRecord, read_record
 from tega.calibration.store import TouchMaxima
 from tega.calibration.times import Times
@@ -20,6 +21,7 @@ from tega.config import load_config
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.devices.opencv import read_image
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError
+from tega.tactile import ContactMetrics
 
 CHAIN = Chain(500.0, 50, "raw", ("ch1", "ch2", "ch3"))
 NOW = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
@@ -196,3 +198,24 @@ def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) ->
     assert work.done == ("emg.rest",)
     with pytest.raises(ConfigError, match=r"--only vest: the settings have no \[vest\] device"):
         parts_of(config, ["vest"])
+
+
+def test_a_weak_press_and_an_accident_do_not_count() -> None:
+    meter, t_ns = PressMeter(76_800), 0
+    judged = []
+    for eda, seconds in ((9000, 0.6), (800, 0.6), (8000, 0.1), (9500, 0.6), (3000, 0.6)):
+        for found, n in ((eda, round(60 * seconds)), (0, 20)):
+            for _ in range(n):
+                live = ContactMetrics(
+                    1.0, (9.0, 9.0), 3.0, 1.0, found, 0.5, 9.0, (9, 9), in_contact=found > 0
+                )
+                if (press := meter.take(t_ns, {"live": live, "paper": live})) is not None:
+                    judged.append(meter.judge(press))
+                t_ns += 16_666_667
+    assert judged == [
+        "",
+        "too weak: it dented 1.0% of the picture, 1.5% are needed; press harder",
+        "",
+        "much weaker than the others; it does not count",
+    ]
+    assert meter.problems() == ("2 of 5 firm presses; 2 were too weak",)

@@ -62,12 +62,12 @@ class Score(NamedTuple):
     Attributes:
         in_target: Share of the time on the level asked for (the nearest one, during a ramp).
         rms_error_levels: Root of the mean square of the difference.
-        delay_s: Shift at which the levels fit the curve best, 0 to 1 s.
+        delay_s: Shift at which the levels fit the curve best, 0 to 1 s; ``None`` where the level never changed.
     """
 
     in_target: float
     rms_error_levels: float
-    delay_s: float
+    delay_s: float | None
 
 
 def score(t_s: Sequence[float], levels: Sequence[int], curve: Curve) -> Score:
@@ -94,5 +94,5 @@ def score(t_s: Sequence[float], levels: Sequence[int], curve: Curve) -> Score:
     return Score(
         in_target=float((np.abs(error) <= 0.5).mean()),
         rms_error_levels=float(np.sqrt((error**2).mean())),
-        delay_s=float(shifts[int(np.argmin(errors))]),
+        delay_s=float(shifts[int(np.argmin(errors))]) if np.ptp(own) else None,
     )

@@ -67,11 +67,11 @@ class PressMeter:
     @property
     def firm(self) -> list[Press]:
         """The presses that count: firm enough, and not far under the others."""
-        if not self.presses:
+        strong = [p for p in self.presses if p.eda_px >= LEAST_SHARE * self._n_pixels]
+        if not strong:
             return []
-        middle = float(np.median([p.eda_px for p in self.presses]))
-        least = max(LEAST_SHARE * self._n_pixels, _ODD_SHARE * middle)
-        return [p for p in self.presses if p.eda_px >= least]
+        middle = float(np.median([p.eda_px for p in strong]))
+        return [p for p in strong if p.eda_px >= _ODD_SHARE * middle]
 
     def take(self, t_ns: int, readings: Mapping[_Preset, ContactMetrics]) -> Press | None:
         """Take a frame's measurements under both presets; return a press that has just ended."""

@@ -203,7 +203,7 @@ class PracticeRecord(Record, frozen=True, kw_only=True, tag_field="format", tag=
         duration_s: How long.
         in_target_percent: Time on the level asked for.
         rms_error_levels: Root of the mean square of the difference, levels.
-        delay_s: Shift at which the levels fit the curve best.
+        delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -217,7 +217,7 @@ class PracticeRecord(Record, frozen=True, kw_only=True, tag_field="format", tag=
     duration_s: float
     in_target_percent: float
     rms_error_levels: float
-    delay_s: float
+    delay_s: float | None = None
 
 
 _Any = TypeVar("_Any", bound=Record)

@@ -94,6 +94,6 @@ def track(
         duration_s=duration_s,
         in_target_percent=round(100 * found.in_target, 1),
         rms_error_levels=round(found.rms_error_levels, 3),
-        delay_s=round(found.delay_s, 2),
+        delay_s=None if found.delay_s is None else round(found.delay_s, 2),
     )
     return record, folder.keep_practice(record)

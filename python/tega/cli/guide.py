@@ -137,6 +137,8 @@ class TerminalGuide:
         hear: Callable[[], str] = _key if single else _heard
         while (said := hear().strip().lower()) not in answers:
             self._console.print(f"one of: {', '.join(answers)}", style="yellow")
+        if self._live is not None:
+            self._live.update(self._panel(self._shown[0], "", self._shown[1]))
         return said
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:

@@ -42,9 +42,10 @@ def practice(
     finally:
         if isinstance(guide, TerminalGuide):
             guide.close()
+    behind = "" if record.delay_s is None else f"; {record.delay_s:.2f} s behind"
     guide.say(
         f"On the level asked for {record.in_target_percent:.0f} % of the time; off by {record.rms_error_levels:.2f} "
-        f"levels (RMS); {record.delay_s:.2f} s behind",
+        f"levels (RMS){behind}",
         tone="good",
     )
     if as_json:
