@@ -186,6 +186,11 @@ pub(crate) fn reach(grid: &Level) -> Window {
     Window { rows, cols: [first, last] }
 }
 
+/// All of a grid.
+pub(crate) fn whole(grid: &Level) -> Window {
+    Window { rows: [0, grid.rows], cols: [0, grid.cols] }
+}
+
 /// A coarse window with a cell around it, in a grid twice as fine.
 pub(crate) fn wider(coarse: Window, fine: &Level) -> Window {
     let both = |[from, to]: [usize; 2], whole: usize, limit: usize| {
@@ -260,17 +265,21 @@ pub(crate) fn sweep(grid: &mut Level, relax: f32) {
     let shares = [relax * grid.square / (1.0 + 4.0 * grid.square), 1.0 - relax];
     let (stride, [first, last]) = (grid.cols + 2, grid.window.rows);
     let mut next = std::mem::take(&mut grid.next);
-    for r in (first.next_multiple_of(2)..last).step_by(2) {
-        let [here, up, down] = grid.around(r);
-        relax_row(&mut next[grid.tall(r)], &grid.floor[grid.flat(r)], here, up, down, shares);
-    }
-    for r in (first | 1..last).step_by(2) {
-        let (at, [here, ..]) = (grid.tall(r), grid.around(r));
-        let (before, rest) = next.split_at_mut(at.start);
-        let (own, after) = rest.split_at_mut(at.len());
-        let up = &before[at.start - stride..][..at.len()];
-        let down = &after[stride - at.len()..][..at.len()];
-        relax_row(own, &grid.floor[grid.flat(r)], here, up, down, shares);
+    // An odd row follows as soon as the even ones beside it are there, while they are at hand.
+    for even in (first.next_multiple_of(2)..last + 2).step_by(2) {
+        if even < last {
+            let [here, up, down] = grid.around(even);
+            relax_row(&mut next[grid.tall(even)], &grid.floor[grid.flat(even)], here, up, down, shares);
+        }
+        let odd = even.wrapping_sub(1);
+        if (first..last).contains(&odd) {
+            let (at, [here, ..]) = (grid.tall(odd), grid.around(odd));
+            let (before, rest) = next.split_at_mut(at.start);
+            let (own, after) = rest.split_at_mut(at.len());
+            let up = &before[at.start - stride..][..at.len()];
+            let down = &after[stride - at.len()..][..at.len()];
+            relax_row(own, &grid.floor[grid.flat(odd)], here, up, down, shares);
+        }
     }
     grid.next = std::mem::replace(&mut grid.height, next);
 }

@@ -6,8 +6,8 @@
 //! with `k` the springs' stiffness, the pressure is p = k(h - l²∇²h) where it touches and 0 elsewhere.
 
 use crate::grid::{
-    CELL_PX, COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, PX_PER_MM, Pressed, ROWS, Window, carry, chunks,
-    guess, highest, pool, raise_floor, reach, refine, rests, settle, sweep, wider,
+    COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, Pressed, ROWS, Window, carry, chunks, guess, highest, pool,
+    raise_floor, reach, refine, rests, settle, sweep, whole, wider,
 };
 use crate::shape::{CLEAR, Indenter};
 
@@ -85,13 +85,20 @@ impl Membrane {
         for (level, steps) in schedule.iter().enumerate() {
             if level == 0 {
                 let grid = &mut self.levels[0];
-                grid.window = Window { rows: [0, grid.rows], cols: [0, grid.cols] };
+                grid.window = whole(grid);
                 grid.height.fill(0.0);
                 grid.next.fill(0.0);
                 raise_floor(grid, &self.pressed[..n]);
             } else {
                 let [coarse, fine] = &mut self.levels[level - 1..=level] else { continue };
                 fine.window = wider(reach(coarse), fine);
+                if level == 2 {
+                    for (i, indenter) in indenters.iter().enumerate() {
+                        if self.pressed[i].depth > 0.0 {
+                            lay(fine, i, indenter);
+                        }
+                    }
+                }
                 raise_floor(fine, &self.pressed[..n]);
                 refine(coarse, fine, &mut self.row);
             }
@@ -188,34 +195,50 @@ impl Membrane {
         }
     }
 
-    /// Lays a shape over the grids, its foremost point on the still gel; false where it lies beside it.
+    /// Lays a shape over the two coarser grids; false where it lies beside the gel.
     #[inline(always)]
     fn lay_over(&mut self, i: usize, indenter: &Indenter) -> bool {
-        let step = (CELL_PX as f64 / PX_PER_MM) as f32;
-        let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * step;
-        let curve = (0.5 / DOME_MM) as f32;
-        let gap = &mut self.levels[2].gaps[i];
-        // The gel's dome drops away from its middle.
-        let mut drop = [0.0; COLS];
-        for (c, drop) in drop.iter_mut().enumerate() {
-            *drop = at(COLS, c) * at(COLS, c) * curve;
+        let [coarse, middle, fine] = &mut self.levels;
+        middle.window = whole(middle);
+        lay(middle, i, indenter);
+        if middle.tops[i] < CLEAR / 2.0 {
+            // Perhaps so thin that it lies between the middles of these cells.
+            fine.window = whole(fine);
+            lay(fine, i, indenter);
+            pool(&fine.gaps[i], &mut middle.gaps[i], fine.cols);
+            middle.tops[i] = highest(&middle.gaps[i]);
         }
-        for (r, row) in gap.chunks_exact_mut(COLS).enumerate() {
-            let y = at(ROWS, r);
-            indenter.lowest(at(COLS, 0), step, y, row);
-            for (low, drop) in row.iter_mut().zip(&drop) {
-                *low -= drop + y * y * curve;
-            }
-        }
-        for level in [1, 0] {
-            let [coarse, fine] = &mut self.levels[level..=level + 1] else { continue };
-            pool(&fine.gaps[i], &mut coarse.gaps[i], fine.cols);
-        }
-        for grid in &mut self.levels {
-            grid.tops[i] = highest(&grid.gaps[i]);
-        }
-        self.levels[2].tops[i] > CLEAR / 2.0
+        pool(&middle.gaps[i], &mut coarse.gaps[i], middle.cols);
+        coarse.tops[i] = highest(&coarse.gaps[i]);
+        coarse.tops[i] > CLEAR / 2.0
     }
+}
+
+/// Lays a shape over a grid's window, its foremost point on the still gel.
+#[inline(always)]
+fn lay(grid: &mut Level, i: usize, indenter: &Indenter) {
+    let [c0, c1] = grid.window.cols;
+    let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * grid.cell_mm;
+    let curve = (0.5 / DOME_MM) as f32;
+    // The gel's dome drops away from its middle.
+    let mut drop = [0.0; COLS];
+    for (c, drop) in drop[..c1 - c0].iter_mut().enumerate() {
+        let x = at(grid.cols, c0 + c);
+        *drop = x * x * curve;
+    }
+    let mut top = CLEAR;
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let y = at(grid.rows, r);
+        let at_row = grid.flat(r);
+        let row = &mut grid.gaps[i][at_row];
+        indenter.lowest(at(grid.cols, c0), grid.cell_mm, y, row);
+        for (low, drop) in row.iter_mut().zip(&drop) {
+            *low -= drop + y * y * curve;
+        }
+        let highest = highest(row);
+        top = if highest > top { highest } else { top };
+    }
+    grid.tops[i] = top;
 }
 
 #[cfg(test)]
