@@ -7,9 +7,10 @@
 
 use crate::grid::{
     COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, Pressed, ROWS, Window, carry, chunks, guess, highest, pool,
-    raise_floor, reach, refine, rests, settle, sweep, whole, wider,
+    raise, raise_floor, reach, refine, rests, settle, sweep, whole, wider,
 };
 use crate::shape::{CLEAR, Indenter};
+use crate::simd;
 
 /// Radius of the gel's dome, millimetres.
 pub const DOME_MM: f64 = 100.0;
@@ -85,17 +86,16 @@ impl Membrane {
         for (level, steps) in schedule.iter().enumerate() {
             if level == 0 {
                 let grid = &mut self.levels[0];
-                grid.window = whole(grid);
+                grid.look_at(whole(grid));
                 grid.height.fill(0.0);
-                grid.next.fill(0.0);
                 raise_floor(grid, &self.pressed[..n]);
             } else {
                 let [coarse, fine] = &mut self.levels[level - 1..=level] else { continue };
-                fine.window = wider(reach(coarse), fine);
+                fine.look_at(wider(reach(coarse), fine));
                 if level == 2 {
                     for (i, indenter) in indenters.iter().enumerate() {
                         if self.pressed[i].depth > 0.0 {
-                            lay(fine, i, indenter);
+                            simd::lay(fine, fine.window, i, indenter);
                         }
                     }
                 }
@@ -142,7 +142,7 @@ impl Membrane {
     /// A row of displacements of the finest grid, millimetres, with a still cell before and after; -1 and [`ROWS`] are
     /// still rows, `row` is one more.
     pub(crate) fn heights(&self, row: usize) -> &[f32] {
-        &self.levels[2].height[row * (COLS + 2)..(row + 1) * (COLS + 2)]
+        self.levels[2].row(row)
     }
 
     /// Whether the gel touches something in a cell of the finest grid.
@@ -199,46 +199,40 @@ impl Membrane {
     #[inline(always)]
     fn lay_over(&mut self, i: usize, indenter: &Indenter) -> bool {
         let [coarse, middle, fine] = &mut self.levels;
-        middle.window = whole(middle);
-        lay(middle, i, indenter);
+        simd::lay(middle, whole(middle), i, indenter);
         if middle.tops[i] < CLEAR / 2.0 {
             // Perhaps so thin that it lies between the middles of these cells.
-            fine.window = whole(fine);
-            lay(fine, i, indenter);
-            pool(&fine.gaps[i], &mut middle.gaps[i], fine.cols);
-            middle.tops[i] = highest(&middle.gaps[i]);
+            simd::lay(fine, whole(fine), i, indenter);
+            middle.tops[i] = pool(&fine.gaps[i], &mut middle.gaps[i], fine.cols);
         }
-        pool(&middle.gaps[i], &mut coarse.gaps[i], middle.cols);
-        coarse.tops[i] = highest(&coarse.gaps[i]);
+        coarse.tops[i] = pool(&middle.gaps[i], &mut coarse.gaps[i], middle.cols);
         coarse.tops[i] > CLEAR / 2.0
     }
 }
 
-/// Lays a shape over a grid's window, its foremost point on the still gel.
+/// Lays a shape over a part of a grid, its foremost point on the still gel.
 #[inline(always)]
-fn lay(grid: &mut Level, i: usize, indenter: &Indenter) {
-    let [c0, c1] = grid.window.cols;
-    let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * grid.cell_mm;
+pub(crate) fn lay(grid: &mut Level, part: Window, i: usize, indenter: &Indenter) {
+    let ([c0, c1], step, cols) = (part.cols, grid.cell_mm, grid.cols);
+    let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * step;
     let curve = (0.5 / DOME_MM) as f32;
     // The gel's dome drops away from its middle.
     let mut drop = [0.0; COLS];
     for (c, drop) in drop[..c1 - c0].iter_mut().enumerate() {
-        let x = at(grid.cols, c0 + c);
+        let x = at(cols, c0 + c);
         *drop = x * x * curve;
     }
-    let mut top = CLEAR;
-    for r in grid.window.rows[0]..grid.window.rows[1] {
+    let mut tops = [CLEAR; LANES];
+    for r in part.rows[0]..part.rows[1] {
         let y = at(grid.rows, r);
-        let at_row = grid.flat(r);
-        let row = &mut grid.gaps[i][at_row];
-        indenter.lowest(at(grid.cols, c0), grid.cell_mm, y, row);
+        let row = &mut grid.gaps[i][r * cols..][c0..c1];
+        indenter.lowest(at(cols, c0), step, y, row);
         for (low, drop) in row.iter_mut().zip(&drop) {
             *low -= drop + y * y * curve;
         }
-        let highest = highest(row);
-        top = if highest > top { highest } else { top };
+        raise(&mut tops, row);
     }
-    grid.tops[i] = top;
+    grid.tops[i] = highest(tops);
 }
 
 #[cfg(test)]
@@ -264,7 +258,7 @@ mod tests {
                     let indenter =
                         Indenter { shape: *shape, pose_mm: tilted(*tilt, x, x / 3.0), force_n: *force_n };
                     assert!(few.solve(&[indenter]) && many.solve_in(&[indenter], &PATIENT));
-                    let (a, b) = (&few.levels[2].height, &many.levels[2].height);
+                    let (a, b): (&[f32], &[f32]) = (&few.levels[2].height, &many.levels[2].height);
                     let peak = b.iter().fold(0.0f32, |top, h| top.max(*h));
                     let height = a.iter().zip(b).fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) / peak;
                     let depth = (few.pressed[0].depth / many.pressed[0].depth - 1.0).abs();
