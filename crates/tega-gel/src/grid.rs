@@ -38,6 +38,8 @@ pub(crate) struct Pressed {
     pub(crate) depth: f32,
     /// What the springs carry, newtons.
     pub(crate) force: f32,
+    /// Of that, what those carry that the grid does not reach, by the coarser grid's answer.
+    pub(crate) beyond: f32,
 }
 
 /// A grid. `height` has a still row before and after it and still cells between its rows: cell (r, c) is at
@@ -220,6 +222,15 @@ pub(crate) fn whole(grid: &Level) -> Window {
     Window { rows: [0, grid.rows], cols: [0, grid.cols] }
 }
 
+/// What two windows share.
+pub(crate) fn shared(a: Window, b: Window) -> Window {
+    let both = |[a0, a1]: [usize; 2], [b0, b1]: [usize; 2]| {
+        let to = a1.min(b1);
+        [a0.max(b0).min(to), to]
+    };
+    Window { rows: both(a.rows, b.rows), cols: both(a.cols, b.cols) }
+}
+
 /// A coarse window with a cell around it, in a grid twice as fine.
 pub(crate) fn wider(coarse: Window, fine: &Level) -> Window {
     let both = |[from, to]: [usize; 2], whole: usize, limit: usize| {
@@ -258,10 +269,13 @@ pub(crate) fn settle(grid: &mut Level, share: f32) {
     }
 }
 
-/// Starts the fine grid from the coarse one, straight lines between cells.
+/// Starts the fine grid's window, and what lies around it and stays, from the coarse grid; straight lines between cells.
 #[inline(always)]
 pub(crate) fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
-    for r in fine.window.rows[0]..fine.window.rows[1] {
+    let Window { rows: [first, last], cols: [c0, c1] } = fine.window;
+    // Two columns, as a coarse cell has two.
+    let (from, to) = (c0.saturating_sub(2), (c1 + 2).min(fine.cols));
+    for r in first.saturating_sub(1)..(last + 1).min(fine.rows) {
         // Coarse rows around this one, counted with the still one before the first; the nearer has 3/4.
         let near = r / 2 + 1;
         let far = if r.is_multiple_of(2) { near - 1 } else { near + 1 };
@@ -270,15 +284,22 @@ pub(crate) fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
             *line = 0.75 * near + 0.25 * far;
         }
         // line[m + 1] is coarse column m.
-        let [m0, m1] = fine.window.cols.map(|c| c / 2);
+        let [m0, m1] = [from / 2, to / 2];
         let (before, here, after) = (&line[m0..m1], &line[m0 + 1..=m1], &line[m0 + 2..m1 + 2]);
-        let (tall, flat) = (fine.tall(r), fine.flat(r));
-        let cells =
-            fine.height[tall].as_chunks_mut::<2>().0.iter_mut().zip(fine.floor[flat].as_chunks::<2>().0);
-        for ((height, floor), ((before, here), after)) in cells.zip(before.iter().zip(here).zip(after)) {
-            let start = [0.75 * here + 0.25 * before, 0.75 * here + 0.25 * after];
-            for side in 0..2 {
-                height[side] = if start[side] > floor[side] { start[side] } else { floor[side] };
+        let zero = (r + 1) * fine.stride + CACHE_LINE;
+        let cells = fine.height[zero + from..zero + to].as_chunks_mut::<2>().0.iter_mut();
+        for (height, ((before, here), after)) in cells.zip(before.iter().zip(here).zip(after)) {
+            *height = [0.75 * here + 0.25 * before, 0.75 * here + 0.25 * after];
+        }
+        let inside = (first..last).contains(&r);
+        for part in if inside { [from..c0, c1..to] } else { [from..to, 0..0] } {
+            let part = zero + part.start..zero + part.end;
+            fine.next[part.clone()].copy_from_slice(&fine.height[part]);
+        }
+        if inside {
+            let flat = fine.flat(r);
+            for (height, floor) in fine.height[zero + c0..zero + c1].iter_mut().zip(&fine.floor[flat]) {
+                *height = if *height > *floor { *height } else { *floor };
             }
         }
     }
@@ -331,16 +352,37 @@ fn relax_row(
 /// What the springs under each shape carry; a cell belongs to the shape that lies highest over it.
 #[inline(always)]
 pub(crate) fn carry(grid: &Level, pressed: &mut [Pressed]) {
-    let scale = STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm;
-    let alone = pressed.len() == 1;
-    for (i, (pressed, top)) in pressed.iter_mut().zip(&grid.tops).enumerate() {
-        let mut sums = [0.0f32; LANES];
-        for r in grid.window.rows[0]..grid.window.rows[1] {
-            let at = grid.flat(r);
-            let shape = if alone { None } else { Some((&grid.gaps[i][at.clone()], pressed.depth - top)) };
-            carry_row(&grid.floor[at], grid.around(r), grid.square, shape, &mut sums);
-        }
-        pressed.force = scale * sums.iter().sum::<f32>();
+    for i in 0..pressed.len() {
+        pressed[i].force = pressed[i].beyond + carried(grid, i, pressed);
+    }
+}
+
+/// What the window's springs under a shape carry, newtons.
+#[inline(always)]
+fn carried(grid: &Level, i: usize, pressed: &[Pressed]) -> f32 {
+    let lift = pressed[i].depth - grid.tops[i];
+    let mut sums = [0.0f32; LANES];
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let at = grid.flat(r);
+        let shape = if pressed.len() == 1 { None } else { Some((&grid.gaps[i][at.clone()], lift)) };
+        carry_row(&grid.floor[at], grid.around(r), grid.square, shape, &mut sums);
+    }
+    STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm * sums.iter().sum::<f32>()
+}
+
+/// Notes what the springs outside a part of the grid carry, for a finer one that reaches no further.
+#[inline(always)]
+pub(crate) fn carry_beyond(grid: &mut Level, part: Window, pressed: &mut [Pressed]) {
+    let whole = grid.window;
+    let inner = shared(whole, part);
+    if inner == whole {
+        return;
+    }
+    for i in 0..pressed.len() {
+        let all = carried(grid, i, pressed);
+        grid.window = inner;
+        pressed[i].beyond = all - carried(grid, i, pressed);
+        grid.window = whole;
     }
 }
 

@@ -6,8 +6,8 @@
 //! with `k` the springs' stiffness, the pressure is p = k(h - l²∇²h) where it touches and 0 elsewhere.
 
 use crate::grid::{
-    COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, Pressed, ROWS, Window, carry, chunks, guess, highest, pool,
-    raise, raise_floor, reach, refine, rests, settle, sweep, whole, wider,
+    COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, Pressed, ROWS, Window, carry, carry_beyond, chunks, guess,
+    highest, pool, raise, raise_floor, reach, refine, rests, settle, shared, sweep, whole, wider,
 };
 use crate::shape::{CLEAR, Indenter};
 use crate::simd;
@@ -31,9 +31,16 @@ struct Steps {
 /// From the coarsest grid on; `docs/sim-touch.md` has the error that this leaves.
 const SCHEDULE: [Steps; 3] = [
     Steps { matches: 3, most: 3, sweeps: 2, last: 1, relax: 1.4 },
-    Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.4 },
-    Steps { matches: 1, most: 4, sweeps: 3, last: 2, relax: 1.4 },
+    Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.5 },
+    Steps { matches: 1, most: 4, sweeps: 2, last: 2, relax: 1.5 },
 ];
+
+/// What the finest grid is asked for: the picture and two cells around it, as a slope needs one and a line between
+/// slopes another. What is further out is left at the coarser answer.
+const LOOK: Window = Window {
+    rows: [MARGIN_ROWS - 2, ROWS - MARGIN_ROWS + 2],
+    cols: [MARGIN_COLS - 2, COLS - MARGIN_COLS + 2],
+};
 
 /// Sums over the touching cells of the picture, and the largest displacement in it.
 #[derive(Debug, Clone, Copy, Default)]
@@ -66,18 +73,18 @@ impl Membrane {
     /// Presses the shapes in; false where none of them lies over the gel.
     #[inline(always)]
     pub(crate) fn solve(&mut self, indenters: &[Indenter]) -> bool {
-        self.solve_in(indenters, &SCHEDULE)
+        self.solve_in(indenters, &SCHEDULE, LOOK)
     }
 
     #[inline(always)]
-    fn solve_in(&mut self, indenters: &[Indenter], schedule: &[Steps; 3]) -> bool {
+    fn solve_in(&mut self, indenters: &[Indenter], schedule: &[Steps; 3], look: Window) -> bool {
         let n = indenters.len();
         let mut any = false;
         for (i, indenter) in indenters.iter().enumerate() {
             let over = indenter.force_n > 0.0 && self.lay_over(i, indenter);
             let force = indenter.force_n as f32;
             let depth = if over { guess(&self.levels[0], i, force) } else { CLEAR };
-            self.pressed[i] = Pressed { depth, force: 0.0 };
+            self.pressed[i] = Pressed { depth, force: 0.0, beyond: 0.0 };
             any |= over;
         }
         if !any {
@@ -91,11 +98,17 @@ impl Membrane {
                 raise_floor(grid, &self.pressed[..n]);
             } else {
                 let [coarse, fine] = &mut self.levels[level - 1..=level] else { continue };
-                fine.look_at(wider(reach(coarse), fine));
+                let reached = wider(reach(coarse), fine);
+                fine.look_at(if level == 2 { shared(reached, look) } else { reached });
                 if level == 2 {
+                    let half = |[from, to]: [usize; 2]| [from / 2, to / 2];
+                    let look = Window { rows: half(look.rows), cols: half(look.cols) };
+                    carry_beyond(coarse, look, &mut self.pressed[..n]);
                     for (i, indenter) in indenters.iter().enumerate() {
                         if self.pressed[i].depth > 0.0 {
                             simd::lay(fine, fine.window, i, indenter);
+                            // Its foremost point may lie where this grid does not look.
+                            fine.tops[i] = fine.tops[i].max(coarse.tops[i]);
                         }
                     }
                 }
@@ -116,6 +129,7 @@ impl Membrane {
                     let change = ratio.clamp(0.25, 4.0).sqrt();
                     off |= pressed.depth > 0.0 && !(0.93..1.07).contains(&change);
                     pressed.depth *= change;
+                    pressed.beyond *= change * change;
                     most = if pressed.depth > 0.0 && change > most { change } else { most };
                 }
                 raise_floor(grid, &self.pressed[..n]);
@@ -248,7 +262,8 @@ mod tests {
         [[1.0, 0.0, 0.0, x], [0.0, c, -s, y], [0.0, s, c, 0.0]]
     }
 
-    /// Largest errors of the displacement relative to its peak, and of the depth, over these shapes and forces.
+    /// Largest errors of the displacement in the picture relative to its peak, and of the depth, over these shapes and
+    /// forces.
     fn errors(shapes: &[Shape], tilts: &[f64], forces_n: &[f64]) -> [f32; 2] {
         let (mut few, mut many) = (Membrane::new(), Membrane::new());
         let mut worst = [0.0f32; 2];
@@ -257,10 +272,19 @@ mod tests {
                 for (tilt, x) in tilts.iter().zip([0.0, 0.1, 0.2]) {
                     let indenter =
                         Indenter { shape: *shape, pose_mm: tilted(*tilt, x, x / 3.0), force_n: *force_n };
-                    assert!(few.solve(&[indenter]) && many.solve_in(&[indenter], &PATIENT));
-                    let (a, b): (&[f32], &[f32]) = (&few.levels[2].height, &many.levels[2].height);
-                    let peak = b.iter().fold(0.0f32, |top, h| top.max(*h));
-                    let height = a.iter().zip(b).fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) / peak;
+                    assert!(
+                        few.solve(&[indenter]) && many.solve_in(&[indenter], &PATIENT, whole(&Level::new(1)))
+                    );
+                    let mut peak = 0.0f32;
+                    let mut height = 0.0f32;
+                    for row in MARGIN_ROWS..ROWS - MARGIN_ROWS {
+                        let seen = MARGIN_COLS + 1..COLS - MARGIN_COLS + 1;
+                        let (a, b) = (&few.heights(row + 1)[seen.clone()], &many.heights(row + 1)[seen]);
+                        for (a, b) in a.iter().zip(b) {
+                            (peak, height) = (peak.max(*b), height.max((a - b).abs()));
+                        }
+                    }
+                    let height = height / peak;
                     let depth = (few.pressed[0].depth / many.pressed[0].depth - 1.0).abs();
                     worst = [worst[0].max(height), worst[1].max(depth)];
                 }
