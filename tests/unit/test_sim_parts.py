@@ -55,8 +55,8 @@ def test_lifted_is_a_second_at_the_height() -> None:
 
 @pytest.mark.parametrize(
     ("speed_m_s", "lasting_s", "slips"),
-    [(0.02, 0.2, 1), (0.004, 2.0, 0), (0.02, 0.1, 0), (0.2, 0.02, 0), (0.2, 0.05, 1)],
-    ids=["seen", "too slow", "too short a way", "too short", "fast"],
+    [(0.02, 0.2, 1), (0.0002, 2.0, 0), (0.004, 2.0, 0), (0.02, 0.1, 0), (0.2, 0.02, 0), (0.2, 0.05, 1)],
+    ids=["seen", "creep", "too slow", "too short a way", "a jerk too short", "fast"],
 )
 def test_a_slip_counts_when_it_can_be_seen(speed_m_s: float, lasting_s: float, slips: int) -> None:
     scorer = score(
@@ -77,6 +77,12 @@ def test_two_slips_are_one_without_a_rest_in_between(rest_s: float, slips: int) 
         ]
     )
     assert scorer.count("slip") == slips
+    assert sum(event.size_m for event in scorer.events) == pytest.approx(0.01, abs=0.0011)
+
+
+def test_a_slip_counts_that_has_not_ended_with_the_trial() -> None:
+    events = score([(1.0, {"lift_off": True, "slip_m_s": 0.02})]).events
+    assert [event.size_m for event in events if event.kind == "slip"] == [pytest.approx(0.02, abs=0.001)]
 
 
 def test_sliding_counts_neither_on_the_table_nor_while_it_is_put_down() -> None:
