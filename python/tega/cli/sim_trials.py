@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.cli.options import NameList, debug_option, json_option
+from tega.sim.arms import CONDITIONS
 
 if TYPE_CHECKING:
     from tega.sim.table import Row
@@ -23,7 +24,7 @@ __all__ = ["sim_trials"]
     type=NameList(),
     default="haptic,non-haptic",
     show_default=True,
-    help="Also: constant, unrelated, unfelt (sham arms).",
+    help=f"Also the sham arms: {', '.join(CONDITIONS[2:])}.",
 )
 @click.option(
     "--seeds",
