@@ -81,7 +81,7 @@ def demo(
     out_dir: Path,
     as_json: bool,
 ) -> None:
-    r"""Lift three objects in turn, in real time, on the simulated bench: needs no hardware.
+    """Lift three objects in turn, in real time, on the simulated bench: needs no hardware.
 
     Hand, objects, fingertip cameras, muscles and person are simulated; the loop in between is that of a run with
     devices. Shows fingers, vest, muscles, hand and what becomes of the object, then a summary, and writes the course of
@@ -92,7 +92,7 @@ def demo(
       simulated_s, wall_s, real_time_factor (their ratio)
       trials: [{object, condition, seed, success, slips, deformations, drops, duration_s, peak_force_n,
                 lift_off_s, lifted_s, slid_m, deformation_m, mean_level, events: [{kind, t_s, size_m}], ...}]
-    """
+    """  # noqa: D301  # click keeps the lines after \b as they are
     import sys
 
     import msgspec
