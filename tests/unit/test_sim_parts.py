@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
-from tega.clock import ManualClock
+from tega.clock import ManualClock, PausableClock
 from tega.sim.arms import CONDITIONS, feels, worn
 from tega.sim.hand import SimulatedBus
 from tega.sim.pacing import SimulatedPacer
@@ -181,14 +181,27 @@ def test_a_late_simulation_leaves_no_tick_out_and_shifts_what_is_left() -> None:
 
 
 def test_a_pause_holds_the_world_and_goes_on_from_there() -> None:
-    answers = iter([True, True, False])
     times: list[int] = []
-    clock = ManualClock(5_000_000_000)
-    pacer = SimulatedPacer(clock, times.append, paused=lambda: next(answers, False))
+    machine = ManualClock(5_000_000_000)
+
+    looks = iter(range(3))
+
+    def paused() -> bool:
+        """Hold the world after its first tick; a second passes before somebody goes on."""
+        look = next(looks) if times else 2
+        if times and look > 0:
+            machine.sleep_until(machine.now_ns() + 500_000_000)
+        return look < 2
+
+    clock = PausableClock(paused, machine)
+    pacer = SimulatedPacer(clock, times.append)
     assert pacer.wait(2_000_000)
-    assert times == [2_000_000]
+    assert clock.held_ns == 0
     assert pacer.wait(3_000_000)
-    assert clock.now_ns() == 5_001_000_000
+    assert times == [2_000_000, 3_000_000]
+    assert clock.held_ns == 1_000_000_000
+    assert machine.now_ns() == 6_003_000_000
+    assert pacer.report().n_overruns == 0
 
 
 def test_the_bus_does_what_the_frames_say() -> None:
