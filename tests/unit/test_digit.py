@@ -50,6 +50,7 @@ def test_it_gives_the_newest_picture_once_and_turned() -> None:
         assert digit.read(0.0) is None or digit.counts.used > 0
     with pytest.raises(DeviceUnavailableError, match="not open"):
         digit.read(0.0)
+    assert digit.counts.lost == 0
 
 
 @pytest.mark.parametrize("terminated", [False, True])

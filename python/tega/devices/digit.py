@@ -246,7 +246,7 @@ class Digit(Opened):
                 back_off_s = _BACK_OFF_S[0]
             capture.release()
             capture = None
-            self.counts.lost += 1
+            self.counts.lost += not self._leaving.is_set()
         if capture is not None:
             capture.release()
 
