@@ -96,6 +96,13 @@ def test_every_fault_of_the_emulated_sensor_is_tried() -> None:
     assert set(COUNTED) | {"small"} == set(FAULTS)
 
 
+def test_an_unknown_fault_is_refused() -> None:
+    with DigitProcess() as sensor:
+        with pytest.raises(ValueError, match="no fault is called 'frozen'"):
+            sensor.command("frozen")
+        sensor.command("freeze")
+
+
 @pytest.mark.parametrize("fault", sorted(COUNTED))
 def test_a_fault_is_counted_silences_and_is_survived(fault: str) -> None:
     with DigitProcess() as sensor, _driver(sensor) as digit:
