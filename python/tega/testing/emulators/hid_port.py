@@ -23,9 +23,9 @@ class HidPort:
 
     Args:
         path: The board's socket.
-        vendor_id: USB vendor number that it is enumerated with.
-        product_id: USB product number that it is enumerated with.
-        serial: Serial number that it is enumerated with.
+        vendor_id: What it is enumerated as.
+        product_id: Likewise.
+        serial: Likewise.
         can_open: Whether opening it is allowed, as a udev rule would.
     """
 
