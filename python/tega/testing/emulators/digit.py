@@ -181,6 +181,10 @@ def main(arguments: list[str] | None = None) -> None:
             sensor.press(float(rest))
         elif verb == "wear" and rest in WEAR:
             sensor.worn(rest)
+        else:
+            known = ", ".join((*FAULTS, "press FIRMNESS", *(f"wear {how}" for how in WEAR), "clear"))
+            _tell({"error": f"no fault is called {words!r}; there are {known}"})
+            continue
         _tell({"faults": sorted(sensor.faults)})
 
 
@@ -219,12 +223,17 @@ class DigitProcess:
         self.unplug()
 
     def command(self, words: str) -> None:
-        """Switch a fault on, ``press`` or ``wear``, or ``clear`` it all."""
+        """Switch a fault on, ``press`` or ``wear``, or ``clear`` it all.
+
+        Raises:
+            ValueError: No such fault.
+        """
         if self._process is None or self._process.stdin is None:
             raise RuntimeError("the emulated sensor is not running")
         self._process.stdin.write(words + "\n")
         self._process.stdin.flush()
-        self._hear()
+        if error := self._hear().get("error"):
+            raise ValueError(error)
 
     def unplug(self) -> None:
         """Take the sensor away."""
