@@ -95,7 +95,7 @@ class Wizard:
         self._process.terminate()
 
 
-def presses(command: Callable[[str], None], firmness: list[float], *, hold_s: float = 0.6) -> None:
+def presses(command: Callable[[str], None], firmness: list[float], *, hold_s: float = 0.5) -> None:
     """Press and let go, so many times, on an emulated fingertip, from another thread."""
 
     def go() -> None:
@@ -103,7 +103,7 @@ def presses(command: Callable[[str], None], firmness: list[float], *, hold_s: fl
             command(f"press {firm}")
             time.sleep(hold_s)
             command("press 0")
-            time.sleep(0.5)
+            time.sleep(0.35)
 
     threading.Thread(target=go, daemon=True).start()
 

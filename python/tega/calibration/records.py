@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 import msgspec
 
-from tega.calibration.store import TouchMaxima
+from tega.calibration.store import TouchMaxima, toml_text
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 
@@ -311,5 +311,4 @@ def _toml(value: Any) -> str:
         return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, float):
         return repr(float(value))
-    # A JSON string is a TOML basic string.
-    return json.dumps(value, ensure_ascii=False)
+    return toml_text(value) if isinstance(value, str) else json.dumps(value)
