@@ -85,9 +85,11 @@ class Chain(NamedTuple):
 def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] | None) -> tuple[str, ...]:
     """Say what is wrong with a stretch of signal, in the words of :mod:`tega.devices.emg_health`.
 
-    A finding that is there for less than half of the time is left out, unless samples were lost.
+    A finding is told that is there for two half seconds and half of the time since it was first seen: mains can be
+    seen after two seconds only, and a jerk of the arm is no fault. Lost samples are told above 5 %.
     """
     health, seen, n_looks = EmgHealth(chain.rate_hz, chain.channels, limits=limits), _Findings(), 0
+    first_seen: dict[str, int] = {}
     step = max(1, round(0.5 * chain.rate_hz))
     samples = np.concatenate([c.samples for c in chunks]) if chunks else np.empty((0, len(chain.channels)))
     first = chunks[0].first_index if chunks else 0
@@ -95,8 +97,11 @@ def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] 
         part = chunks[0]._replace(first_index=first + at, samples=samples[at : at + step])
         health.take(part)
         seen.update(health.now)
+        for said in health.now:
+            first_seen.setdefault(said, n_looks)
         n_looks += 1
-    words = [said for said, n in seen.items() if 2 * n >= n_looks]
+    least = min(2, n_looks)
+    words = [said for said, n in seen.items() if n >= least and 2 * n >= n_looks - first_seen[said]]
     n_lost = sum(
         max(0, b.first_index - a.first_index - len(a.samples)) for a, b in itertools.pairwise(chunks)
     )

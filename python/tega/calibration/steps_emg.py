@@ -44,7 +44,8 @@ SQUEEZES = 3
 
 _READ_S = 0.05
 _SHOW_S = 0.1
-_LEAST_SHARE = 0.5
+_LEAST_SHARE, _ALL_SHARE = 0.5, 0.9
+_LATE_S = 2.0
 
 # What was photographed in the paper; names are free (emg.muscles).
 _USUAL = ("ECR", "FCU", "FDS")
@@ -135,10 +136,15 @@ def collect(
     """
     chunks: list[EmgChunk] = []
     began_s, shown_s, top = time.monotonic(), 0.0, np.full(len(names), 1e-9)
-    while (gone_s := time.monotonic() - began_s) < seconds:
+    n, expected = 0, seconds * (source.info.rate_hz or 0.0)
+    # Samples that come late, on a busy machine or from a slow adapter, are waited for.
+    while (gone_s := time.monotonic() - began_s) < seconds or (
+        n < _ALL_SHARE * expected and gone_s < seconds + _LATE_S
+    ):
         chunk = source.read(_READ_S)
         if chunk is not None:
             chunks.append(chunk)
+            n += len(chunk.samples)
         if gone_s - shown_s > _SHOW_S and chunks:
             shown_s = gone_s
             now = _swing(chunks[-20:])
@@ -148,9 +154,7 @@ def collect(
                 Bar(n, float(np.clip(s, 0, 1)), f"{v:.3g}")
                 for n, s, v in zip(names, shares, now, strict=True)
             ]
-            guide.show(prompt, bars, seconds - gone_s)
-    n = sum(len(c.samples) for c in chunks)
-    expected = seconds * (source.info.rate_hz or 0.0)
+            guide.show(prompt, bars, max(0.0, seconds - gone_s))
     if n < _LEAST_SHARE * expected:
         raise CalibrationError(
             f"{n} samples came in {seconds:g} s, about {expected:.0f} were expected", "check power and cable"

@@ -16,7 +16,7 @@ import numpy as np
 
 from tega.calibration.guide import Bar, Guide
 from tega.calibration.settling import until_good
-from tega.calibration.staircase import LEVEL_PERCENT, Ladder
+from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
 from tega.calibration.times import Times
 from tega.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
 from tega.clock import Clock, SystemClock
@@ -135,7 +135,7 @@ def take_thresholds(
         Undecided: Nobody is there to answer.
         DeviceUnavailableError: The vest went away.
     """
-    _each(pulses, sites, done, guide, keep=keep, title="threshold", ceiling=lambda _site: pulses.ceiling,
+    _each(pulses, sites, done, guide, keep=keep, title="threshold", percent=lambda level: LEVEL_PERCENT[level], ceiling=lambda _site: pulses.ceiling,
           asking=_ask_felt)  # fmt: skip
 
 
@@ -177,7 +177,7 @@ def take_steps(
         return said != "s" if level == 0 else said == ("2" if second else "1")
 
     sites = tuple(s for s in sites if thresholds[s].level and middle(s) < pulses.ceiling)
-    _each(pulses, sites, done, guide, keep=keep, title="step",
+    _each(pulses, sites, done, guide, keep=keep, title="step", percent=lambda level: 100 * level / TOP_LEVEL,
           ceiling=lambda site: pulses.ceiling - middle(site), asking=asking)  # fmt: skip
 
 
@@ -189,6 +189,7 @@ def _each(
     *,
     keep: Callable[[str, Felt], None],
     title: str,
+    percent: Callable[[int], float],
     ceiling: Callable[[str], int],
     asking: Callable[[Pulses, Guide, str, int], bool],
 ) -> None:
@@ -203,7 +204,7 @@ def _each(
                 ladder.answer(felt=asking(pulses, guide, site, level))
         found = ladder.result()
         keep(site, Felt(level=found.level or 0, n_false=found.n_false))
-        said = "nothing up to the ceiling" if found.level is None else f"{100 * found.level / 15:.0f} %"
+        said = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
         guide.say(f"{site_place(site)}: {title} {said}", tone="warn" if found.level is None else "good")
 
 

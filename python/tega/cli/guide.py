@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -127,29 +127,35 @@ class TerminalGuide:
         """Ask until one of the answers comes; a single letter needs no Enter."""
         if self._yes:
             raise Undecided
-        single = all(len(key) == 1 for key in answers)
         choices = "   ".join(f"{key} {meaning}".rstrip() for key, meaning in answers.items())
-        if self._live is not None and single:
-            self._live.update(self._panel(f"{self._shown[0]}\n\n{question}", choices, self._shown[1]))
-        else:
+        if any(len(key) > 1 for key in answers):
             self._still()
             self._console.print(f"[bold cyan]{question}[/]   {choices}")
-        hear: Callable[[], str] = _key if single else _heard
-        while (said := hear().strip().lower()) not in answers:
-            self._console.print(f"one of: {', '.join(answers)}", style="yellow")
-        if self._live is not None:
-            self._live.update(self._panel(self._shown[0], "", self._shown[1]))
+            while (said := _heard().strip().lower()) not in answers:
+                self._console.print(f"one of: {', '.join(answers)}", style="yellow")
+            return said
+        prompt, bars = self._shown if self._live is not None else ("", ())
+
+        def draw() -> None:
+            self._update(self._panel(f"{prompt}\n\n{question}".strip(), choices, bars))
+
+        said = _key(draw, answers)
+        self._update(self._panel(prompt or f"{question} {answers[said]}", "", bars))
         return said
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
         """Redraw prompt and bars."""
+        self._shown = (prompt, bars)
+        self._update(self._panel(prompt, "" if left_s is None else f"{left_s:.0f} s left", bars))
+
+    def _update(self, panel: RenderableType) -> None:
+        """Redraw in place."""
         from rich.live import Live
 
         if self._live is None:
             self._live = Live(console=self._console, transient=True, refresh_per_second=10)
             self._live.start()
-        self._shown = (prompt, bars)
-        self._live.update(self._panel(prompt, "" if left_s is None else f"{left_s:.0f} s left", bars))
+        self._live.update(panel)
 
     def _countdown(self, prompt: str) -> None:
         end_s = time.monotonic() + self._get_ready_s
@@ -201,10 +207,14 @@ def _heard() -> str:
     return line
 
 
-def _key() -> str:
+def _key(ask: Callable[[], None], answers: Container[str]) -> str:
+    """Ask, and return the first key that is an answer; keys pressed before the question do not count."""
     from tega.sim.operator.keys import Keys
 
     with Keys() as keys:
-        while not (pressed := keys.read()):
+        ask()
+        while True:
+            for key in keys.read():
+                if key.lower() in answers:
+                    return key.lower()
             time.sleep(0.02)
-    return pressed[0]
