@@ -186,7 +186,7 @@ class World:
     def advance_to(self, t_s: float) -> None:
         """Go on to the first step at or after a time."""
         # A step that ends a rounding error short of the time has reached it.
-        steps = int(np.ceil(t_s / self.physics.timestep_s - 1e-6))
+        steps = math.ceil(t_s / self.physics.timestep_s - 1e-6)
         if steps > self._steps:
             self.step(steps - self._steps)
 
