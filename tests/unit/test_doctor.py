@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 import textwrap
 import threading
@@ -396,3 +397,44 @@ def test_the_rules_are_printed_and_allow_what_the_drivers_open(capsys: pytest.Ca
     for vendor in ("2833", "1209", "256f"):
         assert any(f'"{vendor}"' in rule for rule in rules)
     assert "/etc/udev/rules.d/70-tega.rules" in out
+
+
+# Vests over other links.
+
+
+@pytest.mark.skipif(shutil.which("dbus-daemon") is None, reason="dbus-daemon is not installed")
+def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tega.devices.vest_ble import BleVest
+
+    with EmulatedVest("bluez_vest") as vest:
+        monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", vest.address["bus"])
+        (found,) = BleVest.discover(3.0)
+        assert found.label.startswith(("TactSuit", "Tactot"))
+        assert not found.may_open
+        (seen,) = [f for f in look_around().findings if f.check == "vest"]
+        assert found.label in seen.finding
+        finding = only(
+            told(
+                tmp_path,
+                '[vest]\ndriver = "bhaptics-ble"\n'
+                f'options = {{ scan_s = 1.0, address = "{found.options["address"]}" }}\n',
+            )
+        )
+        assert finding.status == "fine"
+        assert not any(any(motors) for _, motors in vest.report().history)
+
+
+def test_a_vest_board_that_may_not_be_opened(tmp_path: Path) -> None:
+    from tega.devices.vest_hid import HidVest
+    from tega.testing.emulators.hid_port import HidPort
+
+    with EmulatedVest("hid_bridge", (str(tmp_path),)) as vest:
+        port = HidPort(vest.address["path"])
+        with port.installed():
+            assert [found.options for found in HidVest.discover(1.0)] == [{"serial": "EMULATED"}]
+            settings = '[vest]\ndriver = "hid-vest"\n'
+            assert only(told(tmp_path, settings)).status == "fine"
+            port.can_open = False
+            finding = only(told(tmp_path, settings))
+    assert "does not open" in finding.finding
+    assert any("udev rule" in step for step in finding.todo)

@@ -190,7 +190,7 @@ class Digit(Opened):
             capture.release()
             raise DeviceUnavailableError(
                 f"digit {self.info.label}: the camera does not open",
-                "another program may use it; udev has to let you read it",
+                "another program may use it; your user may not read it (tega-teleop doctor --udev-rules)",
             )
         if local:
             try:

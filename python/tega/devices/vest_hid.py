@@ -136,7 +136,7 @@ class _HidLink:
         if not found:
             raise DeviceUnavailableError(
                 f"no USB board {wanted} is there",
-                "is it plugged in, and may you open it? see docs/device-vest.md for the udev rule",
+                "is it plugged in, and may you open it? tega-teleop doctor --udev-rules prints the rule",
             )
         device = hid.device()
         try:
@@ -145,7 +145,7 @@ class _HidLink:
         except OSError as error:
             raise DeviceUnavailableError(
                 f"the USB board {wanted} is there but does not open: {error}",
-                "another program may have it, or its udev rule is missing: see docs/device-vest.md",
+                "another program may have it, or its udev rule is missing: tega-teleop doctor --udev-rules prints it",
             ) from error
         self._device = device
         deadline = time.monotonic() + min(_ANSWER_S, o.open_timeout_s * 0.6)

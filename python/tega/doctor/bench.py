@@ -200,7 +200,7 @@ def _seen(check: str, found: Found) -> Finding:
     return Finding(
         check=check,
         status="doubt",
-        finding=f"{found.label} may be one ({found.driver}); it was not opened",
+        finding=f"seen and not opened: {found.label} ({found.driver})",
         why=found.note,
         todo=("tega-teleop init writes settings with it; then tega-teleop doctor lab.toml tries it",),
         driver=found.driver,
