@@ -111,7 +111,10 @@ def _paragraph(finding: Finding, width: int) -> list[str]:
         f"{click.style(f'{word:<5}', fg=colour, bold=finding.status != 'fine')}  {finding.check:<{width}}  "
     )
     margin = " " * (5 + 2 + width + 2)
-    said = _wrapped(finding.finding[:1].upper() + finding.finding[1:], margin)
+    sentence = finding.finding
+    if not (finding.driver and sentence.startswith(finding.driver)):
+        sentence = sentence[:1].upper() + sentence[1:]
+    said = _wrapped(sentence, margin)
     lines = [head + said[0].removeprefix(margin), *said[1:]]
     if finding.why:
         label = "" if finding.status == "fine" else "why: "
