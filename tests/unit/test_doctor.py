@@ -16,7 +16,7 @@ import pytest
 from tega.cli.main import main
 from tega.config import load_config
 from tega.doctor import Examination, Finding, examine, look_for
-from tega.doctor.bench import LOOK_S, ROLES, TRY_S, look_around, try_all
+from tega.doctor.bench import LOOK_S, ROLES, TRY_S, Looked, look_around, try_all
 from tega.doctor.case import Case, holders
 from tega.doctor.in_time import in_time
 from tega.doctor.tactile import Camera, crowded
@@ -59,8 +59,15 @@ def test_looking_around_ends_within_ten_seconds_whatever_hangs() -> None:
     never.set()
 
 
-def test_an_empty_bench_is_told_kindly_and_ends_with_3(capsys: pytest.CaptureFixture[str]) -> None:
-    if any(there.found for there in look_for().values()):
+@pytest.fixture(scope="module")
+def seen() -> dict[str, Looked]:
+    return look_for()
+
+
+def test_an_empty_bench_is_told_kindly_and_ends_with_3(
+    seen: dict[str, Looked], capsys: pytest.CaptureFixture[str]
+) -> None:
+    if any(there.found for there in seen.values()):
         pytest.skip("something is attached to this machine")
     out, _ = call(capsys, "doctor", "--json", code=3)
     said = json.loads(out)
@@ -85,8 +92,8 @@ def test_an_empty_bench_is_told_kindly_and_ends_with_3(capsys: pytest.CaptureFix
     assert "tega-teleop demo" in out
 
 
-def test_every_driver_with_hardware_can_say_what_is_there() -> None:
-    assert set(look_for()) >= {
+def test_every_driver_with_hardware_can_say_what_is_there(seen: dict[str, Looked]) -> None:
+    assert set(seen) >= {
         "allegro",
         "bhaptics-ble",
         "bhaptics-player",
@@ -287,6 +294,7 @@ def test_an_unexpected_error_of_one_driver_is_one_finding() -> None:
     assert "unexpected AttributeError" in findings[0].finding
 
 
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="only Linux tells")
 def test_who_holds_a_device_is_named(tmp_path: Path) -> None:
     device = tmp_path / "video0"
     device.write_text("")
@@ -328,7 +336,6 @@ def test_a_stranger_s_driver_takes_part(tmp_path: Path, monkeypatch: pytest.Monk
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: claw\nVersion: 1.0\n")
     (about / "entry_points.txt").write_text("[tega.devices]\nclaw = claw_module:Claw\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert [found.label for found in look_for()["claw"].found] == ["claw 1"]
     (finding,) = [f for f in look_around().findings if f.driver == "claw"]
     assert finding.check == "allegro"
     assert "was not opened" in finding.finding
@@ -339,21 +346,18 @@ def test_a_stranger_s_driver_takes_part(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_init_never_overwrites_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "lab.toml"
-    call(capsys, "init", "--out", out, code=0)
-    first = out.read_text()
     out.write_text("mine")
     _, err = call(capsys, "init", "--out", out, code=1)
     assert "nothing was written" in err
     assert out.read_text() == "mine"
-    call(capsys, "init", "--out", out, "--force", code=0)
-    assert out.read_text() == first
+    said, _ = call(capsys, "init", "--out", out, "--force", code=0)
+    assert f"tega-teleop doctor {out}" in said
     assert call(capsys, "config", "check", out, code=0)[0] == "lab.toml: ok\n"
 
 
 def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     from tega.devices import Found
     from tega.doctor import lab_settings
-    from tega.doctor.bench import Looked
 
     digits = [
         Found(driver="digit", label=f"D{n}", options={"serial": f"D{n}"}, problem="busy" if n == 3 else "")
@@ -363,7 +367,11 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     stream = Found(driver="lsl-emg", label="amp", options={"by": "source_id", "value": 'a"b\\c'})
     vest = Found(driver="bhaptics-ble", label="X40", options={"address": "AA:BB"})
     hand = Found(
-        driver="allegro", label="can0", options={"interface": "socketcan", "channel": "can0"}, problem="down"
+        driver="allegro",
+        label="can0\n[evil]",
+        options={"interface": "socketcan", "channel": "can0"},
+        problem="down",
+        hint="do:\nip link",
     )
     path = tmp_path / "lab.toml"
     looked: dict[str, Any] = {

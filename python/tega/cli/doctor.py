@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ _MARKS = {
     "wrong": ("WRONG", "red"),
     "missing": ("none", "red"),
 }
-_WIDTH = 110
+_WIDTHS = (60, 110)
 
 
 @click.command(epilog="Example: tega-teleop doctor lab.toml")
@@ -130,7 +131,7 @@ def _paragraph(finding: Finding, width: int) -> list[str]:
 def _wrapped(text: str, margin: str, hang: str = "") -> list[str]:
     return textwrap.wrap(
         text,
-        _WIDTH,
+        min(max(shutil.get_terminal_size((_WIDTHS[1], 24)).columns, _WIDTHS[0]), _WIDTHS[1]),
         initial_indent=margin,
         subsequent_indent=margin + hang,
         break_long_words=False,

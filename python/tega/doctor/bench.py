@@ -9,6 +9,7 @@ import msgspec
 
 from tega.devices import DiscoveringDevice, Found, driver_class, list_drivers
 from tega.devices.base import Kind
+from tega.devices.video_nodes import video_nodes
 from tega.doctor.case import Case, late
 from tega.doctor.emg import try_amplifier
 from tega.doctor.findings import Examination, Finding
@@ -143,7 +144,7 @@ def look_around() -> Examination:
         if not any(f.check == check for f in findings):
             findings.append(_absent(check, [there for there in looked.values() if there.kind == kind]))
     order = list(ROLES)
-    findings.sort(key=lambda f: order.index(f.check) if f.check in order else 0)
+    findings.sort(key=lambda f: order.index(f.check))
     return Examination(settings="", findings=tuple(findings))
 
 
@@ -210,6 +211,9 @@ def _seen(check: str, found: Found) -> Finding:
 
 def _absent(check: str, looked: Sequence[Looked]) -> Finding:
     said, where, todo = _ABSENT[check]
-    why = "; ".join(dict.fromkeys([where, *(there.could_not for there in looked if there.could_not)]))
+    reasons = [where, *(there.could_not for there in looked if there.could_not)]
+    if check == "digit" and (others := ", ".join(f"{c.device} ({c.name})" for c in video_nodes())):
+        reasons.append(f"other cameras there are: {others}")
+    why = "; ".join(dict.fromkeys(reasons))
     hints = dict.fromkeys(there.hint for there in looked if there.hint)
     return Finding(check=check, status="missing", finding=said, why=why, todo=(*todo, *hints))

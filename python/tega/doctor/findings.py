@@ -1,4 +1,4 @@
-"""What an examination says: one record per finding, worst last in nothing, in the order of the loop."""
+"""What an examination says: one record per finding, in the order of the loop."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def lab_settings(
     Returns:
         TOML that ``tega-teleop config check`` accepts.
     """
-    file = json.dumps(str(calibration or "calibration.toml"))
+    file = _toml(str(calibration or "calibration.toml"))
     text = _HEAD.format(name=name) + _CALIBRATION.format(off="" if calibration else "# ", file=file)
     sensors = _found(looked, "tactile")
     if sensors:
@@ -105,7 +105,7 @@ def lab_settings(
             text += _NO_FINGER.format(table=f"[tactile.{finger}]")
             continue
         picture = (baselines or {}).get(finger)
-        untouched = f"baseline = {json.dumps(str(picture))}" if picture else f'# baseline = "{finger}.png"'
+        untouched = f"baseline = {_toml(str(picture))}" if picture else f'# baseline = "{finger}.png"'
         text += _section(f"tactile.{finger}", sensor, f"{untouched:<28}  # picture of the untouched gel\n")
     text += _left_over(sensors[len(FINGERS) :])
     amplifiers = _found(looked, "emg")
@@ -136,10 +136,10 @@ def _rank(driver: str) -> int:
 
 def _section(table: str, found: Found, more: str) -> str:
     """Return a table with a device filled in."""
-    text = f"\n# {found.label}{f': {found.note}' if found.note else ''}\n"
+    text = "\n" + _comment(f"{found.label}{f': {found.note}' if found.note else ''}")
     if found.problem:
-        text += f"# Not usable yet: {found.problem}. {found.hint}\n"
-    text += f"[{table}]\ndriver = {json.dumps(found.driver)}\n{more}"
+        text += _comment(f"Not usable yet: {found.problem}. {found.hint}")
+    text += f"[{table}]\ndriver = {_toml(found.driver)}\n{more}"
     extra = {key: told for key, told in _MORE.get(found.driver, {}).items() if key not in found.options}
     if not found.options and not extra:
         return text
@@ -152,9 +152,15 @@ def _section(table: str, found: Found, more: str) -> str:
 def _left_over(found: Iterable[Found]) -> str:
     """Name what was found besides, to choose from."""
     return "".join(
-        f"# also found: {one.label}: driver = {json.dumps(one.driver)}, options = {_toml(one.options)}\n"
+        _comment(f"also found: {one.label}: driver = {_toml(one.driver)}, options = {_toml(one.options)}")
         for one in found
     )
+
+
+def _comment(text: str) -> str:
+    """Return a text as comment lines; what a device calls itself may hold anything."""
+    lines = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
+    return "".join(f"# {line}".rstrip() + "\n" for line in lines)
 
 
 def _toml(value: Any) -> str:
@@ -162,4 +168,5 @@ def _toml(value: Any) -> str:
         return (
             f"{{ {', '.join(f'{key} = {_toml(item)}' for key, item in value.items())} }}" if value else "{}"
         )
-    return json.dumps(value)
+    # A JSON string is a TOML string, but for this one character.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

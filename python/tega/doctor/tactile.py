@@ -125,7 +125,7 @@ def crowded(cameras: Sequence[Camera], nodes: Sequence[VideoNode] | None = None)
             continue
         findings.append(
             Finding(
-                check="tactile",
+                check=there[0].check if len({c.check for c in there}) == 1 else "tactile",
                 status="doubt",
                 finding=f"{len(there)} sensors share USB bus {bus} and send {mb_s:.0f} MB/s together",
                 why=f"one USB 2 bus carries about {_USB2_MB_S:g}; DIGITs that starve each other report no error, "

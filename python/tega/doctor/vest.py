@@ -36,7 +36,10 @@ def try_vest(case: Case) -> list[Finding]:
         Finding(check=case.check, status="doubt", finding=note, driver=case.driver, device=label)
         for note in info.notes
     ]
-    return [_finding(case, label, f"{case.driver}, {label}: the vest answers; it was sent zeros only"), *doubts]
+    return [
+        _finding(case, label, f"{case.driver}, {label}: the vest answers; it was sent zeros only"),
+        *doubts,
+    ]
 
 
 def _also(finding: Finding, step: str) -> Finding:

@@ -8,6 +8,7 @@ Example::
 
 from __future__ import annotations
 
+import os
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,7 @@ from typing import Self
 from tega.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.config import FINGERS, load_config
 from tega.devices import Found, driver_class
+from tega.devices.lifecycle import require
 from tega.doctor.bench import Looked
 from tega.doctor.lab_file import lab_settings
 from tega.errors import DeviceUnavailableError
@@ -52,7 +54,18 @@ class EmulatedBench:
         self.looked: dict[str, Looked] = {}
 
     def __enter__(self) -> Self:
-        """Start them."""
+        """Start them.
+
+        Raises:
+            MissingExtraError: A package that an emulator needs is not installed.
+            DeviceUnavailableError: This system has no pseudo-terminals.
+        """
+        for module in ("can", "cv2", "serial", "websockets"):
+            require(module, driver="an emulated bench", extra="lab")
+        if os.name != "posix":
+            raise DeviceUnavailableError(
+                "emulated serial devices need pseudo-terminals, which this system lacks", "use Linux or macOS"
+            )
         with ExitStack() as starting:
             for digit in self.digits:
                 starting.enter_context(digit)
