@@ -48,7 +48,9 @@ def try_hand(case: Case) -> list[Finding]:
             info, joints_c = hand.info, hand.state().joints_c if hasattr(hand, "state") else []
     except TegaError as error:
         return [failed(case, error, device=label)]
-    said = f"the hand on {label} answers; its motors stayed off"
+    said = (
+        f"the hand on {label} reports {measured.get('rate_hz', 0):.0f} times a second; its motors stayed off"
+    )
     if not measured:
         said = f"the bus {label} opens; this driver does not listen, so what is on it was not seen"
     findings = [

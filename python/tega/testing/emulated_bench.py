@@ -84,7 +84,9 @@ class EmulatedBench:
         amplifier = Found(driver="cyton", label="emulated Cyton", options={"port": self.board.port})
         port = self.player.address["port"]
         vest = Found(driver="bhaptics-player", label="emulated Player", options={"port": port})
-        hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.options)
+        # An emulated hand is a program, which a busy machine holds up now and then.
+        patient = {"lowest_rate_hz": 150.0, "silent_after_ms": 100.0}
+        hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.options | patient)
         self.looked = {
             "digit": Looked("tactile", cameras),
             "cyton": Looked("emg", [amplifier]),
