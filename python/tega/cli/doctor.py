@@ -157,8 +157,10 @@ def _summary(examination: Examination) -> list[str]:
         return [
             f"Everything can be used; {_number(n_doubts).lower()} {'thing' if n_doubts == 1 else 'things'} to look at."
         ]
-    if examination.settings:
+    if examination.settings.endswith(".toml"):
         return [f"All is well: tega-teleop run {examination.settings}"]
+    if examination.settings:
+        return ["All is well."]
     return ["All is well: `tega-teleop init` writes settings with what was found."]
 
 
