@@ -239,6 +239,17 @@ def test_a_package_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.Mon
     assert finding.todo == ("install it with: pip install 'tega[lab]'",)
 
 
+def test_packages_that_drivers_need_to_look_are_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("serial", "serial.tools", "serial.tools.list_ports"):
+        monkeypatch.setitem(sys.modules, module, None)
+    findings = {f.check: f for f in look_around().findings}
+    assert findings["packages"].todo == ("install it with: pip install 'tega[lab]'",)
+    assert "cyton, serial-emg" in findings["packages"].why
+    # What was not looked for is not called absent.
+    assert "no USB serial port" not in findings["emg"].why
+    assert "cyton, serial-emg could not look" in findings["emg"].why
+
+
 def test_one_device_named_twice_is_opened_once(tmp_path: Path) -> None:
     section = 'driver = "digit"\noptions = {{ serial = "D2064{}" }}\n'
     examination = told(tmp_path, f"[tactile.thumb]\n{section.format(1)}[tactile.index]\n{section.format(1)}")

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 import click
 
 from tega.cli.options import debug_option, json_option
 
-__all__ = ["devices"]
+if TYPE_CHECKING:
+    from tega.doctor.bench import Looked
+
+__all__ = ["could_not_look", "devices"]
 
 # Long enough for a look at the ports and the network; a Bluetooth vest may take longer to be heard.
 _LOOK_S = 2.0
@@ -49,7 +55,20 @@ def devices(*, as_json: bool) -> None:
             click.echo(f"{'':<8} {'':<{width}}    ↳ {one.label}{f': {about}' if about else ''}")
     click.echo()
     n_seen = sum(len(there.found) for there in looked.values())
-    for name, there in looked.items():
-        if there.could_not:
-            click.echo(f"{name}: could not look: {there.could_not}")
+    for line in could_not_look(looked):
+        click.echo(line)
     click.echo(f"{n_seen or 'No'} device{'s' if n_seen != 1 else ''} seen. Look closer: tega-teleop doctor")
+
+
+def could_not_look(looked: Mapping[str, Looked]) -> list[str]:
+    """Return the lines that say which drivers could not look for their devices, and why."""
+    lacking = {name: there for name, there in looked.items() if there.lacks_package}
+    lines = [
+        f"{name} could not look: {there.could_not}"
+        for name, there in looked.items()
+        if there.could_not and name not in lacking
+    ]
+    if lacking:
+        hints = " and ".join(dict.fromkeys(there.hint for there in lacking.values()))
+        lines.append(f"{', '.join(lacking)} could not look for want of packages: {hints}")
+    return lines

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from tega.cli.devices import could_not_look
 from tega.cli.options import debug_option, json_option
 
 __all__ = ["init"]
@@ -62,9 +63,8 @@ def init(*, out: Path, force: bool, emulated: bool, as_json: bool) -> None:
     for name, labels in found.items():
         for label in labels:
             click.echo(f"found  {name}: {label}")
-    for name, there in looked.items():
-        if there.could_not:
-            click.echo(f"not looked for  {name}: {there.could_not}")
+    for line in could_not_look(looked):
+        click.echo(line)
     if not found:
         click.echo("Nothing is plugged in that could be found; every device stands in the file as a comment.")
     click.echo(f"Wrote {out}. Read it through, then: tega-teleop doctor {out}")

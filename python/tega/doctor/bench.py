@@ -17,7 +17,7 @@ from tega.doctor.hand import try_hand
 from tega.doctor.in_time import in_time
 from tega.doctor.tactile import Camera, crowded, try_camera
 from tega.doctor.vest import try_vest
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, MissingExtraError
 
 __all__ = ["LOOK_S", "ROLES", "TRY_S", "Looked", "look_around", "look_for", "try_all"]
 
@@ -31,17 +31,17 @@ ROLES: Final[Mapping[str, Kind]] = {"digit": "tactile", "emg": "emg", "vest": "v
 
 
 class _Absent(NamedTuple):
-    """What is said where nothing of a kind was found, where was looked, and what to do."""
+    """What is said where nothing of a kind was found, what each driver did not see, and what to do."""
 
     said: str
-    looked: str
+    unseen: Mapping[str, str]
     todo: tuple[str, ...]
 
 
 _ABSENT: Final = {
     "digit": _Absent(
         "No DIGIT is plugged in",
-        "no camera and no USB device has a DIGIT's numbers, 2833:0209",
+        {"digit": "no camera and no USB device has a DIGIT's numbers, 2833:0209"},
         (
             "plug one in with a cable that carries data (some only charge: lights on, nothing in lsusb), wait 3 s, "
             "look again",
@@ -50,7 +50,10 @@ _ABSENT: Final = {
     ),
     "emg": _Absent(
         "No EMG amplifier was found",
-        "there is no USB serial port, and no Lab Streaming Layer stream of type EMG was heard",
+        {
+            "serial-emg": "there is no USB serial port",
+            "lsl-emg": "no Lab Streaming Layer stream of type EMG was heard",
+        },
         (
             "plug the board or dongle in and switch it on (a Cyton's dongle: switch at GPIO 6)",
             "an amplifier with a program of its own: start its stream in that program",
@@ -58,7 +61,11 @@ _ABSENT: Final = {
     ),
     "vest": _Absent(
         "No vest answers",
-        "no Player listens at 127.0.0.1:15881, and no board with TEGA's reports is on USB",
+        {
+            "bhaptics-player": "no Player listens at 127.0.0.1:15881",
+            "bhaptics-ble": "no vest was heard over Bluetooth",
+            "hid-vest": "no board with TEGA's reports is on USB",
+        },
         (
             "through the vendor's software: start the bHaptics Player and pair the vest in it",
             "by Bluetooth: switch the vest on, and close the Player and the phone's app, which would hold it",
@@ -66,7 +73,7 @@ _ABSENT: Final = {
     ),
     "allegro": _Absent(
         "There is no CAN bus, so no Allegro Hand",
-        "the kernel lists no CAN interface",
+        {"allegro": "the kernel lists no CAN interface"},
         (
             "plug the CAN adapter in, then:\n"
             "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100\n"
@@ -85,12 +92,14 @@ class Looked(NamedTuple):
         found: What is there.
         could_not: Why looking was not possible; ``""`` where it was.
         hint: What to do about that.
+        lacks_package: Whether it is a package that is not installed.
     """
 
     kind: str
     found: Sequence[Found] = ()
     could_not: str = ""
     hint: str = ""
+    lacks_package: bool = False
 
 
 def look_for(deadline_s: float = LOOK_S) -> dict[str, Looked]:
@@ -118,6 +127,8 @@ def look_for(deadline_s: float = LOOK_S) -> dict[str, Looked]:
 def _look(kind: str, driver: DiscoveringDevice, timeout_s: float) -> Looked:
     try:
         return Looked(kind, driver.discover(timeout_s))
+    except MissingExtraError as error:
+        return Looked(kind, could_not=error.message, hint=error.hint, lacks_package=True)
     except DeviceUnavailableError as error:
         return Looked(kind, could_not=error.message, hint=error.hint)
     except Exception as error:  # somebody's driver: the others are still looked for
@@ -130,7 +141,8 @@ def look_around() -> Examination:
     Takes at most :data:`LOOK_S` and :data:`TRY_S` seconds, whatever hangs.
     """
     looked = look_for()
-    cases, findings = [], []
+    cases: list[Case] = []
+    findings = _packages(looked)
     for check, kind in ROLES.items():
         for name, there in looked.items():
             for found in there.found if there.kind == kind else ():
@@ -142,8 +154,9 @@ def look_around() -> Examination:
     findings += try_all(cases, TRY_S)
     for check, kind in ROLES.items():
         if not any(f.check == check for f in findings):
-            findings.append(_absent(check, [there for there in looked.values() if there.kind == kind]))
-    order = list(ROLES)
+            there = {name: one for name, one in looked.items() if one.kind == kind}
+            findings.append(_absent(check, there))
+    order = ["packages", *ROLES]
     findings.sort(key=lambda f: order.index(f.check))
     return Examination(settings="", findings=tuple(findings))
 
@@ -209,11 +222,30 @@ def _seen(check: str, found: Found) -> Finding:
     )
 
 
-def _absent(check: str, looked: Sequence[Looked]) -> Finding:
-    said, where, todo = _ABSENT[check]
-    reasons = [where, *(there.could_not for there in looked if there.could_not)]
+def _packages(looked: Mapping[str, Looked]) -> list[Finding]:
+    """Tell once of the packages without which some drivers cannot look."""
+    lacking = {name: there for name, there in looked.items() if there.lacks_package}
+    if not lacking:
+        return []
+    return [
+        Finding(
+            check="packages",
+            status="missing",
+            finding="packages that drivers need are not installed",
+            why=f"these could not look for their devices: {', '.join(lacking)}",
+            todo=tuple(dict.fromkeys(there.hint for there in lacking.values() if there.hint)),
+        )
+    ]
+
+
+def _absent(check: str, looked: Mapping[str, Looked]) -> Finding:
+    said, unseen, todo = _ABSENT[check]
+    reasons = [what for name, what in unseen.items() if name in looked and not looked[name].could_not]
     if check == "digit" and (others := ", ".join(f"{c.device} ({c.name})" for c in video_nodes())):
         reasons.append(f"other cameras there are: {others}")
-    why = "; ".join(dict.fromkeys(reasons))
-    hints = dict.fromkeys(there.hint for there in looked if there.hint)
-    return Finding(check=check, status="missing", finding=said, why=why, todo=(*todo, *hints))
+    could_not = [there for there in looked.values() if there.could_not and not there.lacks_package]
+    reasons += dict.fromkeys(there.could_not for there in could_not)
+    if blind := ", ".join(name for name, there in looked.items() if there.lacks_package):
+        reasons.append(f"{blind} could not look")
+    hints = dict.fromkeys(there.hint for there in could_not if there.hint)
+    return Finding(check=check, status="missing", finding=said, why="; ".join(reasons), todo=(*todo, *hints))
