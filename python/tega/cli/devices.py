@@ -69,6 +69,6 @@ def could_not_look(looked: Mapping[str, Looked]) -> list[str]:
         if there.could_not and name not in lacking
     ]
     if lacking:
-        hints = " and ".join(dict.fromkeys(there.hint for there in lacking.values()))
+        hints = "; ".join(dict.fromkeys(there.hint for there in lacking.values()))
         lines.append(f"{', '.join(lacking)} could not look for want of packages: {hints}")
     return lines

@@ -154,8 +154,8 @@ def look_around() -> Examination:
     findings += try_all(cases, TRY_S)
     for check, kind in ROLES.items():
         if not any(f.check == check for f in findings):
-            there = {name: one for name, one in looked.items() if one.kind == kind}
-            findings.append(_absent(check, there))
+            of_kind = {name: there for name, there in looked.items() if there.kind == kind}
+            findings.append(_absent(check, of_kind))
     order = ["packages", *ROLES]
     findings.sort(key=lambda f: order.index(f.check))
     return Examination(settings="", findings=tuple(findings))
