@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from tega.devices.base import Kind
 from tega.doctor.findings import Finding, Status
-from tega.errors import MissingExtraError, SampleRateError, TegaError, WrongDeviceError
+from tega.errors import SampleRateError, TegaError, WrongDeviceError
 
 __all__ = ["Case", "failed", "holders", "late"]
 
@@ -31,9 +31,37 @@ class Case(NamedTuple):
     options: Any
     baseline: Path | None = None
 
+    def told(
+        self,
+        device: str,
+        status: Status,
+        said: str,
+        *,
+        why: str = "",
+        todo: tuple[str, ...] = (),
+        measured: dict[str, float] | None = None,
+    ) -> Finding:
+        """Return a finding about this device; see :class:`~tega.doctor.findings.Finding`."""
+        return Finding(
+            check=self.check,
+            status=status,
+            finding=said,
+            why=why,
+            todo=todo,
+            driver=self.driver,
+            device=device,
+            measured=measured or {},
+        )
+
 
 def failed(
-    case: Case, error: TegaError, *, device: str = "", status: Status | None = None, why: str = ""
+    case: Case,
+    error: TegaError,
+    *,
+    device: str = "",
+    status: Status | None = None,
+    why: str = "",
+    todo: tuple[str, ...] = (),
 ) -> Finding:
     """Return the finding for a device that could not be used.
 
@@ -43,35 +71,24 @@ def failed(
         device: What the device is called.
         status: How it is; by the kind of error when ``None``.
         why: What is known beyond the error.
+        todo: What to do beyond the hint.
     """
     if status is None:
-        wrong = isinstance(error, WrongDeviceError | SampleRateError) or _is_local(error)
-        status = "wrong" if wrong else "missing"
-    return Finding(
-        check=case.check,
-        status=status,
-        finding=error.message,
-        why=why,
-        todo=(error.hint,) if error.hint else (),
-        driver=case.driver,
-        device=device,
-    )
-
-
-def _is_local(error: TegaError) -> bool:
-    """Tell whether the cause of an error says that the thing is there, but not for us."""
-    return not isinstance(error, MissingExtraError) and isinstance(error.__cause__, PermissionError)
+        # The thing is there, but not the right one, not fast enough, or not for us.
+        wrong = isinstance(error, WrongDeviceError | SampleRateError)
+        status = "wrong" if wrong or isinstance(error.__cause__, PermissionError) else "missing"
+    steps = tuple(step for step in (error.hint, *todo) if step)
+    return case.told(device, status, error.message, why=why, todo=steps)
 
 
 def late(case: Case, deadline_s: float) -> Finding:
     """Return the finding for a device that did not answer in time."""
-    return Finding(
-        check=case.check,
-        status="wrong",
-        finding=f"{case.driver} was not done within {deadline_s:g} s",
+    return case.told(
+        "",
+        "wrong",
+        f"{case.driver} was not done within {deadline_s:g} s",
         why="the device, its driver or the machine is held up",
         todo=("unplug it, plug it in again and look once more",),
-        driver=case.driver,
     )
 
 

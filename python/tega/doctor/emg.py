@@ -32,46 +32,36 @@ def try_amplifier(case: Case) -> list[Finding]:
             measured_hz = source.measured_hz if isinstance(source, LiveEmg) else None
             faults = source.health.now if isinstance(source, LiveEmg) and source.health is not None else ()
     except SampleRateError as error:
-        finding = failed(case, error, device=label)
-        return [_with_todo(finding, (*finding.todo, *_TOO_SLOW))]
+        return [failed(case, error, device=label, todo=_TOO_SLOW)]
     except TegaError as error:
-        port = getattr(case.options, "port", "")
-        busy = holders(port) if str(port).startswith("/dev/") else []
+        port = str(getattr(case.options, "port", ""))
+        # A pseudo-terminal is always held by the emulator behind it.
+        busy = holders(port) if port.startswith("/dev/") and not port.startswith("/dev/pts/") else []
         why = f"{', '.join(busy)} has {port} open" if busy else ""
         return [failed(case, error, device=label, why=why, status="wrong" if busy else None)]
     channels = f"{len(info.channels)} channels"
     if not info.live:
         said = f"{case.driver} {label}: a recording, {channels} at {info.rate_hz or 0:g} samples a second"
-        return [_fine(case, label, said)]
+        return [case.told(label, "fine", said)]
     rate_hz = measured_hz or info.rate_hz or 0.0
     measured = {"rate_hz": round(rate_hz, 1), "n_samples": float(n_samples)}
     if not n_samples:
-        return [
-            Finding(
-                check=case.check,
-                status="wrong",
-                finding=f"{case.driver} {label} opened, and then sent nothing for {_LOOK_S:g} s",
-                todo=("check its power, its cable, and whether it is still connected",),
-                driver=case.driver,
-                device=label,
-            )
-        ]
+        said = f"{case.driver} {label} opened, and then sent nothing for {_LOOK_S:g} s"
+        return [case.told(label, "wrong", said, todo=("check its power and its cable",))]
     said = f"{case.driver} {label} sends {rate_hz:.0f} samples a second, {channels}"
     about = [note for note in info.notes if not any(fault in note for fault in faults)]
     findings = [
-        Finding(
-            check=case.check,
-            status="doubt",
-            finding=f"{case.driver} {label}: {fault}",
+        case.told(
+            label,
+            "doubt",
+            f"{case.driver} {label}: {fault}",
             why="without electrodes on a person this is to be expected",
             todo=("put the electrodes on (docs/placement.md), rest, and look again",),
-            driver=case.driver,
-            device=label,
             measured=measured,
         )
         for fault in faults
     ]
-    return [_fine(case, label, said, "; ".join(about), measured), *findings]
+    return [case.told(label, "fine", said, why="; ".join(about), measured=measured), *findings]
 
 
 def _read(source: Any) -> int:
@@ -84,23 +74,3 @@ def _read(source: Any) -> int:
         chunk = source.read(min(left_s, 0.2))
         n += 0 if chunk is None else len(chunk.samples)
     return n
-
-
-def _fine(
-    case: Case, label: str, said: str, why: str = "", measured: dict[str, float] | None = None
-) -> Finding:
-    return Finding(
-        check=case.check,
-        status="fine",
-        finding=said,
-        why=why,
-        driver=case.driver,
-        device=label,
-        measured=measured or {},
-    )
-
-
-def _with_todo(finding: Finding, todo: tuple[str, ...]) -> Finding:
-    import msgspec
-
-    return msgspec.structs.replace(finding, todo=tuple(dict.fromkeys(step for step in todo if step)))

@@ -22,26 +22,16 @@ def try_hand(case: Case) -> list[Finding]:
     """Open a hand with its motors off, hear its reports for a moment, close it."""
     driver = driver_class(case.driver, "hand")
     if not isinstance(driver, HarmlessDevice):
-        return [
-            _finding(case, "", "doubt", f"{case.driver} was not opened: it does not say how to without force")
-        ]
+        said = f"{case.driver} was not opened: it does not say how to without force"
+        return [case.told("", "doubt", said)]
     options = driver.harmless(case.options)
     hand: Any = driver(case.options if options is None else options)
     label = hand.info.label
     if options is None:
-        return [_finding(case, label, "fine", f"{case.driver} needs no device; it was not opened")]
+        return [case.told(label, "fine", f"{case.driver} needs no device; it was not opened")]
     why, step = _bus(case)
     if why:
-        return [
-            Finding(
-                check=case.check,
-                status="wrong",
-                finding=f"the hand cannot be reached: {why}",
-                todo=(step,),
-                driver=case.driver,
-                device=label,
-            )
-        ]
+        return [case.told(label, "wrong", f"the hand cannot be reached: {why}", todo=(step,))]
     try:
         with hand:
             measured = _look(hand)
@@ -53,24 +43,14 @@ def try_hand(case: Case) -> list[Finding]:
     )
     if not measured:
         said = f"the bus {label} opens; this driver does not listen, so what is on it was not seen"
-    findings = [
-        Finding(
-            check=case.check,
-            status="fine",
-            finding=said,
-            why="; ".join(info.notes),
-            driver=case.driver,
-            device=label,
-            measured=measured,
-        )
-    ]
+    findings = [case.told(label, "fine", said, why="; ".join(info.notes), measured=measured)]
     known = [c for c in joints_c if c is not None]
     if joints_c and len(known) < len(joints_c):
         said = f"{len(joints_c) - len(known)} of {len(joints_c)} joints report no temperature"
-        findings.append(_finding(case, label, "doubt", said))
+        findings.append(case.told(label, "doubt", said))
     if known and max(known) > _WARM_C:
         said = f"a joint is at {max(known)} °C; its torque is reduced above {_WARM_C}, at 80 it is let go"
-        findings.append(_finding(case, label, "doubt", said, "let it cool down"))
+        findings.append(case.told(label, "doubt", said, todo=("let it cool down",)))
     return findings
 
 
@@ -102,15 +82,4 @@ def _bus(case: Case) -> tuple[str, str]:
     return (
         f"there is no CAN bus {name!r}; there are: {others}",
         "plug the adapter in (dmesg | tail says what became of it), or name another channel",
-    )
-
-
-def _finding(case: Case, label: str, status: Any, said: str, todo: str = "") -> Finding:
-    return Finding(
-        check=case.check,
-        status=status,
-        finding=said,
-        todo=(todo,) if todo else (),
-        driver=case.driver,
-        device=label,
     )

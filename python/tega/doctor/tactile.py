@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from tega.devices import TactileSource, driver_class
 from tega.devices.base import TactileFrame
+from tega.devices.picture_check import CameraCounts
 from tega.devices.video_nodes import VideoNode, video_nodes
 from tega.doctor.case import Case, failed, holders
 from tega.doctor.findings import Finding
@@ -48,62 +49,64 @@ def try_camera(case: Case) -> tuple[list[Finding], Camera | None]:
     name = f"{case.driver} {label}"
     try:
         with source:
-            frames, n_seen, rate_hz = _read(source)
-            info, counts = source.info, getattr(source, "counts", None)
+            frame, rate_hz = _read(source)
+            info = source.info
     except TegaError as error:
         return [_unusable(case, error, source)], None
+    if frame is None:
+        return [case.told(label, "wrong", f"{name} opened, and sent no picture")], None
+    height, width = frame.image.shape[:2]
     if not info.live:
-        length = f"{info.n_items} pictures" if info.n_items else "its pictures"
-        said = f"{name}: a recording, {length} at {info.rate_hz or 0:g} a second"
-        return [_finding(case, label, said)], None
-    measured = {"rate_hz": round(rate_hz, 1)}
-    if counts is not None:
-        bad = {name: getattr(counts, name) for name in ("dropped", "torn", "duplicate", "black", "odd_size")}
-        measured |= {f"{name}_pictures": float(n) for name, n in bad.items()}
-        told = ", ".join(
-            f"{n} {name.replace('_', ' ')}" for name, n in bad.items() if n and name != "dropped"
-        )
-    else:
-        told = ""
-    picture = frames.image.shape if frames is not None else (0, 0)
-    camera = Camera(case.check, label, info.rate_hz or 0.0, picture[0] * picture[1])
-    said = f"{name} sends {rate_hz:.0f} pictures a second, {picture[1]}×{picture[0]}"
+        length = f"{info.n_items} pictures" if info.n_items else "pictures"
+        said = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
+        return _baseline(case, label, frame) or [case.told(label, "fine", said)], None
+    findings = [
+        *_pictures(case, label, rate_hz, info.rate_hz, getattr(source, "counts", None)),
+        *(case.told(label, "doubt", f"{name}: {note}") for note in info.notes),
+        *_baseline(case, label, frame),
+    ]
+    if not findings:
+        said = f"{name} sends {rate_hz:.0f} pictures a second, {width}×{height}"
+        findings = [case.told(label, "fine", said, measured={"rate_hz": round(rate_hz, 1)})]
+    return findings, Camera(case.check, label, info.rate_hz or 0.0, height * width)
+
+
+def _pictures(
+    case: Case, label: str, rate_hz: float, agreed_hz: float | None, counts: CameraCounts | None
+) -> list[Finding]:
+    """Say whether pictures come too seldom or cannot be used."""
     findings = []
-    if info.rate_hz and rate_hz < _SLOW * info.rate_hz:
+    measured = {"rate_hz": round(rate_hz, 1)}
+    if agreed_hz and rate_hz < _SLOW * agreed_hz:
         findings.append(
-            Finding(
-                check=case.check,
-                status="doubt",
-                finding=f"{name} sends {rate_hz:.0f} pictures a second where {info.rate_hz:g} were agreed",
+            case.told(
+                label,
+                "doubt",
+                f"{case.driver} {label} sends {rate_hz:.0f} pictures a second where {agreed_hz:g} were agreed",
                 why="the USB bus or hub is overloaded, the cable is bad, or this machine is busy",
                 todo=(
                     "plug it straight into the machine, not into a hub",
                     "spread several sensors over two USB controllers (lsusb -t shows them), or set rate_hz = 30",
                 ),
-                driver=case.driver,
-                device=label,
                 measured=measured,
             )
         )
-    if told:
+    if counts is None:
+        return findings
+    bad = {what: getattr(counts, what) for what in ("torn", "duplicate", "black", "odd_size")}
+    if any(bad.values()):
+        kinds = ", ".join(f"{n} {what.replace('_', ' ')}" for what, n in bad.items() if n)
         findings.append(
-            Finding(
-                check=case.check,
-                status="doubt",
-                finding=f"{name}: of {n_seen} pictures some could not be used: {told}",
+            case.told(
+                label,
+                "doubt",
+                f"{case.driver} {label}: of {counts.received} pictures some could not be used: {kinds}",
                 why="pictures arrive damaged: cable, hub, or too much on one USB bus",
                 todo=("use a short cable and another port; the driver withholds such pictures by itself",),
-                driver=case.driver,
-                device=label,
-                measured=measured,
+                measured=measured | {f"{what}_pictures": float(n) for what, n in bad.items()},
             )
         )
-    findings += [
-        Finding(check=case.check, status="doubt", finding=f"{name}: {note}", driver=case.driver, device=label)
-        for note in info.notes
-    ]
-    findings += _baseline(case, label, frames)
-    return findings or [_finding(case, label, said, measured)], camera
+    return findings
 
 
 def crowded(cameras: Sequence[Camera], nodes: Sequence[VideoNode] | None = None) -> list[Finding]:
@@ -141,18 +144,18 @@ def crowded(cameras: Sequence[Camera], nodes: Sequence[VideoNode] | None = None)
     return findings
 
 
-def _read(source: TactileSource) -> tuple[TactileFrame | None, int, float]:
-    """Read for a moment; return the last picture, how many came, and how many a second."""
+def _read(source: TactileSource) -> tuple[TactileFrame | None, float]:
+    """Read for a moment; return the last picture, and how many came a second."""
     first = newest = source.read(1.0)
     if first is None or not source.info.live:
-        return newest, int(newest is not None), source.info.rate_hz or 0.0
+        return newest, source.info.rate_hz or 0.0
     until_s = time.monotonic() + _LOOK_S
     n = 0
     while time.monotonic() < until_s:
         if (frame := source.read(0.1)) is not None:
             newest, n = frame, n + 1
     passed_s = (newest.t_ns - first.t_ns) * 1e-9 if newest is not None else 0.0
-    return newest, n + 1, n / passed_s if passed_s > 0 else 0.0
+    return newest, n / passed_s if passed_s > 0 else 0.0
 
 
 def _unusable(case: Case, error: TegaError, source: Any) -> Finding:
@@ -165,22 +168,20 @@ def _unusable(case: Case, error: TegaError, source: Any) -> Finding:
     if not place.startswith("/dev/") or not os.path.exists(place):  # noqa: PTH110  # a device's name, not a path of ours
         return failed(case, error, device=label)
     if not os.access(place, os.R_OK | os.W_OK):
-        return Finding(
-            check=case.check,
-            status="wrong",
-            finding=f"{label} is there, but your user may not open {place}",
+        return case.told(
+            label,
+            "wrong",
+            f"{label} is there, but your user may not open {place}",
             todo=("tega-teleop doctor --udev-rules prints rules that allow it, and how to install them",),
-            driver=case.driver,
-            device=label,
         )
     busy = holders(place)
     why = f"{', '.join(busy)} has {place} open" if busy else ""
     return failed(case, error, device=label, status="wrong", why=why)
 
 
-def _baseline(case: Case, label: str, frame: TactileFrame | None) -> list[Finding]:
+def _baseline(case: Case, label: str, frame: TactileFrame) -> list[Finding]:
     """Compare the picture of the untouched gel with what the camera sends."""
-    if case.baseline is None or frame is None:
+    if case.baseline is None:
         return []
     from tega.devices.opencv import read_image
 
@@ -190,26 +191,7 @@ def _baseline(case: Case, label: str, frame: TactileFrame | None) -> list[Findin
         return [failed(case, error, device=label, status="missing")]
     if shape == frame.image.shape:
         return []
-    return [
-        Finding(
-            check=case.check,
-            status="wrong",
-            finding=f"the baseline {case.baseline.name} is {shape[1]}×{shape[0]}, "
-            f"{label} sends {frame.image.shape[1]}×{frame.image.shape[0]}",
-            why="size or orientation was another when it was taken",
-            todo=("take the baseline again",),
-            driver=case.driver,
-            device=label,
-        )
-    ]
-
-
-def _finding(case: Case, label: str, said: str, measured: dict[str, float] | None = None) -> Finding:
-    return Finding(
-        check=case.check,
-        status="fine",
-        finding=said,
-        driver=case.driver,
-        device=label,
-        measured=measured or {},
-    )
+    sent = frame.image.shape
+    said = f"the baseline {case.baseline.name} is {shape[1]}×{shape[0]}, {label} sends {sent[1]}×{sent[0]}"
+    why = "size or orientation was another when it was taken"
+    return [case.told(label, "wrong", said, why=why, todo=("take the baseline again",))]

@@ -22,7 +22,7 @@ def try_vest(case: Case) -> list[Finding]:
     vest: Any = driver(case.options if options is None else options)
     label = vest.info.label
     if options is None:
-        return [_finding(case, label, f"{case.driver} needs no device; it was not opened")]
+        return [case.told(label, "fine", f"{case.driver} needs no device; it was not opened")]
     try:
         with vest:
             info = vest.info
@@ -30,23 +30,6 @@ def try_vest(case: Case) -> list[Finding]:
         why, hint = bluetooth_trouble() if case.driver == "bhaptics-ble" else ("", "")
         if isinstance(error, MissingExtraError):
             why, hint = "", ""
-        finding = failed(case, error, device=label, why=why)
-        return [finding if not hint else _also(finding, hint)]
-    doubts = [
-        Finding(check=case.check, status="doubt", finding=note, driver=case.driver, device=label)
-        for note in info.notes
-    ]
-    return [
-        _finding(case, label, f"{case.driver}, {label}: the vest answers; it was sent zeros only"),
-        *doubts,
-    ]
-
-
-def _also(finding: Finding, step: str) -> Finding:
-    import msgspec
-
-    return msgspec.structs.replace(finding, todo=(step, *finding.todo))
-
-
-def _finding(case: Case, label: str, said: str) -> Finding:
-    return Finding(check=case.check, status="fine", finding=said, driver=case.driver, device=label)
+        return [failed(case, error, device=label, why=why, todo=(hint,))]
+    said = f"{case.driver}, {label}: the vest answers; it was sent zeros only"
+    return [case.told(label, "fine", said), *(case.told(label, "doubt", note) for note in info.notes)]
