@@ -32,7 +32,7 @@ struct Steps {
 const SCHEDULE: [Steps; 3] = [
     Steps { matches: 3, most: 3, sweeps: 2, last: 1, relax: 1.4 },
     Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.5 },
-    Steps { matches: 1, most: 4, sweeps: 2, last: 2, relax: 1.5 },
+    Steps { matches: 1, most: 4, sweeps: 2, last: 2, relax: 1.45 },
 ];
 
 /// What the finest grid is asked for: the picture and two cells around it, as a slope needs one and a line between
@@ -310,6 +310,6 @@ mod tests {
             Shape::Box { half: [2.5, 2.5, 2.5] },
         ];
         let worst = errors(&sharp, &[0.0, std::f64::consts::FRAC_PI_2, 0.5], &[0.1, 1.0, 5.0]);
-        assert!(worst[0] < 0.25 && worst[1] < 0.11, "{worst:?}");
+        assert!(worst[0] < 0.2 && worst[1] < 0.12, "{worst:?}");
     }
 }
