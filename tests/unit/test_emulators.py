@@ -112,3 +112,11 @@ def test_an_emulator_says_what_it_does_not_understand() -> None:
 def test_the_table_of_faults_is_made_by_running_into_them() -> None:
     assert outcome("serial-emg", "unplug").startswith("ends: lost, after ")
     assert outcome("lsl-emg", "garbage") == "-"
+
+
+def test_a_network_stream_refuses_faults_that_only_a_wire_has() -> None:
+    pytest.importorskip("pylsl", reason="needs the extra tega[lsl]")
+    with Emulator("lsl") as device:
+        with pytest.raises(ValueError, match="garbage"):
+            device.say("garbage")
+        device.say("loss 0.1")

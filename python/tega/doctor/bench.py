@@ -10,6 +10,7 @@ import msgspec
 from tega.devices import DiscoveringDevice, Found, driver_class, list_drivers
 from tega.devices.base import Kind
 from tega.devices.video_nodes import video_nodes
+from tega.devices.ways_out import closes_on_exit, release
 from tega.doctor.case import Case, late
 from tega.doctor.emg import try_amplifier
 from tega.doctor.findings import Examination, Finding
@@ -195,8 +196,17 @@ def try_all(cases: Sequence[Case], deadline_s: float) -> list[Finding]:
         return lambda: attempt(case)
 
     jobs = {n: job(case) for n, case in enumerate(cases)}
-    answers = in_time(jobs, deadline_s, lambda n, s: [late(cases[n], s)])
+    # Devices are opened in threads, and only the main one can see to it that SIGTERM closes them.
+    closes_on_exit(_nothing)
+    try:
+        answers = in_time(jobs, deadline_s, lambda n, s: [late(cases[n], s)])
+    finally:
+        release(_nothing)
     return [finding for findings in answers.values() for finding in findings] + crowded(cameras)
+
+
+def _nothing() -> None:
+    """Stand for the devices that the threads hold."""
 
 
 def _seen(check: str, found: Found) -> Finding:
