@@ -23,6 +23,7 @@ from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter
 from tega.teleop.streams import QueuedStream
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from tega.haptics import VestFrame
@@ -113,7 +114,7 @@ class Rig:
     ) -> None:
         self.world = world
         self._closing = poses_rad[4] - poses_rad[0]
-        self._at_level = (poses_rad @ self._closing).tolist()
+        self._at_level: list[float] = (poses_rad @ self._closing).tolist()
         self._gels = [gels[finger] for finger in FINGERS]
         self._meters = [meters[finger] for finger in FINGERS]
         self._person, self._emg, self._worn = person, emg, worn
