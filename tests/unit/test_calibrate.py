@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import threading
 import tomllib
@@ -236,7 +237,7 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
         assert teleop("config", "show", str(explicit), "--set", "calibration.person=p01") == 0
         (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("vest.threshold")]
         assert " 5.0 " in line
-        assert "lab.toml (wins over people/p01/vest-" in line
+        assert re.search(r"lab\.toml.* \(wins over people/p01/vest-", line)
 
 
 def test_a_mirrored_back_is_told_and_the_vest_rests_after_sigterm(tmp_path: Path) -> None:
@@ -336,11 +337,11 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(tmp_path:
         first = calibrate(file, Mover(board))
         assert first.code == 0, first.said
         today = Mover(board)
-        today.full = 1.3
+        today.full = 1.5
         wizard = calibrate(file, today, "--refresh")
         assert wizard.code == 0, wizard.said
         before, after = (w.told["files"][0]["record"] for w in (first, wizard))
-        assert 1.1 < after["scale"] < 1.5
+        assert 1.15 < after["scale"] < 1.95
         assert after["made"] == before["made"]
         assert "refreshed" in after
         assert after["live_max"][0] > 1.05 * before["live_max"][0]

@@ -135,8 +135,17 @@ def take_thresholds(
         Undecided: Nobody is there to answer.
         DeviceUnavailableError: The vest went away.
     """
-    _each(pulses, sites, done, guide, keep=keep, title="threshold", percent=lambda level: LEVEL_PERCENT[level], ceiling=lambda _site: pulses.ceiling,
-          asking=_ask_felt)  # fmt: skip
+    _each(
+        pulses,
+        sites,
+        done,
+        guide,
+        keep=keep,
+        title="threshold",
+        percent=lambda level: LEVEL_PERCENT[level],
+        ceiling=lambda _site: pulses.ceiling,
+        asking=_ask_felt,
+    )
 
 
 def take_steps(

@@ -28,7 +28,7 @@ from tega.calibration.steps_touch import TakenBaseline, take_baseline, take_pres
 from tega.calibration.steps_vest import Felt, Pulses, take_steps, take_thresholds, take_wearing
 from tega.calibration.times import Times
 from tega.calibration.wearing import middle_sites, site_face
-from tega.config import EmgConfig, SessionConfig, TactileConfig
+from tega.config import DEFAULT_LAYOUT, EmgConfig, SessionConfig, TactileConfig
 from tega.devices.opencv import read_image
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
@@ -253,8 +253,6 @@ class Calibrating:
     # Vest.
 
     def _vest(self) -> VestRecord:
-        from tega.teleop.session import DEFAULT_LAYOUT
-
         section, guide = self._config.vest, self._guide
         if section.driver is None:
             raise ConfigError("no vest: vest.driver is not set", "set it, such as bhaptics-player")

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 import numpy as np
 
-from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
+from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
+from tega.devices.digit_search import find_digits
 from tega.devices.lifecycle import Opened
 from tega.devices.opencv import load_cv2
 from tega.devices.picture_check import CameraCounts, PictureCheck
@@ -87,6 +88,11 @@ class Digit(Opened):
         self._notes: tuple[str, ...] = ()
         self._trouble = ""
         self.counts = CameraCounts()
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
+        """List the DIGITs that are plugged in, with what stands in the way of opening one; opens none."""
+        return find_digits()
 
     @property
     def info(self) -> DeviceInfo:
@@ -188,7 +194,7 @@ class Digit(Opened):
             capture.release()
             raise DeviceUnavailableError(
                 f"digit {self.info.label}: the camera does not open",
-                "another program may use it; udev has to let you read it",
+                "another program may use it; your user may not read it (tega-teleop doctor --udev-rules)",
             )
         if local:
             try:

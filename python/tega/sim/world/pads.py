@@ -28,10 +28,6 @@ SEAM_FINGERS = ("thumb", "index", "middle", "ring")
 _FLEX = -1
 """What a contact of MuJoCo calls the shape that is a flex."""
 
-# Pad axes are axes of the last link: x to the right in the upright picture, y down (towards the palm), z out.
-_PAD_AXES = np.array([1, 2, 0])
-_PAD_SIGNS = np.array([[-1.0], [-1.0], [1.0]])
-
 
 class Touch:
     """Reads the contacts of a model: forces on pads, links and palm, and shapes before the pads.
@@ -121,15 +117,19 @@ class Touch:
 
     def _indenter(self, pad: int, shape: int, sums: list[float]) -> Indenter:
         data, site, force_n = self._data, self._sites[pad], sums[0]
-        near, normal = np.array(sums[1:4]) / force_n, np.array(sums[4:])
-        # Rows: the pad's axes in the world. In the frame of the last link they are -y, -z and x.
-        to_pad = data.site_xmat[site].reshape(3, 3).T[_PAD_AXES] * _PAD_SIGNS
-        where, lies = self._flex_pose(near, normal) if shape == _FLEX else self._geom_pose(shape)
+        # Rows: the pad's axes in the world, x to the right in the upright picture, y down (towards the palm), z out. In
+        # the frame of the last link they are -y, -z and x.
+        ax, bx, cx, ay, by, cy, az, bz, cz = data.site_xmat[site].tolist()
+        to_pad = np.array(((-bx, -by, -bz), (-cx, -cy, -cz), (ax, ay, az)))
+        near = np.array(sums[1:4]) / force_n
+        i, j, k = (near - data.site_xpos[site]).tolist()
+        along = -cx * i - cy * j - cz * k
+        i, j, k = sums[4:]
+        x, y, z = -bx * i - by * j - bz * k, -cx * i - cy * j - cz * k, ax * i + ay * j + az * k
+        where, lies = self._flex_pose(near, np.array(sums[4:])) if shape == _FLEX else self._geom_pose(shape)
         pose = np.empty((3, 4))
         pose[:, :3], pose[:, 3] = lies, where - near
         pose = to_pad @ pose
-        along = float(to_pad[1] @ (near - data.site_xpos[site]))
-        x, y, z = (to_pad @ normal).tolist()
         # Unroll: turn the normal upright, and put the contact where the surface has it.
         sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
         along = min(max(along - PAD_RADIUS_M * y / length, -PAD_HALF_LENGTH_M), PAD_HALF_LENGTH_M)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Shape", "World"]
 
-_WATCH_S = 6e-3
+_ATTEND_S = 12e-3
 _SETTLE_S = 0.3
 _PLACING_M = 1e-3
 _BACK = -np.array([0.5, 0.75**0.5, 0.0])
@@ -93,8 +93,7 @@ class World:
             int(warnings.mjWARN_BADQACC),
         ]
         self._steps = 0
-        self._watch_every = max(1, round(_WATCH_S / self.physics.timestep_s))
-        self._lead_every = 2 * self._watch_every
+        self._attend_every = max(1, round(_ATTEND_S / self.physics.timestep_s))
         self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
         mujoco.mj_forward(model, data)
         self._touch = Touch(mujoco, model, data, spec, self._body)
@@ -174,7 +173,7 @@ class World:
         Raises:
             InvalidValueError: The motion has run away: the steps are too long for a wall this stiff.
         """
-        every, done = self._watch_every, 0
+        every, done = self._attend_every, 0
         while done < n:
             if self._steps % every == 0:
                 self._attend()
@@ -186,7 +185,7 @@ class World:
     def advance_to(self, t_s: float) -> None:
         """Go on to the first step at or after a time."""
         # A step that ends a rounding error short of the time has reached it.
-        steps = int(np.ceil(t_s / self.physics.timestep_s - 1e-6))
+        steps = math.ceil(t_s / self.physics.timestep_s - 1e-6)
         if steps > self._steps:
             self.step(steps - self._steps)
 
@@ -252,11 +251,10 @@ class World:
                 f"wall of {self.spec.stiffness_n_m:g} N/m",
                 "use shorter steps, or integrator = 'discrete'",
             )
-        if self._steps % self._lead_every == 0:
-            # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
-            tick_s = self._lead_every * self.physics.timestep_s
-            self._arm.tick(tick_s)
-            self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
+        # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
+        tick_s = self._attend_every * self.physics.timestep_s
+        self._arm.tick(tick_s)
+        self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
         self.mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
         self.data.qfrc_applied[:7] = self._hand_weight_n * self._jacobian[2, :7]
         if self._witness is not None:
