@@ -31,6 +31,8 @@ __all__ = [
     "CalibrationConfig",
     "EmgConfig",
     "HandConfig",
+    "InputConfig",
+    "InputSection",
     "LoadedConfig",
     "SessionConfig",
     "SessionSection",
@@ -163,6 +165,38 @@ class HandConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
+class InputConfig(_Section, frozen=True):
+    """An operator's input device.
+
+    Attributes:
+        driver: Name of an input driver.
+        button: Which of its buttons is meant, for ``dead_man`` and ``marker``; none means any.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    button: str | None = None
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class InputSection(_Section, frozen=True):
+    """What the operator holds or steps on, by what it is for.
+
+    Attributes:
+        motion: Six axes that are to move the arm.
+        dead_man: A switch that is held as long as things may move.
+        marker: A switch that marks a moment.
+    """
+
+    motion: InputConfig | None = None
+    dead_man: InputConfig | None = None
+    marker: InputConfig | None = None
+
+    def in_use(self) -> dict[str, InputConfig]:
+        """Return the inputs that have a device."""
+        return {seat: c for seat in self.__struct_fields__ if (c := getattr(self, seat)) is not None}
+
+
 class SessionConfig(_Section, frozen=True):
     """Everything a session needs to know, checked, with absolute paths and typed driver options."""
 
@@ -172,6 +206,7 @@ class SessionConfig(_Section, frozen=True):
     emg: EmgConfig | None = None
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()
+    input: InputSection = InputSection()
 
 
 class Value(NamedTuple):
@@ -278,6 +313,9 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         emg=with_options(config.emg, "emg", "emg"),
         vest=with_options(config.vest, "vest", "vest"),
         hand=with_options(config.hand, "hand", "hand"),
+        input=InputSection(
+            **{seat: with_options(c, "input", f"input.{seat}") for seat, c in config.input.in_use().items()}
+        ),
     )
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
     return LoadedConfig(config, values)

@@ -27,6 +27,7 @@ _REFRESH_S = 0.1
 _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _CONTACT_COLOURS = {"none": "grey50", "focal": "bold yellow", "broad": "bold cyan", "mixed": "white"}
 _SHADES = " ·░▒▓█"
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def _bar(share: float, colour: str, width: int = _BAR_WIDTH) -> Text:
@@ -98,6 +99,22 @@ def _closure(angles_rad: Sequence[float] | None) -> Text:
     return Text("  ".join(f"{n} {b:4.2f}" for n, b in zip(names, bends, strict=True)) + " rad bend", "grey70")
 
 
+def _inputs(view: LoopView) -> Table:
+    """Draw what the operator's input devices say: axes that are pushed, and whether the switch is held."""
+    table = Table(box=None, padding=(0, 1), expand=False)
+    for name, seen in view.inputs.items():
+        title, state = name.replace("_", " "), seen.state
+        if not state.live:
+            table.add_row(title, Text("no data", style="bold red"))
+            continue
+        if name == "motion":
+            said = Text("  ".join(f"{axis} {v:+.2f}" for axis, v in zip(_AXES, state.motion, strict=True)))
+        else:
+            said = Text("held" if seen.held else "released", style="bold green" if seen.held else "grey50")
+        table.add_row(title, said + Text(f"   {seen.n_presses} presses" if seen.n_presses else "", "grey50"))
+    return table
+
+
 def _task(rows: Mapping[str, str]) -> Text:
     """Draw what is going on, such as object, phase and height of a simulated trial."""
     text = Text()
@@ -125,6 +142,7 @@ def render(
         _vest(view.vest),
         _intent(view),
         _closure(view.angles_rad),
+        *([_inputs(view)] if view.inputs else []),
         Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
     )
     return Panel(body, title=title, title_align="left", width=78)
