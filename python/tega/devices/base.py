@@ -10,7 +10,7 @@ gives to a sink is always counted from the start of the session.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, Self, runtime_checkable
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tega.wire import CanFrame
 
 __all__ = [
+    "ComparingSource",
     "Device",
     "DeviceInfo",
     "EmgChunk",
@@ -200,6 +201,15 @@ class SkippingSource(TactileSource, Protocol):
 
     def skip(self, n_frames: int) -> None:
         """Pass over the next ``n_frames`` frames."""
+        ...
+
+
+@runtime_checkable
+class ComparingSource(TactileSource, Protocol):
+    """A live sensor that tells its own pictures from those of the others beside it."""
+
+    def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
+        """Give it its own baseline and those of the other sensors, by what to call them in a note."""
         ...
 
 

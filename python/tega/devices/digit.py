@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -14,6 +15,7 @@ from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
 from tega.devices.lifecycle import Opened
 from tega.devices.opencv import load_cv2
 from tega.devices.picture_check import CameraCounts, PictureCheck
+from tega.devices.picture_origin import PictureOrigin
 from tega.devices.video_nodes import find_node
 from tega.errors import ConfigError, DeviceUnavailableError
 
@@ -57,9 +59,9 @@ class DigitOptions(Options, frozen=True):
 class Digit(Opened):
     """Gives the newest picture, never an old one: a thread drains the camera and keeps one picture.
 
-    Pictures that are torn, black, repeated or of another size are counted and not given, so a finger without good
-    pictures falls silent. A camera that goes away is looked for again, by its serial number, after 0.25 s and then
-    at most 4 s, and set up anew.
+    Pictures that are torn, black, repeated, of another size or another sensor's are counted and not given, so
+    a finger without good pictures falls silent. A camera that goes away is looked for again, by its serial
+    number, after 0.25 s and then at most 4 s, and set up anew.
 
     Args:
         options: The settings.
@@ -86,6 +88,7 @@ class Digit(Opened):
         self._notes: tuple[str, ...] = ()
         self._trouble = ""
         self.counts = CameraCounts()
+        self._check = PictureCheck(self.counts)
 
     @property
     def info(self) -> DeviceInfo:
@@ -98,7 +101,7 @@ class Digit(Opened):
             live=True,
             rate_hz=self._rate_hz,
             unit="counts of 255",
-            notes=self._notes,
+            notes=(*self._notes, *self._origin_notes()),
         )
 
     def open(self) -> None:
@@ -123,6 +126,7 @@ class Digit(Opened):
         os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
         self._cv2 = load_cv2("digit")
         self.counts = CameraCounts()
+        self._check = PictureCheck(self.counts)
         self._newest, self._given, self._trouble = None, -1, ""
         capture = self._capture()
         self._leaving.clear()
@@ -137,6 +141,18 @@ class Digit(Opened):
             f"({self.counts.received} came: {self.counts.black} black, {self.counts.torn} torn, "
             f"{self.counts.duplicate} repeated, {self.counts.odd_size} not {o.width}×{o.height}){self._trouble}",
             "unplug it and plug it in again; use another cable or USB port",
+        )
+
+    def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
+        """Give it the baselines by which it tells its own pictures from those of other sensors, until it is closed.
+
+        Args:
+            own: Its baseline, uint8 (H, W, 3), oriented as its pictures are.
+            others: The other sensors' baselines, likewise, by what to call them in a note.
+        """
+        turns = -1 if self._options.orientation == "upright" else 0
+        self._check.origin = PictureOrigin(
+            np.rot90(own, turns), {name: np.rot90(other, turns) for name, other in others.items()}
         )
 
     def close(self) -> None:
@@ -246,9 +262,22 @@ class Digit(Opened):
         if capture is not None:
             capture.release()
 
+    def _origin_notes(self) -> tuple[str, ...]:
+        notes = [
+            f"pictures showed lines of the sensor of {other} (up to {100 * share:.0f} % of a picture): not used; "
+            "give the sensors USB controllers of their own or a lower rate"
+            for other, share in self._check.foreign_shares.items()
+        ]
+        if self.counts.unlike:
+            notes.append(
+                f"{self.counts.unlike} of {self.counts.received} pictures are unlike the baseline nearly everywhere: "
+                "the gel has moved, the lights have changed, or this is another sensor than the baseline's"
+            )
+        return tuple(notes)
+
     def _drain(self, capture: Any) -> bool:
         """Read one capture until it fails; return whether it gave anything."""
-        check, any_came = PictureCheck(self.counts), False
+        check, any_came = self._check, False
         opened_ns, last_ns = time.monotonic_ns(), 0
         while not self._leaving.is_set():
             came, sent = capture.read()

@@ -28,6 +28,9 @@ FAULTS: Final = {
     "duplicate": "sends every picture twice",
     "pause": "sends nothing",
     "small": "sends pictures of another size",
+    "other": "sends the pictures of the next sensor",
+    "strip": "a tenth of every picture is the next sensor's",
+    "garbage": "sends bytes that are no picture",
     "cut": "breaks the connection, and every new one",
 }
 """What can be switched on, and what it does."""
@@ -38,14 +41,14 @@ _SIZE: Final = (240, 320)
 class _Sensor:
     """Pictures with noise, made beforehand: encoding takes longer than a frame."""
 
-    def __init__(self, *, rate_hz: float, seed: int) -> None:
+    def __init__(self, *, rate_hz: float, seed: int, look: int = 0) -> None:
         import cv2
 
         self.rate_hz = rate_hz
         self.faults: set[str] = set()
         random = np.random.default_rng(seed)
         rows, columns = np.mgrid[: _SIZE[0], : _SIZE[1]]
-        light = np.stack([90 + 0.2 * rows, 110 - 0.1 * columns, 80 + 0.15 * columns], axis=2)
+        light, others = _light(look, rows, columns), _light(look + 1, rows, columns)
 
         def encoded(image: Any) -> bytes:
             picture = np.clip(image, 0, 255).astype(np.uint8)
@@ -55,6 +58,13 @@ class _Sensor:
         self._pictures = [encoded(image) for image in noisy]
         half = _SIZE[0] // 2
         self._torn = [encoded(np.vstack([image[:half], np.full_like(image[half:], 128)])) for image in noisy]
+        strip = slice(half, half + _SIZE[0] // 10)
+        mixed = [image.copy() for image in noisy]
+        for image in mixed:
+            image[strip] = others[strip]
+        self._strip = [encoded(image) for image in mixed]
+        self._others = [encoded(others + random.normal(0, 2.5, light.shape)) for _ in range(16)]
+        self._garbage = random.bytes(20_000)
         self._black = encoded(np.zeros_like(light))
         self._small = encoded(light[::2, ::2])
 
@@ -66,8 +76,18 @@ class _Sensor:
             return self._black
         if "small" in self.faults:
             return self._small
+        if "garbage" in self.faults:
+            return self._garbage
         k = 0 if "freeze" in self.faults else k // 2 if "duplicate" in self.faults else k
-        return (self._torn if "torn" in self.faults else self._pictures)[k % 16]
+        sets = {"torn": self._torn, "strip": self._strip, "other": self._others}
+        return next((sets[f] for f in sets if f in self.faults), self._pictures)[k % 16]
+
+
+def _light(look: int, rows: Any, columns: Any) -> Any:
+    """The untouched gel of a sensor; no two sensors' colours lie alike."""
+    colours = [90 + 0.2 * rows, 110 - 0.1 * columns, 80 + 0.15 * columns]
+    turned = colours[look % 3 :] + colours[: look % 3]
+    return np.stack(turned, axis=2) + 20 * (look % 2)
 
 
 def _handler(sensor: _Sensor) -> type[http.server.BaseHTTPRequestHandler]:
@@ -102,8 +122,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rate-hz", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--look", type=int, default=0, help="which sensor's gel it shows")
     given = parser.parse_args(arguments)
-    sensor = _Sensor(rate_hz=given.rate_hz, seed=given.seed)
+    sensor = _Sensor(rate_hz=given.rate_hz, seed=given.seed, look=given.look)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _handler(sensor))
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
