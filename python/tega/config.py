@@ -41,6 +41,7 @@ __all__ = [
     "Value",
     "VestConfig",
     "check_tree",
+    "driver_options",
     "load_config",
 ]
 
@@ -319,6 +320,39 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     )
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
     return LoadedConfig(config, values)
+
+
+def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = ()) -> Options:
+    """Check a driver's options outside a session, as its ``options`` table would be.
+
+    Args:
+        name: The driver's name.
+        tree: Its options; paths are relative to the working directory.
+        sets: Further options as ``key=value``.
+
+    Returns:
+        The typed options.
+
+    Raises:
+        ConfigError: No such driver, or an option is unknown, missing, of a wrong type or out of range.
+        MissingExtraError: The driver needs a package that is not installed.
+    """
+    options: dict[str, Any] = dict(tree)
+    origins: dict[str, str] = {}
+    for item in sets:
+        key, _, text = item.partition("=")
+        _override(options, origins, key.strip(), text.strip(), "--set")
+
+    def place(wanted: type, value: Any) -> Any:
+        if wanted is Path and isinstance(value, str | Path):
+            return Path.cwd() / Path(value).expanduser()
+        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
+
+    wanted = driver_class(name).options_type
+    try:
+        return msgspec.convert(options, wanted, dec_hook=place)
+    except msgspec.ValidationError as error:
+        raise explain(error, options, wanted, prefix="options", origins=origins) from None
 
 
 def _where(origins: Mapping[str, str], key: str) -> str:

@@ -64,7 +64,7 @@ SILENT = set(COUNTED) - {"duplicate"}
 
 
 def test_every_fault_of_the_emulated_sensor_is_tried() -> None:
-    assert set(COUNTED) | {"small", "other", "strip"} == set(FAULTS)
+    assert set(COUNTED) | {"small", "slow", "other", "strip"} == set(FAULTS)
 
 
 @pytest.mark.parametrize("fault", sorted(COUNTED))
@@ -194,3 +194,12 @@ def test_lines_of_another_real_sensor_are_found_and_no_press_is_taken_for_one(re
             mixed[first : first + 24] = other[first : first + 24]
             assert origin.judge(mixed).other == "D20479", (file.name, first)
     assert origin.judge(other).share == 1.0
+
+
+def test_a_sensor_that_sends_too_few_pictures_is_told() -> None:
+    with DigitProcess() as sensor, _driver(sensor) as digit:
+        sensor.command("slow")
+        assert _until(
+            lambda: any("pictures a second came for a while where 60" in n for n in digit.info.notes)
+        )
+        assert digit.read(5.0) is not None

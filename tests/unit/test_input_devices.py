@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -61,11 +62,11 @@ def until(condition: Callable[[], bool], seconds: float = 15.0) -> None:
 
 
 def moves(source: HidInput, wanted: list[float]) -> Callable[[], bool]:
-    return lambda: source.state.motion == pytest.approx(wanted)
+    return lambda: source.state().motion == pytest.approx(wanted)
 
 
 def holds(source: HidInput, button: str) -> Callable[[], bool]:
-    return lambda: source.state.held == {button}
+    return lambda: source.state().held == {button}
 
 
 TWO, ONE, PEDAL = (0x046D, 0xC626), (0x256F, 0xC62E), (0x0C45, 0x7403)
@@ -79,7 +80,7 @@ AXES = [(0, 1, -1), (1, 0, -1), (2, 2, -1), (3, 4, -1), (4, 3, -1), (5, 5, -1)]
 def test_every_axis_of_both_layouts_arrives_with_its_sign(device: str, numbers: tuple[int, int]) -> None:
     with emulated(device, numbers) as peer, spacemouse() as mouse:
         assert mouse.info.label == MODELS[numbers]
-        assert mouse.state.motion == AT_REST
+        assert mouse.state().motion == AT_REST
         for axis, robot, sign in AXES:
             for counts in (350, -350, 176):
                 wanted = [0.0] * 6
@@ -87,8 +88,8 @@ def test_every_axis_of_both_layouts_arrives_with_its_sign(device: str, numbers: 
                 peer.say("push " + " ".join(str(counts * (i == axis)) for i in range(6)))
                 until(moves(mouse, wanted))
             peer.say("push 0 0 0 0 0 0")
-            until(lambda: mouse.state.motion == AT_REST)
-        assert mouse.state.live
+            until(lambda: mouse.state().motion == AT_REST)
+        assert mouse.state().live
         assert mouse.info.notes == ()
 
 
@@ -96,17 +97,17 @@ def test_a_frozen_cap_is_at_rest_after_its_watchdog_and_says_no_data() -> None:
     with emulated("spacemouse", TWO) as peer, spacemouse() as mouse:
         peer.say("press 0")
         peer.say("push 0 -300 0 0 0 100")
-        until(lambda: mouse.state.motion[0] > 0.8 and mouse.state.held == {"left"})
+        until(lambda: mouse.state().motion[0] > 0.8 and mouse.state().held == {"left"})
         peer.say("freeze")
-        until(lambda: not mouse.state.live)
-        assert mouse.state.motion == AT_REST
-        assert mouse.state.held == frozenset()
+        until(lambda: not mouse.state().live)
+        assert mouse.state().motion == AT_REST
+        assert mouse.state().held == frozenset()
         assert [(e.button, e.pressed) for e in mouse.events()] == [("left", True), ("left", False)]
         assert "fell silent in the middle" in mouse.info.notes[0]
         peer.say("clear")
-        until(lambda: mouse.state.live and mouse.state.motion[0] > 0.8)
+        until(lambda: mouse.state().live and mouse.state().motion[0] > 0.8)
         # A button that was down all the time has to be let go before it counts again.
-        assert mouse.state.held == frozenset()
+        assert mouse.state().held == frozenset()
 
 
 def report(mouse: HidInput, t_ms: int, body: bytes) -> bool:
@@ -173,14 +174,14 @@ def test_buttons_battery_and_a_flood_of_reports() -> None:
             peer.say(f"press {button}")
             until(holds(mouse, name))
             peer.say(f"lift {button}")
-            until(lambda: mouse.state.held == frozenset())
+            until(lambda: mouse.state().held == frozenset())
         events = mouse.events()
         assert [e.seq for e in events] == list(range(6))
         assert [e.pressed for e in events] == [True, False] * 3
         assert mouse.events() == ()
         before = mouse.counts.reports
         peer.say("flood 100")
-        until(lambda: mouse.counts.reports > before and mouse.state.motion == AT_REST)
+        until(lambda: mouse.counts.reports > before and mouse.state().motion == AT_REST)
     low = spacemouse()
     low._take(b"\x17\x09", 0)
     assert low.info.notes == ("its battery is at 9 %",)
@@ -191,29 +192,29 @@ def test_an_unplugged_cap_is_at_rest_and_comes_back(how: str) -> None:
     with emulated("spacemouse", TWO) as peer, spacemouse() as mouse:
         peer.say("push 200 0 0 0 0 0")
         peer.say("press 1")
-        until(lambda: mouse.state.motion != AT_REST and bool(mouse.state.held))
+        until(lambda: mouse.state().motion != AT_REST and bool(mouse.state().held))
         peer.say(how)
         until(lambda: mouse.counts.lost == 1)
-        assert (mouse.state.motion, mouse.state.held) == (AT_REST, frozenset())
+        assert (mouse.state().motion, mouse.state().held) == (AT_REST, frozenset())
         peer.say("plug")
-        until(lambda: mouse.state.live)
+        until(lambda: mouse.state().live)
         peer.say("push 0 0 350 0 0 0")
-        until(lambda: mouse.state.motion == (0, 0, -1.0, 0, 0, 0))
+        until(lambda: mouse.state().motion == (0, 0, -1.0, 0, 0, 0))
         assert "lost 1 times" in mouse.info.notes[0]
     with pytest.raises(DeviceUnavailableError, match="not open"):
-        _ = mouse.state
+        _ = mouse.state()
 
 
 @pytest.mark.parametrize("fault", ["garbage", "half"])
 def test_bad_reports_are_counted_and_never_move(fault: str) -> None:
     with emulated("spacemouse-wireless", ONE) as peer, spacemouse() as mouse:
         peer.say("push 300 0 0 0 0 0")
-        until(lambda: mouse.state.motion[1] < -0.8)
+        until(lambda: mouse.state().motion[1] < -0.8)
         peer.say(fault)
         until(lambda: mouse.counts.odd > 20)
-        until(lambda: not mouse.state.live and mouse.state.motion == AT_REST)
+        until(lambda: not mouse.state().live and mouse.state().motion == AT_REST)
         peer.say("clear")
-        until(lambda: mouse.state.motion[1] < -0.8)
+        until(lambda: mouse.state().motion[1] < -0.8)
         assert "could not be read" in mouse.info.notes[0]
 
 
@@ -256,38 +257,38 @@ def test_a_step_is_one_press_and_letting_go_releases(
     device: str, numbers: tuple[int, int], options: dict[str, Any], button: str
 ) -> None:
     with emulated(device, numbers) as peer, pedal(**options) as foot:
-        assert foot.state.held == frozenset()
+        assert foot.state().held == frozenset()
         peer.say("chatter 0 4")
-        until(lambda: foot.state.held == {button})
+        until(lambda: foot.state().held == {button})
         peer.say("lift 0")
-        until(lambda: foot.state.held == frozenset())
+        until(lambda: foot.state().held == frozenset())
         assert [(e.button, e.pressed) for e in foot.events()] == [(button, True), (button, False)]
-        assert foot.state.motion == AT_REST
+        assert foot.state().motion == AT_REST
         peer.say("press 0")
-        until(lambda: foot.state.held == {button})
+        until(lambda: foot.state().held == {button})
         peer.say("unplug")
-        until(lambda: not foot.state.live)
-        assert foot.state.held == frozenset()
+        until(lambda: not foot.state().live)
+        assert foot.state().held == frozenset()
         assert [e.pressed for e in foot.events()] == [True, False]
         peer.say("plug")
-        until(lambda: foot.state.live)
-        assert foot.state.held == frozenset()
+        until(lambda: foot.state().live)
+        assert foot.state().held == frozenset()
 
 
 def test_a_pedal_that_repeats_itself_is_released_when_it_freezes() -> None:
     options = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3, "silent_after_ms": 100.0}
     with emulated("pedal-repeating", (0x05F3, 0x00FF)) as peer, pedal(**options) as foot:
         peer.say("press 1")
-        until(lambda: foot.state.held == {"2"})
+        until(lambda: foot.state().held == {"2"})
         peer.say("freeze")
-        until(lambda: not foot.state.live)
-        assert foot.state.held == frozenset()
+        until(lambda: not foot.state().live)
+        assert foot.state().held == frozenset()
         peer.say("clear")
         until(lambda: foot.counts.reports > 0 and foot._buttons.held == frozenset())
         peer.say("lift 1")
-        until(lambda: foot.state.live)
+        until(lambda: foot.state().live)
         peer.say("press 1")
-        until(lambda: foot.state.held == {"2"})
+        until(lambda: foot.state().held == {"2"})
 
 
 def test_keys_of_a_keyboard() -> None:
@@ -397,3 +398,21 @@ def test_a_run_that_names_a_missing_input_does_not_begin() -> None:
         run_session(check_tree(settings, {}, base=Path.cwd()).config)
     with pytest.raises(ConfigError, match=r"input\.motion.*driver 'digit' is of kind 'tactile'"):
         check_tree({"input": {"motion": {"driver": "digit"}}}, {}, base=Path.cwd())
+
+
+def test_what_a_pedal_says_that_cannot_be_read_releases_it_until_it_is_let_go() -> None:
+    foot = pedal(debounce_ms=0.0)
+    pressed, lifted = bytes([0, 0, 5, 0, 0, 0, 0, 0]), bytes(8)
+    foot._there, foot._thread = True, threading.current_thread()
+    assert foot._take(pressed, 0)
+    assert foot.state().held == {"b"}
+    assert not foot._take(lifted[:4], 1)
+    assert (foot.state().held, foot.state().live) == (frozenset(), False)
+    assert foot._take(pressed, 2)
+    assert foot.state().held == frozenset()
+    assert foot._take(lifted, 3)
+    assert foot.state().live
+    assert foot._take(pressed, 4)
+    assert foot.state().held == {"b"}
+    assert [e.pressed for e in foot.events()] == [True, False, True]
+    foot._thread = None

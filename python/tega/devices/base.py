@@ -269,9 +269,8 @@ class SteeredHand(Device, Protocol):
 class InputSource(Device, Protocol):
     """A device in the operator's hand or under the foot: six axes, buttons, or both. Nothing of it ever blocks."""
 
-    @property
     def state(self) -> InputState:
-        """What it says now."""
+        """Return what it says now."""
         ...
 
     def events(self) -> Sequence[InputEvent]:

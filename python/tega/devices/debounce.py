@@ -25,9 +25,9 @@ class Edge(NamedTuple):
 class Debounce:
     """Follows the contacts of some buttons; time is an argument.
 
-    A dead-man switch must let go at the first sign of it, so a release counts at once and a contact that
-    chatters counts as released. A press counts once the contact has held for ``hold_ns``, and then from its
-    first moment. Both together give one press for one step on a pedal whose contact bounces for less than that.
+    A dead-man switch must let go at the first sign of it, so a release counts at once and a contact that chatters
+    counts as released. A press counts once the contact has held for ``hold_ns``, and then from its first moment.
+    Both together give one press for one step on a pedal whose contact bounces for less than that.
 
     Args:
         hold_ns: How long a contact has to hold; 0 takes every press.

@@ -30,6 +30,9 @@ _BACK_OFF_S = (0.25, 4.0)
 # From this firmware on the three colours have levels of their own.
 _RGB_REVISION = 0x0200
 _GAP = 1.5
+# The true rate is counted over so many seconds, and told where it is below this share of what was agreed.
+_RATE_S = 2.0
+_STARVED_SHARE = 0.8
 
 
 class DigitOptions(Options, frozen=True):
@@ -89,6 +92,8 @@ class Digit(Opened):
         self._trouble = ""
         self.counts = CameraCounts()
         self._check = PictureCheck(self.counts)
+        self._window = (0, 0)
+        self._starved_hz: float | None = None
 
     @property
     def info(self) -> DeviceInfo:
@@ -101,7 +106,7 @@ class Digit(Opened):
             live=True,
             rate_hz=self._rate_hz,
             unit="counts of 255",
-            notes=(*self._notes, *self._origin_notes()),
+            notes=(*self._notes, *self._rate_notes(), *self._origin_notes()),
         )
 
     def open(self) -> None:
@@ -128,6 +133,7 @@ class Digit(Opened):
         self.counts = CameraCounts()
         self._check = PictureCheck(self.counts)
         self._newest, self._given, self._trouble = None, -1, ""
+        self._starved_hz = None
         capture = self._capture()
         self._leaving.clear()
         self._thread = threading.Thread(target=self._run, args=(capture,), name="digit", daemon=True)
@@ -262,6 +268,23 @@ class Digit(Opened):
         if capture is not None:
             capture.release()
 
+    def _count_rate(self, t_ns: int) -> None:
+        """Count how many pictures come, in windows of two seconds."""
+        begin_ns, n = self._window
+        if t_ns - begin_ns >= _RATE_S * 1e9:
+            hz = (self.counts.received - n) / ((t_ns - begin_ns) * 1e-9)
+            if n and hz < _STARVED_SHARE * self._rate_hz:
+                self._starved_hz = min(hz, self._starved_hz or hz)
+            self._window = (t_ns, self.counts.received)
+
+    def _rate_notes(self) -> tuple[str, ...]:
+        if self._starved_hz is None:
+            return ()
+        return (
+            f"only {self._starved_hz:.0f} pictures a second came for a while where {self._rate_hz:g} were agreed: "
+            "give the sensor a USB controller of its own, or set rate_hz = 30",
+        )
+
     def _origin_notes(self) -> tuple[str, ...]:
         notes = [
             f"pictures showed lines of the sensor of {other} (up to {100 * share:.0f} % of a picture): not used; "
@@ -279,6 +302,7 @@ class Digit(Opened):
         """Read one capture until it fails; return whether it gave anything."""
         check, any_came = self._check, False
         opened_ns, last_ns = time.monotonic_ns(), 0
+        self._window = (opened_ns, 0)
         while not self._leaving.is_set():
             came, sent = capture.read()
             if not came:
@@ -295,6 +319,7 @@ class Digit(Opened):
                 self.counts.odd_size += 1
                 continue
             verdict = check.judge(image)
+            self._count_rate(t_ns)
             if verdict == "good" and time.monotonic_ns() - opened_ns >= self._options.warm_up_s * 1e9:
                 self._give(t_ns, image)
         return any_came

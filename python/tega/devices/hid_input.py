@@ -62,9 +62,9 @@ class InputCounts(msgspec.Struct, kw_only=True):
 class HidInput(Opened):
     """An input device on USB; a driver adds which one, what its reports mean, and what silence means.
 
-    A thread takes every report as it comes, so that none waits and the state is always the newest. A device
-    that goes away is at rest, with nothing held, from that moment on, and is looked for again after 0.25 s and
-    then at most every 2 s.
+    A thread takes every report as it comes, so that none waits and the state is always the newest. A device that
+    goes away is at rest, with nothing held, from that moment on, and is looked for again after 0.25 s and then at
+    most every 2 s.
 
     Args:
         options: The settings.
@@ -145,9 +145,8 @@ class HidInput(Opened):
             notes=(*notes, *self._own_notes()),
         )
 
-    @property
     def state(self) -> InputState:
-        """What it says now.
+        """Return what it says now.
 
         Raises:
             DeviceUnavailableError: It is not open.

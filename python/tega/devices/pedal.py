@@ -52,11 +52,10 @@ class PedalOptions(HidInputOptions, frozen=True, kw_only=True):
 class Pedal(HidInput):
     """Gives which buttons are down, without bounces, and every press with its time.
 
-    A keyboard's buttons are called by what they type (``b``, ``left ctrl``, ``key 0x3a``), a joystick's by
-    number (``1``). A pedal that is unplugged is released at that moment. One that only tells of changes and
-    freezes while it is held stays
-    held: nothing on the wire differs. Where a person's safety hangs on it, use one that repeats its report, set
-    ``silent_after_ms``, and keep an emergency stop in reach.
+    A keyboard's buttons are called by what they type (``b``, ``left ctrl``, ``key 0x3a``), a joystick's by number
+    (``1``). A pedal that is unplugged, or sends what cannot be read, is released at that moment. One that only
+    tells of changes and freezes while it is held stays held: nothing on the wire differs. Where a person's safety
+    hangs on it, use one that repeats its report, set ``silent_after_ms``, and keep an emergency stop in reach.
 
     Args:
         options: The settings.
@@ -111,6 +110,10 @@ class Pedal(HidInput):
     def _take(self, report: bytes, t_ns: int) -> bool:
         down = self._keys(report) if self._options.report == "keyboard" else self._joystick(report)
         if down is None:
+            # What it meant is unknown, and may have been that the foot is off.
+            if self._buttons.held:
+                self._is_stalled = True
+                self._release(t_ns)
             return False
         if self._is_stalled and down:
             # What was held through the silence has to be let go before it counts again.

@@ -42,8 +42,8 @@ class PictureOrigin:
     """Compares pictures with the sensor's own baseline and with those of the others, band by band.
 
     A band is another's if it is far from the own baseline, close to the other's, and much closer to it: what
-    presses a gel changes a band, but into nobody else's light. Sensors whose baselines are alike cannot be
-    told apart.
+    presses a gel changes a band, but into nobody else's light. Sensors whose baselines are alike cannot be told
+    apart.
 
     Args:
         own: Baseline of the sensor, uint8 (H, W, 3), lines as the sensor sends them.

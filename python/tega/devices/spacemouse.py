@@ -64,8 +64,8 @@ class SpaceMouse(HidInput):
     """Gives how far the cap is pushed and turned, in the axes of the robot's base for an operator who looks along x.
 
     Both layouts are read, told apart by the length of the first report. A cap that is deflected repeats itself
-    every 16 ms: after 100 ms without, what was not renewed is zero, and if it was all, the state is "no data".
-    At rest it says nothing, so a device that freezes at rest cannot be told from one that nobody touches.
+    every 16 ms: after 100 ms without, what was not renewed is zero, and if it was all, the state is "no data". At
+    rest it says nothing, so a device that freezes at rest cannot be told from one that nobody touches.
 
     Args:
         options: The settings.
@@ -130,6 +130,9 @@ class SpaceMouse(HidInput):
             names = {_BUTTON_NAMES.get(b, f"button {b + 1}") for b in down}
             self._say(self._buttons.take(t_ns, names))
             return True
+        if kind == 3:
+            self._say(self._buttons.take(t_ns, frozenset()))
+            return False
         if kind == 0x17 and n >= 2:
             self._battery = report[1]
             return True

@@ -62,7 +62,7 @@ class Inputs:
         self._n_looks += 1
         seen = {}
         for name, (source, button) in self._seats.items():
-            state = source.state
+            state = source.state()
             events[name] = [e for e in source.events() if button in {None, e.button}]
             before = self.seen[name].n_presses if name in self.seen else 0
             held = bool(state.held) if button is None else button in state.held

@@ -26,6 +26,7 @@ FAULTS: Final = {
     "black": "sends black pictures",
     "torn": "the lower half of every picture is missing",
     "duplicate": "sends every picture twice",
+    "slow": "sends a third of the pictures",
     "pause": "sends nothing",
     "small": "sends pictures of another size",
     "other": "sends the pictures of the next sensor",
@@ -65,15 +66,15 @@ class _Sensor:
         self._strip = [encoded(image) for image in mixed]
         self._others = [encoded(others + random.normal(0, 2.5, light.shape)) for _ in range(16)]
         self._garbage = random.bytes(20_000)
-        self._black = encoded(np.zeros_like(light))
+        self._black = [encoded(np.abs(random.normal(0, 1.5, light.shape))) for _ in range(16)]
         self._small = encoded(light[::2, ::2])
 
     def picture(self, k: int) -> bytes | None:
         """The k-th picture; None for none."""
-        if "pause" in self.faults:
+        if "pause" in self.faults or ("slow" in self.faults and k % 3):
             return None
         if "black" in self.faults:
-            return self._black
+            return self._black[k % 16]
         if "small" in self.faults:
             return self._small
         if "garbage" in self.faults:

@@ -1,16 +1,16 @@
 """An emulated SpaceMouse or pedal: ``python -m tega.testing.emulators.hid_input --device spacemouse``.
 
-Written from the fact sheets' tables of report bytes. There is no USB here: reports travel over a local socket,
-one packet each, whose path is written to ``--port-file``; :class:`tega.testing.emulators.hid_port.HidPort`
-stands for hidapi at the other end. It obeys lines on its standard input and answers each by ``ok`` or ``?``::
+Written from the fact sheets' tables of report bytes. There is no USB here: reports travel over a local socket, one
+packet each, whose path is written to ``--port-file``; :class:`tega.testing.emulators.hid_port.HidPort` stands for
+hidapi at the other end. It obeys lines on its standard input and answers each by ``ok`` or ``?``::
 
-    push X Y Z RX RY RZ     counts of the cap, in the device's own axes; repeated every 16 ms until the cap is at rest
-    press N, lift N         a button, counted from 0
-    chatter N TIMES         the button's contact opens and closes so often, 2 ms each, and stays closed
-    flood N                 N reports of full deflection at once, then one of rest
-    unplug, plug            the device goes and comes, at rest
-    power-cycle             both, half a second apart
-    freeze, garbage, half, slow, duplicate    see FAULTS; clear ends them
+    push X Y Z RX RY RZ    counts of the cap in its own axes, repeated every 16 ms until it is at rest
+    press N, lift N        a button, counted from 0
+    chatter N TIMES        a button's contact opens and closes so often, 2 ms each, and stays closed
+    flood N                N reports of full deflection at once, then one of rest
+    unplug, plug           the device goes and comes, at rest
+    power-cycle            both, half a second apart
+    freeze, garbage, ...   what FAULTS says; clear ends them
 """
 
 from __future__ import annotations
@@ -122,7 +122,11 @@ class _Port:
     def attend(self, ready: list[object]) -> None:
         """Take a new connection, or notice that an old one has gone."""
         for client in [c for c in self._clients if c in ready]:
-            if not client.recv(64):
+            try:
+                heard = client.recv(64)
+            except OSError:  # it went with reports unread
+                heard = b""
+            if not heard:
                 client.close()
                 self._clients.remove(client)
         if self._listener is not None and self._listener in ready:
