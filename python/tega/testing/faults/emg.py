@@ -132,8 +132,10 @@ def _met(driver: _Driver, begin: tuple[str, ...], end: tuple[str, ...]) -> Outco
 
 
 def _words(error: TegaError, port: str) -> str:
-    """Return the message without the name of this run's port, which is a number of no meaning."""
-    return error.message.replace(f": {Path(port).name} ", ": the board " if "/" in port else ": the stream ")
+    """Return the message without the number of this run's port or stream, which means nothing to a reader."""
+    if "/" in port:
+        return error.message.replace(f": {Path(port).name} ", ": the board ")
+    return error.message.replace(port, port.rpartition("-")[0])
 
 
 def _again(driver: _Driver, device: Emulator, source: LiveEmg) -> float | None:

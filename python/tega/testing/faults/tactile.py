@@ -24,20 +24,21 @@ _NAMES = {
     "garbage": "garbage",
     "freeze": "freeze",
     "half packet": "torn",
-    "slow": "slow",
     "duplicate": "duplicate",
 }
 _WORDS = {
     "torn": "torn",
-    "duplicate": "equal to the one before",
+    "duplicate": "repeated",
     "black": "black",
-    "foreign": "with another sensor's lines",
+    "foreign": "another sensor's",
 }
 
 
 def trials() -> list[Trial]:
     """Return the trials."""
     tried = [Trial("digit", name, FAULTS[fault], partial(_met, fault)) for name, fault in _NAMES.items()]
+    # The true rate is looked at every two seconds.
+    tried.append(Trial("digit", "slow", FAULTS["slow"], partial(_met, "slow", away_s=5.0)))
     tried.append(Trial("digit", "unplug", "breaks the connection, and every new one", partial(_met, "cut")))
     tried.append(
         Trial("digit", "power cycle", f"is away for {_OFF_S:g} s", partial(_met, "cut", away_s=_OFF_S))
@@ -81,7 +82,7 @@ def _met(fault: str, *, away_s: float = _WATCH_S) -> Outcome:
         notes = digit.info.notes
         sensor.command("clear")
         back_s = until(lambda: digit.read(0.01) is not None, 15.0)
-    told = [f"pictures {words} are withheld" for name, words in _WORDS.items() if counts[name] > 1]
+    told = [f"{words} pictures are withheld" for name, words in _WORDS.items() if counts[name] > 1]
     if counts["lost"]:
         told.append("no picture comes; the camera is looked for again after 0.25 s, then at most every 4 s")
     told += notes

@@ -123,16 +123,12 @@ def _met(driver: str, fault: str) -> Outcome:
         said.append("says that no vest is connected: write returns zeros")
     else:
         said.append("counts and ignores what it cannot read; frames go out as before")
-    said.append(f"no write took longer than {met.write_ms:.1f} ms")
-    effect: str = "goes on" if met.rest_s is None else "falls silent"
+    said.append(f"no write took longer than {max(met.write_ms, 0.1):.1f} ms")
     if met.rest_s is not None and met.rest_s > 1.0:
         said.append("until then the emulated vest holds its last frame, as the real one is thought to")
-    return Outcome(
-        effect="goes on" if effect == "goes on" else "falls silent",
-        said="; ".join(said),
-        seen_s=met.rest_s,
-        back_s=met.back_s,
-    )
+    if met.rest_s is None:
+        return Outcome(effect="goes on", said="; ".join(said))
+    return Outcome(effect="falls silent", said="; ".join(said), seen_s=met.rest_s, back_s=met.back_s)
 
 
 def trouble(
