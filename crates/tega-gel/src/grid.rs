@@ -1,6 +1,7 @@
 //! One grid of the gel, and what is done to it: shapes laid over it, sweeps over its rows, sums of what the springs carry.
 
 use crate::membrane::MAX_INDENTERS;
+use crate::plane::{CACHE_LINE, Plane};
 use crate::shape::CLEAR;
 
 /// Picture's pixels a millimetre.
@@ -22,7 +23,8 @@ const NEGLIGIBLE_MM: f32 = 0.004;
 /// Columns are worked on so many at a time, and sums kept in so many lanes, whatever the instruction set.
 pub(crate) const LANES: usize = 8;
 
-/// Rows and columns of cells, ends excluded; columns are multiples of [`LANES`].
+/// Rows and columns of cells, ends excluded; columns are multiples of [`LANES`], on all grids but the coarsest of
+/// [`CACHE_LINE`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Window {
     pub(crate) rows: [usize; 2],
@@ -36,10 +38,12 @@ pub(crate) struct Pressed {
     pub(crate) depth: f32,
     /// What the springs carry, newtons.
     pub(crate) force: f32,
+    /// Of that, what those carry that the grid does not reach, by the coarser grid's answer.
+    pub(crate) beyond: f32,
 }
 
-/// A grid. `height` has a still cell around it: cell (r, c) is at (r + 1) * (cols + 2) + c + 1. `floor` and `gaps` have
-/// not: r * cols + c.
+/// A grid. `height` has a still row before and after it and still cells between its rows: cell (r, c) is at
+/// (r + 1) * stride + [`CACHE_LINE`] + c. `floor` and `gaps` have not: r * cols + c.
 #[derive(Debug, Clone)]
 pub(crate) struct Level {
     pub(crate) rows: usize,
@@ -48,11 +52,12 @@ pub(crate) struct Level {
     /// l² in cells, squared.
     pub(crate) square: f32,
     pub(crate) window: Window,
-    pub(crate) height: Vec<f32>,
+    pub(crate) stride: usize,
+    pub(crate) height: Plane,
     /// What the next sweep writes; still around the window like `height`.
-    pub(crate) next: Vec<f32>,
-    pub(crate) floor: Vec<f32>,
-    pub(crate) gaps: Vec<Vec<f32>>,
+    pub(crate) next: Plane,
+    pub(crate) floor: Plane,
+    pub(crate) gaps: Vec<Plane>,
     /// Level of each shape's foremost cell in its gaps.
     pub(crate) tops: [f32; MAX_INDENTERS],
 }
@@ -62,16 +67,19 @@ impl Level {
         let (rows, cols) = (ROWS / shrink, COLS / shrink);
         let cell_mm = ((shrink * CELL_PX) as f64 / PX_PER_MM) as f32;
         let length = LENGTH_MM as f32 / cell_mm;
+        let stride = cols + CACHE_LINE;
+        let still = Plane::new((rows + 2) * stride + CACHE_LINE, 0.0);
         Self {
             rows,
             cols,
             cell_mm,
             square: length * length,
             window: Window::default(),
-            height: vec![0.0; (rows + 2) * (cols + 2)],
-            next: vec![0.0; (rows + 2) * (cols + 2)],
-            floor: vec![0.0; rows * cols],
-            gaps: vec![vec![CLEAR; rows * cols]; MAX_INDENTERS],
+            stride,
+            next: still.clone(),
+            height: still,
+            floor: Plane::new(rows * cols, 0.0),
+            gaps: vec![Plane::new(rows * cols, CLEAR); MAX_INDENTERS],
             tops: [CLEAR; MAX_INDENTERS],
         }
     }
@@ -79,8 +87,25 @@ impl Level {
     /// Where a row's window lies in `height`.
     #[inline(always)]
     pub(crate) fn tall(&self, row: usize) -> std::ops::Range<usize> {
-        let start = (row + 1) * (self.cols + 2) + 1;
+        let start = (row + 1) * self.stride + CACHE_LINE;
         start + self.window.cols[0]..start + self.window.cols[1]
+    }
+
+    /// A row of `height` with a still cell before and after; `row` is one more than the grid's.
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize) -> &[f32] {
+        &self.height[row * self.stride + CACHE_LINE - 1..][..self.cols + 2]
+    }
+
+    /// Changes the window; all outside it is still.
+    pub(crate) fn look_at(&mut self, window: Window) {
+        let had = std::mem::replace(&mut self.window, window);
+        let inside = |[from, to]: [usize; 2], [first, last]: [usize; 2]| from >= first && to <= last;
+        // What lies inside is written before it is read.
+        if !(inside(had.rows, window.rows) && inside(had.cols, window.cols)) {
+            self.height.fill(0.0);
+            self.next.fill(0.0);
+        }
     }
 
     /// Where a row's window lies in `floor` and `gaps`.
@@ -92,7 +117,7 @@ impl Level {
     /// A cell's row of the window with a cell before and after, and the rows above and below it.
     #[inline(always)]
     pub(crate) fn around(&self, row: usize) -> [&[f32]; 3] {
-        let (here, stride) = (self.tall(row), self.cols + 2);
+        let (here, stride) = (self.tall(row), self.stride);
         [
             &self.height[here.start - 1..=here.end],
             &self.height[here.start - stride..here.end - stride],
@@ -101,15 +126,18 @@ impl Level {
     }
 }
 
+/// Raises the highest gaps so far, a few columns apart, by those of a row.
 #[inline(always)]
-pub(crate) fn highest(gaps: &[f32]) -> f32 {
-    let mut tops = [CLEAR; LANES];
+pub(crate) fn raise(tops: &mut [f32; LANES], gaps: &[f32]) {
     for lanes in chunks(gaps) {
         for k in 0..LANES {
             tops[k] = if lanes[k] > tops[k] { lanes[k] } else { tops[k] };
         }
     }
-    tops.iter().fold(CLEAR, |top, gap| if *gap > top { *gap } else { top })
+}
+
+pub(crate) fn highest(tops: [f32; LANES]) -> f32 {
+    tops.into_iter().fold(CLEAR, |top, gap| if gap > top { gap } else { top })
 }
 
 /// A depth to start from, rather too small: a skin is soon up but slow to come down. Springs carry the volume that lies
@@ -149,9 +177,9 @@ pub(crate) fn chunks(line: &[f32]) -> &[[f32; LANES]] {
     line.as_chunks().0
 }
 
-/// Means of four cells, or the nearest of them where the shape does not lie over all.
+/// Means of four cells, or the nearest of them where the shape does not lie over all; returns the highest of them.
 #[inline(always)]
-pub(crate) fn pool(fine: &[f32], coarse: &mut [f32], cols: usize) {
+pub(crate) fn pool(fine: &[f32], coarse: &mut [f32], cols: usize) -> f32 {
     for (two, out) in fine.chunks_exact(2 * cols).zip(coarse.chunks_exact_mut(cols / 2)) {
         let (upper, lower) = two.split_at(cols);
         for ((out, a), b) in out.iter_mut().zip(upper.as_chunks::<2>().0).zip(lower.as_chunks::<2>().0) {
@@ -162,6 +190,9 @@ pub(crate) fn pool(fine: &[f32], coarse: &mut [f32], cols: usize) {
             *out = if low > CLEAR / 2.0 { 0.25 * ((a[0] + a[1]) + (b[0] + b[1])) } else { high };
         }
     }
+    let mut tops = [CLEAR; LANES];
+    raise(&mut tops, coarse);
+    highest(tops)
 }
 
 /// Where the coarse grid is displaced at all.
@@ -186,13 +217,27 @@ pub(crate) fn reach(grid: &Level) -> Window {
     Window { rows, cols: [first, last] }
 }
 
+/// All of a grid.
+pub(crate) fn whole(grid: &Level) -> Window {
+    Window { rows: [0, grid.rows], cols: [0, grid.cols] }
+}
+
+/// What two windows share.
+pub(crate) fn shared(a: Window, b: Window) -> Window {
+    let both = |[a0, a1]: [usize; 2], [b0, b1]: [usize; 2]| {
+        let to = a1.min(b1);
+        [a0.max(b0).min(to), to]
+    };
+    Window { rows: both(a.rows, b.rows), cols: both(a.cols, b.cols) }
+}
+
 /// A coarse window with a cell around it, in a grid twice as fine.
 pub(crate) fn wider(coarse: Window, fine: &Level) -> Window {
     let both = |[from, to]: [usize; 2], whole: usize, limit: usize| {
         let end = (2 * to + 2).next_multiple_of(whole).min(limit);
         [(2 * from.saturating_sub(1) / whole * whole).min(end), end]
     };
-    Window { rows: both(coarse.rows, 1, fine.rows), cols: both(coarse.cols, LANES, fine.cols) }
+    Window { rows: both(coarse.rows, 1, fine.rows), cols: both(coarse.cols, CACHE_LINE, fine.cols) }
 }
 
 /// The highest shape over each cell, at least the still gel.
@@ -224,31 +269,37 @@ pub(crate) fn settle(grid: &mut Level, share: f32) {
     }
 }
 
-/// Starts the fine grid from the coarse one, straight lines between cells; all outside the window is still.
+/// Starts the fine grid's window, and what lies around it and stays, from the coarse grid; straight lines between cells.
 #[inline(always)]
 pub(crate) fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
-    fine.height.fill(0.0);
-    fine.next.fill(0.0);
-    let stride = coarse.cols + 2;
-    for r in fine.window.rows[0]..fine.window.rows[1] {
+    let Window { rows: [first, last], cols: [c0, c1] } = fine.window;
+    // Two columns, as a coarse cell has two.
+    let (from, to) = (c0.saturating_sub(2), (c1 + 2).min(fine.cols));
+    for r in first.saturating_sub(1)..(last + 1).min(fine.rows) {
         // Coarse rows around this one, counted with the still one before the first; the nearer has 3/4.
         let near = r / 2 + 1;
         let far = if r.is_multiple_of(2) { near - 1 } else { near + 1 };
-        let rows =
-            coarse.height[near * stride..][..stride].iter().zip(&coarse.height[far * stride..][..stride]);
+        let rows = coarse.row(near).iter().zip(coarse.row(far));
         for (line, (near, far)) in line.iter_mut().zip(rows) {
             *line = 0.75 * near + 0.25 * far;
         }
         // line[m + 1] is coarse column m.
-        let [m0, m1] = fine.window.cols.map(|c| c / 2);
+        let [m0, m1] = [from / 2, to / 2];
         let (before, here, after) = (&line[m0..m1], &line[m0 + 1..=m1], &line[m0 + 2..m1 + 2]);
-        let (tall, flat) = (fine.tall(r), fine.flat(r));
-        let cells =
-            fine.height[tall].as_chunks_mut::<2>().0.iter_mut().zip(fine.floor[flat].as_chunks::<2>().0);
-        for ((height, floor), ((before, here), after)) in cells.zip(before.iter().zip(here).zip(after)) {
-            let start = [0.75 * here + 0.25 * before, 0.75 * here + 0.25 * after];
-            for side in 0..2 {
-                height[side] = if start[side] > floor[side] { start[side] } else { floor[side] };
+        let zero = (r + 1) * fine.stride + CACHE_LINE;
+        let cells = fine.height[zero + from..zero + to].as_chunks_mut::<2>().0.iter_mut();
+        for (height, ((before, here), after)) in cells.zip(before.iter().zip(here).zip(after)) {
+            *height = [0.75 * here + 0.25 * before, 0.75 * here + 0.25 * after];
+        }
+        let inside = (first..last).contains(&r);
+        for part in if inside { [from..c0, c1..to] } else { [from..to, 0..0] } {
+            let part = zero + part.start..zero + part.end;
+            fine.next[part.clone()].copy_from_slice(&fine.height[part]);
+        }
+        if inside {
+            let flat = fine.flat(r);
+            for (height, floor) in fine.height[zero + c0..zero + c1].iter_mut().zip(&fine.floor[flat]) {
+                *height = if *height > *floor { *height } else { *floor };
             }
         }
     }
@@ -258,19 +309,23 @@ pub(crate) fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
 #[inline(always)]
 pub(crate) fn sweep(grid: &mut Level, relax: f32) {
     let shares = [relax * grid.square / (1.0 + 4.0 * grid.square), 1.0 - relax];
-    let (stride, [first, last]) = (grid.cols + 2, grid.window.rows);
+    let (stride, [first, last]) = (grid.stride, grid.window.rows);
     let mut next = std::mem::take(&mut grid.next);
-    for r in (first.next_multiple_of(2)..last).step_by(2) {
-        let [here, up, down] = grid.around(r);
-        relax_row(&mut next[grid.tall(r)], &grid.floor[grid.flat(r)], here, up, down, shares);
-    }
-    for r in (first | 1..last).step_by(2) {
-        let (at, [here, ..]) = (grid.tall(r), grid.around(r));
-        let (before, rest) = next.split_at_mut(at.start);
-        let (own, after) = rest.split_at_mut(at.len());
-        let up = &before[at.start - stride..][..at.len()];
-        let down = &after[stride - at.len()..][..at.len()];
-        relax_row(own, &grid.floor[grid.flat(r)], here, up, down, shares);
+    // An odd row follows as soon as the even ones beside it are there, while they are at hand.
+    for even in (first.next_multiple_of(2)..last + 2).step_by(2) {
+        if even < last {
+            let [here, up, down] = grid.around(even);
+            relax_row(&mut next[grid.tall(even)], &grid.floor[grid.flat(even)], here, up, down, shares);
+        }
+        let odd = even.wrapping_sub(1);
+        if (first..last).contains(&odd) {
+            let (at, [here, ..]) = (grid.tall(odd), grid.around(odd));
+            let (before, rest) = next.split_at_mut(at.start);
+            let (own, after) = rest.split_at_mut(at.len());
+            let up = &before[at.start - stride..][..at.len()];
+            let down = &after[stride - at.len()..][..at.len()];
+            relax_row(own, &grid.floor[grid.flat(odd)], here, up, down, shares);
+        }
     }
     grid.next = std::mem::replace(&mut grid.height, next);
 }
@@ -297,16 +352,37 @@ fn relax_row(
 /// What the springs under each shape carry; a cell belongs to the shape that lies highest over it.
 #[inline(always)]
 pub(crate) fn carry(grid: &Level, pressed: &mut [Pressed]) {
-    let scale = STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm;
-    let alone = pressed.len() == 1;
-    for (i, (pressed, top)) in pressed.iter_mut().zip(&grid.tops).enumerate() {
-        let mut sums = [0.0f32; LANES];
-        for r in grid.window.rows[0]..grid.window.rows[1] {
-            let at = grid.flat(r);
-            let shape = if alone { None } else { Some((&grid.gaps[i][at.clone()], pressed.depth - top)) };
-            carry_row(&grid.floor[at], grid.around(r), grid.square, shape, &mut sums);
-        }
-        pressed.force = scale * sums.iter().sum::<f32>();
+    for i in 0..pressed.len() {
+        pressed[i].force = pressed[i].beyond + carried(grid, i, pressed);
+    }
+}
+
+/// What the window's springs under a shape carry, newtons.
+#[inline(always)]
+fn carried(grid: &Level, i: usize, pressed: &[Pressed]) -> f32 {
+    let lift = pressed[i].depth - grid.tops[i];
+    let mut sums = [0.0f32; LANES];
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let at = grid.flat(r);
+        let shape = if pressed.len() == 1 { None } else { Some((&grid.gaps[i][at.clone()], lift)) };
+        carry_row(&grid.floor[at], grid.around(r), grid.square, shape, &mut sums);
+    }
+    STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm * sums.iter().sum::<f32>()
+}
+
+/// Notes what the springs outside a part of the grid carry, for a finer one that reaches no further.
+#[inline(always)]
+pub(crate) fn carry_beyond(grid: &mut Level, part: Window, pressed: &mut [Pressed]) {
+    let whole = grid.window;
+    let inner = shared(whole, part);
+    if inner == whole {
+        return;
+    }
+    for i in 0..pressed.len() {
+        let all = carried(grid, i, pressed);
+        grid.window = inner;
+        pressed[i].beyond = all - carried(grid, i, pressed);
+        grid.window = whole;
     }
 }
 

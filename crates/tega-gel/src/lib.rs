@@ -27,6 +27,7 @@ mod grid;
 mod membrane;
 mod noise;
 mod paint;
+mod plane;
 mod rng;
 mod shape;
 mod simd;

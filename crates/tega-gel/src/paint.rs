@@ -3,22 +3,26 @@
 use crate::grid::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, PX_PER_MM, ROWS};
 use crate::membrane::Membrane;
 use crate::noise::{Noise, Part};
-use crate::unit::{HEIGHT, LINE, LIT_COLS, LIT_ROWS, Unit, WIDTH};
+use crate::unit::{FINE, HEIGHT, LINE, LIT_COLS, LIT_ROWS, Unit, WIDTH};
 
-/// Colour changes are kept in eighths of a count; none is larger than this.
-const FINE: f32 = 8.0;
+/// No colour change is larger than this.
 const LARGEST: f32 = 400.0 * FINE;
 /// Shares of the cell before and after a pixel, in eighths.
 const SHARES: [[i16; 2]; CELL_PX] = [[7, 1], [5, 3], [3, 5], [1, 7]];
-/// Values of a row between the middles of the lit cells.
-const SPAN: usize = (LIT_COLS - 1) * 12;
+/// Values of a row from the middle of each lit cell to the next.
+const SPAN: usize = LIT_COLS * CELL_PX * 3;
 /// The picture's first value in such a row.
 const FIRST: usize = 6;
+/// Lit cells are worked on so many at a time, and bytes of the picture; a window's edges lie at such bytes.
+const SOME_CELLS: usize = 16;
+const SOME_BYTES: usize = 16;
 
 /// What painting needs to remember between its steps.
 #[derive(Debug, Clone)]
 pub(crate) struct Canvas {
     colours: [Vec<i16>; 3],
+    /// Of a row of lit cells: blue, green, red of one after the other, and each cell's four times.
+    cells: Vec<i16>,
     spread: Vec<i16>,
     shares: [Vec<i16>; 2],
     lines: [Vec<i16>; 2],
@@ -38,6 +42,7 @@ impl Canvas {
         let share = |side: usize| (0..SPAN).map(|j| SHARES[j % 12 / 3][side]).collect();
         Self {
             colours: std::array::from_fn(|_| vec![0; LIT_COLS]),
+            cells: vec![0; 3 * LIT_COLS],
             spread: vec![0; SPAN + 12],
             shares: [share(0), share(1)],
             lines: [vec![0; SPAN], vec![0; SPAN]],
@@ -62,32 +67,27 @@ impl Canvas {
         let [b0, b1] = area.bytes;
         // The lit row whose line is in `lines[1]`; the one before it in `lines[0]`.
         let mut below = usize::MAX;
-        for y in area.rows[0]..area.rows[1] {
+        let mut y = area.rows[0];
+        while y < area.rows[1] {
             // Pixel rows 4v - 2 to 4v + 1 lie between lit rows v and v + 1.
-            let (v, k) = ((y + 2) / CELL_PX, (y + 2) % CELL_PX);
-            if below != v + 1 {
-                if below == v {
-                    self.lines.swap(0, 1);
-                } else {
-                    self.line(membrane, unit, (v, area.lit), 0);
-                }
-                self.line(membrane, unit, (v + 1, area.lit), 1);
-                below = v + 1;
+            let (v, first) = ((y + 2) / CELL_PX, (y + 2) % CELL_PX);
+            if below == v {
+                self.lines.swap(0, 1);
+            } else {
+                self.line(membrane, unit, (v, area.lit), 0);
             }
-            let (still, noise) = (&still[y * LINE..][..LINE], noise.row(part, y));
-            let out = &mut out[y * LINE..][..LINE];
-            plain(&still[..b0], &noise[..b0], &mut out[..b0]);
-            plain(&still[b1..], &noise[b1..], &mut out[b1..]);
-            let [upper, lower] = [0, 1].map(|side| &self.lines[side][FIRST + b0..FIRST + b1]);
-            let [wu, wl] = SHARES[k];
-            let (still, noise) = (&still[b0..b1], &noise[b0..b1]);
-            for ((((out, still), noise), u), l) in
-                out[b0..b1].iter_mut().zip(still).zip(noise).zip(upper).zip(lower)
-            {
-                let change = (u * wu + l * wl + 32) >> 6;
-                let level = i16::from(*still) + i16::from(*noise) + change;
-                *out = level.clamp(0, 255) as u8;
+            self.line(membrane, unit, (v + 1, area.lit), 1);
+            below = v + 1;
+            let lines = [0, 1].map(|side| &self.lines[side][FIRST + b0..FIRST + b1]);
+            let end = (y + CELL_PX - first).min(area.rows[1]);
+            for (y, shares) in (y..end).zip(&SHARES[first..]) {
+                let (still, noise) = (&still[y * LINE..][..LINE], noise.row(part, y));
+                let out = &mut out[y * LINE..][..LINE];
+                plain(&still[..b0], &noise[..b0], &mut out[..b0]);
+                plain(&still[b1..], &noise[b1..], &mut out[b1..]);
+                blend(&still[b0..b1], &noise[b0..b1], lines, *shares, &mut out[b0..b1]);
             }
+            y = end;
         }
     }
 
@@ -113,18 +113,22 @@ impl Canvas {
         let [nx, ny, nz] = normals.each_mut().map(|normals| &mut normals[..n]);
         for c in 0..n {
             let (gx, gy) = ((right[c] - left[c]) * per, (down[c] - up[c]) * per);
-            let q = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
+            let q = inverse_root(1.0 + gx * gx + gy * gy);
             (nx[c], ny[c], nz[c]) = (gx * q, gy * q, q - 1.0);
         }
         for (light, colours) in unit.light.iter().zip(&mut self.colours) {
             shade(&mut colours[..n], [0, 1, 2].map(|k| &light[k][at.clone()]), &normals);
         }
-        let [blue, green, red] = &self.colours;
-        let cells = self.spread[12 * from..12 * to].as_chunks_mut::<12>().0.iter_mut();
+        let [blue, green, red] = self.colours.each_ref().map(|colours| &colours[..n]);
+        let cells = self.cells[..3 * n].as_chunks_mut::<3>().0.iter_mut();
         for (out, ((b, g), r)) in cells.zip(blue.iter().zip(green).zip(red)) {
-            *out = [*b, *g, *r, *b, *g, *r, *b, *g, *r, *b, *g, *r];
+            *out = [*b, *g, *r];
         }
-        let span = 12 * from..12 * (to - 1);
+        let span = 12 * from..12 * to;
+        let spread = self.spread[span.clone()].as_chunks_mut::<96>().0.iter_mut();
+        for (out, cells) in spread.zip(self.cells.as_chunks::<24>().0) {
+            *out = four_times(cells);
+        }
         let [before, after] = [0, 1].map(|k| &self.shares[k][span.clone()]);
         let (near, far) = (&self.spread[span.clone()], &self.spread[span.start + 12..span.end + 12]);
         let shares = before.iter().zip(after);
@@ -136,14 +140,36 @@ impl Canvas {
     }
 }
 
-/// Colour change of a row of cells, eighths of a count.
+/// Blue, green, red of eight cells, for each cell's four pixels across; written out so that compilers shuffle.
+#[inline(always)]
+fn four_times(cells: &[i16; 24]) -> [i16; 96] {
+    let pixels = |c: usize| {
+        let [b, g, r] = [cells[3 * c], cells[3 * c + 1], cells[3 * c + 2]];
+        [b, g, r, b, g, r, b, g, r, b, g, r]
+    };
+    let eight = [pixels(0), pixels(1), pixels(2), pixels(3), pixels(4), pixels(5), pixels(6), pixels(7)];
+    let mut out = [0; 96];
+    out.copy_from_slice(eight.as_flattened());
+    out
+}
+
+/// 1/√x to 5e-6 of itself, of x from 1 on: two of Newton's steps from a start in the exponent's bits, which are quicker
+/// than a root and a quotient and the same everywhere.
+#[inline(always)]
+fn inverse_root(x: f32) -> f32 {
+    let start = f32::from_bits(0x5F37_5A86 - (x.to_bits() >> 1));
+    let better = start * (1.5 - 0.5 * x * start * start);
+    better * (1.5 - 0.5 * x * better * better)
+}
+
+/// Colour change of a row of cells.
 #[inline(always)]
 fn shade(out: &mut [i16], light: [&[f32]; 3], normals: &[[f32; LIT_COLS]; 3]) {
     let n = out.len();
     let [px, py, pz] = light.map(|l| &l[..n]);
     let [nx, ny, nz] = normals.each_ref().map(|normals| &normals[..n]);
     for c in 0..n {
-        let change = ((px[c] * nx[c] + py[c] * ny[c]) + pz[c] * nz[c]) * FINE;
+        let change = (px[c] * nx[c] + py[c] * ny[c]) + pz[c] * nz[c];
         let below = if change < LARGEST { change } else { LARGEST };
         out[c] = nearest(if below > -LARGEST { below } else { -LARGEST });
     }
@@ -163,6 +189,36 @@ fn plain(still: &[u8], noise: &[i8], out: &mut [u8]) {
     }
 }
 
+/// Still picture, noise, and the colour change between two lines, of which each has a share.
+#[inline(always)]
+fn blend(still: &[u8], noise: &[i8], [upper, lower]: [&[i16]; 2], shares: [i16; 2], out: &mut [u8]) {
+    let (most, rest) = out.as_chunks_mut::<{ 2 * SOME_BYTES }>();
+    let done = most.as_flattened().len();
+    blend_some(most, still, noise, [upper, lower], shares);
+    let lines = [&upper[done..], &lower[done..]];
+    blend_some(rest.as_chunks_mut::<SOME_BYTES>().0, &still[done..], &noise[done..], lines, shares);
+}
+
+#[inline(always)]
+fn blend_some<const N: usize>(
+    out: &mut [[u8; N]],
+    still: &[u8],
+    noise: &[i8],
+    [upper, lower]: [&[i16]; 2],
+    shares: [i16; 2],
+) {
+    let pictures = still.as_chunks::<N>().0.iter().zip(noise.as_chunks::<N>().0);
+    let lines = upper.as_chunks::<N>().0.iter().zip(lower.as_chunks::<N>().0);
+    for ((out, (still, noise)), (u, l)) in out.iter_mut().zip(pictures).zip(lines) {
+        for k in 0..N {
+            let change = (u[k] * shares[0] + l[k] * shares[1] + 32) >> 6;
+            // The picture keeps so far from 0 and 255 that noise alone does not leave a byte.
+            let level = i16::from(still[k].wrapping_add_signed(noise[k])) + change;
+            out[k] = level.clamp(0, 255) as u8;
+        }
+    }
+}
+
 /// Pixels that a displaced cell reaches.
 fn area(membrane: &Membrane) -> Area {
     let window = membrane.window();
@@ -174,7 +230,10 @@ fn area(membrane: &Membrane) -> Area {
     };
     let cols = pixels(window.cols, MARGIN_COLS, WIDTH);
     // Pixels 4c - 2 to 4c + 1 lie between lit cells c and c + 1.
-    let lit = [(cols[0] + 2) / CELL_PX, (cols[1] + 1) / CELL_PX + 2];
+    let [from, to] = [(cols[0] + 2) / CELL_PX, (cols[1] + 1) / CELL_PX + 2];
+    let n = (to - from).next_multiple_of(SOME_CELLS).min(LIT_COLS);
+    let from = from.min(LIT_COLS - n);
+    let lit = [from, from + n];
     Area { rows: pixels(window.rows, MARGIN_ROWS, HEIGHT), bytes: cols.map(|x| 3 * x), lit }
 }
 

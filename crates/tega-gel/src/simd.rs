@@ -7,7 +7,8 @@
 
 use std::sync::OnceLock;
 
-use crate::membrane::{Measured, Membrane};
+use crate::grid::{self, Window};
+use crate::membrane::{self, Measured, Membrane};
 use crate::noise::{Noise, Part};
 use crate::paint::Canvas;
 use crate::shape::Indenter;
@@ -92,6 +93,11 @@ pub fn instruction_set() -> &'static str {
 dispatched! {
     /// See [`Membrane::solve`].
     solve = Membrane::solve, (membrane: &mut Membrane, indenters: &[Indenter]) -> bool
+}
+
+dispatched! {
+    /// See [`membrane::lay`].
+    lay = membrane::lay, (grid: &mut grid::Level, part: Window, i: usize, indenter: &Indenter) -> ()
 }
 
 dispatched! {

@@ -10,8 +10,9 @@ pub const WIDTH: usize = 240;
 /// Bytes of a picture's row.
 pub(crate) const LINE: usize = WIDTH * 3;
 
-/// Cells with a colour change: those of the picture and one more on each side.
-pub(crate) const LIT_COLS: usize = COLS - 2 * MARGIN_COLS + 2;
+/// Cells with a colour change: those of the picture and one more on each side, and across as many more as make the
+/// number round.
+pub(crate) const LIT_COLS: usize = (COLS - 2 * MARGIN_COLS + 2).next_multiple_of(16);
 pub(crate) const LIT_ROWS: usize = ROWS - 2 * MARGIN_ROWS + 2;
 
 /// Still picture, counts, blue, green, red: constant, X, Y, X², XY, Y² with X and Y from -1 to 1 across and down.
@@ -48,12 +49,15 @@ const STILL_SPREAD: f32 = 0.1;
 /// Knots of the still picture's rest: rows, columns. Cubic, so that it is smooth over some 50 pixels.
 const KNOTS: [usize; 2] = [9, 8];
 
+/// Colour changes are kept in eighths of a count.
+pub(crate) const FINE: f32 = 8.0;
+
 /// A sensor's still picture and light field.
 #[derive(Debug, Clone)]
 pub(crate) struct Unit {
     /// Counts, rows of blue, green, red.
     pub(crate) still: Vec<f32>,
-    /// For each lit cell and colour: response to the normal's x, y and z - 1, plane after plane.
+    /// For each lit cell and colour: response to the normal's x, y and z - 1, plane after plane; eighths of a count.
     pub(crate) light: [[Vec<f32>; 3]; 3],
 }
 
@@ -101,7 +105,7 @@ fn light(seed: u64, spread: f32) -> [[Vec<f32>; 3]; 3] {
                     // Middle of the cell; the first is outside the picture, where the field is that of the border.
                     let x = across((4.0 * c as f32 - 2.5).clamp(0.0, 239.0));
                     let y = along((4.0 * r as f32 - 2.5).clamp(0.0, 319.0));
-                    out.push(of(std::array::from_fn(|k| polynomial(&terms[k], x, y))));
+                    out.push(FINE * of(std::array::from_fn(|k| polynomial(&terms[k], x, y))));
                 }
             }
             out
