@@ -30,7 +30,6 @@ _WORDS = {
     "torn": "torn",
     "duplicate": "repeated",
     "black": "black",
-    "foreign": "another sensor's",
 }
 
 
