@@ -238,6 +238,8 @@ def test_which_device_is_taken() -> None:
         with HidPort().installed():
             with pytest.raises(DeviceUnavailableError, match="no SpaceMouse is there"):
                 spacemouse().open()
+            with pytest.raises(DeviceUnavailableError, match="with the serial number X is there"):
+                spacemouse(serial="X").open()
             with pytest.raises(DeviceUnavailableError, match=r"no pedal that is known.*set vendor_id"):
                 pedal().open()
             with pytest.raises(DeviceUnavailableError, match="no device 05f3:00ff is there"):
@@ -360,6 +362,7 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
                 cap.say("press 1")
                 cap.say("press 0")
                 foot.say("press 0")
+                time.sleep(0.1)  # no bounce
                 foot.say("lift 0")
                 foot.say("press 1")
             seen.append(view)
@@ -416,3 +419,11 @@ def test_what_a_pedal_says_that_cannot_be_read_releases_it_until_it_is_let_go() 
     assert foot.state().held == {"b"}
     assert [e.pressed for e in foot.events()] == [True, False, True]
     foot._thread = None
+
+
+def test_half_a_button_report_of_the_cap_releases_it() -> None:
+    mouse = spacemouse()
+    assert report(mouse, 0, b"\x03\x01\x00")
+    assert mouse._buttons.held == {"left"}
+    assert not report(mouse, 1, b"\x03")
+    assert mouse._buttons.held == frozenset()

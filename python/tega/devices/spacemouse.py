@@ -103,9 +103,10 @@ class SpaceMouse(HidInput):
 
     def _absence(self, found: Sequence[Mapping[str, Any]]) -> DeviceUnavailableError:
         others = [(d["vendor_id"], d["product_id"]) for d in found if d["vendor_id"] == 0x256F]
+        numbered = f" with the serial number {self._settings.serial}" if self._settings.serial else ""
         if not others:
             return DeviceUnavailableError(
-                "spacemouse: no SpaceMouse is there",
+                f"spacemouse: no SpaceMouse{numbered} is there",
                 "plug it in, and see docs/device-inputs.md for the udev rule",
             )
         said = "; ".join(
