@@ -47,6 +47,8 @@ def test_the_contract_from_a_shell(capsys: pytest.CaptureFixture[str], tmp_path:
     assert main(["cyton", "--set", "prot=/dev/nowhere"]) == 2
     assert "did you mean 'port'" in capsys.readouterr().out
     assert main(["no-such-driver"]) == 2
+    assert main(["--real", "digit"]) == 2
+    assert "set either serial or source" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["--set", "a=b"])
     words = [sys.executable, "-m", "tega.testing.contract", "synthetic-touch"]

@@ -9,7 +9,7 @@ Example::
     check_driver(MyVest, MyVestOptions(port="COM3"))
 
 The same from a shell, by the name of the entry point; without a name every installed driver is put through, TEGA's own
-against their emulators::
+against their emulators, unless ``--set`` or ``--real`` says that the device itself is meant::
 
     python -m tega.testing.contract my-vest --set port=COM3
 """
@@ -288,19 +288,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="sets", help="an option of the driver"
     )
+    parser.add_argument(
+        "--real", action="store_true", help="TEGA's own drivers on the device itself, not on its emulator"
+    )
     given = parser.parse_args(arguments)
     if given.sets and len(given.names) != 1:
         parser.error("--set needs the name of one driver")
     worst = 0
     for name in given.names or driver_names():
-        verdict, said = _try_driver(name, given.sets)
+        verdict, said = _try_driver(name, given.sets, real=given.real)
         worst = max(worst, {"ok": 0, "not tried": 0 if not given.names else 2, "broken": 1}[verdict])
         sys.stdout.write(f"{verdict:<10} {name:<18} {said}\n")
         sys.stdout.flush()
     return worst
 
 
-def _try_driver(name: str, sets: Sequence[str]) -> tuple[str, str]:
+def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
     """Check one driver; return the verdict and what there is to say."""
     from tega.config import driver_options
     from tega.testing.benches import BENCHES, why_not
@@ -312,7 +315,7 @@ def _try_driver(name: str, sets: Sequence[str]) -> tuple[str, str]:
             driver = driver_class(name)
             if sets:
                 where = f"with {' '.join(sets)}"
-            elif name in BENCHES:
+            elif name in BENCHES and not real:
                 if reason := why_not(name):
                     return "not tried", reason
                 where = BENCHES[name].summary
