@@ -65,22 +65,23 @@ class ManualClock:
 
 
 class PausableClock:
-    """The machine's monotonic clock without the time for which it was held.
+    """Another clock without the time for which it was held.
 
     Args:
         paused: Asked by every wait; the clock stands still, and the wait lasts, while it says so.
+        clock: The other clock; the machine's when ``None``.
 
     Attributes:
-        held_ns: The pauses so far, nanoseconds.
+        held_ns: What the other clock went on in the pauses so far, nanoseconds.
     """
 
-    def __init__(self, paused: Callable[[], bool]) -> None:
+    def __init__(self, paused: Callable[[], bool], clock: Clock | None = None) -> None:
         self._paused = paused
-        self._clock = SystemClock()
+        self._clock = SystemClock() if clock is None else clock
         self.held_ns = 0
 
     def now_ns(self) -> int:
-        """Return the machine's monotonic time less the pauses so far, in nanoseconds."""
+        """Return the other clock's time less the pauses so far, in nanoseconds."""
         return self._clock.now_ns() - self.held_ns
 
     def sleep_until(self, t_ns: int) -> None:

@@ -6,6 +6,7 @@ is only noticed after a second.
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import threading
@@ -253,6 +254,25 @@ def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
         )
         said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
         assert said.stdout.strip() == "running"
+        assert _limp(hand)
+        assert not hand.command()["reports"]
+
+
+def test_a_program_told_to_terminate_still_lets_go() -> None:
+    with AllegroProcess() as hand:
+        program = (
+            "import time\n"
+            "from tega.devices.allegro import Allegro, AllegroOptions\n"
+            f"driver = Allegro(AllegroOptions(**{ ({**hand.options, **PATIENT})!r}))\n"
+            "driver.open()\nprint('open', flush=True)\n"
+            "while True:\n    driver.step(5)\n    time.sleep(0.01)\n"
+        )
+        with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as running:
+            assert running.stdout is not None
+            assert running.stdout.readline() == b"open\n"
+            assert hand.command()["servo_on"]
+            running.terminate()
+            assert running.wait() == 128 + signal.SIGTERM
         assert _limp(hand)
         assert not hand.command()["reports"]
 

@@ -23,7 +23,7 @@ from tega.devices.synthetic import (
 from tega.haptics import vest_frame
 from tega.recording import prepare_folder
 from tega.sim import demo as demo_module
-from tega.sim.demo import DemoReport
+from tega.sim.demo import DemoReport, demo_heading
 from tega.sim.gel import Gel, ball
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.score import Event
@@ -87,6 +87,24 @@ def test_the_demo_prints_one_page_and_no_keyboard_in_a_hurry(
     with pytest.raises(SystemExit) as done:
         main(["demo", "--fast", "--operator", "keyboard", "--out", str(tmp_path)])
     assert done.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("operator", "condition", "words"),
+    [
+        ("simulated", "haptic", "the person feels the vest and steers"),
+        ("simulated", "non-haptic", "the person wears no vest"),
+        ("simulated", "permuted", "sham vest (permuted)"),
+        ("simulated", "unfelt", "does not feel it"),
+        ("scripted", "haptic", "a fixed course, whatever the vest does"),
+        ("keyboard", "haptic", "at the keyboard"),
+    ],
+)
+def test_the_heading_of_the_picture_is_true(operator: Any, condition: Any, words: str) -> None:
+    plan = TrialPlan(object="bag", operator=operator, condition=condition)
+    heading = demo_heading([plan, plan])
+    assert heading.startswith("TEGA demo, simulated: ")
+    assert heading.count(words) == 1
 
 
 def dropped() -> TrialResult:

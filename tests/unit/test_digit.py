@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -49,6 +52,35 @@ def test_it_gives_the_newest_picture_once_and_turned() -> None:
         assert digit.read(0.0) is None or digit.counts.used > 0
     with pytest.raises(DeviceUnavailableError, match="not open"):
         digit.read(0.0)
+    assert digit.counts.lost == 0
+
+
+@pytest.mark.parametrize("terminated", [False, True])
+def test_a_program_that_does_not_close_it_still_ends_in_order(terminated: bool) -> None:
+    with DigitProcess() as sensor:
+        program = (
+            "import sys\n"
+            "from tega.devices.digit import Digit, DigitOptions\n"
+            f"digit = Digit(DigitOptions(source={sensor.source!r}, warm_up_s=0.1))\n"
+            "digit.open()\nprint('open', flush=True)\nsys.stdin.read()\n"
+        )
+        with subprocess.Popen(
+            [sys.executable, "-c", program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as running:
+            assert running.stdin is not None
+            assert running.stdout is not None
+            assert running.stdout.readline() == "open\n"
+            if terminated:
+                running.terminate()
+            else:
+                running.stdin.close()
+            assert running.wait() == (128 + signal.SIGTERM if terminated else 0)
+            assert running.stderr is not None
+            assert running.stderr.read() == ""
 
 
 COUNTED = {
@@ -65,6 +97,13 @@ SILENT = set(COUNTED) - {"duplicate"}
 
 def test_every_fault_of_the_emulated_sensor_is_tried() -> None:
     assert set(COUNTED) | {"small", "slow", "other", "strip"} == set(FAULTS)
+
+
+def test_an_unknown_fault_is_refused() -> None:
+    with DigitProcess() as sensor:
+        with pytest.raises(ValueError, match="no fault is called 'frozen'"):
+            sensor.command("frozen")
+        sensor.command("freeze")
 
 
 @pytest.mark.parametrize("fault", sorted(COUNTED))

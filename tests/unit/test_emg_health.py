@@ -20,10 +20,11 @@ def looked_at(
     samples: NDArray[np.float64],
     rate_hz: float = RATE_HZ,
     limits: tuple[float, float] | None = (-5000.0, 5000.0),
+    chunk: int = 7,
 ) -> EmgHealth:
     health = EmgHealth(rate_hz, NAMES[: samples.shape[1]], limits=limits)
-    for first in range(0, len(samples), 7):
-        health.take(EmgChunk(0, first, samples[first : first + 7]))
+    for first in range(0, len(samples), chunk):
+        health.take(EmgChunk(0, first, samples[first : first + chunk]))
     return health
 
 
@@ -99,10 +100,11 @@ def test_gaps_are_counted_with_the_longest() -> None:
     assert health.words() == ("50 samples were lost in 2 gaps, the longest 94 ms",)
 
 
-def test_words_say_how_long_a_fault_lasted_after_it_is_over() -> None:
+@pytest.mark.parametrize("chunk", [7, 150, 249, 1100])
+def test_words_say_how_long_a_fault_lasted_after_it_is_over(chunk: int) -> None:
     samples = muscle()
     samples[:500, 0] = 5000.0
-    health = looked_at(samples)
+    health = looked_at(samples, chunk=chunk)
     assert health.now == ()
     assert [w for w in health.words() if w.startswith("ch1")] == [
         "ch1: at the converter's limit: electrode off, cable out, or amplifier saturated (for 1 s)"

@@ -106,3 +106,11 @@ def test_an_emulator_says_what_it_does_not_understand() -> None:
         device.say("plug")
         assert device.port.startswith("/dev/")
         assert first.startswith("/dev/")
+
+
+def test_a_network_stream_refuses_faults_that_only_a_wire_has() -> None:
+    pytest.importorskip("pylsl", reason="needs the extra tega[lsl]")
+    with Emulator("lsl") as device:
+        with pytest.raises(ValueError, match="garbage"):
+            device.say("garbage")
+        device.say("loss 0.1")

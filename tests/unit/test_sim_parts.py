@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
-from tega.clock import ManualClock
+from tega.clock import ManualClock, PausableClock
 from tega.sim.arms import CONDITIONS, feels, worn
 from tega.sim.hand import SimulatedBus
 from tega.sim.pacing import SimulatedPacer
@@ -55,8 +55,8 @@ def test_lifted_is_a_second_at_the_height() -> None:
 
 @pytest.mark.parametrize(
     ("speed_m_s", "lasting_s", "slips"),
-    [(0.02, 0.2, 1), (0.004, 2.0, 0), (0.02, 0.1, 0), (0.2, 0.02, 0), (0.2, 0.05, 1)],
-    ids=["seen", "too slow", "too short a way", "too short", "fast"],
+    [(0.02, 0.2, 1), (0.0002, 2.0, 0), (0.004, 2.0, 0), (0.02, 0.1, 0), (0.2, 0.02, 0), (0.2, 0.05, 1)],
+    ids=["seen", "creep", "too slow", "too short a way", "a jerk too short", "fast"],
 )
 def test_a_slip_counts_when_it_can_be_seen(speed_m_s: float, lasting_s: float, slips: int) -> None:
     scorer = score(
@@ -77,6 +77,12 @@ def test_two_slips_are_one_without_a_rest_in_between(rest_s: float, slips: int) 
         ]
     )
     assert scorer.count("slip") == slips
+    assert sum(event.size_m for event in scorer.events) == pytest.approx(0.01, abs=0.0011)
+
+
+def test_a_slip_counts_that_has_not_ended_with_the_trial() -> None:
+    events = score([(1.0, {"lift_off": True, "slip_m_s": 0.02})]).events
+    assert [event.size_m for event in events if event.kind == "slip"] == [pytest.approx(0.02, abs=0.001)]
 
 
 def test_sliding_counts_neither_on_the_table_nor_while_it_is_put_down() -> None:
@@ -175,14 +181,27 @@ def test_a_late_simulation_leaves_no_tick_out_and_shifts_what_is_left() -> None:
 
 
 def test_a_pause_holds_the_world_and_goes_on_from_there() -> None:
-    answers = iter([True, True, False])
     times: list[int] = []
-    clock = ManualClock(5_000_000_000)
-    pacer = SimulatedPacer(clock, times.append, paused=lambda: next(answers, False))
+    machine = ManualClock(5_000_000_000)
+
+    looks = iter(range(3))
+
+    def paused() -> bool:
+        """Hold the world after its first tick; a second passes before somebody goes on."""
+        look = next(looks) if times else 2
+        if times and look > 0:
+            machine.sleep_until(machine.now_ns() + 500_000_000)
+        return look < 2
+
+    clock = PausableClock(paused, machine)
+    pacer = SimulatedPacer(clock, times.append)
     assert pacer.wait(2_000_000)
-    assert times == [2_000_000]
+    assert clock.held_ns == 0
     assert pacer.wait(3_000_000)
-    assert clock.now_ns() == 5_001_000_000
+    assert times == [2_000_000, 3_000_000]
+    assert clock.held_ns == 1_000_000_000
+    assert machine.now_ns() == 6_003_000_000
+    assert pacer.report().n_overruns == 0
 
 
 def test_the_bus_does_what_the_frames_say() -> None:

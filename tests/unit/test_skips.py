@@ -1,212 +1,39 @@
-"""What brings nothing new is left out, and nothing else is."""
+"""A vest is not told twice, and what is not there costs nothing."""
 
 from __future__ import annotations
 
 import csv
 import importlib
 import itertools
-import json
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import tega.teleop.sources as sources_module
-from reference.recordings import baseline, pressed, write_folder
-from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from reference.scripted import MS, Sink, touching
 from tega.calibration import TouchMaxima
-from tega.cli.main import main
 from tega.clock import ManualClock
 from tega.config import check_tree
-from tega.devices.base import TactileFrame
-from tega.errors import DeviceUnavailableError, RecordingError
+from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame, vest_frame
 from tega.sim.gel import Gel
-from tega.tactile import read_contact
 from tega.teleop import run_session
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop, LoopView
 from tega.teleop.pacing import Pacer
-from tega.teleop.repeats import STUCK_FRAMES, LastFrame
-from tega.teleop.sources import Contact, SourceReport, measured_contacts
+from tega.teleop.sources import Contact
 from tega.teleop.streams import PulledStream
-from tega.teleop.touch import STALE_NS, TouchLoop
-
-
-@pytest.fixture
-def n_measured(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
-    """Count how often a picture is really measured."""
-    calls = itertools.count()
-    done = [0]
-
-    def counting(*args: Any, **kwargs: Any) -> Any:
-        done[0] = next(calls) + 1
-        return read_contact(*args, **kwargs)
-
-    monkeypatch.setattr(sources_module, "read_contact", counting)
-    return lambda: done[0]
-
-
-def measure(script: list[Any], *, live: bool = True) -> tuple[list[Contact], SourceReport]:
-    report = SourceReport()
-    camera: Any = ScriptedCamera(script, live=live)
-    start_ns = STARTED_NS if live else 0
-    return list(measured_contacts(camera, baseline(), "live", report, start_ns=start_ns)), report
-
-
-def showing(*pictures: int) -> list[TactileFrame]:
-    """Return frames with numbers of their own that show these pictures."""
-    return [live_frame(k, image=pressed(60, noise=picture)) for k, picture in enumerate(pictures)]
+from tega.teleop.touch import TouchLoop
 
 
 def table(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(path.read_text().splitlines()))
-
-
-# Frames
-
-
-def test_a_frame_delivered_again_is_neither_measured_nor_new(n_measured: Callable[[], int]) -> None:
-    first, second = live_frame(0), live_frame(1)
-    got, report = measure([first, first, first, None, first, second, second, live_frame(4)])
-    assert [t // MS for t, _ in got] == [0, 16, 64]
-    assert n_measured() == 3
-    assert (report.n_items, report.n_duplicate, report.n_missing) == (3, 4, 2)
-    assert (report.n_identical, report.n_stuck) == (0, 0)
-
-
-def test_a_bad_frame_delivered_again_is_not_tried_again() -> None:
-    bad = live_frame(1, image=np.zeros((9, 9, 3), np.uint8))
-    got, report = measure([live_frame(0), bad, bad, RecordingError("torn"), live_frame(2)])
-    assert len(got) == 2
-    assert (report.n_dropped, report.n_duplicate) == (2, 1)
-
-
-def test_numbers_that_begin_again_are_new_frames() -> None:
-    again = live_frame(9)._replace(seq=0)
-    got, report = measure([live_frame(0), live_frame(1), again])
-    assert len(got) == 3
-    assert report.n_duplicate == 0
-
-
-def test_equal_pixels_are_measured_once_and_give_the_same(n_measured: Callable[[], int]) -> None:
-    got, report = measure(showing(0, 0, 1, 1, 2, 2))
-    assert n_measured() == 3
-    assert (report.n_items, report.n_identical, report.n_stuck) == (6, 3, 0)
-    assert [t // MS for t, _ in got] == [0, 16, 32, 48, 64, 80]
-    assert [m for _, m in got] == [
-        read_contact(pressed(60, noise=n), baseline(), reading="live") for n in (0, 0, 1, 1, 2, 2)
-    ]
-
-
-def test_the_third_equal_picture_of_a_live_sensor_is_not_used(n_measured: Callable[[], int]) -> None:
-    assert STUCK_FRAMES == 3
-    got, report = measure(showing(0, 1, 1, 1, 1, 2, 2, 2, 3))
-    assert [t // 16 // MS for t, _ in got] == [0, 1, 2, 5, 6, 8]
-    assert n_measured() == 4
-    assert (report.n_items, report.n_identical, report.n_stuck, report.n_missing) == (6, 5, 3, 0)
-    assert n_measured() == report.n_items + report.n_stuck - report.n_identical
-
-
-def test_the_equal_pictures_of_a_recording_are_used(n_measured: Callable[[], int]) -> None:
-    got, report = measure(showing(*[0] * 10), live=False)
-    assert len(got) == 10
-    assert n_measured() == 1
-    assert (report.n_items, report.n_identical, report.n_stuck) == (10, 9, 0)
-
-
-def test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor() -> None:
-    buffer = np.empty_like(baseline())
-
-    class Reusing(ScriptedCamera):
-        def read(self, timeout_s: float) -> TactileFrame | None:
-            frame = super().read(timeout_s)
-            if frame is None:
-                return None
-            buffer[:] = frame.image
-            return frame._replace(image=buffer)
-
-    report = SourceReport()
-    camera: Any = Reusing(showing(*range(6)))
-    assert len(list(measured_contacts(camera, baseline(), "live", report))) == 6
-    assert report.n_identical == 0
-
-
-def test_a_stuck_sensor_falls_silent_and_comes_back() -> None:
-    contacts, report = measure(showing(0, 1, *[2] * 30, 3, 4, 5, 6))
-    last_used_ns, back_ns = 3 * 16 * MS, 32 * 16 * MS
-    assert [t for t, _ in contacts if last_used_ns < t < back_ns] == []
-    vest = Sink()
-    loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
-        contacts={"thumb": PulledStream(contacts)},
-        levels=None,
-        hand=ModelledAllegro(),
-        vests=[vest],
-        hands=[],
-        recorder=None,
-    )
-    loop.run()
-    for t_ns, frame in vest.sent[:-1]:
-        silent = last_used_ns + STALE_NS < t_ns < back_ns
-        assert frame.intensities.any() != silent, t_ns
-    assert loop.report.n_stale_ticks["thumb"] == 11
-    assert report.n_stuck == 28
-
-
-@given(data=st.data())
-def test_pictures_are_equal_exactly_when_every_pixel_is(data: st.DataObject) -> None:
-    height, width = data.draw(st.integers(1, 90)), data.draw(st.integers(1, 90))
-    rng = np.random.default_rng(data.draw(st.integers(0, 99)))
-    one = rng.integers(0, 256, (height, width, 3)).astype(np.uint8)
-    other = one.copy()
-    for _ in range(data.draw(st.integers(0, 2))):
-        at = (
-            data.draw(st.integers(0, height - 1)),
-            data.draw(st.integers(0, width - 1)),
-            data.draw(st.integers(0, 2)),
-        )
-        other[at] = data.draw(st.integers(0, 255))
-    if data.draw(st.booleans()):
-        one, other = one[:, ::-1], other[:, ::-1]
-    last, metrics = LastFrame(), touching(7)
-    assert last.repeat(one) is None
-    last.keep(one, metrics)
-    equal = not np.count_nonzero(one.astype(int) - other.astype(int))
-    assert (last.repeat(other) is metrics) == equal
-    assert last.n_equal == 1 + equal
-    assert last.repeat(one[:-1]) is None
-
-
-def test_a_recording_whose_pixels_stand_still_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = write_folder(tmp_path / "thumb", 12)
-    for k in (4, 5, 6, 9):
-        cv2.imwrite(str(folder / f"frame_{k}.png"), pressed(60, noise=k if k == 9 else 4))
-    np.save(tmp_path / "gel.npy", baseline())
-    words = ["--tactile", f"thumb={folder}", "--baseline", f"thumb={tmp_path / 'gel.npy'}"]
-    with pytest.raises(SystemExit):
-        main(["replay", "--json", *words, "--out", str(tmp_path / "out")])
-    summary = json.loads(capsys.readouterr().out)
-    thumb = summary["tactile"]["thumb"]
-    assert (thumb["frames"], thumb["duplicate"], thumb["identical"], thumb["stuck"]) == (12, 0, 2, 0)
-    said = (
-        "thumb: 2 frames have exactly the pixels of the one before, as a sensor's raw frames never do; used"
-    )
-    assert said in summary["notes"]
-    rows = table(tmp_path / "out" / "contacts.csv")
-    assert len(rows) == 12
-    assert rows[4]["eda"] == rows[5]["eda"] == rows[6]["eda"]
 
 
 # Vest frames

@@ -39,6 +39,16 @@ def test_the_slot_keeps_the_newest_moment_and_counts_those_it_drops(moments):
     assert (view.n_offered, view.n_painted, view.n_dropped) == (5, 1, 4)
 
 
+def test_no_rate_is_below_zero_when_the_next_run_counts_from_zero(moments):
+    view, moment = BrowserView(port=0), moments.at(1.0, images=False)
+    rates = []
+    for second, count in enumerate((0, 30, 60, 5, 35)):
+        loop = moment.loop._replace(counts={"vest": count})
+        view._measure(float(second), moment._replace(loop=loop))
+        rates.append(view._rates_hz.get("vest"))
+    assert rates == [None, 30.0, 30.0, 30.0, 30.0]
+
+
 def test_every_moment_offered_is_painted_dropped_or_still_waiting(moments):
     states = [moments.at(k / 30) for k in range(8)]
     with BrowserView(port=0) as view:

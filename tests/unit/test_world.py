@@ -10,7 +10,6 @@ pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 
 from tega.errors import InvalidValueError, MissingExtraError, ShapeError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
-from tega.sim.seams import Truth
 from tega.sim.world import (
     FULL_DUTY_NM,
     GRASP_POSES_RAD,
@@ -22,7 +21,6 @@ from tega.sim.world import (
     hand_controller,
 )
 from tega.sim.world.check import main as check
-from tega.sim.world.events import slips
 from tega.sim.world.lift import lift
 from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
 
@@ -377,38 +375,6 @@ def test_the_check_prints_what_it_finds():
     assert all(0.95 < ratio < 1.05 for ratio in ratios)
 
 
-def course(*pieces):
-    """Truths of an object in the air that slides at the speeds given, each for a time, every 3 ms."""
-    still = Truth(0.0, 0.2, True, (1.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.0)
-    t_s, slip_m = 0.0, 0.0
-    for seconds, speed_m_s in pieces:
-        for _ in range(round(seconds / TICK_S)):
-            t_s += TICK_S
-            slip_m += TICK_S * speed_m_s
-            yield still._replace(t_s=t_s, slip_m=slip_m, slip_m_s=speed_m_s)
-
-
-@pytest.mark.parametrize(
-    ("pieces", "distances_mm"),
-    [
-        ([(2, 0.0002)], []),  # creep
-        ([(0.5, 0), (0.1, 0.02), (0.5, 0)], [2.0]),
-        ([(0.5, 0), (0.015, 0.1), (0.5, 0)], []),  # a jerk of 1.5 mm, too short to be seen
-        ([(0.5, 0), (0.1, 0.006), (0.5, 0)], []),  # 0.6 mm
-        ([(0.1, 0), (0.1, 0.02), (0.05, 0), (0.1, 0.02), (0.3, 0)], [4.0]),  # one slip with a pause
-        ([(0.1, 0), (0.1, 0.02), (0.6, 0), (0.1, 0.03), (0.3, 0)], [2.0, 3.0]),
-        ([(0.1, 0), (0.1, 0.02)], [2.0]),  # still sliding at the end
-    ],
-)
-def test_slips_are_counted_as_defined(pieces, distances_mm):
-    found = slips(course(*pieces))
-    assert [1e3 * one.distance_m for one in found] == pytest.approx(distances_mm, abs=0.1)
-
-
-def test_a_slip_on_the_table_is_none():
-    assert slips(truth._replace(lift_off=False) for truth in course((0.1, 0), (0.2, 0.05), (0.3, 0))) == []
-
-
 def test_a_weak_grip_slips_and_a_firm_one_does_not(bottle_lifts):
-    assert slips(bottle_lifts[5].trace) == []
-    assert len(slips(lift("bottle", 3, hold_s=0.5).trace)) >= 1
+    assert bottle_lifts[5].slips == 0
+    assert lift("bottle", 3, hold_s=0.5).slips >= 1

@@ -27,6 +27,6 @@ fn main() -> ExitCode {
     let mut run = (kernel.make)();
     run();
     counted(&mut run);
-    println!("{}", tega_tactile::instruction_set());
+    println!("{}", tega_simd::instruction_set());
     ExitCode::SUCCESS
 }

@@ -1,4 +1,4 @@
-//! The one place that picks an instruction set.
+//! The kernels, each for the instruction set in use.
 //!
 //! A kernel is written once, over a kind of [`Lanes`], and compiled twice: on AVX2 vectors and on plain numbers. Neither
 //! fuses multiplications with additions nor reorders them, so both give the same bits.
@@ -19,8 +19,8 @@ macro_rules! dispatched {
                 fn avx2($($arg: $type),*) -> $result {
                     $($generic)::+::<avx2::Four>($($arg),*)
                 }
-                if avx2::in_use() {
-                    // SAFETY: in use only after the processor itself said that it has AVX2.
+                if tega_simd::level() >= tega_simd::Level::Avx2 {
+                    // SAFETY: `level` reports a set only after the processor itself said that it has it.
                     return unsafe { avx2($($arg),*) };
                 }
             }
@@ -45,17 +45,8 @@ mod avx2 {
         __m256d, _CMP_LT_OQ, _mm256_add_pd, _mm256_andnot_pd, _mm256_cmp_pd, _mm256_loadu_pd, _mm256_mul_pd,
         _mm256_set1_pd, _mm256_storeu_pd, _mm256_sub_pd,
     };
-    use std::sync::OnceLock;
 
     use crate::lanes::{LANES, Lanes};
-
-    /// Whether to use AVX2: the processor has it and `TEGA_SIMD=baseline` does not rule it out.
-    pub(super) fn in_use() -> bool {
-        static IN_USE: OnceLock<bool> = OnceLock::new();
-        *IN_USE.get_or_init(|| {
-            is_x86_feature_detected!("avx2") && std::env::var("TEGA_SIMD").as_deref() != Ok("baseline")
-        })
-    }
 
     /// Four numbers in one register. Made only by kernels that [`super`] calls when AVX2 is there.
     #[derive(Clone, Copy)]

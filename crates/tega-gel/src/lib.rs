@@ -38,5 +38,4 @@ pub use gel::{CELLS, Gel, PICTURE, Touch};
 pub use grid::{LENGTH_MM, PX_PER_MM, STIFFNESS_N_MM3};
 pub use membrane::{DOME_MM, MAX_INDENTERS};
 pub use shape::{Indenter, Shape};
-pub use simd::instruction_set;
 pub use unit::{HEIGHT, WIDTH};

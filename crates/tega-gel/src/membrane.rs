@@ -30,8 +30,8 @@ struct Steps {
 
 /// From the coarsest grid on; `docs/sim-touch.md` has the error that this leaves.
 const SCHEDULE: [Steps; 3] = [
-    Steps { matches: 3, most: 3, sweeps: 2, last: 1, relax: 1.4 },
-    Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.5 },
+    Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.4 },
+    Steps { matches: 2, most: 2, sweeps: 2, last: 1, relax: 1.5 },
     Steps { matches: 1, most: 4, sweeps: 2, last: 2, relax: 1.45 },
 ];
 
@@ -302,7 +302,7 @@ mod tests {
             Shape::Box { half: [30.0, 30.0, 30.0] },
         ];
         let worst = errors(&round, &[0.0, std::f64::consts::FRAC_PI_2], &[0.3, 1.0, 5.0, 15.0]);
-        assert!(worst[0] < 0.03 && worst[1] < 0.03, "{worst:?}");
+        assert!(worst[0] < 0.02 && worst[1] < 0.02, "{worst:?}");
         let sharp = [
             Shape::Sphere { radius: 1.0 },
             Shape::Capsule { radius: 1.0, half_length: 4.0 },
@@ -310,6 +310,6 @@ mod tests {
             Shape::Box { half: [2.5, 2.5, 2.5] },
         ];
         let worst = errors(&sharp, &[0.0, std::f64::consts::FRAC_PI_2, 0.5], &[0.1, 1.0, 5.0]);
-        assert!(worst[0] < 0.2 && worst[1] < 0.12, "{worst:?}");
+        assert!(worst[0] < 0.16 && worst[1] < 0.13, "{worst:?}");
     }
 }

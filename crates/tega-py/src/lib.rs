@@ -16,9 +16,15 @@ mod wire;
 
 use pyo3::prelude::*;
 
+#[pyfunction]
+fn instruction_set() -> &'static str {
+    tega_simd::instruction_set()
+}
+
 #[pymodule(gil_used = false)]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add_function(wrap_pyfunction!(instruction_set, m)?)?;
     tactile::register(m)?;
     haptics::register(m)?;
     emg::register(m)?;

@@ -260,11 +260,6 @@ fn estimate_baseline<'py>(
     Ok((found.image.into_pyarray(py), found.choice.frames))
 }
 
-#[pyfunction]
-fn instruction_set() -> &'static str {
-    tega_tactile::instruction_set()
-}
-
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(contact_metrics, m)?)?;
     m.add_function(wrap_pyfunction!(contact_metrics_many, m)?)?;
@@ -272,6 +267,5 @@ pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(read_contacts, m)?)?;
     m.add_function(wrap_pyfunction!(contact_mask, m)?)?;
     m.add_function(wrap_pyfunction!(pressure_map, m)?)?;
-    m.add_function(wrap_pyfunction!(estimate_baseline, m)?)?;
-    m.add_function(wrap_pyfunction!(instruction_set, m)?)
+    m.add_function(wrap_pyfunction!(estimate_baseline, m)?)
 }

@@ -38,4 +38,3 @@ pub use frame::{Difference, MAX_SIDE, Order, Pair};
 pub use levels::Scratch;
 pub use metrics::{CentroidValue, ContactMetrics, Gate, Options, Spread, contact_metrics};
 pub use paper::{MIN_PIXELS, NOISE_FLOOR, PaperScratch, read_paper};
-pub use simd::instruction_set;

@@ -1,6 +1,6 @@
-//! The one place that picks an instruction set.
+//! The kernels, each for the instruction set in use.
 //!
-//! Most kernels are written once, in plain Rust that the compiler vectorises, and compiled several times: for AVX-512,
+//! Most are written once, in plain Rust that the compiler vectorises, and compiled several times: for AVX-512,
 //! for AVX2 and for the target's baseline (SSE2 on x86-64, NEON on arm64). Those that sum rows of pixels are written
 //! for each set by hand. All compute on integers, or on floats in one fixed order without fused operations, so that
 //! every path gives the same bits.
@@ -43,7 +43,7 @@ mod avx512;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 
-use std::sync::OnceLock;
+use tega_simd::{Level, dispatched, level};
 
 use crate::dent;
 use crate::levels::{Kernel, Row};
@@ -55,96 +55,6 @@ fn halves(weights: [i32; 3]) -> ([i32; 3], [i32; 3]) {
     // Rounding the high half keeps the low one within −64..=63.
     let high = weights.map(|weight| (weight + 64).div_euclid(128));
     ([0, 1, 2].map(|c| weights[c] - 128 * high[c]), high)
-}
-
-/// Compiles `$generic` for each instruction set and calls the best one this processor has.
-macro_rules! dispatched {
-    ($(#[$doc:meta])* $name:ident = $generic:path, ($($arg:ident: $type:ty),*) -> $result:ty) => {
-        $(#[$doc])*
-        pub(crate) fn $name($($arg: $type),*) -> $result {
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq")]
-                fn avx512($($arg: $type),*) -> $result {
-                    $generic($($arg),*)
-                }
-                #[target_feature(enable = "avx2")]
-                fn avx2($($arg: $type),*) -> $result {
-                    $generic($($arg),*)
-                }
-                match level() {
-                    // SAFETY: `level` reports a set only after the processor itself said that it has it.
-                    Level::Avx512 => return unsafe { avx512($($arg),*) },
-                    // SAFETY: as above.
-                    Level::Avx2 => return unsafe { avx2($($arg),*) },
-                    Level::Baseline => {}
-                }
-            }
-            $generic($($arg),*)
-        }
-    };
-}
-
-/// Instruction sets that kernels are compiled for, weakest first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Level {
-    Baseline,
-    #[cfg(target_arch = "aarch64")]
-    Neon,
-    #[cfg(target_arch = "x86_64")]
-    Avx2,
-    #[cfg(target_arch = "x86_64")]
-    Avx512,
-}
-
-/// The best set of this processor, lowered by `TEGA_SIMD=baseline|avx2` (to compare paths, or to rule one out).
-fn level() -> Level {
-    static LEVEL: OnceLock<Level> = OnceLock::new();
-    *LEVEL.get_or_init(|| match std::env::var("TEGA_SIMD").as_deref() {
-        Ok("baseline") => Level::Baseline,
-        #[cfg(target_arch = "x86_64")]
-        Ok("avx2") => detect().min(Level::Avx2),
-        _ => detect(),
-    })
-}
-
-#[cfg(target_arch = "x86_64")]
-fn detect() -> Level {
-    // Byte permutations and multiply-add of words came with Ice Lake and Zen 4; what lacks them takes AVX2.
-    let avx512 = is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512dq")
-        && is_x86_feature_detected!("avx512vbmi")
-        && is_x86_feature_detected!("avx512vnni");
-    match (avx512, is_x86_feature_detected!("avx2")) {
-        (true, true) => Level::Avx512,
-        (false, true) => Level::Avx2,
-        _ => Level::Baseline,
-    }
-}
-
-#[cfg(target_arch = "aarch64")]
-fn detect() -> Level {
-    Level::Neon
-}
-
-#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-fn detect() -> Level {
-    Level::Baseline
-}
-
-/// The instruction set in use: "baseline", "neon", "avx2" or "avx512".
-pub fn instruction_set() -> &'static str {
-    match level() {
-        Level::Baseline => "baseline",
-        #[cfg(target_arch = "aarch64")]
-        Level::Neon => "neon",
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => "avx2",
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => "avx512",
-    }
 }
 
 /// See [`Kernel::rows`].

@@ -33,7 +33,7 @@ __all__ = ["bench"]
 @debug_option
 @click.pass_context
 def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: bool) -> None:
-    r"""Measure run time and error of the kernels, of other ways to compute the same, and of a whole tick.
+    """Measure run time and error of the kernels, of other ways to compute the same, and of a whole tick.
 
     What is compared: each reading of the contact equations at four picture sizes, with OpenCV, NumPy and Numba doing
     the same; the EMG low-pass, with SciPy and Numba; one tick with 0 to 4 fingers in contact. Packages that are not
@@ -51,7 +51,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
       tick      [{reading, n_in_contact, stages_us: {stage: ...}, total: {median_us, p99_us, n_calls},
                 saved_us: {skip: ...}}]
     to_floor and to_best_peer are times over the time of the reference: below 1 is faster.
-    """
+    """  # noqa: D301  # click keeps the lines after \b as they are
     if ctx.invoked_subcommand is not None:
         return
     import msgspec
@@ -78,7 +78,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
 @json_option
 @debug_option
 def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], as_json: bool) -> None:
-    r"""Measure where the time of simulated lifts goes, and what each skip saves.
+    """Measure where the time of simulated lifts goes, and what each skip saves.
 
     \b
     --json prints one object:
@@ -86,7 +86,7 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
       rows   [{object, part: whole|grasping, simulated_s, real_time_factor, wall_factor, stages_ms: {stage: ...}}]
       skips  [{object, skip, saved_ms, share}]
     All times are milliseconds of processor time per simulated second.
-    """
+    """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
     from tega.bench.simulation import bench_simulation

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.cli.options import NameList, debug_option, json_option
+from tega.cli.page import view_options
 
 if TYPE_CHECKING:
     from tega.sim.demo import DemoReport
@@ -55,20 +56,7 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     help="Lifts of each object before the one that counts.",
 )
 @click.option("--fast", is_flag=True, help="Do not wait for real time.")
-@click.option(
-    "--view",
-    "browser",
-    is_flag=True,
-    help="Show it in the browser, on this machine only; goes round until stopped.",
-)
-@click.option(
-    "--view-port",
-    "port",
-    type=click.IntRange(0, 65_535),
-    default=8080,
-    show_default=True,
-    help="Of that page; 0 takes any free one.",
-)
+@view_options
 @click.option(
     "--out",
     "out_dir",
@@ -88,23 +76,23 @@ def demo(
     seed: int,
     practice: int,
     fast: bool,
-    browser: bool,
-    port: int,
+    view: bool,
+    view_port: int,
     out_dir: Path,
     as_json: bool,
 ) -> None:
-    r"""Lift three objects in turn, in real time, on the simulated bench: needs no hardware.
+    """Lift three objects in turn, in real time, on the simulated bench: needs no hardware.
 
     Hand, objects, fingertip cameras, muscles and person are simulated; the loop in between is that of a run with
     devices. Shows fingers, vest, muscles, hand and what becomes of the object, then a summary, and writes the course of
-    each trial and demo.png.
+    each trial and demo.png. With --view it goes round until Ctrl-C or the page's stop ends it.
 
     \b
     --json prints one object:
       simulated_s, wall_s, real_time_factor (their ratio)
       trials: [{object, condition, seed, success, slips, deformations, drops, duration_s, peak_force_n,
                 lift_off_s, lifted_s, slid_m, deformation_m, mean_level, events: [{kind, t_s, size_m}], ...}]
-    """
+    """  # noqa: D301  # click keeps the lines after \b as they are
     import sys
 
     import msgspec
@@ -123,17 +111,19 @@ def demo(
     sys.setswitchinterval(0.0005)
     with Stop() as stop, ExitStack() as stack:
         show, more = stack.enter_context(
-            _shown(browser=browser, port=port, terminal=not as_json, objects=objects)
+            _shown(view=view, port=view_port, terminal=not as_json, objects=objects)
         )
         person = stack.enter_context(_at_keyboard(seed, preset)) if operator == "keyboard" else None
         stopped = more.pop("stop", lambda: False)
-        rounds = 1_000 if browser and not fast else 1
+        paused = more.pop("paused", lambda: False)
+        rounds = 1_000 if view and not fast else 1
         report, courses = run_demo(
             plans * rounds,
             person=person,
             real_time=not fast,
             observer=show,
             stop=lambda: stop() or stopped(),
+            paused=lambda: paused() and not stop(),
             **more,
         )
     if not report.trials:  # stopped before the first one
@@ -156,10 +146,10 @@ def demo(
 
 @contextmanager
 def _shown(
-    *, browser: bool, port: int, terminal: bool, objects: list[str]
+    *, view: bool, port: int, terminal: bool, objects: list[str]
 ) -> Iterator[tuple[Callable[[ViewState], None] | None, dict[str, Callable[[], Any]]]]:
     """Open what shows the run; yield what takes moments, and the wishes of whoever looks at them."""
-    if not browser:
+    if not view:
         from tega.cli.stage import stage
 
         with stage(TITLE, enabled=terminal) as (progress, watch):
@@ -169,13 +159,13 @@ def _shown(
             progress("running", 0, 0)
             yield lambda state: watch(state.loop, state.rows), {}
         return
-    from tega.view.browser import BrowserView, Controls
+    from tega.cli.page import browser_observer
+    from tega.view.browser import Controls
 
     controls = Controls(can_pause=True, can_mute=True, objects=objects)
-    with BrowserView("TEGA demo, simulated", port=port, controls=controls) as view:
-        click.echo(f"the view is at {view.url}; Ctrl-C or the page's stop ends it", err=True)
+    with browser_observer("TEGA demo, simulated", port=port, controls=controls) as page:
         yield (
-            view.offer,
+            page.offer,
             {
                 "stop": lambda: controls.stopped,
                 "paused": lambda: controls.paused,

@@ -61,7 +61,7 @@ def _opened(
         yield stack.enter_context(driver)
 
 
-@click.group()
+@click.group(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
 def hand() -> None:
     """Look at the robot hand, teach its closure levels, time its loop."""
 

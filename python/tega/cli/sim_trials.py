@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.cli.options import NameList, debug_option, json_option
+from tega.sim.arms import CONDITIONS
 
 if TYPE_CHECKING:
     from tega.sim.table import Row
@@ -23,7 +24,7 @@ __all__ = ["sim_trials"]
     type=NameList(),
     default="haptic,non-haptic",
     show_default=True,
-    help="Also: constant, unrelated, unfelt (sham arms).",
+    help=f"Also the sham arms: {', '.join(CONDITIONS[2:])}.",
 )
 @click.option(
     "--seeds",
@@ -75,7 +76,7 @@ def sim_trials(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    r"""Run every object under every condition with every seed, and compare. Everything in it is simulated.
+    """Run every object under every condition with every seed, and compare. Everything in it is simulated.
 
     A seed is a person: trials that differ only in object or condition have the same person and the same chance. The
     results are the same with any number of workers. With --out they are kept, one JSON object a line, and trials
@@ -87,7 +88,7 @@ def sim_trials(
                peak_force_n, ...}]
       table    [{object, condition, n, success, slips, deformations, drops, duration_s, peak_force_n}], means
       wall_s, simulated_s, jobs
-    """
+    """  # noqa: D301  # click keeps the lines after \b as they are
     import os
     import time
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import sys
 import threading
@@ -17,6 +16,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.lifecycle import Opened, require
+from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ class Allegro(Opened):
         self._thread = threading.Thread(target=self._run, args=(self._link,), name="allegro", daemon=True)
         self._thread.start()
         # A program that ends without closing must not leave the fingers pushing.
-        atexit.register(self.close)
+        closes_on_exit(self.close)
         try:
             self._check(started=self._ready.wait(_START_S))
         except BaseException:
@@ -189,7 +189,7 @@ class Allegro(Opened):
         if thread is not None:
             self._leaving.set()
             thread.join(_LEAVE_S + _START_S)
-            atexit.unregister(self.close)
+            release(self.close)
             sys.setswitchinterval(self._switch_s)
         self._link = None
 

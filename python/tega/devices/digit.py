@@ -17,6 +17,7 @@ from tega.devices.opencv import load_cv2
 from tega.devices.picture_check import CameraCounts, PictureCheck
 from tega.devices.picture_origin import PictureOrigin
 from tega.devices.video_nodes import find_node
+from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import ConfigError, DeviceUnavailableError
 
 if TYPE_CHECKING:
@@ -138,6 +139,8 @@ class Digit(Opened):
         self._leaving.clear()
         self._thread = threading.Thread(target=self._run, args=(capture,), name="digit", daemon=True)
         self._thread.start()
+        # OpenCV ends the whole program with an error if Python does while it reads.
+        closes_on_exit(self.close)
         with self._fresh:
             if self._fresh.wait_for(lambda: self._newest is not None, _FIRST_S + o.warm_up_s):
                 return
@@ -167,6 +170,7 @@ class Digit(Opened):
         self._leaving.set()
         if thread is not None:
             thread.join(_LEAVE_S)
+            release(self.close)
 
     @property
     def ended(self) -> bool:
@@ -264,7 +268,7 @@ class Digit(Opened):
                 back_off_s = _BACK_OFF_S[0]
             capture.release()
             capture = None
-            self.counts.lost += 1
+            self.counts.lost += not self._leaving.is_set()
         if capture is not None:
             capture.release()
 

@@ -80,11 +80,13 @@ class EmgHealth:
         if self._next_index is not None and chunk.first_index > self._next_index:
             self._gaps.append(chunk.first_index - self._next_index)
         self._next_index = chunk.first_index + len(chunk.samples)
-        for first in range(0, len(chunk.samples), self._n_look):
-            part = chunk.samples[first : first + self._n_look]
+        left = chunk.samples
+        while len(left):
+            room = self._n_look - self._n_new
+            part, left = left[:room], left[room:]
             self._new.append(part)
             self._n_new += len(part)
-            if self._n_new >= self._n_look:
+            if self._n_new == self._n_look:
                 self._past = np.concatenate([self._past, *self._new])[-self._n_spectrum :]
                 self._new, self._n_new = [], 0
                 self.now = tuple(self._look())

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tega.devices.base import Options
 from tega.devices.lifecycle import require
-from tega.devices.vest_ble_guard import Guard
+from tega.devices.vest_ble_guard import MOTORS, Guard
 from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.wire import x40_ble_frame
@@ -24,7 +24,6 @@ __all__ = ["BleOptions", "BleVest"]
 
 _NAMES: Final = ("TactSuit", "Tactot")
 _SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
-_MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 _BATTERY: Final = "6e400008-b5a3-f393-e0a9-e50e24dcca9e"
 _CALL_S = 1.5  # no call to the radio may take longer
 _LOW_BATTERY = 15
@@ -110,9 +109,9 @@ class _BleLink:
         self._call(self._client.connect(), o.open_timeout_s, "connecting")
         details = device.details
         self._guard = Guard(device.address, details.get("path", "") if isinstance(details, dict) else "")
-        if self._client.services.get_characteristic(_MOTORS) is None:
+        if self._client.services.get_characteristic(MOTORS) is None:
             raise DeviceUnavailableError(
-                f"{device.name or device.address} has no motor characteristic {_MOTORS}",
+                f"{device.name or device.address} has no motor characteristic {MOTORS}",
                 "it is no vest of the kinds this driver knows (X40, X16 and their likes)",
             )
         if self._client.services.get_characteristic(_BATTERY) is not None:
@@ -127,7 +126,7 @@ class _BleLink:
         if self._client is None or self._gone:
             raise DeviceUnavailableError("the vest has disconnected")
         frame = x40_ble_frame(intensities, front_mirror=self._options.front_mirror)
-        self._call(self._client.write_gatt_char(_MOTORS, frame, response=False), _CALL_S, "writing a frame")
+        self._call(self._client.write_gatt_char(MOTORS, frame, response=False), _CALL_S, "writing a frame")
 
     def poll(self) -> None:
         self._call(asyncio.sleep(0.001), _CALL_S, "listening")

@@ -12,13 +12,17 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+import time
 from typing import Any, Final
 
-__all__ = ["Guard", "main"]
+__all__ = ["MOTORS", "Guard", "main"]
 
-_MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
+MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
+"""The characteristic that takes motor frames."""
+
 _TRIES: Final = 5
 _CALL_S: Final = 5.0
+_REST_S: Final = 1.0
 
 
 class Guard:
@@ -52,7 +56,7 @@ async def _silence(address: str, path: str) -> None:
 
     vest: Any = BLEDevice(address, None, {"path": path, "props": {}}) if path else address
     async with asyncio.timeout(_CALL_S), BleakClient(vest) as client:
-        await client.write_gatt_char(_MOTORS, bytes(20), response=False)
+        await client.write_gatt_char(MOTORS, bytes(20), response=False)
 
 
 def main() -> None:
@@ -66,6 +70,8 @@ def main() -> None:
         try:
             asyncio.run(_silence(address, path))
         except (BleakError, OSError, EOFError):
+            # A refusal comes at once; out of reach for a moment is not given up.
+            time.sleep(_REST_S)
             continue
         return
 

@@ -20,7 +20,7 @@ Condition = Literal[
 ]
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
-"""Haptic, non-haptic, and the sham arms."""
+"""Haptic, non-haptic, and then the sham arms."""
 
 _SHAMS: dict[Condition, ShamName] = {
     "haptic": "informative",

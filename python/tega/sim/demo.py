@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tega.sim.rig import Person
     from tega.view.state import ViewState
 
-__all__ = ["DEMO_FORMAT", "DemoReport", "draw_demo", "run_demo", "write_demo"]
+__all__ = ["DEMO_FORMAT", "DemoReport", "demo_heading", "draw_demo", "run_demo", "write_demo"]
 
 DEMO_FORMAT = "tega-demo"
 
@@ -159,7 +159,25 @@ def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> Non
                 events=[(event.kind, event.t_s) for event in result.events],
             )
         )
-    trials_figure(path, rows, "TEGA demo, simulated: the person feels the vest and steers with three muscles")
+    trials_figure(path, rows, demo_heading(report.trials))
+
+
+def demo_heading(plans: Sequence[TrialPlan]) -> str:
+    """Return what stands above the picture of some trials: who steered, and what of the vest reached them."""
+    return f"TEGA demo, simulated: {'; '.join(dict.fromkeys(_who(plan) for plan in plans))}"
+
+
+def _who(plan: TrialPlan) -> str:
+    if plan.operator == "scripted":
+        return "three muscles follow a fixed course, whatever the vest does"
+    if plan.operator == "keyboard":
+        return "somebody at the keyboard steers three simulated muscles, without a vest"
+    vest = {
+        "haptic": "feels the vest",
+        "non-haptic": "wears no vest",
+        "unfelt": "wears the vest and does not feel it",
+    }.get(plan.condition, f"wears a sham vest ({plan.condition})")
+    return f"the person {vest} and steers with three muscles"
 
 
 def _title(result: TrialResult) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.clock import ManualClock, SystemClock
+from tega.clock import ManualClock, PausableClock, SystemClock
 from tega.config import FINGERS
 from tega.emg import GraspIntent
 from tega.sim.arms import worn
@@ -149,8 +149,8 @@ class Lift:
             if observer is not None:
                 observer(self._moment(view))
 
-        clock = SystemClock() if real_time else ManualClock()
-        pacer = SimulatedPacer(clock, rig.advance_to, paused=paused)
+        clock = PausableClock(paused, SystemClock() if real_time else ManualClock())
+        pacer = SimulatedPacer(clock, rig.advance_to)
         pacer.start()
         loop = DualLoop(
             pacer=pacer,

@@ -87,7 +87,10 @@ def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None
 
 
 def draw_course(ax: Axes, course: Course) -> None:
-    """Draw CCI (blue) and EDA (green) on the left axis, the pose (red, dashed) on the right one."""
+    """Draw CCI (blue) and EDA (green) on the left axis, the pose (red, dashed) on the right one.
+
+    The legend, above the plot, names what was drawn on ``ax`` before as well.
+    """
     ax.plot(course.touch_t_s, course.cci_norm, color=CCI_BLUE, lw=1.2, label="CCI")
     ax.plot(course.touch_t_s, course.eda_norm, color=EDA_GREEN, lw=1.2, label="EDA")
     ax.set_xlabel("time (s)")
@@ -98,8 +101,11 @@ def draw_course(ax: Axes, course: Course) -> None:
     pose.set_ylabel("pose", color=POSE_RED)
     pose.set_ylim(-0.1, 4.2)
     pose.set_yticks(range(5))
-    lines = [*ax.get_lines(), *pose.get_lines()]
-    ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", ncols=3, frameon=False)
+    handles, labels = (
+        own + others
+        for own, others in zip(ax.get_legend_handles_labels(), pose.get_legend_handles_labels(), strict=True)
+    )
+    ax.legend(handles, labels, loc="lower left", bbox_to_anchor=(0, 1), ncols=len(labels), frameon=False)
 
 
 def new_figure(*, figsize: tuple[float, float]) -> Figure:

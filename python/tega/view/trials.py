@@ -61,10 +61,10 @@ def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> Non
             marked = axes[2 * index + 1]
             marked.set_title(marked.get_title(), fontsize=7.5)
         ax = right.subplots()
-        draw_course(ax, trial.course)
         ax.fill_between(
             trial.height_t_s, trial.height_m / 0.25, color="0.88", zorder=0, label="height / 0.25 m"
         )
+        draw_course(ax, trial.course)
         for kind, t_s in trial.events:
             if kind in _EVENT_COLOURS:
                 ax.axvline(t_s, color=_EVENT_COLOURS[kind], lw=0.9, ls=":")

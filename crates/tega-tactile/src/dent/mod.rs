@@ -6,7 +6,7 @@
 //!    [`GATE`] noise units there is no contact and nothing further is done.
 //! 3. Printed dots are filled where the baseline has them ([`dots`]); offset and gain of the picture are fitted.
 //! 4. Cells are grouped around peaks ([`basins`]), pieces of one dent are joined ([`patches`]), each patch gets an
-//!    outline ([`outline`]) and is filled at full resolution ([`fill`]).
+//!    outline ([`outline`], from [`samples`]) and is filled at full resolution ([`fill`]).
 //!
 //! All arithmetic is on integers, or on floats in one fixed order: the result is the same on every processor.
 
@@ -18,13 +18,15 @@ mod glance;
 mod outline;
 mod patches;
 mod response;
+mod samples;
 mod thumbnail;
 
 pub(crate) use basins::sort_keys;
 pub(crate) use cells::{add_difference, add_four_differences, add_four_rows, add_row, fold_octets};
 pub(crate) use dots::close;
-pub(crate) use outline::{BUNDLE, Crossing, Walk, between, crossing, medians_of_seven, own, walk};
+pub(crate) use outline::{Crossing, crossing, medians_of_seven, own};
 pub(crate) use response::{LANES, count_above, lengths, mark_quiet, median, quiet_lanes, smooth, take_out};
+pub(crate) use samples::{BUNDLE, Walk, between, walk};
 pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 
 use crate::frame::{Order, Pair};

@@ -60,7 +60,8 @@ class Grip:
         self._free_s = 0.0
         self._phase_s = 0.0
         self._contact_s: float | None = None
-        self._judged = self._posed = self._quiet = self._unharmed = False
+        # What this command has taught so far: each once.
+        self._judged = self._posed = self._need_told = self._harm_told = False
         self._before = (1.0, 0.0)
         self._barred = 0
         self._attempts, self._least = 1, 1
@@ -127,19 +128,19 @@ class Grip:
             x, var = self._before if late else (self.closure.x, self.closure.var)
             if event.kind == "slip" and self.phase in _HELD:
                 self.belief.slipped(x, var)
-                self._quiet = True
+                self._need_told = True
             elif event.kind == "deformation":
                 self.belief.harmed(x, var)
-                self._unharmed = True
+                self._harm_told = True
         if t_s - max(self._commanded_s, self._phase_s) < self._grip.quiet_s:
             return
         # Once a command: to go on holding is no new evidence.
-        if self.phase == "hold" and not self._quiet:
+        if self.phase == "hold" and not self._need_told:
             self.belief.sufficed(self.closure.x, self.closure.var)
-            self._quiet, self._barred = True, max(self._barred, 0)
-        if not self._unharmed:
+            self._need_told, self._barred = True, max(self._barred, 0)
+        if not self._harm_told:
             self.belief.spared(self.closure.x, self.closure.var)
-            self._unharmed = True
+            self._harm_told = True
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
         if self.phase in _HELD and kinds & {"slip", "weaker"}:
@@ -169,7 +170,7 @@ class Grip:
         self._set_closure(self.closure.x + step if adjusted else float(level))
         self.level = level
         self._commanded_s, self._free_s = t_s, t_s + self._grip.refractory_ms / 1e3
-        self._judged = self._posed = self._quiet = self._unharmed = False
+        self._judged = self._posed = self._need_told = self._harm_told = False
         self.commands.append(Decision(t_s, level, why))
         return self.commands[-1]
 

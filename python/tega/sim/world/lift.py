@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Final, NamedTuple
 
+from tega.sim.score import Scorer
 from tega.sim.seams import Truth
 from tega.sim.world.allegro import FULL_DUTY_NM
 from tega.sim.world.objects import ObjectSpec
@@ -27,6 +28,7 @@ class Lift(NamedTuple):
         held: Whether the object was up and not dropped at the end.
         height_m: Of the object over where it stood, at the end.
         slip_m: At the end.
+        slips: How many there were, as a trial's score counts them (:class:`tega.sim.score.Scorer`).
         peak_force_n: Highest sum of normal forces on the four pads.
         grip_force_n: Normal forces on pads, links and palm together at the end.
         narrowing_m: Largest deformation.
@@ -39,6 +41,7 @@ class Lift(NamedTuple):
     held: bool
     height_m: float
     slip_m: float
+    slips: int
     peak_force_n: float
     grip_force_n: float
     narrowing_m: float
@@ -62,6 +65,7 @@ def lift(
     """
     world, controller = World(spec, seed=seed, physics=physics, start_m=(0.0, 0.12)), hand_controller()
     trace: list[Truth] = []
+    scorer = Scorer(world.spec.harm_m)
     tick, cpu_s, started_s = 0, 0.0, 0.0
     for until_s, wanted, height_m, back_m in (*_PLAN, (_PLAN[-1][0] + hold_s, 0, LIFT_M, 0.0)):
         world.set_forearm((height_m, back_m))
@@ -75,6 +79,8 @@ def lift(
             world.advance_to(tick * _TICK_S)
             cpu_s += time.process_time() - began if wanted == 0 else 0.0
             trace.append(world.truth())
+            scorer.take(world.t_s, trace[-1], placing=False)
+    scorer.close()
     end = trace[-1]
     pads, rest = world.hand_forces_n()
     lift_off = next((truth.t_s for truth in trace if truth.lift_off), None)
@@ -82,6 +88,7 @@ def lift(
         held=end.lift_off and not end.dropped and end.object_height_m > LIFT_M / 2,
         height_m=end.object_height_m,
         slip_m=end.slip_m,
+        slips=scorer.count("slip"),
         peak_force_n=max(sum(truth.pad_force_n) for truth in trace),
         grip_force_n=float(pads.sum()) + rest,
         narrowing_m=max(truth.deformation_m for truth in trace),

@@ -8,7 +8,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from tega.sim.world.allegro import FULL_DUTY_NM
-from tega.sim.world.events import slips
 from tega.sim.world.lift import LIFT_M, Lift, lift
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.poses import hand_controller
@@ -36,7 +35,6 @@ SETTINGS: Final[dict[str, Physics]] = {
     for step_s in (5e-4, 1e-3, 1.5e-3, 3e-3)
 }
 """The settings compared, by name."""
-
 
 _TOUCHES_S: Final = 2.0
 
@@ -101,7 +99,7 @@ def _error(lifts: list[Lift], reference: list[Lift]) -> Error:
     pairs = list(zip(lifts, reference, strict=True))
     return Error(
         slip_m=max(abs(a.slip_m - b.slip_m) for a, b in pairs),
-        slip_count=max(abs(len(slips(a.trace)) - len(slips(b.trace))) for a, b in pairs),
+        slip_count=max(abs(a.slips - b.slips) for a, b in pairs),
         force_share=max(abs(a.peak_force_n / b.peak_force_n - 1) for a, b in pairs),
         height_m=max(abs(a.height_m - b.height_m) for a, b in pairs),
         narrowing_m=max(abs(a.narrowing_m - b.narrowing_m) for a, b in pairs),

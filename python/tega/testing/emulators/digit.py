@@ -136,6 +136,9 @@ def main(arguments: list[str] | None = None) -> None:
             sensor.faults.clear()
         elif words in FAULTS:
             sensor.faults.add(words)
+        else:
+            _tell({"error": f"no fault is called {words!r}; there are {', '.join(FAULTS)}, clear"})
+            continue
         _tell({"faults": sorted(sensor.faults)})
 
 
@@ -174,12 +177,17 @@ class DigitProcess:
         self.unplug()
 
     def command(self, words: str) -> None:
-        """Switch a fault on, or ``clear`` them."""
+        """Switch a fault on, or ``clear`` them.
+
+        Raises:
+            ValueError: No such fault.
+        """
         if self._process is None or self._process.stdin is None:
             raise RuntimeError("the emulated sensor is not running")
         self._process.stdin.write(words + "\n")
         self._process.stdin.flush()
-        self._hear()
+        if error := self._hear().get("error"):
+            raise ValueError(error)
 
     def unplug(self) -> None:
         """Take the sensor away."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 __all__ = ["FAULTS", "SIGNALS", "Faults", "Signal"]
 
@@ -26,16 +26,18 @@ class Faults:
 
     Args:
         rng: Decides; seeded, so that the same faults come again.
+        names: The faults that this stream can have.
     """
 
-    def __init__(self, rng: random.Random) -> None:
+    def __init__(self, rng: random.Random, *, names: Collection[str] = tuple(FAULTS)) -> None:
         self._rng = rng
+        self._names = names
         self.share = dict.fromkeys(FAULTS, 0.0)
         self.share["slow"] = 1.0
 
     def set(self, name: str, value: float) -> None:
         """Set a fault; ``KeyError`` for one that is not there, ``ValueError`` for a share outside 0 to 1."""
-        if name not in self.share:
+        if name not in self._names:
             raise KeyError(name)
         if not 0.0 <= value <= (4.0 if name == "slow" else 1.0):
             raise ValueError(value)

@@ -20,6 +20,7 @@ from tega.testing.emulators.faults import SIGNALS, Faults, Signal
 __all__ = ["main"]
 
 _BURST_S = 0.01
+_FAULTS = ("loss", "freeze", "slow", "duplicate")
 
 
 def main() -> None:
@@ -33,7 +34,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     rng = random.Random(options.seed)
-    signal, faults = Signal(options.rate, rng, options.signal), Faults(rng)
+    signal, faults = Signal(options.rate, rng, options.signal), Faults(rng, names=_FAULTS)
     source_id = f"tega-emulator-{os.getpid()}"
     stated_hz = options.rate if options.stated_rate is None else options.stated_rate
     outlet = _outlet(source_id, options.channels, stated_hz)

@@ -1,9 +1,9 @@
 """Start an emulator as a program of its own, and talk to it.
 
 Each is written from the device's published bytes alone: it imports neither ``tega.wire`` nor the extension, so that a
-mistake there cannot hide itself. It says where it can be reached through ``--port-file`` and takes faults by command
-line (``--fault loss=0.1``) and, while it runs, line by line on its standard input (``loss 0.1``); every line is
-answered on standard output by ``ok`` or ``?``.
+mistake there cannot hide itself. It says where it can be reached through ``--port-file`` and takes faults while it
+runs, line by line on its standard input (``loss 0.1``), those behind a serial port by command line as well
+(``--fault loss=0.1``); every line is answered on standard output by ``ok`` or ``?``.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import numpy as np
 
 from tega.emg import ButterworthLowpass
 from tega.haptics import FINGERS
+from tega.view.figures import CCI_BLUE, EDA_GREEN, POSE_RED
 
 if TYPE_CHECKING:
     import viser
@@ -21,7 +22,6 @@ __all__ = ["CourseChart", "MuscleCharts", "drives"]
 
 COURSE_S, MUSCLES_S = 6.0, 4.0
 _MUSCLES = ("#0b7285", "#e8590c", "#862e9c")
-CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
 # Eq 11: level = floor(4 · drive + 1).
 THRESHOLDS = (0.25, 0.5, 0.75, 1.0)
 _THRESHOLD_GREY = "#adb5bd"

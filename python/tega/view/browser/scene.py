@@ -96,11 +96,8 @@ class Scene:
             handle.remove()
         self._shapes, self.batches = shapes, []
         if len(shapes):
-            lowest_m = min(
-                pose[2] - max(shape[2])
-                for shape, pose in zip(shapes, poses, strict=True)
-                if shape[1] != "plane"
-            )
+            solids = ((shape, pose) for shape, pose in zip(shapes, poses, strict=True) if shape[1] != "plane")
+            lowest_m = min((pose[2] - max(shape[2]) for shape, pose in solids), default=0.0)
             self._floor.position = (0.0, 0.0, min(0.0, lowest_m))
         for name, parts in _parts(shapes).items():
             if not parts:

@@ -199,11 +199,11 @@ class BrowserView:
     def _measure(self, now_s: float, state: ViewState) -> None:
         """Work the rates out over the last second."""
         counts = {**state.loop.counts, "page": self.n_painted}
-        if self._counted is None:
+        since_s, before = self._counted or (now_s, counts)
+        if self._counted is None or any(count < before.get(name, 0) for name, count in counts.items()):
+            # The first moment, or that of another run, which counts from 0 again.
             self._counted = (now_s, counts)
-            return
-        since_s, before = self._counted
-        if now_s - since_s >= 1.0:
+        elif now_s - since_s >= 1.0:
             self._rates_hz = {
                 name: (count - before.get(name, 0)) / (now_s - since_s) for name, count in counts.items()
             }

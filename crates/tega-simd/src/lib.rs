@@ -1,0 +1,123 @@
+//! The one place that decides which instruction set the kernels of the other crates use.
+//!
+//! A kernel that [`dispatched!`] is given is written once, in plain Rust that the compiler vectorises, and compiled for
+//! AVX-512, for AVX2 and for the target's baseline (SSE2 on x86-64, NEON on arm64). A crate with kernels written for one
+//! set by hand asks [`level`].
+//!
+//! ```
+//! #[inline(always)]
+//! fn generic_add(sums: &mut [i32], row: &[i32]) {
+//!     sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
+//! }
+//!
+//! tega_simd::dispatched! {
+//!     /// Adds a row to the sums.
+//!     add = generic_add, (sums: &mut [i32], row: &[i32]) -> ()
+//! }
+//!
+//! let mut sums = [1, 2, 3];
+//! add(&mut sums, &[10, 10, 10]);
+//! assert_eq!(sums, [11, 12, 13]);
+//! ```
+#![forbid(unsafe_code)] // what `dispatched!` writes counts where it is called
+
+use std::sync::OnceLock;
+
+/// Instruction sets that kernels are compiled for, weakest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// What every processor of the target has.
+    Baseline,
+    /// Every arm64 processor has it; named so that kernels written for it by hand can be ruled out.
+    #[cfg(target_arch = "aarch64")]
+    Neon,
+    /// AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// AVX-512 F, BW, VL, DQ, VBMI and VNNI: Ice Lake, Zen 4 and later.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+/// The best set of this processor, lowered by `TEGA_SIMD=baseline|avx2` (to compare paths, or to rule one out).
+#[inline]
+pub fn level() -> Level {
+    static LEVEL: OnceLock<Level> = OnceLock::new();
+    *LEVEL.get_or_init(|| match std::env::var("TEGA_SIMD").as_deref() {
+        Ok("baseline") => Level::Baseline,
+        #[cfg(target_arch = "x86_64")]
+        Ok("avx2") => detect().min(Level::Avx2),
+        _ => detect(),
+    })
+}
+
+#[cfg(target_arch = "x86_64")]
+fn detect() -> Level {
+    // Byte permutations and multiply-add of words came with Ice Lake and Zen 4; what lacks them takes AVX2.
+    let avx512 = is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vbmi")
+        && is_x86_feature_detected!("avx512vnni");
+    match (avx512, is_x86_feature_detected!("avx2")) {
+        (true, true) => Level::Avx512,
+        (false, true) => Level::Avx2,
+        _ => Level::Baseline,
+    }
+}
+
+#[cfg(target_arch = "aarch64")]
+fn detect() -> Level {
+    Level::Neon
+}
+
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+fn detect() -> Level {
+    Level::Baseline
+}
+
+/// The instruction set in use: "baseline", "neon", "avx2" or "avx512".
+pub fn instruction_set() -> &'static str {
+    match level() {
+        Level::Baseline => "baseline",
+        #[cfg(target_arch = "aarch64")]
+        Level::Neon => "neon",
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2 => "avx2",
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512 => "avx512",
+    }
+}
+
+/// Writes a function that compiles `$generic` for each instruction set and calls the best one this processor has.
+///
+/// `$generic` has to be a safe function that is inlined always, or it is compiled for the baseline alone. The caller's
+/// crate has to allow `unsafe` where the macro stands.
+#[macro_export]
+macro_rules! dispatched {
+    ($(#[$doc:meta])* $name:ident = $generic:path, ($($arg:ident: $type:ty),*) -> $result:ty) => {
+        $(#[$doc])*
+        pub(crate) fn $name($($arg: $type),*) -> $result {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq")]
+                fn avx512($($arg: $type),*) -> $result {
+                    $generic($($arg),*)
+                }
+                #[target_feature(enable = "avx2")]
+                fn avx2($($arg: $type),*) -> $result {
+                    $generic($($arg),*)
+                }
+                match $crate::level() {
+                    // SAFETY: `level` reports a set only after the processor itself said that it has it.
+                    $crate::Level::Avx512 => return unsafe { avx512($($arg),*) },
+                    // SAFETY: as above.
+                    $crate::Level::Avx2 => return unsafe { avx2($($arg),*) },
+                    $crate::Level::Baseline => {}
+                }
+            }
+            $generic($($arg),*)
+        }
+    };
+}

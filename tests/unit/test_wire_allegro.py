@@ -1,0 +1,209 @@
+"""The hand's packets byte for byte: computed by hand, captured from devices, or made by other programs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tega import wire
+
+ALL_FINGERS = wire.FINGERS
+
+
+def counts_of(can_id: int, data: str) -> tuple[int, ...]:
+    message = wire.allegro_decode(wire.CanFrame(can_id, bytes.fromhex(data)))
+    assert isinstance(message, wire.AllegroPosition | wire.AllegroTorque)
+    return message.counts
+
+
+TAU = [0.10, -0.20, 0.05, -0.05, 0, 0.25, -0.10, 0.02, 0.01, 0.15, 0.125, -0.2, 0.3, -0.3, 0.2, -0.2]
+POSITIONS = {
+    0x080: ("CAFD BDFE 90FF CEFF", (-566, -323, -112, -50), (-0.050240, -0.028671, -0.009941, -0.004438)),
+    0x084: ("F9FF CFFE 9AFF BEFF", (-7, -305, -102, -66), (-0.000621, -0.027073, -0.009054, -0.005858)),
+    0x088: ("1800 D3FE A7FF D6FF", (24, -301, -89, -42), (0.002130, -0.026718, -0.007900, -0.003728)),
+    0x08C: ("340A EFFF AF00 FCFF", (2612, -17, 175, -4), (0.231849, -0.001509, 0.015534, -0.000355)),
+}
+HOME_RAD = [0, -0.17453, 0.78540, 0.78540, 0, -0.17453, 0.78540, 0.78540]
+HOME_RAD += [0.08727, -0.08727, 0.87266, 0.78540, 1.04720, 0.43633, 0.26180, 0.78540]
+
+
+@pytest.mark.parametrize(
+    ("tau", "wanted"),
+    [
+        (TAU, ["7800 10FF 3C00 C4FF", "0000 2C01 88FF 1800", "0C00 B400 9600 10FF", "6801 98FE F000 10FF"]),
+        ([0.65] * 16, ["7701 A302 C201 1D01"] * 3 + ["0D02 9501 0E01 0E01"]),
+        ([-0.65] * 16, ["89FE 5DFD 3EFE E3FE"] * 3 + ["F3FD 6BFE F2FE F2FE"]),
+    ],
+)
+def test_torque_frames(tau: list[float], wanted: list[str]) -> None:
+    frames = wire.allegro_torque_frames(tau)
+    assert frames == [
+        wire.CanFrame(can_id, bytes.fromhex(data))
+        for can_id, data in zip([0x180, 0x184, 0x188, 0x18C], wanted, strict=True)
+    ]
+
+
+def test_captured_torque_frames() -> None:
+    assert counts_of(0x180, "0200 CB00 4200 2500") == (2, 203, 66, 37)
+    assert counts_of(0x184, "0100 B900 4A00 3300") == (1, 185, 74, 51)
+    assert counts_of(0x188, "F1FF C900 3800 1F00") == (-15, 201, 56, 31)
+    assert counts_of(0x18C, "5802 0500 8DFF FAFF") == (600, 5, -115, -6)
+
+
+@pytest.mark.parametrize("can_id", POSITIONS)
+def test_captured_position_frames(can_id: int) -> None:
+    data, counts, angles = POSITIONS[can_id]
+    message = wire.allegro_decode(wire.CanFrame(can_id, bytes.fromhex(data)))
+    assert isinstance(message, wire.AllegroPosition)
+    assert (message.finger, message.counts) == (ALL_FINGERS[(can_id - 0x080) // 4], counts)
+    np.testing.assert_allclose(message.angles_rad, angles, rtol=0, atol=6e-7)
+    np.testing.assert_array_equal(wire.allegro_angles_rad(counts), message.angles_rad)
+
+
+def test_home_pose_as_position_frames() -> None:
+    degrees = [0, -10, 45, 45, 0, -10, 45, 45, 5, -5, 50, 45, 60, 25, 15, 45]
+    frames = wire.allegro_position_frames(np.radians(degrees))
+    assert [frame.data.hex() for frame in frames] == [
+        "000052f890229022",
+        "000052f890229022",
+        "d70329fc67269022",
+        "162e3413850b9022",
+    ]
+    back = wire.allegro_angles_rad(np.concatenate([np.frombuffer(frame.data, "<i2") for frame in frames]))
+    wanted = [0, -0.174508, 0.785376, 0.785376, 0, -0.174508, 0.785376, 0.785376]
+    wanted += [0.087254, -0.087254, 0.872631, 0.785376, 1.047228, 0.436360, 0.261763, 0.785376]
+    np.testing.assert_allclose(back, wanted, rtol=0, atol=6e-7)
+
+
+def test_the_ends_of_the_angle_range() -> None:
+    assert counts_of(0x080, "FF7F 0080 FFFF 0100") == (32767, -32768, -1, 1)
+    angles = wire.allegro_angles_rad([32767, -32768, -1, 1])
+    np.testing.assert_allclose(angles, [2.908502, -2.908591, -0.000089, 0.000089], rtol=0, atol=6e-7)
+
+
+def test_information_of_a_real_hand() -> None:
+    info = wire.allegro_decode(wire.CanFrame(0x200, bytes.fromhex("0204 0604 00 3C 05")))
+    assert info == wire.AllegroInfo((4, 2), (4, 6), "right", 60, 0b101)
+    assert isinstance(info, wire.AllegroInfo)
+    assert (info.servo_on, info.must_stop, info.must_warn) == (True, False, True)
+    assert wire.allegro_report_frame(info).data == bytes.fromhex("0204 0604 00 3C 05")
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data", "celsius"),
+    [
+        (0x0E0, "2B2A2925", (43, 42, 41, 37)),
+        (0x0E4, "292B2927", (41, 43, 41, 39)),
+        (0x0E8, "27272724", (39, 39, 39, 36)),
+        (0x0EC, "302624F6", (48, 38, 36, None)),
+    ],
+)
+def test_temperatures_of_a_real_hand(can_id: int, data: str, celsius: tuple[int | None, ...]) -> None:
+    message = wire.allegro_decode(wire.CanFrame(can_id, bytes.fromhex(data)))
+    assert isinstance(message, wire.AllegroTemperature)
+    assert (message.finger, message.celsius) == (ALL_FINGERS[(can_id - 0x0E0) // 4], celsius)
+    assert wire.allegro_decode(wire.allegro_report_frame(message)) == message
+
+
+def test_commands_and_requests() -> None:
+    assert wire.allegro_servo_on() == (0x100, b"", False)
+    assert wire.allegro_servo_off() == (0x104, b"", False)
+    assert wire.allegro_request_info() == (0x200, b"", True)
+    assert wire.allegro_request_serial() == (0x220, b"", True)
+    assert wire.allegro_request_imu() == (0x0C0, b"", True)
+    assert [wire.allegro_request_position(f).id for f in ALL_FINGERS] == [0x080, 0x084, 0x088, 0x08C]
+    assert [wire.allegro_request_temperature(f).id for f in ALL_FINGERS] == [0x0E0, 0x0E4, 0x0E8, 0x0EC]
+    assert wire.allegro_set_period(3, 0, 0, None) == (0x204, bytes.fromhex("0300 0000 0000"), False)
+    assert wire.allegro_set_period(3, 0, 500, None).data == bytes.fromhex("0300 0000 F401")
+    assert wire.allegro_set_period(3).data == bytes.fromhex("0300 0000 0000 0000")
+    assert wire.allegro_set_period(3, 0, 500, 100).data == bytes.fromhex("0300 0000 F401 6400")
+    assert wire.allegro_set_period(0).data == bytes(8)
+    for device, ids in {1: (0x101, 0x105, 0x201, 0x205), 3: (0x103, 0x107, 0x203, 0x207)}.items():
+        frames = (
+            wire.allegro_servo_on(device_id=device),
+            wire.allegro_servo_off(device_id=device),
+            wire.allegro_request_info(device_id=device),
+            wire.allegro_set_period(0, device_id=device),
+        )
+        assert tuple(frame.id for frame in frames) == ids
+
+
+def test_a_simulated_hand_reads_what_the_host_sends() -> None:
+    assert wire.allegro_decode(wire.allegro_servo_on()) == wire.AllegroServo(on=True)
+    assert wire.allegro_decode(wire.allegro_servo_off()) == wire.AllegroServo(on=False)
+    assert wire.allegro_decode(wire.allegro_set_period(3, 0, 500)) == wire.AllegroPeriod(3, 0, 500, 0)
+    assert wire.allegro_decode(wire.allegro_set_period(3, 0, 0, None)) == wire.AllegroPeriod(3, 0, 0, None)
+    assert wire.allegro_requested(wire.allegro_request_info()) == wire.AllegroRequest("info", None)
+    thumb = wire.allegro_request_temperature("thumb", device_id=2)
+    assert wire.allegro_requested(thumb, device_id=2) == wire.AllegroRequest("temperature", "thumb")
+    assert wire.allegro_requested(thumb) is None
+    assert wire.allegro_requested(wire.CanFrame(0x200, b"")) is None
+    serial = wire.AllegroSerial("A080R")
+    assert wire.allegro_report_frame(serial) == (0x220, b"A080R\0\0\0", False)
+    assert wire.allegro_decode(wire.allegro_report_frame(serial)) == serial
+    odd = wire.allegro_decode(wire.CanFrame(0x220, b"\xff\x07ok\0\0\0\0"))
+    assert odd == wire.AllegroSerial("\\xff\\x07ok")
+
+
+def test_one_control_step_from_captured_positions() -> None:
+    kp = np.array([[0.5, 0.5, 0.5, 0.833]] * 3 + [[0.833, 0.833, 0.833, 0.5]])
+    measured = [counts_of(can_id, data) for can_id, (data, _, _) in POSITIONS.items()]
+    tau = kp * (np.reshape(HOME_RAD, (4, 4)) - wire.allegro_angles_rad(measured))
+    truncated = ["1E00 A9FF C201 1D01", "0000 A8FF C201 1D01", "3300 DCFF C201 1D01", "0D02 9501 F600 0E01"]
+    for frame, data in zip(wire.allegro_torque_frames(tau.ravel()), truncated, strict=True):
+        difference = np.frombuffer(frame.data, "<i2") - np.frombuffer(bytes.fromhex(data), "<i2")
+        assert np.abs(difference).max() <= 1
+
+
+def test_velocity_from_two_frames() -> None:
+    before, after = counts_of(0x080, POSITIONS[0x080][0]), counts_of(0x080, "D6FD DFFE 89FF CEFF")
+    rate = (wire.allegro_angles_rad(after) - wire.allegro_angles_rad(before)) / 0.003
+    np.testing.assert_allclose(rate, [0.35505, 1.00598, -0.20711, 0], rtol=0, atol=6e-6)
+
+
+def test_versions_three_and_five() -> None:
+    frame = wire.allegro_v3_torque_frame("index", [120, -240, 60, -60])
+    assert frame == (0x18A, bytes.fromhex("FFC4 003C FF10 0078"), False)
+    raw = np.frombuffer(bytes.fromhex("B17D D382 0986 9084"), "<u2").tolist()
+    angles = wire.allegro_v3_angles_rad(raw, [-1591, -277, 545, 168])
+    np.testing.assert_allclose(angles, [0.0887632] * 4, rtol=0, atol=5e-8)
+    index = wire.allegro_torque_frames(TAU, version=5)[0]
+    # 71.5 counts: truncated to 71 in the vector, rounded to 72 here.
+    assert index == (0x180, bytes.fromhex("8F00 10FF 4800 B8FF"), False)
+    vector = np.frombuffer(bytes.fromhex("8F00 10FF 4700 B9FF"), "<i2")
+    assert np.abs(np.frombuffer(index.data, "<i2") - vector).max() == 1
+    wrong = wire.allegro_angles_rad(POSITIONS[0x080][1], version=5)
+    np.testing.assert_allclose(wrong, [-0.869314, -0.496092, -0.172020, -0.076794], rtol=0, atol=6e-7)
+
+
+@pytest.mark.parametrize(
+    ("frame", "flags", "reason"),
+    [
+        (wire.CanFrame(0x080, b"", remote=True), {}, "remote"),
+        (wire.CanFrame(0x080, bytes(7)), {}, "malformed"),
+        (wire.CanFrame(0x184, bytes(4)), {}, "malformed"),
+        (wire.CanFrame(0x080, bytes(8)), {"error": True}, "error"),
+        (wire.CanFrame(0x080, bytes(8)), {"extended": True}, "extended"),
+        (wire.CanFrame(0x001, bytes(4)), {}, "foreign_device"),
+        (wire.CanFrame(0x082, bytes(8)), {}, "foreign_device"),
+        (wire.CanFrame(0x3C0, bytes(8)), {}, "unknown"),
+        (wire.CanFrame(0x3C8, bytes(8)), {}, "unknown"),
+        (wire.CanFrame(-1, bytes(8)), {}, "extended"),
+    ],
+)
+def test_what_is_not_for_us_has_a_reason(frame: wire.CanFrame, flags: dict[str, bool], reason: str) -> None:
+    message = wire.allegro_decode(
+        frame, extended=flags.get("extended", False), error=flags.get("error", False)
+    )
+    assert isinstance(message, wire.AllegroRejected)
+    assert message.reason == reason
+
+
+def test_messages_without_known_meaning_come_raw() -> None:
+    assert wire.allegro_decode(wire.CanFrame(0x040, b"\1\2")) == wire.AllegroStatus(b"\1\2")
+    assert wire.allegro_decode(wire.CanFrame(0x0C0, bytes.fromhex("0100 FFFF 0300"))) == wire.AllegroImu(
+        (1, -1, 3)
+    )
+    assert wire.allegro_decode(wire.CanFrame(0x1A0, bytes(6))) == wire.AllegroConfig(bytes(6))
+    assert wire.allegro_decode(wire.CanFrame(0x160, bytes(6))) == wire.AllegroConfig(bytes(6))
+    assert wire.allegro_decode(wire.CanFrame(0x384, bytes(8))) == wire.AllegroPose("middle", (0, 0, 0, 0))

@@ -1,0 +1,129 @@
+"""The vests' packets byte for byte: computed by hand, captured from devices, or made by other programs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from reference import wire as reference
+from tega import wire
+
+CCI, EDA = [80, 60, 40, 20], [10, 0, 100, 55]
+FOUR_ROWS = CCI * 4 + [0] * 4 + EDA * 4 + [0] * 4
+FIVE_ROWS = CCI * 5 + EDA * 5
+
+
+def lit(*dots: tuple[int, int]) -> list[int]:
+    values = [0] * 40
+    for motor, value in dots:
+        values[motor] = value
+    return values
+
+
+@pytest.mark.parametrize(
+    ("intensities", "mirror", "frame"),
+    [
+        ([0] * 40, False, "00" * 20),
+        ([100] * 40, False, "ff" * 20),
+        (lit((0, 100)), False, "00" * 15 + "0f" + "00" * 4),
+        (lit((3, 100)), False, "f0" + "00" * 19),
+        (lit((20, 100)), False, "00" * 5 + "f0" + "00" * 14),
+        (lit((39, 50)), False, "00" * 14 + "08" + "00" * 5),
+        ([5 * d for d in range(20)] + [0] * 20, False, "225588bbee000000000000000000001043 76a9dc"),
+        ([0] * 20 + [5 * d for d in range(20)], False, "00000000000134679acd225588bbee0000000000"),
+        (FOUR_ROWS, False, "3636363600 2020202000 f8f8f8f800 9c9c9c9c00"),
+        (FIVE_ROWS, False, "3636363636 2020202020 f8f8f8f8f8 9c9c9c9c9c"),
+        (FOUR_ROWS, True, "c9c9c9c900 2020202000 f8f8f8f800 6363636300"),
+    ],
+)
+def test_bluetooth_frames(intensities: list[int], mirror: bool, frame: str) -> None:
+    assert wire.x40_ble_frame(intensities, front_mirror=mirror) == bytes.fromhex(frame)
+    assert wire.x40_ble_frame(np.array(intensities, np.uint8), front_mirror=mirror) == bytes.fromhex(frame)
+
+
+def test_sixteen_levels() -> None:
+    given = [0, 1, 3, 4, 5, 10, 20, 25, 30, 40, 50, 60, 70, 75, 80, 90, 96, 97, 100]
+    levels = [0, 0, 0, 1, 1, 2, 3, 4, 5, 6, 8, 9, 11, 11, 12, 14, 14, 15, 15]
+    assert wire.vest_levels(given).tolist() == levels
+
+
+def test_a_frame_of_another_implementation() -> None:
+    frame = bytes.fromhex("0123456789abcdef") + bytes(12)
+    front = {2: 1, 7: 2, 6: 3, 11: 4, 10: 5, 15: 6, 14: 7, 19: 8, 18: 9}
+    back = {0: 10, 1: 11, 4: 12, 5: 13, 8: 14, 9: 15}
+    wanted = [front.get(dot, 0) for dot in range(20)] + [back.get(dot, 0) for dot in range(20)]
+    assert wire.x40_ble_levels(frame).tolist() == wanted
+
+
+@pytest.mark.parametrize("intensities", [FOUR_ROWS, FIVE_ROWS])
+def test_what_an_x16_makes_of_it(intensities: list[int]) -> None:
+    levels = wire.x16_levels(wire.x40_ble_frame(intensities)).tolist()
+    assert levels == [12, 9, 6, 3] * 2 + [2, 0, 15, 8] * 2
+
+
+def test_player_version_two() -> None:
+    message = wire.player_v2_message(lit((0, 100)), duration_ms=150, back_key=None)
+    assert message == (
+        '{"Register":[],"Submit":[{"Type":"frame","Key":"tega_front","Frame":{"Position":"VestFront",'
+        '"DurationMillis":150,"DotPoints":[{"Index":0,"Intensity":100}],"PathPoints":[]}}]}'
+    )
+    assert len(message) == 174
+    both = wire.player_v2_message(FOUR_ROWS, duration_ms=150)
+    assert len(both) == 1035
+    front, back = json.loads(both)["Submit"]
+    assert [dot["Index"] for dot in front["Frame"]["DotPoints"]] == list(range(16))
+    assert [dot["Index"] for dot in back["Frame"]["DotPoints"]] == [0, 2, 3, 4, 6, 7, 8, 10, 11, 12, 14, 15]
+    assert wire.player_v2_stop("tega_front") == '{"Submit":[{"Type":"turnOff","Key":"tega_front"}]}'
+    assert wire.player_v2_stop() == '{"Submit":[{"Type":"turnOffAll"}]}'
+    assert wire.player_v2_ping() == (
+        '{"Submit":[{"Type":"frame","Key":"ping","Frame":{"Position":"FootL","DurationMillis":100,'
+        '"DotPoints":[],"PathPoints":[]}}]}'
+    )
+
+
+def test_player_status() -> None:
+    status = wire.player_v2_status(
+        '{"RegisteredKeys":[],"ActiveKeys":["tega_front"],"ConnectedDeviceCount":1,"ConnectedPositions":["Vest"],'
+        '"Status":{"VestFront":[80,60],"VestBack":[0],"Head":[0]},"Later":{}}'
+    )
+    assert status == wire.PlayerStatus(1, ("Vest",), ("tega_front",), (80, 60), (0,))
+
+
+def test_newer_sockets() -> None:
+    message = wire.sdk3_dot_message(FOUR_ROWS)
+    assert len(message) == 242
+    values = ",".join(map(str, FOUR_ROWS))
+    assert message == (
+        '{"Type":"SdkPlayDotMode","Message":"{\\"requestId\\":1,\\"position\\":0,\\"motorValues\\":['
+        + values
+        + '],\\"durationMillis\\":150,\\"deviceIndex\\":-1}"}'
+    )
+    inner = json.loads(json.loads(wire.sdk3_dot_message(FOUR_ROWS, motors=32))["Message"])
+    assert inner["motorValues"] == CCI * 4 + EDA * 4
+    assert wire.sdk3_stop_message() == '{"Type":"SdkStopAll"}'
+    line = wire.hub_line(FOUR_ROWS)
+    assert len(line) == 214
+    assert line == (
+        '{"message":"{\\"requestId\\":1,\\"pos\\":0,\\"motors\\":['
+        + values
+        + '],\\"durationMillis\\":150}","type":"SdkPlayDotMode"}\n'
+    )
+
+
+def test_hid_reports() -> None:
+    assert wire.hid_motor_report(FOUR_ROWS, sequence=1, ttl_ms=150) == bytes.fromhex(
+        "01100100960000 28 503c2814503c2814503c2814503c281400000000 0a0064370a0064370a0064370a00643700000000"
+        "000000000000000000000000 79a659de"
+    )
+    stop = wire.hid_stop_report(sequence=2)
+    assert stop == bytes.fromhex("0111020000000028") + bytes(52) + bytes.fromhex("e6efbe8b")
+    assert wire.hid_motor(stop) == wire.HidMotor(2, None, 0, request_status=False)
+    status = wire.HidStatus(sequence=515, link=2, battery=98, faults=0x8001, uptime_ms=70_000, dropped=3)
+    report = reference.hid_report(bytes.fromhex("0210 0302 02 62 0180 70110100 03000000"))
+    assert wire.hid_status(report) == status
+    assert wire.hid_status_report(status) == report
+    unknown = wire.HidStatus(0, 0, None, 0, 0, 0)
+    assert wire.hid_status_report(unknown)[5] == 255
+    assert wire.hid_status(wire.hid_status_report(unknown)) == unknown
