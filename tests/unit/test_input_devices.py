@@ -28,6 +28,7 @@ from tega.teleop.loop import LoopView
 from tega.testing.emulators.hid_input import InputDevice
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
+from tega.view.state import ViewState
 from tega.view.terminal import render
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
@@ -389,7 +390,13 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
     drawn = console.export_text()
     assert "x +1.00" in drawn
     assert "held" in drawn
-    assert "1 presses" in drawn
+    assert "held, 1 press" in drawn
+    pytest.importorskip("viser", reason="needs the extra tega[view]")
+    from tega.view.browser.page import _status
+
+    page = _status(ViewState(seen[-1].t_ns, seen[-1]))
+    assert "dead man" in page
+    assert "held, 1 press" in page
 
 
 def test_a_run_that_names_a_missing_input_does_not_begin() -> None:

@@ -9,6 +9,8 @@ from tega.devices.base import InputEvent, InputSource, InputState
 
 __all__ = ["Inputs", "Seat", "Seen"]
 
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+
 
 class Seat(NamedTuple):
     """A device and what of it is meant.
@@ -34,6 +36,15 @@ class Seen(NamedTuple):
     state: InputState
     held: bool
     n_presses: int
+
+    def words(self, seat: str) -> str:
+        """Say it in a few words: the six axes of ``motion``, whether a switch is held, or that there is no data."""
+        if not self.state.live:
+            return "no data"
+        if seat == "motion":
+            return "  ".join(f"{axis} {v:+.2f}" for axis, v in zip(_AXES, self.state.motion, strict=True))
+        presses = "1 press" if self.n_presses == 1 else f"{self.n_presses} presses"
+        return ("held" if self.held else "released") + (f", {presses}" if self.n_presses else "")
 
 
 class Inputs:

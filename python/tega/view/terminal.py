@@ -27,7 +27,6 @@ _REFRESH_S = 0.1
 _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _CONTACT_COLOURS = {"none": "grey50", "focal": "bold yellow", "broad": "bold cyan", "mixed": "white"}
 _SHADES = " ·░▒▓█"
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def _bar(share: float, colour: str, width: int = _BAR_WIDTH) -> Text:
@@ -103,15 +102,8 @@ def _inputs(view: LoopView) -> Table:
     """Draw what the operator's input devices say: axes that are pushed, and whether the switch is held."""
     table = Table(box=None, padding=(0, 1), expand=False)
     for name, seen in view.inputs.items():
-        title, state = name.replace("_", " "), seen.state
-        if not state.live:
-            table.add_row(title, Text("no data", style="bold red"))
-            continue
-        if name == "motion":
-            said = Text("  ".join(f"{axis} {v:+.2f}" for axis, v in zip(_AXES, state.motion, strict=True)))
-        else:
-            said = Text("held" if seen.held else "released", style="bold green" if seen.held else "grey50")
-        table.add_row(title, said + Text(f"   {seen.n_presses} presses" if seen.n_presses else "", "grey50"))
+        style = "bold red" if not seen.state.live else "bold green" if seen.held else "grey70"
+        table.add_row(name.replace("_", " "), Text(seen.words(name), style=style))
     return table
 
 
