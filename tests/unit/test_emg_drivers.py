@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tega.devices import live_emg
 from tega.devices.base import EmgChunk
+from tega.devices.brainflow_emg import BrainFlowEmg, BrainFlowOptions
 from tega.devices.chords import Chords, ChordsOptions
 from tega.devices.cyton import Cyton, CytonOptions
 from tega.devices.live_emg import LiveEmg
@@ -392,3 +393,9 @@ def test_opening_on_a_machine_that_is_never_still_ends(monkeypatch: pytest.Monke
         options = SerialEmgOptions(port=board.port, rate_hz=500.0, bits=10, measure_s=0.25, start_s=0.2)
         with pytest.raises(DeviceUnavailableError, match=r"too busy for .* s to measure the sample rate"):
             SerialEmg(options).open()
+
+
+def test_brainflow_that_is_not_installed_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "brainflow.board_shim", None)
+    with pytest.raises(MissingExtraError, match=r"'brainflow' needs .*pip install 'tega\[brainflow\]'"):
+        BrainFlowEmg(BrainFlowOptions(board="SYNTHETIC_BOARD")).open()
