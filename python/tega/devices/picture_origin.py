@@ -16,8 +16,8 @@ __all__ = ["Origin", "PictureOrigin"]
 _N_BANDS: Final = 24
 _ROWS_A_BAND: Final = 2
 _N_COLUMNS: Final = 40
-# Levels of 255, medians over a band. Two sensors' untouched pictures differ by 17 to 42 in every band, one
-# sensor's by # 4 to 8 from day to day, and a press changes up to 27 (recordings of three sensors).
+# Levels of 255, medians over a band. Two sensors' untouched pictures differ by 17 to 42 in every band, one sensor's by
+# 4 to 8 where nothing touches it, and a press changes up to 27 (recordings of three sensors).
 _FAR: Final = 12.0
 _NEAR: Final = 8.0
 _NEARER: Final = 0.4
