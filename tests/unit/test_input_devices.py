@@ -72,8 +72,8 @@ def holds(source: HidInput, button: str) -> Callable[[], bool]:
 
 TWO, ONE, PEDAL = (0x046D, 0xC626), (0x256F, 0xC62E), (0x0C45, 0x7403)
 LAYOUTS = [("spacemouse", TWO), ("spacemouse-wireless", ONE)]
-# The cap pushed or turned along one of its own axes, and what the robot's base makes of it: looking along x,
-# the cap's x is # right (-y), its y towards the operator (-x), its z down (-z).
+# The cap pushed or turned along one of its own axes, and what the robot's base makes of it: looking along x, the cap's
+# x is right (-y), its y towards the operator (-x), its z down (-z).
 AXES = [(0, 1, -1), (1, 0, -1), (2, 2, -1), (3, 4, -1), (4, 3, -1), (5, 5, -1)]
 
 
