@@ -13,18 +13,19 @@ _HEAD = """# When something breaks
 What every driver does, and in what time, tried on its emulator in another process. Written by
 
 ```sh
-python -m tega.testing.faults --markdown docs/faults.md      # about eight minutes, Linux; --only cyton tries
-one driver ```
+python -m tega.testing.faults --markdown docs/faults.md      # about ten minutes, Linux
+python -m tega.testing.faults --only cyton --fault unplug    # one cell, printed
+```
 
-on a shared two-core machine. The times are those of one run, with emulators: a real radio, adapter or hub adds
-its own. *After* is counted from the fault to its effect, *back* from the fault's end to fresh data or the
-right touch.
+on a shared two-core machine; a trial during which the machine stood still is tried again. The times are those of one
+run, with emulators: a real radio, adapter or hub adds its own. *After* is counted from the fault to its effect, *back*
+from the fault's end to fresh data or the right touch. A finger is silent on the vest 100 ms after its last picture.
 
 | effect | what it means |
 |---|---|
 | refused | opening fails, with the sentence given; nothing was sent |
-| ends | reading raises, with the sentence given; the run goes on without the device and says so; *back* is the
-time to open it again | | falls silent | no data, or motors at rest; the driver comes back by itself |
+| ends | reading raises, with the sentence given; a run goes on without; *back* is the time to open it again |
+| falls silent | no data, nothing held, or motors at rest; the driver comes back by itself |
 | lets go | the hand gets zero torque and SERVO OFF, then stepping raises with the sentence given |
 | goes on | the fault is bridged, ignored or counted |
 

@@ -104,7 +104,9 @@ def _refused(driver: str) -> Outcome:
             with bench.vest:
                 return Outcome(effect="goes on", said="opens, unnoticed")
         except DeviceUnavailableError as error:
-            return Outcome(effect="refused", said=error.message, seen_s=time.monotonic() - start_s)
+            # The emulated Player's port is another one each time.
+            said = error.message.replace(f":{bench.peer.address.get('port')} ", " ")
+            return Outcome(effect="refused", said=said, seen_s=time.monotonic() - start_s)
 
 
 def _met(driver: str, fault: str) -> Outcome:
