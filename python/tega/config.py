@@ -17,16 +17,21 @@ import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
 from tega.config_errors import Overridden, explain
+from tega.config_lines import value_lines
 from tega.devices.base import Kind, Options
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 
+if TYPE_CHECKING:
+    from tega.haptics import Layout
+
 __all__ = [
+    "DEFAULT_LAYOUT",
     "FINGERS",
     "CalibrationConfig",
     "EmgConfig",
@@ -47,6 +52,9 @@ __all__ = [
 
 FINGERS = ("thumb", "index", "middle", "ring")
 ENVIRONMENT_PREFIX = "TEGA_"
+
+DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
+"""The vest's layout where the settings name none, by preset."""
 
 
 class _Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -211,7 +219,10 @@ class SessionConfig(_Section, frozen=True):
 
 
 class Value(NamedTuple):
-    """A setting and where it came from: ``default``, a file's name, a variable's name, or ``--set``."""
+    """A setting and where it came from.
+
+    That is ``default``, ``preset live``, a file's name and line (``lab.toml:12``), a variable's name, or ``--set``.
+    """
 
     value: Any
     origin: str
@@ -244,8 +255,8 @@ def load_config(
     tree: dict[str, Any] = {}
     origins: dict[str, str] = {}
     if path is not None:
-        tree = _read_toml(path)
-        origins = {key: path.name for key, _ in _leaves(tree)}
+        tree, lines = _read_toml(path)
+        origins = {key: f"{path.name}:{line}" for key, line in lines.items()}
     for name, text in sorted((os.environ if environ is None else environ).items()):
         if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
             key = name.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", ".")
@@ -319,6 +330,9 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         ),
     )
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
+    if config.vest.layout is None:
+        preset = config.session.preset
+        values["vest.layout"] = Value(DEFAULT_LAYOUT[preset], f"preset {preset}")
     return LoadedConfig(config, values)
 
 
@@ -359,9 +373,11 @@ def _where(origins: Mapping[str, str], key: str) -> str:
     return origins.get(key, "settings")
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def _read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
+    """Return a file's tree, and the line of each value."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        return tomllib.loads(text), value_lines(text)
     except OSError as error:
         raise ConfigError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
@@ -390,14 +406,6 @@ def _override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str
             )
     node[last] = value
     origins[key] = origin
-
-
-def _leaves(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
 
 
 def _fields(struct: msgspec.Struct, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -245,6 +245,18 @@ def test_which_device_is_taken() -> None:
                 pedal().open()
             with pytest.raises(DeviceUnavailableError, match="no device 05f3:00ff is there"):
                 pedal(vendor_id=0x05F3, product_id=0x00FF).open()
+        boards = (
+            HidBoard(peer.port, *ONE, "A"),
+            HidBoard(peer.port, *ONE, "A"),
+            HidBoard(peer.port, *PEDAL, ""),
+        )
+        with HidPort(*boards, HidBoard(peer.port)).installed():
+            (cap,), (foot,) = SpaceMouse.discover(1.0), Pedal.discover(1.0)
+        assert (cap.label, cap.options["serial"]) == ("SpaceMouse Wireless (cable) A", "A")
+        assert (foot.label, foot.options) == (
+            "PCsensor FootSwitch",
+            {"vendor_id": PEDAL[0], "product_id": PEDAL[1]},
+        )
     assert not set(MODELS) & NOT_SIX_AXES
 
 

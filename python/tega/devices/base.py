@@ -27,9 +27,12 @@ __all__ = [
     "ComparingSource",
     "Device",
     "DeviceInfo",
+    "DiscoveringDevice",
     "EmgChunk",
     "EmgSource",
+    "Found",
     "HandDriver",
+    "HarmlessDevice",
     "InputEvent",
     "InputSource",
     "InputState",
@@ -73,6 +76,29 @@ class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
     unit: str = ""
     n_items: int | None = None
     notes: tuple[str, ...] = ()
+
+
+class Found(msgspec.Struct, frozen=True, kw_only=True):
+    """Something on this machine that a driver can open, or could if nothing stood in the way.
+
+    Attributes:
+        driver: Name under which the driver is registered.
+        label: What a person would look for: a serial number, a port, a bus.
+        options: The driver's options that reach it, as they stand in a settings file.
+        problem: What stands in the way of opening it, one sentence; ``""`` where nothing is known to.
+        hint: What to do about that.
+        note: What else there is to know of it.
+        may_open: Whether it may be opened to look closer. False for a port that may be anything, since opening
+            one can restart what is there, and for what takes long.
+    """
+
+    driver: str
+    label: str
+    options: dict[str, Any] = msgspec.field(default_factory=dict)
+    problem: str = ""
+    hint: str = ""
+    note: str = ""
+    may_open: bool = True
 
 
 class TactileFrame(NamedTuple):
@@ -178,6 +204,36 @@ class Device(Protocol):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close it."""
+        ...
+
+
+@runtime_checkable
+class DiscoveringDevice(Protocol):
+    """A driver that can say what is there for it; optional, for ``devices``, ``doctor`` and ``init``."""
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> Sequence[Found]:
+        """Look for what this driver can open; opens nothing, sends nothing that changes a device's state.
+
+        Args:
+            timeout_s: How long looking may take.
+
+        Raises:
+            DeviceUnavailableError: It could not look; the message says why.
+        """
+        ...
+
+
+@runtime_checkable
+class HarmlessDevice(Protocol):
+    """A driver that can be opened without consequences; optional for sources and vests, needed for hands.
+
+    A source only reads, and a vest begins with zeros; a hand is opened by ``doctor`` only if its driver has this.
+    """
+
+    @classmethod
+    def harmless(cls, options: Any) -> Any:
+        """Return the options with which opening moves and overwrites nothing, ``None`` where there are none."""
         ...
 
 

@@ -83,18 +83,18 @@ class BrainFlowEmg(LiveEmg):
         Raises:
             DeviceUnavailableError: No board has that name, it has no such channels, or it does not start.
         """
+        o = self._options
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # its own import of pkg_resources
+            warnings.simplefilter("ignore")  # it imports pkg_resources when its library is loaded
             shim = require("brainflow.board_shim", driver=self.name, extra=self.extra)
             codes = require("brainflow.exit_codes", driver=self.name, extra=self.extra)
-        o = self._options
+            shim.BoardShim.disable_board_logger()
         if o.board not in shim.BoardIds.__members__:
             known = ", ".join(sorted(shim.BoardIds.__members__))
             raise DeviceUnavailableError(
                 f"brainflow: no board is called {o.board!r}", f"boards that this BrainFlow knows: {known}"
             )
         board_id, self._error = shim.BoardIds[o.board].value, codes.BrainFlowError
-        shim.BoardShim.disable_board_logger()
         parameters = shim.BrainFlowInputParams()
         for name in ("serial_port", "serial_number", "mac_address", "ip_address", "ip_port", "other_info"):
             setattr(parameters, name, getattr(o, name))

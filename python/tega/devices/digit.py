@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 import numpy as np
 
-from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
+from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
+from tega.devices.digit_search import find_digits
 from tega.devices.lifecycle import Opened
 from tega.devices.opencv import load_cv2
 from tega.devices.picture_check import CameraCounts, PictureCheck
@@ -95,6 +96,11 @@ class Digit(Opened):
         self._check = PictureCheck(self.counts)
         self._window = (0, 0)
         self._starved_hz: float | None = None
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
+        """List the DIGITs that are plugged in, with what stands in the way of opening one; opens none."""
+        return find_digits()
 
     @property
     def info(self) -> DeviceInfo:
@@ -210,7 +216,7 @@ class Digit(Opened):
             capture.release()
             raise DeviceUnavailableError(
                 f"digit {self.info.label}: the camera does not open",
-                "another program may use it; udev has to let you read it",
+                "another program may use it; your user may not read it (tega-teleop doctor --udev-rules)",
             )
         if local:
             try:

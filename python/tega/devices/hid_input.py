@@ -10,13 +10,13 @@ from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from tega.devices.base import DeviceInfo, InputEvent, InputState, Kind, Options
+from tega.devices.base import DeviceInfo, Found, InputEvent, InputState, Kind, Options
 from tega.devices.debounce import Debounce, Edge
 from tega.devices.hid_device import hid_module
 from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["AT_REST", "HidInput", "HidInputOptions", "InputCounts"]
+__all__ = ["AT_REST", "HidInput", "HidInputOptions", "InputCounts", "found_devices"]
 
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The motion of a device that nobody touches."""
@@ -27,6 +27,29 @@ _REPORT_BYTES = 64
 _BACK_OFF_S = (0.25, 2.0)
 _LEAVE_S = 5.0
 _MOST_EVENTS = 1024
+
+
+def found_devices(driver: str, known: Mapping[tuple[int, int], str]) -> list[Found]:
+    """List the devices that are there and known, each once whatever number of interfaces it has.
+
+    Args:
+        driver: Whose they are.
+        known: Their names, by vendor and product number.
+
+    Raises:
+        MissingExtraError: hidapi is not installed.
+        DeviceUnavailableError: Another package hides it.
+    """
+    there = {(d["vendor_id"], d["product_id"], d["serial_number"]) for d in hid_module(driver).enumerate()}
+    return [
+        Found(
+            driver=driver,
+            label=f"{known[vendor, product]} {serial}".strip(),
+            options={"vendor_id": vendor, "product_id": product} | ({"serial": serial} if serial else {}),
+        )
+        for vendor, product, serial in sorted(there)
+        if (vendor, product) in known
+    ]
 
 
 class HidInputOptions(Options, frozen=True, kw_only=True):

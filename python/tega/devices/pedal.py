@@ -7,8 +7,8 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 
-from tega.devices.base import Options
-from tega.devices.hid_input import HidInput, HidInputOptions
+from tega.devices.base import Found, Options
+from tega.devices.hid_input import HidInput, HidInputOptions, found_devices
 from tega.errors import DeviceUnavailableError
 
 __all__ = ["PEDALS", "Pedal", "PedalOptions"]
@@ -68,6 +68,15 @@ class Pedal(HidInput):
     def __init__(self, options: PedalOptions) -> None:
         super().__init__(options, hold_ms=options.debounce_ms)
         self._options = options
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the pedals that are known by their vendor and product numbers.
+
+        Raises:
+            DeviceUnavailableError: hidapi is not installed, or is hidden by another package.
+        """
+        return found_devices(cls.name, PEDALS)
 
     def _choose(self, found: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str] | None:
         o = self._options

@@ -6,9 +6,10 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from tega.devices.base import Options
+from tega.devices.base import Found, Options
 from tega.devices.live_emg import Arrived
 from tega.devices.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
+from tega.devices.serial_boards import find_boards
 
 __all__ = ["SerialEmg", "SerialEmgOptions"]
 
@@ -48,6 +49,15 @@ class SerialEmg(LiveSerialEmg):
         super().__init__(options)
         self._options = options
         self._n_rows = 0
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the USB serial ports that may have a board behind them; opens none.
+
+        Raises:
+            MissingExtraError: pyserial is not installed.
+        """
+        return find_boards(cls.name, dongles=False)
 
     def _start(self) -> None:
         from tega.wire import AsciiEmgDecoder

@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar, Final
 
 import msgspec
 
-from tega.devices.base import Options
-from tega.devices.hid_input import AT_REST, HidInput, HidInputOptions
+from tega.devices.base import Found, Options
+from tega.devices.hid_input import AT_REST, HidInput, HidInputOptions, found_devices
 from tega.errors import DeviceUnavailableError
 
 __all__ = ["MODELS", "NOT_SIX_AXES", "SpaceMouse", "SpaceMouseOptions"]
@@ -82,6 +82,15 @@ class SpaceMouse(HidInput):
         self._halves: list[tuple[int, int, int]] = [(0, 0, 0), (0, 0, 0)]
         self._half_ns = [0, 0]
         self._battery: int | None = None
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the devices with six axes, by their vendor and product numbers.
+
+        Raises:
+            DeviceUnavailableError: hidapi is not installed, or is hidden by another package.
+        """
+        return found_devices(cls.name, MODELS)
 
     def _choose(self, found: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str] | None:
         o = self._settings

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.base import Options
+from tega.devices.base import Found, Options
 from tega.devices.hid_device import hid_module
 from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
@@ -63,6 +63,23 @@ class HidVest(StreamedVest):
         super().__init__(options)
         self._options = options
 
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the USB boards with the vendor and product number of the default settings.
+
+        Raises:
+            DeviceUnavailableError: hidapi is not installed, or is hidden by another package.
+        """
+        usual = HidVestOptions()
+        return [
+            Found(
+                driver=cls.name,
+                label=board["serial_number"] or f"{usual.vendor_id:04x}:{usual.product_id:04x}",
+                options={"serial": board["serial_number"]} if board["serial_number"] else {},
+            )
+            for board in hid_module(cls.name).enumerate(usual.vendor_id, usual.product_id)
+        ]
+
     @property
     def _label(self) -> str:
         o = self._options
@@ -107,7 +124,7 @@ class _HidLink:
         if not found:
             raise DeviceUnavailableError(
                 f"no USB board {wanted} is there",
-                "is it plugged in, and may you open it? see docs/device-vest.md for the udev rule",
+                "is it plugged in, and may you open it? tega-teleop doctor --udev-rules prints the rule",
             )
         device = hid.device()
         try:
@@ -116,7 +133,7 @@ class _HidLink:
         except OSError as error:
             raise DeviceUnavailableError(
                 f"the USB board {wanted} is there but does not open: {error}",
-                "another program may have it, or its udev rule is missing: see docs/device-vest.md",
+                "another program may have it, or its udev rule is missing: tega-teleop doctor --udev-rules prints it",
             ) from error
         self._device = device
         deadline = time.monotonic() + min(_ANSWER_S, o.open_timeout_s * 0.6)

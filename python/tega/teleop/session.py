@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.calibration import TouchMaxima, save_calibration
 from tega.clock import Clock, ManualClock, SystemClock
-from tega.config import SessionConfig
+from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
 from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.registry import driver_class
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from tega.haptics import Layout
 
 __all__ = ["RunState", "Sinks", "run_session"]
-
-DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
 
 
 class Sinks(NamedTuple):
