@@ -36,6 +36,8 @@ __all__ = [
     "CalibrationConfig",
     "EmgConfig",
     "HandConfig",
+    "InputConfig",
+    "InputSection",
     "LoadedConfig",
     "SessionConfig",
     "SessionSection",
@@ -44,6 +46,7 @@ __all__ = [
     "Value",
     "VestConfig",
     "check_tree",
+    "driver_options",
     "load_config",
 ]
 
@@ -190,6 +193,38 @@ class HandConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
+class InputConfig(_Section, frozen=True):
+    """An operator's input device.
+
+    Attributes:
+        driver: Name of an input driver.
+        button: Which of its buttons is meant, for ``dead_man`` and ``marker``; none means any.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    button: str | None = None
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class InputSection(_Section, frozen=True):
+    """What the operator holds or steps on, by what it is for.
+
+    Attributes:
+        motion: Six axes that are to move the arm.
+        dead_man: A switch that is held as long as things may move.
+        marker: A switch that marks a moment.
+    """
+
+    motion: InputConfig | None = None
+    dead_man: InputConfig | None = None
+    marker: InputConfig | None = None
+
+    def in_use(self) -> dict[str, InputConfig]:
+        """Return the inputs that have a device."""
+        return {seat: c for seat in self.__struct_fields__ if (c := getattr(self, seat)) is not None}
+
+
 class SessionConfig(_Section, frozen=True):
     """Everything a session needs to know, checked, with absolute paths and typed driver options."""
 
@@ -199,6 +234,7 @@ class SessionConfig(_Section, frozen=True):
     emg: EmgConfig | None = None
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()
+    input: InputSection = InputSection()
 
 
 class Value(NamedTuple):
@@ -308,6 +344,9 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         emg=with_options(config.emg, "emg", "emg"),
         vest=with_options(config.vest, "vest", "vest"),
         hand=with_options(config.hand, "hand", "hand"),
+        input=InputSection(
+            **{seat: with_options(c, "input", f"input.{seat}") for seat, c in config.input.in_use().items()}
+        ),
     )
     if config.calibration.person is not None and config.calibration.folder is None:
         beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
@@ -321,6 +360,39 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     from tega.calibration.person import with_person
 
     return with_person(LoadedConfig(config, values), given=set(origins))
+
+
+def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = ()) -> Options:
+    """Check a driver's options outside a session, as its ``options`` table would be.
+
+    Args:
+        name: The driver's name.
+        tree: Its options; paths are relative to the working directory.
+        sets: Further options as ``key=value``.
+
+    Returns:
+        The typed options.
+
+    Raises:
+        ConfigError: No such driver, or an option is unknown, missing, of a wrong type or out of range.
+        MissingExtraError: The driver needs a package that is not installed.
+    """
+    options: dict[str, Any] = dict(tree)
+    origins: dict[str, str] = {}
+    for item in sets:
+        key, _, text = item.partition("=")
+        _override(options, origins, key.strip(), text.strip(), "--set")
+
+    def place(wanted: type, value: Any) -> Any:
+        if wanted is Path and isinstance(value, str | Path):
+            return Path.cwd() / Path(value).expanduser()
+        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
+
+    wanted = driver_class(name).options_type
+    try:
+        return msgspec.convert(options, wanted, dec_hook=place)
+    except msgspec.ValidationError as error:
+        raise explain(error, options, wanted, prefix="options", origins=origins) from None
 
 
 def _where(origins: Mapping[str, str], key: str) -> str:

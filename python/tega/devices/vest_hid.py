@@ -6,7 +6,6 @@ No bHaptics vest is a HID device, and this driver cannot open one. It talks to a
 
 from __future__ import annotations
 
-import sys
 import time
 from typing import Annotated, Any, ClassVar
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
-from tega.devices.lifecycle import require
+from tega.devices.hid_device import hid_module
 from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
 from tega.wire import HidStatus, hid_motor_report, hid_status, hid_stop_report
@@ -78,7 +77,7 @@ class HidVest(StreamedVest):
                 label=board["serial_number"] or f"{usual.vendor_id:04x}:{usual.product_id:04x}",
                 options={"serial": board["serial_number"]} if board["serial_number"] else {},
             )
-            for board in _hidapi().enumerate(usual.vendor_id, usual.product_id)
+            for board in hid_module(cls.name).enumerate(usual.vendor_id, usual.product_id)
         ]
 
     @property
@@ -88,17 +87,6 @@ class HidVest(StreamedVest):
 
     def _new_link(self) -> VestLink:
         return _HidLink(self._options)
-
-
-def _hidapi() -> Any:
-    # On Linux only the wheel's second module goes through the kernel's own driver for such devices.
-    hid = require("hidraw" if sys.platform == "linux" else "hid", driver=HidVest.name, extra="lab")
-    if not hasattr(hid, "device"):
-        raise DeviceUnavailableError(
-            "the package 'hid' hides 'hidapi', which installs a module of the same name",
-            "pip uninstall hid, then pip install --force-reinstall hidapi",
-        )
-    return hid
 
 
 class _HidLink:
@@ -130,7 +118,7 @@ class _HidLink:
 
     def connect(self) -> None:
         o = self._options
-        hid = _hidapi()
+        hid = hid_module(HidVest.name)
         found = [d for d in hid.enumerate(o.vendor_id, o.product_id) if o.serial in {"", d["serial_number"]}]
         wanted = f"{o.vendor_id:04x}:{o.product_id:04x}" + (f", serial number {o.serial}" if o.serial else "")
         if not found:

@@ -12,7 +12,7 @@ from tega.calibration import Calibration, EmgMaxima, FingerMaxima, load_calibrat
 from tega.calibration.person import calibrate_command, person_calibration
 from tega.calibration.records import utc_now
 from tega.config import SessionConfig
-from tega.devices.base import EmgSource, TactileSource
+from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.emg import GraspIntent
 from tega.errors import CalibrationError
 from tega.teleop.baseline import find_baseline
@@ -194,4 +194,13 @@ def _prepare_fingers(
         return {}
     with ThreadPoolExecutor(max_workers=len(sources), thread_name_prefix="tega-measure") as pool:
         jobs = {name: pool.submit(job, name) for name in sources}
-    return {name: done.result() for name, done in jobs.items()}
+    fingers = {name: done.result() for name, done in jobs.items()}
+    for name, source in sources.items():
+        if isinstance(source, ComparingSource):
+            others = {
+                f"{other} ({f.source.info.label})": f.baseline
+                for other, f in fingers.items()
+                if other != name
+            }
+            source.compare_with(fingers[name].baseline, others)
+    return fingers

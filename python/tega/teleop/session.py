@@ -18,6 +18,7 @@ from tega.errors import ConfigError
 from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
 from tega.teleop.hand import ModelledAllegro
+from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop, LoopReport, LoopView
 from tega.teleop.pacing import Pacer, PacingReport
@@ -57,6 +58,7 @@ class RunState(NamedTuple):
     config: SessionConfig
     prepared: Prepared
     sinks: Sinks
+    inputs: Inputs
     layout: Layout
     loop: LoopReport
     pacing: PacingReport
@@ -119,9 +121,10 @@ def run_session(
                     )
         prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
         sinks = _sinks(stack, config, prepared)
+        inputs = _inputs(stack, config)
         progress("running", 0, 0)
         return _run(
-            stack, config, prepared, sinks, clock=clock, observer=observer, stop=stop, haptics=haptics
+            stack, config, prepared, sinks, inputs, clock=clock, observer=observer, stop=stop, haptics=haptics
         )
 
 
@@ -130,6 +133,7 @@ def _run(
     config: SessionConfig,
     prepared: Prepared,
     sinks: Sinks,
+    inputs: Inputs,
     *,
     clock: Clock,
     observer: Callable[[LoopView], None] | None,
@@ -161,10 +165,11 @@ def _run(
         vest_rate_hz=config.vest.rate_hz,
         observer=observer,
         haptics=haptics,
+        inputs=inputs,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
-        state = RunState(config, prepared, sinks, layout, loop.report, pacer.report())
+        state = RunState(config, prepared, sinks, inputs, layout, loop.report, pacer.report())
         summary = summarise(state, error=error)
         if session.out_dir is not None:
             stack.pop_all().close()  # the tables are complete before the summary says so
@@ -217,6 +222,19 @@ def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Bloc
     )
     stack.callback(stream.close)
     return stream
+
+
+def _inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
+    """Open what the operator holds or steps on."""
+    seats = {}
+    for name, c in config.input.in_use().items():
+        source = stack.enter_context(driver_class(c.driver, "input")(c.options))
+        if config.session.pace == "fast" and source.info.live:
+            raise ConfigError(
+                f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
+            )
+        seats[name] = Seat(source, c.button)
+    return Inputs(seats)
 
 
 def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks:

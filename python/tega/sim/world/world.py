@@ -81,6 +81,7 @@ class World:
         self._torques = data.ctrl[7:23]
         self._palm_body, self._palm = model.body("palm").id, model.site("palm").id
         self._hand_weight_n = 9.81 * float(model.body_subtreemass[self._palm_body])
+        self._forearm_m: tuple[float, float] | None = None
         self._arm = ArmFollower(mujoco, model, self._place(*start_m), PALM_ROTATION)
         data.qpos[:7] = data.act[:7] = self._arm.angles_rad
         self._angles[:] = GRASP_POSES_RAD[0]
@@ -149,6 +150,8 @@ class World:
         Raises:
             InvalidValueError: Beyond -0.05 to 0.35 m of height, or -0.05 to 0.2 m back.
         """
+        if forearm_m == self._forearm_m:
+            return
         height, back = forearm_m
         if not (-0.05 <= height <= 0.35 and -0.05 <= back <= 0.2):
             raise InvalidValueError(
@@ -156,6 +159,7 @@ class World:
                 "height -0.05 to 0.35 m, back -0.05 to 0.2 m",
             )
         self._arm.lead(self._place(height, back))
+        self._forearm_m = forearm_m
 
     def set_palm(self, palm_m: ArrayLike, rotation: ArrayLike | None = None) -> None:
         """Lead the palm to a place and turn, world frame.
@@ -165,6 +169,7 @@ class World:
             rotation: (3, 3), palm to world; None: as it is led now.
         """
         turn = None if rotation is None else np.asarray(rotation, np.float64)
+        self._forearm_m = None
         self._arm.lead(np.array(palm_m, np.float64), turn)
 
     def step(self, n: int = 1) -> None:

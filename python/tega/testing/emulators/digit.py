@@ -28,8 +28,12 @@ FAULTS: Final = {
     "black": "sends black pictures",
     "torn": "the lower half of every picture is missing",
     "duplicate": "sends every picture twice",
+    "slow": "sends a third of the pictures",
     "pause": "sends nothing",
     "small": "sends pictures of another size",
+    "other": "sends the pictures of the next sensor",
+    "strip": "a tenth of every picture is the next sensor's",
+    "garbage": "sends bytes that are no picture",
     "cut": "breaks the connection, and every new one",
 }
 """What can be switched on, and what it does."""
@@ -50,18 +54,27 @@ _SIZE: Final = (240, 320)
 class _Sensor:
     """Pictures with noise, made beforehand: encoding takes longer than a frame."""
 
-    def __init__(self, *, rate_hz: float, seed: int) -> None:
+    def __init__(self, *, rate_hz: float, seed: int, look: int = 0) -> None:
         self.rate_hz = rate_hz
         self.faults: set[str] = set()
         self.wear: set[str] = set()
-        self._random = np.random.default_rng(seed)
+        self._random = random = np.random.default_rng(seed)
+        self._look = look
         self._firmness = 0
         self._made: dict[tuple[int, frozenset[str]], list[bytes]] = {}
         self._pictures = self._noisy()
-        light, half = _light(frozenset()), _SIZE[0] // 2
-        noisy = [light + self._random.normal(0, 2.5, light.shape) for _ in range(_N_NOISY)]
+        light, others = _light(look), _light(look + 1)
+        noisy = [light + random.normal(0, 2.5, light.shape) for _ in range(_N_NOISY)]
+        half = _SIZE[0] // 2
         self._torn = [_encoded(np.vstack([image[:half], np.full_like(image[half:], 128)])) for image in noisy]
-        self._black = _encoded(np.zeros_like(light))
+        strip = slice(half, half + _SIZE[0] // 10)
+        mixed = [image.copy() for image in noisy]
+        for image in mixed:
+            image[strip] = others[strip]
+        self._strip = [_encoded(image) for image in mixed]
+        self._others = [_encoded(others + random.normal(0, 2.5, light.shape)) for _ in range(_N_NOISY)]
+        self._garbage = random.bytes(20_000)
+        self._black = [_encoded(np.abs(random.normal(0, 1.5, light.shape))) for _ in range(_N_NOISY)]
         self._small = _encoded(light[::2, ::2])
 
     def press(self, firmness: float) -> None:
@@ -84,8 +97,7 @@ class _Sensor:
         """Make the pictures of the present state, or find them where they were made before."""
         key = (self._firmness, frozenset(self.wear))
         if key not in self._made:
-            light = _light(key[1])
-            light += _dent(self._firmness / _FIRMNESS_STEPS)
+            light = _worn(_light(self._look), key[1]) + _dent(self._firmness / _FIRMNESS_STEPS)
             sigma = 7.5 if "noisier" in self.wear else 2.5
             self._made[key] = [
                 _encoded(light + self._random.normal(0, sigma, light.shape)) for _ in range(_N_NOISY)
@@ -94,14 +106,17 @@ class _Sensor:
 
     def picture(self, k: int) -> bytes | None:
         """The k-th picture; None for none."""
-        if "pause" in self.faults:
+        if "pause" in self.faults or ("slow" in self.faults and k % 3):
             return None
         if "black" in self.faults:
-            return self._black
+            return self._black[k % _N_NOISY]
         if "small" in self.faults:
             return self._small
+        if "garbage" in self.faults:
+            return self._garbage
         k = 0 if "freeze" in self.faults else k // 2 if "duplicate" in self.faults else k
-        return (self._torn if "torn" in self.faults else self._pictures)[k % _N_NOISY]
+        sets = {"torn": self._torn, "strip": self._strip, "other": self._others}
+        return next((sets[f] for f in sets if f in self.faults), self._pictures)[k % _N_NOISY]
 
 
 def _encoded(image: Any) -> bytes:
@@ -111,12 +126,19 @@ def _encoded(image: Any) -> bytes:
     return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1])
 
 
-def _light(wear: frozenset[str]) -> Any:
-    """The untouched gel, float (240, 320, 3), blue, green, red."""
+def _light(look: int) -> Any:
+    """The untouched gel of a sensor, float (240, 320, 3); no two sensors' colours lie alike."""
     rows, columns = np.mgrid[: _SIZE[0], : _SIZE[1]]
-    light = np.stack([90 + 0.2 * rows, 110 - 0.1 * columns, 80 + 0.15 * columns], axis=2)
+    colours = [90 + 0.2 * rows, 110 - 0.1 * columns, 80 + 0.15 * columns]
+    turned = colours[look % 3 :] + colours[: look % 3]
+    return np.stack(turned, axis=2) + 20 * (look % 2)
+
+
+def _worn(light: Any, wear: frozenset[str]) -> Any:
+    """What has become of it."""
+    rows, columns = np.mgrid[: _SIZE[0], : _SIZE[1]]
     if "dimmer" in wear:
-        light *= 0.9
+        light = light * 0.9
     if "dark-spot" in wear:
         light[(rows - 170) ** 2 + (columns - 250) ** 2 < 6**2] -= 35
     return light
@@ -164,8 +186,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rate-hz", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--look", type=int, default=0, help="which sensor's gel it shows")
     given = parser.parse_args(arguments)
-    sensor = _Sensor(rate_hz=given.rate_hz, seed=given.seed)
+    sensor = _Sensor(rate_hz=given.rate_hz, seed=given.seed, look=given.look)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _handler(sensor))
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
