@@ -1,0 +1,220 @@
+"""The arm's chain: forearm poses in, one target for the arm out, at whatever rate it is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tega.arm.clip import clipped
+from tega.arm.clutch import Clutch
+from tega.arm.frames import ToBase
+from tega.arm.gate import Gate, malformed
+from tega.arm.motion import Follower
+from tega.arm.one_euro import PoseFilter
+from tega.arm.pose import ArmCommand, ArmState, Pose, StampedPose
+from tega.arm.rotation import unit
+from tega.arm.settings import ArmSettings, checked
+from tega.arm.watch import Level, Trouble, Watch
+from tega.arm.workspace import Workspace
+
+__all__ = ["ArmChain"]
+
+_AGAIN = "; let the clutch go and press it again"
+
+
+class ArmChain:
+    """Gate, axes, filter, clutch, workspace, clip, limits, watchdogs; no clock, no thread, no device.
+
+    The operator takes hold by pressing the clutch with the dead-man switch held; the target then goes where the
+    forearm goes. :attr:`ArmCommand.state` and ``reason`` say what it does and why. The target never leaves box and
+    cone and never exceeds the limits of speed and acceleration, whatever comes in.
+
+    Args:
+        settings: All settings.
+
+    Raises:
+        InvalidValueError: A setting is out of its range.
+    """
+
+    def __init__(self, settings: ArmSettings | None = None) -> None:
+        self._s = s = checked(settings or ArmSettings())
+        self._gate, self._filter, self._watch = Gate(s.gate), PoseFilter(s.filter), Watch(s.watchdog)
+        self._to_base, self._clutch = ToBase(s.mapping), Clutch(s.mapping)
+        self._workspace = Workspace(s.limits)
+        self._state: ArmState = "idle"
+        self._reason = "nobody has taken hold yet"
+        self._now_ns: int | None = None
+        self._hand: Pose | None = None
+        self._measured: Pose | None = None
+        self._follower: Follower | None = None
+        self._rest: Pose | None = None
+        self._engagements = 0
+        self._was_open = False  # the clutch was seen open since it was last lost
+        self._attached = False  # an operator has taken hold and not let go since
+
+    def step(
+        self,
+        now_ns: int,
+        poses: Sequence[StampedPose] = (),
+        *,
+        clutch: bool,
+        dead_man: bool,
+        measured: StampedPose | None = None,
+    ) -> ArmCommand:
+        """Take in what is new, and say where the hand shall be.
+
+        Args:
+            now_ns: The time, on the clock of the stamps, nanoseconds. Time that goes back lets the arm go.
+            poses: Forearm poses since the last call, in the tracker's axes, oldest first.
+            clutch: Whether the operator presses the clutch.
+            dead_man: Whether the dead-man switch is held.
+            measured: Where the hand is, base's axes, if that is known anew.
+        """
+        dt_s = 0.0 if self._now_ns is None else (now_ns - self._now_ns) / 1e9
+        if dt_s < 0:
+            self._start_over("the clock went back")
+            dt_s = 0.0
+        self._now_ns = now_ns
+        self._see_arm(now_ns, measured)
+        self._see_poses(now_ns, poses)
+        trouble = self._watch.trouble(now_ns, 1e3 * dt_s)
+        self._was_open |= not clutch
+        if self._state in {"following", "holding"}:
+            self._go_on(trouble, clutch=clutch, dead_man=dead_man)
+        elif self._state == "idle":
+            self._wait(trouble, clutch=clutch, dead_man=dead_man)
+        if self._follower is not None and dt_s > 0:
+            self._move(self._follower, now_ns, dt_s)
+        return self._command(now_ns)
+
+    def stop(self, reason: str) -> None:
+        """Let the arm go: the driver ends with damping. Only :meth:`clear` leads on."""
+        self._state, self._reason, self._follower = "stopped", reason, None
+
+    def clear(self) -> None:
+        """Go back to idle, once a person has seen that it is safe; the next target begins at the measured pose."""
+        if self._state == "stopped":
+            self._state, self._reason = "idle", "nobody has taken hold yet"
+            self._attached = self._was_open = False
+
+    def _start_over(self, reason: str) -> None:
+        """Forget everything that hangs on the clock."""
+        self._gate, self._hand, self._measured = Gate(self._s.gate), None, None
+        self._filter.forget()
+        self._watch.forget()
+        if self._state in {"following", "holding"}:
+            self._lose(reason)
+
+    def _see_arm(self, now_ns: int, measured: StampedPose | None) -> None:
+        if measured is None or malformed(measured, self._s.gate):
+            return
+        if measured.t_ns <= now_ns + self._s.gate.ahead_ms * 1e6:
+            self._watch.arm(measured.t_ns)
+            self._measured = Pose(
+                np.array(measured.position_m, np.float64), unit(np.array(measured.quaternion_xyzw, np.float64))
+            )
+
+    def _see_poses(self, now_ns: int, poses: Sequence[StampedPose]) -> None:
+        age_ms = self._watch.pose_age_ms(now_ns)
+        if age_ms is not None and age_ms > self._s.watchdog.lost_ms:
+            self._gate.forget()
+            self._filter.forget()
+        for pose in poses:
+            refusal = self._gate.refusal(pose, now_ns)
+            if refusal:
+                self._watch.refused(now_ns, refusal)
+            else:
+                self._watch.believed(pose.t_ns)
+                self._hand = self._filter.step(pose.t_ns, self._to_base(pose))
+
+    def _go_on(self, trouble: Trouble, *, clutch: bool, dead_man: bool) -> None:
+        if trouble.level == Level.STOP:
+            self.stop(trouble.reason)
+        elif not clutch:
+            self._let_go("idle", "the clutch is open")
+            self._attached = False
+        elif trouble.level == Level.LOSE:
+            self._lose(trouble.reason)
+        elif trouble.level == Level.HOLD:
+            self._let_go("holding", trouble.reason, at_measured=trouble.silent)
+        elif not dead_man:
+            self._let_go("holding", "the dead-man switch is released")
+        elif self._state == "holding":
+            self._take_hold()
+
+    def _wait(self, trouble: Trouble, *, clutch: bool, dead_man: bool) -> None:
+        if not clutch:
+            self._attached = False
+        if self._attached and trouble.level == Level.STOP:
+            self.stop(trouble.reason)
+        elif not clutch:
+            self._reason = trouble.reason or "the clutch is open"
+        elif not self._was_open:
+            if not self._reason.endswith(_AGAIN):
+                self._reason = "the clutch was pressed from the start" + _AGAIN
+        elif trouble.level:
+            self._reason = trouble.reason
+        elif not dead_man:
+            self._reason = "hold the dead-man switch"
+        else:
+            self._take_hold()
+
+    def _take_hold(self) -> None:
+        assert self._hand is not None  # no trouble: both were heard
+        assert self._measured is not None
+        if self._follower is None:
+            outside = self._workspace.outside(self._measured)
+            if outside:
+                self._reason = f"{outside}; guide it back"
+                return
+            self._follower = Follower(self._s.limits, self._workspace, self._measured)
+        # From where it will be at rest: a target that is still braking does not turn round.
+        self._clutch.latch(self._hand, self._follower.resting())
+        self._state, self._reason = "following", "the arm follows the forearm"
+        self._engagements += 1
+        self._attached, self._was_open = True, False
+
+    def _let_go(self, state: ArmState, reason: str, *, at_measured: bool = False) -> None:
+        """Bring the target to rest: where braking ends, or at the measured pose."""
+        if self._state == "following" and self._follower is not None:
+            rest = self._follower.resting()
+            if at_measured and self._measured is not None:
+                rest = self._workspace.inside(self._measured)
+            self._rest = rest
+        self._state, self._reason = state, reason
+
+    def _lose(self, reason: str) -> None:
+        self._let_go("idle", reason + _AGAIN)
+        self._was_open = False
+
+    def _move(self, follower: Follower, now_ns: int, dt_s: float) -> None:
+        if 1e3 * dt_s > self._s.watchdog.late_ms:
+            follower.brake(dt_s)
+            return
+        measured = self._measured if self._watch.arm_is_fresh(now_ns) else None
+        following = self._state == "following"
+        if following:
+            assert self._hand is not None
+            asked = self._clutch.goal(self._hand)
+            goal = self._workspace.inside(asked)
+            if goal is not asked:
+                self._clutch.shed(asked, goal)
+        else:
+            goal = self._rest or follower.resting()
+        if measured is not None:
+            near = clipped(goal, measured, self._s.limits)
+            goal = goal if near is goal else self._workspace.inside(near)
+        follower.step(goal, dt_s, measured)
+
+    def _command(self, now_ns: int) -> ArmCommand:
+        f = self._follower
+        return ArmCommand(
+            now_ns,
+            self._state,
+            self._reason,
+            None if f is None else f.pose,
+            np.zeros(3) if f is None else f.velocity_m_s,
+            np.zeros(3) if f is None else f.velocity_rad_s,
+            self._engagements,
+        )

@@ -1,0 +1,76 @@
+"""Which poses are believed: a jump that is filtered or slowed down still leads to a wrong place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tega.arm.pose import StampedPose
+from tega.arm.rotation import Floats, between, unit
+from tega.arm.settings import GateSettings
+
+__all__ = ["Gate", "malformed"]
+
+
+def malformed(pose: StampedPose, settings: GateSettings) -> str:
+    """Return why a pose cannot be one, whatever came before it; ``""`` if it can."""
+    if not pose.valid:
+        return "the tracker calls it lost"
+    place, turn = np.asarray(pose.position_m, np.float64), np.asarray(pose.quaternion_xyzw, np.float64)
+    if place.shape != (3,) or turn.shape != (4,):
+        return f"it is not one place and one turn: shapes {place.shape} and {turn.shape}"
+    xyz, xyzw = place.tolist(), turn.tolist()
+    if not all(map(math.isfinite, (*xyz, *xyzw))):
+        return "a number in it is not finite"
+    if abs(math.hypot(*xyzw) - 1) > settings.unit_error:
+        return f"its quaternion has length {math.hypot(*xyzw):.4g}, not 1"
+    if max(map(abs, xyz)) > settings.room_m:
+        return f"it lies {max(map(abs, xyz)):.3g} m away"
+    return ""
+
+
+class Gate:
+    """Looks at poses one after the other.
+
+    Args:
+        settings: What is believed.
+
+    Attributes:
+        last_ns: Stamp of the last pose that was believed; ``None`` before the first.
+    """
+
+    def __init__(self, settings: GateSettings) -> None:
+        self._s = settings
+        self.last_ns: int | None = None
+        self._place: list[float] = []
+        self._turn: Floats = np.zeros(4)
+
+    def forget(self) -> None:
+        """Begin anew: the next pose may be anywhere, but not older than the last one believed."""
+        self._place = []
+
+    def refusal(self, pose: StampedPose, now_ns: int) -> str:
+        """Return why a pose is not believed, ``""`` if it is; then the next one is compared with it."""
+        s = self._s
+        if said := malformed(pose, s):
+            return said
+        xyz = np.asarray(pose.position_m, np.float64).tolist()
+        if self.last_ns is not None and pose.t_ns <= self.last_ns:
+            return "it is not newer than the last"
+        age_ms = (now_ns - pose.t_ns) / 1e6
+        if age_ms > s.age_ms:
+            return f"it is {age_ms:.0f} ms old"
+        if age_ms < -s.ahead_ms:
+            return f"it lies {-age_ms:.0f} ms in the future"
+        turn = unit(np.asarray(pose.quaternion_xyzw, np.float64))
+        if self._place and self.last_ns is not None:
+            dt_s = (pose.t_ns - self.last_ns) / 1e9
+            step_m = math.dist(xyz, self._place)
+            step_rad = math.hypot(*between(self._turn, turn).tolist())
+            if step_m > min(s.step_m, s.speed_m_s * dt_s):
+                return f"it jumped by {1e3 * step_m:.0f} mm"
+            if step_rad > min(s.step_rad, s.turn_rad_s * dt_s):
+                return f"it jumped by {step_rad:.2f} rad"
+        self.last_ns, self._place, self._turn = pose.t_ns, xyz, turn
+        return ""

@@ -1,0 +1,110 @@
+"""Yaw calibration: which way is forward for the operator, and a check that can be seen."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tega.arm.frames import FRAMES, turned
+from tega.errors import CalibrationError, InvalidValueError
+
+__all__ = ["ForwardCheck", "check_forward", "yaw_from_sweep"]
+
+SHORTEST_M = 0.10
+LEAST_STRAIGHT = 0.8
+STEEPEST_RAD = math.radians(30)
+MOST_OFF_RAD = math.radians(15)
+
+
+class ForwardCheck(NamedTuple):
+    """How a forward movement looks from the robot.
+
+    Attributes:
+        ok: Whether it is forward.
+        off_rad: By how much it points to the left (positive) or right of forward.
+        words: What to tell the operator.
+    """
+
+    ok: bool
+    off_rad: float
+    words: str
+
+
+def yaw_from_sweep(positions: ArrayLike, *, frame: str) -> float:
+    """Return the heading of a movement of the forearm that the operator calls forward.
+
+    Args:
+        positions: (n, 3), places of the tracker while the operator moves the forearm straight forward, metres.
+        frame: Axes of the tracker, a name of :data:`~tega.arm.FRAMES`.
+
+    Returns:
+        ``yaw_rad`` for :class:`~tega.arm.MappingSettings`: about the vertical, from -π to π.
+
+    Raises:
+        CalibrationError: The movement was too short, not straight or not level; the message says which.
+        InvalidValueError: There is no such frame, or the places are not finite (n, 3).
+
+    Example:
+        >>> yaw_from_sweep([[0, 0, 0], [0, 0, -0.1], [0, 0, -0.2]], frame="openxr")
+        0.0
+    """
+    if frame not in FRAMES:
+        raise InvalidValueError(f"there is no frame {frame!r}", f"one of {', '.join(FRAMES)}")
+    away = _sweep(positions, FRAMES[frame])
+    return math.atan2(float(away[1]), float(away[0])) + 0.0
+
+
+def check_forward(positions: ArrayLike, *, frame: str, yaw_rad: float) -> ForwardCheck:
+    """Judge a second forward movement after calibration, while the operator watches the arm's picture go forward.
+
+    Args:
+        positions: (n, 3), places of the tracker during it, metres.
+        frame: Axes of the tracker.
+        yaw_rad: The calibration.
+    """
+    try:
+        away = turned(-yaw_rad) @ _sweep(positions, FRAMES[frame])
+    except CalibrationError as error:
+        return ForwardCheck(ok=False, off_rad=0.0, words=str(error))
+    off = math.atan2(float(away[1]), float(away[0]))
+    if abs(off) <= MOST_OFF_RAD:
+        return ForwardCheck(ok=True, off_rad=off, words="forward is forward")
+    degrees = math.degrees(off)
+    if abs(off) > math.radians(135):
+        words = "forward came out backward: the frame or the heading is wrong"
+    else:
+        words = f"forward came out {abs(degrees):.0f}° to the {'left' if off > 0 else 'right'}"
+    return ForwardCheck(ok=False, off_rad=off, words=f"{words}; calibrate again")
+
+
+def _sweep(positions: ArrayLike, to_base: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the displacement of a straight, level movement, base's axes without the heading."""
+    places = np.asarray(positions, np.float64)
+    if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
+        raise InvalidValueError(f"places have shape {places.shape} or are not finite; wanted is (n, 3), metres")
+    if len(places) < 2:
+        raise CalibrationError("no movement was seen", "move the hand straight forward by 20 cm")
+    places = (places - places[0]) @ to_base.T
+    farthest = int(np.argmax(np.linalg.norm(places, axis=1)))
+    away: NDArray[np.float64] = places[farthest]
+    length = float(np.linalg.norm(away))
+    if length < SHORTEST_M:
+        raise CalibrationError(
+            f"the hand moved {100 * length:.0f} cm, which is too little", "move it straight forward by 20 cm"
+        )
+    # How far the way strays from its chord, so that a tracker's noise does not count as way.
+    chord = away / length
+    along = places[: farthest + 1] @ chord
+    stray = float(np.linalg.norm(places[: farthest + 1] - np.outer(along, chord), axis=1).max())
+    if stray > (1 - LEAST_STRAIGHT) * length:
+        raise CalibrationError(
+            f"the way strayed by {100 * stray:.0f} cm from a straight line", "move the hand straight forward"
+        )
+    if abs(math.asin(float(chord[2]))) > STEEPEST_RAD:
+        raise CalibrationError(
+            f"the way rose by {math.degrees(math.asin(float(chord[2]))):.0f}°", "keep the hand level"
+        )
+    return away

@@ -1,0 +1,118 @@
+"""The One-Euro filter (Casiez, Roussel, Vogel: CHI 2012) for places in metres and for rotations.
+
+For a sample x after dt seconds::
+
+    alpha(f)  = 1 / (1 + 1 / (2 π f dt))
+    speed    += alpha(speed_cutoff) · ((x - filtered) / dt - speed)
+    cutoff    = min_cutoff + beta · |speed|
+    filtered += alpha(cutoff) · (x - filtered)
+
+``speed`` is a vector and its length sets one cutoff for all axes, so that the path does not bend. For rotations
+the difference x - filtered is the rotation vector log(x filtered⁻¹), and adding is turning on by exp: slerp.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tega.arm.pose import Pose
+from tega.arm.rotation import Floats, between, exp, multiply, same_side, unit
+from tega.arm.settings import FilterSettings
+
+__all__ = ["OneEuro", "PoseFilter", "TurnOneEuro"]
+
+
+def _share(cutoff_hz: float, dt_s: float) -> float:
+    around = 2 * math.pi * cutoff_hz * dt_s
+    return around / (1 + around)
+
+
+class _Cutoff:
+    """What both share: the speed, and the share of a difference that is taken over."""
+
+    def __init__(self, cutoff_hz: float, beta: float, speed_cutoff_hz: float) -> None:
+        self._cutoff_hz, self._beta, self._speed_cutoff_hz = cutoff_hz, beta, speed_cutoff_hz
+        self._speed: Floats = np.zeros(3)
+
+    def share(self, difference: Floats, dt_s: float) -> float:
+        self._speed += _share(self._speed_cutoff_hz, dt_s) * (difference / dt_s - self._speed)
+        return _share(self._cutoff_hz + self._beta * math.hypot(*self._speed.tolist()), dt_s)
+
+
+class OneEuro:
+    """Filters places.
+
+    Args:
+        cutoff_hz: Cutoff at rest.
+        beta_per_m: Rise of the cutoff, Hz per m/s.
+        speed_cutoff_hz: Cutoff of the speed.
+
+    Example:
+        >>> OneEuro(1.5, 10, 1).step(np.ones(3), 0.01).tolist()
+        [1.0, 1.0, 1.0]
+    """
+
+    def __init__(self, cutoff_hz: float, beta_per_m: float, speed_cutoff_hz: float) -> None:
+        self._cutoff = _Cutoff(cutoff_hz, beta_per_m, speed_cutoff_hz)
+        self._filtered: Floats | None = None
+
+    def step(self, x: Floats, dt_s: float) -> Floats:
+        """Return the filtered place; ``dt_s`` is the time since the last sample, more than 0."""
+        if self._filtered is None:
+            self._filtered = x.copy()
+        else:
+            difference = x - self._filtered
+            self._filtered = self._filtered + self._cutoff.share(difference, dt_s) * difference
+        return self._filtered
+
+
+class TurnOneEuro:
+    """Filters rotations.
+
+    Args:
+        cutoff_hz: Cutoff at rest.
+        beta_per_rad: Rise of the cutoff, Hz per rad/s.
+        speed_cutoff_hz: Cutoff of the speed.
+    """
+
+    def __init__(self, cutoff_hz: float, beta_per_rad: float, speed_cutoff_hz: float) -> None:
+        self._cutoff = _Cutoff(cutoff_hz, beta_per_rad, speed_cutoff_hz)
+        self._filtered: Floats | None = None
+
+    def step(self, q: Floats, dt_s: float) -> Floats:
+        """Return the filtered unit quaternion, on the side of the last; ``dt_s`` as for places."""
+        if self._filtered is None:
+            self._filtered = q.copy()
+        else:
+            difference = between(self._filtered, q)
+            turned = multiply(exp(self._cutoff.share(difference, dt_s) * difference), self._filtered)
+            self._filtered = same_side(unit(turned), self._filtered)
+        return self._filtered
+
+
+class PoseFilter:
+    """Filters poses by their own stamps.
+
+    Args:
+        settings: The filter's.
+    """
+
+    def __init__(self, settings: FilterSettings) -> None:
+        self._s = settings
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: the next pose is taken as it is."""
+        s = self._s
+        self._place = OneEuro(s.cutoff_hz, s.beta_per_m, s.speed_cutoff_hz)
+        self._turn = TurnOneEuro(s.turn_cutoff_hz, s.turn_beta_per_rad, s.speed_cutoff_hz)
+        self._last_ns = 0
+
+    def step(self, t_ns: int, pose: Pose) -> Pose:
+        """Return the filtered pose; stamps have to rise."""
+        if not self._s.on:
+            return pose
+        dt_s, self._last_ns = (t_ns - self._last_ns) / 1e9, t_ns
+        return Pose(self._place.step(pose.position_m, dt_s), self._turn.step(pose.quaternion_xyzw, dt_s))

@@ -1,0 +1,78 @@
+"""What goes into the arm's chain and what comes out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ArmCommand", "ArmState", "Pose", "PoseSource", "StampedPose"]
+
+ArmState = Literal["idle", "following", "holding", "stopped"]
+
+
+class StampedPose(NamedTuple):
+    """One rigid pose as it was measured: of the operator's forearm, or of the arm's own hand.
+
+    It is one place and one turn. Where fingers are cannot be said in it, so finger tracking cannot reach the arm.
+
+    Attributes:
+        t_ns: When it was so, on the machine's monotonic clock, nanoseconds.
+        position_m: x, y, z in the frame of whoever measured it, metres.
+        quaternion_xyzw: Its turn, x, y, z, w.
+        valid: What the source says of it: false where it was lost, guessed or extrapolated.
+    """
+
+    t_ns: int
+    position_m: Sequence[float] | NDArray[np.float64]
+    quaternion_xyzw: Sequence[float] | NDArray[np.float64]
+    valid: bool = True
+
+
+class Pose(NamedTuple):
+    """A place and a turn in the axes of the robot's base: x forward, y left, z up.
+
+    Attributes:
+        position_m: float64 (3,), metres.
+        quaternion_xyzw: float64 (4,), unit length, x, y, z, w.
+    """
+
+    position_m: NDArray[np.float64]
+    quaternion_xyzw: NDArray[np.float64]
+
+
+class ArmCommand(NamedTuple):
+    """What is asked of the arm now.
+
+    Attributes:
+        t_ns: When, as the caller said.
+        state: ``idle`` (nobody steers), ``following``, ``holding`` (it would follow, but something is missing) or
+            ``stopped`` (the driver ends with damping and without force; a person has to allow it to go on).
+        reason: Why it is so, for the operator.
+        target: Where the hand shall be; ``None`` asks nothing of the arm.
+        velocity_m_s: float64 (3,), speed of the target in the base's axes.
+        velocity_rad_s: float64 (3,), its turning, about the base's axes.
+        engagements: How often the operator has taken hold of the arm; a driver refuses a lower number than its own.
+    """
+
+    t_ns: int
+    state: ArmState
+    reason: str
+    target: Pose | None
+    velocity_m_s: NDArray[np.float64]
+    velocity_rad_s: NDArray[np.float64]
+    engagements: int
+
+
+class PoseSource(Protocol):
+    """Where poses come from."""
+
+    def read(self, now_ns: int) -> Sequence[StampedPose]:
+        """Return the poses that came since the last call, oldest first; never waits.
+
+        Args:
+            now_ns: The time on the clock of the stamps.
+        """
+        ...

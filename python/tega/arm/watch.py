@@ -1,0 +1,116 @@
+"""Watchdogs: how long ago poses and the arm were last heard, and what that leads to."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from tega.arm.settings import WatchdogSettings
+
+__all__ = ["Level", "Trouble", "Watch"]
+
+
+class Level(IntEnum):
+    """What trouble leads to, the worse the higher."""
+
+    NONE = 0
+    HOLD = 1
+    LOSE = 2
+    STOP = 3
+
+
+class Trouble(NamedTuple):
+    """What is wrong.
+
+    Attributes:
+        level: What it leads to.
+        reason: In words for the operator.
+        silent: Whether it is that no poses come.
+    """
+
+    level: Level
+    reason: str
+    silent: bool = False
+
+
+class Watch:
+    """Keeps the times.
+
+    Args:
+        settings: After what time what happens.
+    """
+
+    def __init__(self, settings: WatchdogSettings) -> None:
+        self._s = settings
+        self._believed_ns: int | None = None
+        self._refused_ns: int | None = None
+        self._refusal = ""
+        self._arm_ns: int | None = None
+
+    def forget(self) -> None:
+        """Begin anew: nothing has been heard yet."""
+        self._believed_ns = self._refused_ns = self._arm_ns = None
+
+    def believed(self, t_ns: int) -> None:
+        """Take note of the stamp of a pose that is believed."""
+        self._believed_ns = t_ns
+
+    def refused(self, now_ns: int, why: str) -> None:
+        """Take note of a pose that is not."""
+        self._refused_ns, self._refusal = now_ns, why
+
+    def arm(self, t_ns: int) -> None:
+        """Take note of the stamp of a pose of the arm."""
+        self._arm_ns = t_ns
+
+    def pose_age_ms(self, now_ns: int) -> float | None:
+        """Return how old the last believed pose is; ``None`` before the first."""
+        return None if self._believed_ns is None else (now_ns - self._believed_ns) / 1e6
+
+    def arm_is_fresh(self, now_ns: int) -> bool:
+        """Return whether the arm has told lately where it is."""
+        return self._arm_ns is not None and (now_ns - self._arm_ns) / 1e6 <= self._s.hold_ms
+
+    def trouble(self, now_ns: int, away_ms: float) -> Trouble:
+        """Return the worst that is wrong.
+
+        Args:
+            now_ns: The time.
+            away_ms: How long ago the caller last asked.
+        """
+        return max(
+            self._with_poses(now_ns), self._with_arm(now_ns), self._with_caller(away_ms), key=lambda t: t.level
+        )
+
+    def _with_poses(self, now_ns: int) -> Trouble:
+        s, age_ms = self._s, self.pose_age_ms(now_ns)
+        refused = self._refused_ns is not None and (now_ns - self._refused_ns) / 1e6 <= s.hold_ms
+        if age_ms is None:
+            said = f"the last one: {self._refusal}" if refused else "is the tracker on?"
+            return Trouble(Level.LOSE, f"there was no pose yet; {said}", silent=not refused)
+        if age_ms <= s.hold_ms:
+            return Trouble(Level.NONE, "")
+        if refused:
+            level = Level.LOSE if age_ms > s.lost_ms else Level.HOLD
+            return Trouble(level, f"the forearm is lost: {self._refusal}")
+        return self._by_age(age_ms, "no pose came", silent=True)
+
+    def _with_arm(self, now_ns: int) -> Trouble:
+        if self._arm_ns is None:
+            return Trouble(Level.LOSE, "the arm has not told yet where it is")
+        age_ms = (now_ns - self._arm_ns) / 1e6
+        if age_ms <= self._s.hold_ms:
+            return Trouble(Level.NONE, "")
+        return self._by_age(age_ms, "the arm did not tell where it is")
+
+    def _with_caller(self, away_ms: float) -> Trouble:
+        if away_ms <= self._s.late_ms:
+            return Trouble(Level.NONE, "")
+        level = Level.LOSE if away_ms > self._s.silent_ms else Level.HOLD
+        return Trouble(level, f"the loop was away for {away_ms:.0f} ms")
+
+    def _by_age(self, age_ms: float, what: str, *, silent: bool = False) -> Trouble:
+        s = self._s
+        steps = ((Level.STOP, s.stop_ms), (Level.LOSE, s.silent_ms), (Level.HOLD, s.hold_ms))
+        level, over_ms = next(step for step in steps if age_ms > step[1])
+        return Trouble(level, f"{what} for more than {over_ms:g} ms", silent)
