@@ -76,7 +76,9 @@ class Obedience:
         if self.last is not None:
             dt_s = (command.t_ns - self.last[0]) / 1e9
             way = place - self.last[1].position_m
-            turn = (Rotation.from_quat(q) * Rotation.from_quat(self.last[1].quaternion_xyzw).inv()).as_rotvec()
+            turn = (
+                Rotation.from_quat(q) * Rotation.from_quat(self.last[1].quaternion_xyzw).inv()
+            ).as_rotvec()
             if dt_s <= 0:
                 assert not way.any(), "moved in no time"
                 assert not (q - self.last[1].quaternion_xyzw).any(), "turned in no time"

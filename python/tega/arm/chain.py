@@ -45,6 +45,7 @@ class ArmChain:
         self._state: ArmState = "idle"
         self._reason = "nobody has taken hold yet"
         self._now_ns: int | None = None
+        self._unfiltered: tuple[int, Pose] | None = None
         self._hand: Pose | None = None
         self._measured: Pose | None = None
         self._follower: Follower | None = None
@@ -100,7 +101,7 @@ class ArmChain:
 
     def _start_over(self, reason: str) -> None:
         """Forget everything that hangs on the clock."""
-        self._gate, self._hand, self._measured = Gate(self._s.gate), None, None
+        self._gate, self._unfiltered, self._measured = Gate(self._s.gate), None, None
         self._filter.forget()
         self._watch.forget()
         if self._state in {"following", "holding"}:
@@ -112,7 +113,8 @@ class ArmChain:
         if measured.t_ns <= now_ns + self._s.gate.ahead_ms * 1e6:
             self._watch.arm(measured.t_ns)
             self._measured = Pose(
-                np.array(measured.position_m, np.float64), unit(np.array(measured.quaternion_xyzw, np.float64))
+                np.array(measured.position_m, np.float64),
+                unit(np.array(measured.quaternion_xyzw, np.float64)),
             )
 
     def _see_poses(self, now_ns: int, poses: Sequence[StampedPose]) -> None:
@@ -126,7 +128,8 @@ class ArmChain:
                 self._watch.refused(now_ns, refusal)
             else:
                 self._watch.believed(pose.t_ns)
-                self._hand = self._filter.step(pose.t_ns, self._to_base(pose))
+                self._unfiltered = pose.t_ns, self._to_base(pose)
+                self._hand = self._filter.step(*self._unfiltered)
 
     def _go_on(self, trouble: Trouble, *, clutch: bool, dead_man: bool) -> None:
         if trouble.level == Level.STOP:
@@ -161,7 +164,7 @@ class ArmChain:
             self._take_hold()
 
     def _take_hold(self) -> None:
-        assert self._hand is not None  # no trouble: both were heard
+        assert self._unfiltered is not None  # no trouble: both were heard
         assert self._measured is not None
         if self._follower is None:
             outside = self._workspace.outside(self._measured)
@@ -169,6 +172,9 @@ class ArmChain:
                 self._reason = f"{outside}; guide it back"
                 return
             self._follower = Follower(self._s.limits, self._workspace, self._measured)
+        # What the filter still owes of motion before is not part of what follows.
+        self._filter.forget()
+        self._hand = self._filter.step(*self._unfiltered)
         # From where it will be at rest: a target that is still braking does not turn round.
         self._clutch.latch(self._hand, self._follower.resting())
         self._state, self._reason = "following", "the arm follows the forearm"

@@ -52,25 +52,32 @@ class Gate:
 
     def refusal(self, pose: StampedPose, now_ns: int) -> str:
         """Return why a pose is not believed, ``""`` if it is; then the next one is compared with it."""
-        s = self._s
-        if said := malformed(pose, s):
-            return said
-        xyz = np.asarray(pose.position_m, np.float64).tolist()
+        said = malformed(pose, self._s) or self._untimely(pose, now_ns) or self._jump(pose)
+        if not said:
+            self.last_ns = pose.t_ns
+            self._place = np.asarray(pose.position_m, np.float64).tolist()
+            self._turn = unit(np.asarray(pose.quaternion_xyzw, np.float64))
+        return said
+
+    def _untimely(self, pose: StampedPose, now_ns: int) -> str:
         if self.last_ns is not None and pose.t_ns <= self.last_ns:
             return "it is not newer than the last"
         age_ms = (now_ns - pose.t_ns) / 1e6
-        if age_ms > s.age_ms:
+        if age_ms > self._s.age_ms:
             return f"it is {age_ms:.0f} ms old"
-        if age_ms < -s.ahead_ms:
+        if age_ms < -self._s.ahead_ms:
             return f"it lies {-age_ms:.0f} ms in the future"
+        return ""
+
+    def _jump(self, pose: StampedPose) -> str:
+        if not self._place or self.last_ns is None:
+            return ""
+        s, dt_s = self._s, (pose.t_ns - self.last_ns) / 1e9
+        step_m = math.dist(np.asarray(pose.position_m, np.float64).tolist(), self._place)
         turn = unit(np.asarray(pose.quaternion_xyzw, np.float64))
-        if self._place and self.last_ns is not None:
-            dt_s = (pose.t_ns - self.last_ns) / 1e9
-            step_m = math.dist(xyz, self._place)
-            step_rad = math.hypot(*between(self._turn, turn).tolist())
-            if step_m > min(s.step_m, s.speed_m_s * dt_s):
-                return f"it jumped by {1e3 * step_m:.0f} mm"
-            if step_rad > min(s.step_rad, s.turn_rad_s * dt_s):
-                return f"it jumped by {step_rad:.2f} rad"
-        self.last_ns, self._place, self._turn = pose.t_ns, xyz, turn
+        step_rad = math.hypot(*between(self._turn, turn).tolist())
+        if step_m > min(s.step_m, s.speed_m_s * dt_s):
+            return f"it jumped by {1e3 * step_m:.0f} mm"
+        if step_rad > min(s.step_rad, s.turn_rad_s * dt_s):
+            return f"it jumped by {step_rad:.2f} rad"
         return ""

@@ -84,7 +84,9 @@ def _sweep(positions: ArrayLike, to_base: NDArray[np.float64]) -> NDArray[np.flo
     """Return the displacement of a straight, level movement, base's axes without the heading."""
     places = np.asarray(positions, np.float64)
     if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-        raise InvalidValueError(f"places have shape {places.shape} or are not finite; wanted is (n, 3), metres")
+        raise InvalidValueError(
+            f"places have shape {places.shape} or are not finite; wanted is (n, 3), metres"
+        )
     if len(places) < 2:
         raise CalibrationError("no movement was seen", "move the hand straight forward by 20 cm")
     places = (places - places[0]) @ to_base.T

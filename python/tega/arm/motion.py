@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tega.arm.pose import Pose
-from tega.arm.rotation import Floats, between, exp, multiply, rotate, same_side, unit
+from tega.arm.rotation import Floats, between, cross, exp, multiply, rotate, same_side, unit
 from tega.arm.settings import LimitSettings
 from tega.arm.workspace import Workspace
 
@@ -144,7 +144,8 @@ class Follower:
         place, q = self.pose
         turn = self._turn_tick.braking_way(self.velocity_rad_s)
         return Pose(
-            place + self._place_tick.braking_way(self.velocity_m_s), unit(multiply(exp(turn), q)) if turn.any() else q
+            place + self._place_tick.braking_way(self.velocity_m_s),
+            unit(multiply(exp(turn), q)) if turn.any() else q,
         )
 
     def brake(self, dt_s: float) -> None:
@@ -183,14 +184,17 @@ class Follower:
             if _size(stop.position_m - measured.position_m) <= ahead_m + _GIVE:
 
                 def near(new: Floats, way: Floats) -> bool:
-                    stop = place + way + self._place_tick.braking_way(new)
-                    return in_box(new, way) and _size(stop - measured.position_m) <= ahead_m + _GIVE
+                    end = place + way - measured.position_m
+                    farthest = max(_size(end), _size(end + self._place_tick.braking_way(new)))
+                    return farthest <= ahead_m + _GIVE and in_box(new, way)
 
             if _size(between(measured.quaternion_xyzw, stop.quaternion_xyzw)) <= ahead_rad + _GIVE:
 
                 def turned_near(new: Floats, way: Floats) -> bool:
-                    stop = multiply(exp(self._turn_tick.braking_way(new)), multiply(exp(way), q))
-                    return in_cone(new, way) and _size(between(measured.quaternion_xyzw, stop)) <= ahead_rad + _GIVE
+                    end = multiply(exp(way), q)
+                    stop = multiply(exp(self._turn_tick.braking_way(new)), end)
+                    farthest = max(_size(between(measured.quaternion_xyzw, at)) for at in (end, stop))
+                    return farthest <= ahead_rad + _GIVE and in_cone(new, way)
 
         self.velocity_m_s, mean = self._place_tick.choose(v, error, dt_s, near)
         self.velocity_rad_s, turning = self._turn_tick.choose(w, turn_error, dt_s, turned_near)
@@ -210,7 +214,7 @@ class Follower:
         """
         tool = self._workspace.tool_axis
         d, g = rotate(q, tool), rotate(goal, tool)
-        across = np.cross(d, g)
+        across = cross(d, g)
         sine = _size(across)
         swing = across * (math.atan2(sine, float(d @ g)) / sine) if sine > 1e-15 else np.zeros(3)
         twist = float(between(multiply(exp(swing), q), goal) @ g)

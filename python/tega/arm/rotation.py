@@ -8,14 +8,16 @@ turns by ``b`` first, then by ``a``, about fixed axes.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
     "IDENTITY",
+    "Floats",
     "between",
+    "cross",
     "exp",
     "from_matrix",
     "inverse",
@@ -28,7 +30,7 @@ __all__ = [
     "unit",
 ]
 
-Floats = NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.float64]
 
 IDENTITY: Final = np.array([0.0, 0.0, 0.0, 1.0])
 """No rotation."""
@@ -125,3 +127,9 @@ def from_matrix(matrix: Floats) -> Floats:
         i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
         q[[i, j, k, 3]] = squares[i], m[j, i] + m[i, j], m[k, i] + m[i, k], m[k, j] - m[j, k]
     return unit(q)
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return the cross product of two vectors (NumPy's own is made for many, and slow for one)."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])

@@ -134,7 +134,9 @@ class LimitSettings(_Stage, frozen=True):
         """
         for axis, low, high in zip("xyz", self.low_m, self.high_m, strict=True):
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
-                raise InvalidValueError(f"the workspace's {axis} goes from {low} to {high} m: it has no inside")
+                raise InvalidValueError(
+                    f"the workspace's {axis} goes from {low} to {high} m: it has no inside"
+                )
         for name in ("tool_axis", "upright"):
             size = math.hypot(*getattr(self, name))
             if not (math.isfinite(size) and size > 1e-6):

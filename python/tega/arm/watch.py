@@ -79,7 +79,10 @@ class Watch:
             away_ms: How long ago the caller last asked.
         """
         return max(
-            self._with_poses(now_ns), self._with_arm(now_ns), self._with_caller(away_ms), key=lambda t: t.level
+            self._with_poses(now_ns),
+            self._with_arm(now_ns),
+            self._with_caller(away_ms),
+            key=lambda t: t.level,
         )
 
     def _with_poses(self, now_ns: int) -> Trouble:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tega.arm.pose import Pose
-from tega.arm.rotation import Floats, exp, multiply, rotate, unit
+from tega.arm.rotation import Floats, cross, exp, multiply, rotate, unit
 from tega.arm.settings import LimitSettings
 
 __all__ = ["Workspace"]
@@ -61,7 +61,7 @@ class Workspace:
             return True
         axis, d, u = vector / angle, rotate(q, self.tool_axis), self.upright
         a = float(u @ axis) * float(axis @ d)
-        b, c = float(u @ d) - a, float(u @ _cross(axis, d))
+        b, c = float(u @ d) - a, float(u @ cross(axis, d))
         lowest = (math.atan2(c, b) + math.pi) % (2 * math.pi)
         return lowest > angle or a - math.hypot(b, c) >= math.cos(self._tilt_rad + _GIVE_RAD)
 
@@ -75,10 +75,10 @@ class Workspace:
             place = np.minimum(np.maximum(place, self._low), self._high)
         if not self.holds_turn(q):
             d = rotate(q, self.tool_axis)
-            axis = _cross(d, self.upright)
+            axis = cross(d, self.upright)
             size = math.hypot(*axis.tolist())
             if size < 1e-9:  # upside down: any way back is as short
-                axis = _cross(self.upright, np.eye(3)[int(np.argmin(np.abs(self.upright)))])
+                axis = cross(self.upright, np.eye(3)[int(np.argmin(np.abs(self.upright)))])
                 size = math.hypot(*axis.tolist())
             q = unit(multiply(exp(axis * ((_angle(d, self.upright) - self._tilt_rad) / size)), q))
         return pose if place is pose.position_m and q is pose.quaternion_xyzw else Pose(place, q)
@@ -95,10 +95,5 @@ class Workspace:
         return ""
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
-
-
 def _angle(a: Floats, b: Floats) -> float:
-    return math.atan2(math.hypot(*_cross(a, b).tolist()), float(a @ b))
+    return math.atan2(math.hypot(*cross(a, b).tolist()), float(a @ b))

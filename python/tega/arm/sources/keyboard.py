@@ -72,7 +72,9 @@ class KeyboardPoses:
         return (StampedPose(now_ns, self._place.tolist(), self._turn.tolist()),)
 
 
-def _part(left: NDArray[np.float64], speed: float, dt_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _part(
+    left: NDArray[np.float64], speed: float, dt_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Split off what is taken of the way that is left, and shorten what piled up."""
     size = math.hypot(*left.tolist())
     if size == 0:

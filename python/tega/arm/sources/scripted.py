@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ def path_through(waypoints: Sequence[Waypoint]) -> Callable[[float], Pose]:
         InvalidValueError: There is none, or times do not rise.
     """
     times = [w.t_s for w in waypoints]
-    if not times or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+    if not times or any(b <= a for a, b in pairwise(times)):
         raise InvalidValueError(f"times of waypoints are {times} s", "at least one, each later than the last")
 
     def path(t_s: float) -> Pose:

@@ -1,0 +1,387 @@
+"""The arm's chain in single cases: states and their times, axes, locks, walls, and who may steer."""
+
+from __future__ import annotations
+
+import ast
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tega.arm
+from tega.arm import (
+    ArmChain,
+    ArmCommand,
+    ArmSettings,
+    LimitSettings,
+    MappingSettings,
+    Pose,
+    StampedPose,
+    WatchdogSettings,
+    check_forward,
+    yaw_from_sweep,
+)
+from tega.arm import rotation as so3
+from tega.arm.frames import ToBase
+from tega.errors import CalibrationError, InvalidValueError
+
+MS = 1_000_000
+MIDDLE = np.array([0.5, 0.0, 0.3])
+FORWARD = so3.exp(np.array([0, math.pi / 2, 0]))
+
+
+class Bench:
+    """A chain in use: a hand that can be moved, an arm that goes where it is asked or stays."""
+
+    def __init__(self, limits: LimitSettings | None = None, **mapping: Any) -> None:
+        self.limits = limits or LimitSettings(ahead_m=10, ahead_rad=3)
+        self.chain = ArmChain(
+            ArmSettings(mapping=MappingSettings(**{"frame": "base", **mapping}), limits=self.limits)
+        )
+        self.now_ns, self.hand_m, self.turn = 0, np.zeros(3), so3.IDENTITY
+        self.arm = Pose(MIDDLE, FORWARD)
+        self.clutch = self.dead_man = self.tracker = self.link = True
+        self.stuck = False
+
+    def go(
+        self, ms: int, *, dt_ms: int = 10, valid: bool = True, move: tuple[float, ...] = (0, 0, 0)
+    ) -> ArmCommand:
+        """Go on for a time; ``move`` is the hand's way over all of it."""
+        n = ms // dt_ms
+        for _ in range(n):
+            self.now_ns += dt_ms * MS
+            self.hand_m = self.hand_m + np.array(move) / n
+            self.last = self.chain.step(
+                self.now_ns,
+                [StampedPose(self.now_ns, self.hand_m, self.turn, valid)] if self.tracker else [],
+                clutch=self.clutch,
+                dead_man=self.dead_man,
+                measured=StampedPose(self.now_ns, *self.arm) if self.link else None,
+            )
+            self.arm = self.arm if self.stuck else self.last.target or self.arm
+        return self.last
+
+    def take_hold(self) -> Bench:
+        self.clutch = False
+        self.go(20)
+        self.clutch = True
+        assert self.go(20).state == "following", self.last.reason
+        return self
+
+    @property
+    def away_m(self) -> list[float]:
+        return (self.arm.position_m - MIDDLE).round(4).tolist()
+
+
+def test_the_target_goes_where_the_forearm_goes() -> None:
+    bench = Bench().take_hold()
+    bench.go(1000, move=(0.1, -0.05, 0.02))
+    bench.go(3000)
+    assert bench.away_m == [0.1, -0.05, 0.02]
+    assert bench.last.velocity_m_s.round(6).tolist() == [0, 0, 0]
+
+
+def test_turns_are_about_the_base_s_axes() -> None:
+    bench = Bench().take_hold()
+    for _ in range(10):
+        bench.turn = so3.multiply(so3.exp(np.array([0, 0, 0.05])), bench.turn)
+        bench.go(50)
+    bench.go(3000)
+    wanted = so3.multiply(so3.exp(np.array([0, 0, 0.5])), FORWARD)
+    assert np.abs(so3.between(wanted, bench.arm.quaternion_xyzw)).max() < 1e-6
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_locked_axis_stays_and_a_scaled_one_goes_less(axis: int) -> None:
+    gains = [0.5, 0.5, 0.5]
+    gains[axis] = 0.0
+    bench = Bench(gain_xyz=tuple(gains), gain_turn=tuple(gains)).take_hold()
+    for _ in range(10):
+        bench.turn = so3.multiply(so3.exp(np.full(3, 0.04)), bench.turn)
+        bench.go(100, move=(0.01, 0.01, 0.01))
+    bench.go(3000)
+    wanted = [0.05, 0.05, 0.05]
+    wanted[axis] = 0.0
+    assert bench.away_m == wanted
+    turned = so3.between(FORWARD, bench.arm.quaternion_xyzw)
+    np.testing.assert_allclose(turned, 4 * np.array(wanted), atol=1e-6)
+
+
+def test_at_a_wall_it_slides_and_comes_back_at_once() -> None:
+    bench = Bench().take_hold()
+    bench.go(4000, move=(0.6, 0.1, 0))
+    bench.go(1000)
+    assert bench.away_m == [0.2, 0.1, 0]
+    bench.go(1000, move=(-0.05, 0, 0))
+    bench.go(1000)
+    assert bench.away_m == [0.15, 0.1, 0]
+
+
+# The layered times.
+
+
+def test_a_clutch_that_is_pressed_from_the_start_does_nothing() -> None:
+    bench = Bench()
+    assert bench.go(500).state == "idle"
+    assert "press it again" in bench.last.reason
+    assert bench.last.target is None
+    bench.take_hold()
+
+
+def test_the_dead_man_switch_holds_at_once_and_its_return_takes_hold_anew() -> None:
+    bench = Bench().take_hold()
+    bench.go(500, move=(0.05, 0, 0))
+    bench.dead_man = False
+    assert bench.go(10).state == "holding"
+    bench.go(1000, move=(0.2, 0, 0))
+    held = bench.away_m
+    assert held[0] < 0.06
+    bench.dead_man = True
+    assert bench.go(500).state == "following"
+    assert bench.away_m == held
+    assert bench.last.engagements == 2
+
+
+@pytest.mark.parametrize(
+    ("after_ms", "state"),
+    [(90, "following"), (120, "holding"), (240, "holding"), (270, "idle"), (1500, "idle")],
+)
+def test_a_forearm_that_the_tracker_loses(after_ms: int, state: str) -> None:
+    bench = Bench().take_hold()
+    assert bench.go(after_ms, valid=False).state == state
+    if state != "following":
+        assert "the tracker calls it lost" in bench.last.reason
+    assert bench.last.target is not None
+    again = bench.go(300)
+    assert again.state == ("idle" if state == "idle" else "following")
+    if state == "idle":
+        assert "press it again" in again.reason
+        bench.take_hold()
+
+
+@pytest.mark.parametrize(
+    ("after_ms", "state"),
+    [(90, "following"), (120, "holding"), (290, "holding"), (320, "idle"), (990, "idle"), (1020, "stopped")],
+)
+@pytest.mark.parametrize("what", ["tracker", "link"])
+def test_silence_of_tracker_or_arm(what: str, after_ms: int, state: str) -> None:
+    bench = Bench().take_hold()
+    setattr(bench, what, False)
+    assert bench.go(after_ms).state == state, bench.last.reason
+    assert (bench.last.target is None) == (state == "stopped")
+    setattr(bench, what, True)
+    again = bench.go(200)
+    assert again.state == {"holding": "following"}.get(state, state)
+
+
+def test_silence_before_anybody_took_hold_stops_nothing() -> None:
+    bench = Bench()
+    bench.tracker = False
+    assert bench.go(5000).state == "idle"
+
+
+def test_letting_go_before_the_second_is_over_stops_nothing() -> None:
+    bench = Bench().take_hold()
+    bench.tracker = False
+    bench.go(500)
+    bench.clutch = False
+    assert bench.go(3000).state == "idle"
+
+
+def test_silence_freezes_the_target_at_the_measured_pose() -> None:
+    bench = Bench(LimitSettings()).take_hold()
+    bench.stuck = True
+    bench.go(1000, move=(0.1, 0, 0))
+    assert bench.last.target is not None
+    assert np.linalg.norm(bench.last.target.position_m - MIDDLE) == pytest.approx(0.03, abs=1e-4)
+    bench.tracker = False
+    assert bench.go(110).state == "holding"
+    assert bench.go(600).state == "idle"
+    assert bench.last.target is not None
+    np.testing.assert_allclose(bench.last.target.position_m, MIDDLE, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("away_ms", "state"), [(90, "following"), (150, "holding"), (400, "idle"), (3000, "idle")]
+)
+def test_a_loop_that_was_away_does_not_lurch(away_ms: int, state: str) -> None:
+    bench = Bench().take_hold()
+    bench.go(300, move=(0.06, 0, 0))
+    before, speed = bench.arm, np.linalg.norm(bench.last.velocity_m_s)
+    bench.go(away_ms, dt_ms=away_ms)
+    assert bench.last.state == state
+    if state != "following":
+        assert f"away for {away_ms} ms" in bench.last.reason
+        way = np.linalg.norm(bench.arm.position_m - before.position_m)
+        assert way == pytest.approx(speed**2 / 2 / bench.limits.acceleration_m_s2)
+        assert not bench.last.velocity_m_s.any()
+
+
+def test_a_burst_of_old_poses_moves_nothing() -> None:
+    bench = Bench().take_hold()
+    stale = [StampedPose(bench.now_ns + i * 16 * MS, [0.001 * i, 0, 0], [0, 0, 0, 1]) for i in range(180)]
+    bench.now_ns += 3000 * MS
+    chain = bench.chain
+    command = chain.step(
+        bench.now_ns, stale, clutch=True, dead_man=True, measured=StampedPose(bench.now_ns, *bench.arm)
+    )
+    assert command.state == "idle"
+    assert command.target is not None
+    np.testing.assert_allclose(command.target.position_m, MIDDLE, atol=1e-9)
+
+
+def test_a_clock_that_goes_back_lets_go_and_is_recovered_from() -> None:
+    bench = Bench().take_hold()
+    bench.now_ns -= 5000 * MS
+    assert bench.go(10).state == "idle"
+    assert "the clock went back" in bench.last.reason
+    assert bench.go(500).state == "idle"
+    bench.take_hold()
+
+
+def test_after_a_stop_a_person_has_to_allow_it_and_it_begins_at_the_measured_pose() -> None:
+    bench = Bench().take_hold()
+    bench.chain.stop("a reflex of the arm")
+    assert bench.go(100).target is None
+    assert (bench.last.state, bench.last.reason) == ("stopped", "a reflex of the arm")
+    bench.clutch = False
+    bench.go(50)
+    bench.clutch = True
+    assert bench.go(50).state == "stopped"
+    bench.chain.clear()
+    bench.arm = Pose(MIDDLE - 0.1, FORWARD)
+    assert bench.go(50).state == "idle"
+    bench.take_hold()
+    assert bench.away_m == [-0.1, -0.1, -0.1]
+
+
+def test_it_cannot_begin_outside_of_the_workspace() -> None:
+    bench = Bench()
+    bench.arm = Pose(MIDDLE + np.array([0.212, 0, 0]), FORWARD)
+    bench.clutch = False
+    bench.go(20)
+    bench.clutch = True
+    assert bench.go(50).target is None
+    assert bench.last.reason == "the hand is 12 mm outside of the workspace along x; guide it back"
+    bench.arm = Pose(MIDDLE, so3.IDENTITY)
+    assert bench.go(50).target is None
+    assert "leans 33° too far" in bench.last.reason
+    bench.arm = Pose(MIDDLE, FORWARD)
+    assert bench.go(50).state == "following"
+
+
+# Axes.
+
+
+@pytest.mark.parametrize(
+    ("frame", "forward", "left", "up"),
+    [
+        ("openxr", (0, 0, -1), (-1, 0, 0), (0, 1, 0)),
+        ("unity", (0, 0, 1), (-1, 0, 0), (0, 1, 0)),
+        ("ros", (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    ],
+)
+def test_unit_vectors_of_each_frame(frame: Any, forward: Any, left: Any, up: Any) -> None:
+    to_base = ToBase(MappingSettings(frame=frame))
+    for there, here in zip((forward, left, up), np.eye(3), strict=True):
+        assert to_base(StampedPose(0, there, (0, 0, 0, 1))).position_m.tolist() == here.tolist()
+    # A turn about "up" from forward towards left: right-handed in the base, whatever the tracker's hand is.
+    sign = -1 if frame == "unity" else 1
+    q = so3.exp(sign * 0.4 * np.array(up, float))
+    turned = to_base(StampedPose(0, (0, 0, 0), q)).quaternion_xyzw
+    np.testing.assert_allclose(so3.log(turned), [0, 0, 0.4], atol=1e-12)
+
+
+def test_a_left_forearm_on_a_right_hand_is_mirrored() -> None:
+    left = ToBase(MappingSettings(frame="base", forearm="left"))
+    place, q = left(StampedPose(0, (0.1, 0.2, 0.3), so3.exp(np.array([0.1, 0.2, 0.3]))))
+    assert place.tolist() == [0.1, -0.2, 0.3]
+    np.testing.assert_allclose(so3.log(q), [-0.1, 0.2, -0.3], atol=1e-12)
+    both = ToBase(MappingSettings(frame="base", forearm="left", robot_hand="left"))
+    assert both.matrix.tolist() == np.eye(3).tolist()
+
+
+def sweep(direction: Any, n: int = 30) -> np.ndarray:
+    noise = np.random.default_rng(1).normal(0, 0.001, (n, 3))
+    return np.linspace(0, 0.2, n)[:, None] * np.array(direction) / np.linalg.norm(direction) + noise
+
+
+@pytest.mark.parametrize("frame", ["openxr", "unity", "base"])
+def test_after_calibration_forward_is_forward(frame: Any) -> None:
+    direction = {"base": (0.3, 0.9, 0.1)}.get(frame, (0.6, 0.1, -0.7))
+    yaw = yaw_from_sweep(sweep(direction), frame=frame)
+    assert check_forward(sweep(direction), frame=frame, yaw_rad=yaw).ok
+    bench = Bench(frame=frame, yaw_rad=yaw).take_hold()
+    bench.go(1000, move=tuple(0.1 * np.array(direction) / np.linalg.norm(direction)))
+    bench.go(3000)
+    assert bench.away_m[0] == pytest.approx(0.1, abs=0.002)
+    assert bench.away_m[1] == pytest.approx(0, abs=0.002)
+
+
+def test_a_wrong_calibration_is_seen() -> None:
+    left = check_forward(sweep((0, 0, -1)), frame="openxr", yaw_rad=-math.pi / 2)
+    assert left.words == "forward came out 90° to the left; calibrate again"
+    assert not check_forward(sweep((0, 0, 1)), frame="openxr", yaw_rad=0).ok
+    assert "backward" in check_forward(sweep((0, 0, 1)), frame="openxr", yaw_rad=0).words
+    assert "too little" in check_forward(0.1 * sweep((0, 0, -1)), frame="openxr", yaw_rad=0).words
+
+
+@pytest.mark.parametrize(
+    ("places", "says"),
+    [
+        ([[0, 0, 0]], "no movement"),
+        ([[0, 0, 0], [0, 0, -0.05]], "5 cm, which is too little"),
+        ([[0, 0, 0], [0.1, 0, -0.1], [0, 0, -0.2]], "strayed by 10 cm"),
+        ([[0, 0, 0], [0, 0.2, -0.2]], "rose by 45°"),
+    ],
+)
+def test_a_sweep_that_says_nothing_is_refused(places: Any, says: str) -> None:
+    with pytest.raises(CalibrationError, match=says):
+        yaw_from_sweep(places, frame="openxr")
+
+
+# Settings, and who may steer.
+
+
+def test_settings_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="speed_m_s"):
+        ArmChain(ArmSettings(limits=LimitSettings(speed_m_s=5.0)))
+    with pytest.raises(InvalidValueError, match="workspace's y"):
+        LimitSettings(low_m=(0.3, 0.5, 0))
+    with pytest.raises(InvalidValueError, match="no direction"):
+        LimitSettings(upright=(0, 0, 0))
+    with pytest.raises(InvalidValueError, match="order"):
+        WatchdogSettings(hold_ms=500)
+
+
+def test_a_hand_of_joints_is_no_forearm() -> None:
+    bench = Bench().take_hold()
+    joints = StampedPose(bench.now_ns + 10 * MS, np.zeros((26, 3)), np.zeros((26, 4)))
+    bench.tracker = False
+    for _ in range(12):
+        bench.now_ns += 10 * MS
+        command = bench.chain.step(
+            bench.now_ns,
+            [joints._replace(t_ns=bench.now_ns)],
+            clutch=True,
+            dead_man=True,
+            measured=StampedPose(bench.now_ns, *bench.arm),
+        )
+    assert command.state == "holding"
+    assert "not one place and one turn" in command.reason
+
+
+def test_no_module_of_the_chain_imports_fingers() -> None:
+    folder = Path(tega.arm.__file__).parent
+    files = sorted(folder.rglob("*.py"))
+    assert len(files) > 12
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += (
+                [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+            )
+            assert not any("finger" in name.lower() for name in names), file.name
+    assert set(StampedPose._fields) == {"t_ns", "position_m", "quaternion_xyzw", "valid"}

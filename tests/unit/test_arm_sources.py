@@ -1,0 +1,156 @@
+"""Where poses come from: files, scripts, keys, devices of speeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tega.arm import ArmChain, ArmSettings, LimitSettings, MappingSettings, Pose, PoseSource, StampedPose
+from tega.arm import rotation as so3
+from tega.arm.sources import (
+    KeyboardPoses,
+    RatePoses,
+    RecordedPoses,
+    ScriptedPoses,
+    Waypoint,
+    path_through,
+    read_poses,
+    write_poses,
+)
+from tega.devices.base import InputState
+from tega.errors import InvalidValueError, RecordingError
+
+MS = 1_000_000
+HEAD = "t_s,x_m,y_m,z_m,qx,qy,qz,qw\n"
+START = Pose(np.array([0.5, 0.0, 0.3]), so3.exp(np.array([0, math.pi / 2, 0])))
+
+
+def steer(source: PoseSource, ms: int) -> Pose:
+    """Run a chain in the base's axes on a source with an arm that obeys; return where it ends."""
+    chain = ArmChain(
+        ArmSettings(mapping=MappingSettings(frame="base"), limits=LimitSettings(ahead_m=10, ahead_rad=3))
+    )
+    arm = START
+    for n in range(ms // 10):
+        now_ns = 7_000 * MS + n * 10 * MS
+        command = chain.step(
+            now_ns, source.read(now_ns), clutch=n > 1, dead_man=True, measured=StampedPose(now_ns, *arm)
+        )
+        arm = command.target or arm
+    return arm
+
+
+def test_a_recording_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    path = path_through([Waypoint(0, START), Waypoint(1, Pose(START.position_m + 0.1, so3.IDENTITY))])
+    source = ScriptedPoses(path, noise_m=0.001, noise_rad=0.01)
+    poses = [
+        *source.read(0),
+        *source.read(500 * MS),
+        StampedPose(600 * MS, [1, 2, 3], [0, 0, 0, 1], False),
+    ]
+    write_poses(tmp_path / "hand.csv", poses)
+    back = read_poses(tmp_path / "hand.csv")
+    assert len(back) == len(poses) > 20
+    for one, other in zip(poses, back, strict=True):
+        assert (one.t_ns, one.valid) == (other.t_ns, other.valid)
+        assert list(one.position_m) == list(other.position_m)
+        assert list(one.quaternion_xyzw) == list(other.quaternion_xyzw)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "does not begin with"),
+        ("t,x\n", "does not begin with"),
+        (HEAD + "0,0,0,0,0,0,0,1\n0,0,0\n", "line 3: 3 numbers, not 8"),
+        (HEAD + "0,0,0,zero,0,0,0,1\n", "line 2: could not convert"),
+        (HEAD + "nan,0,0,0,0,0,0,1\n", "line 2: nan s is no time"),
+        (HEAD + "1,0,0,0,0,0,0,1\n0.5,0,0,0,0,0,0,1\n", "line 3: 0.5 s is earlier"),
+    ],
+)
+def test_a_file_that_is_no_recording_says_where(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "hand.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(RecordingError, match=says):
+        read_poses(tmp_path / "hand.csv")
+
+
+def test_a_missing_or_empty_recording_is_told(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"gone\.csv cannot be read"):
+        read_poses(tmp_path / "gone.csv")
+    with pytest.raises(RecordingError, match="no poses"):
+        RecordedPoses([])
+
+
+def test_a_recording_plays_at_its_own_times_and_late_if_asked() -> None:
+    poses = [StampedPose(5_000 * MS + i * 16 * MS, [i, 0, 0], [0, 0, 0, 1]) for i in range(10)]
+    source = RecordedPoses(poses, delay_ns=50 * MS)
+    seen = {now: source.read(now * MS) for now in range(1000, 1300, 10)}
+    assert [p.position_m[0] for ps in seen.values() for p in ps] == list(range(10))
+    for now, played in seen.items():
+        for pose in played:
+            assert 50 * MS <= now * MS - pose.t_ns < 60 * MS
+    assert source.done
+
+
+def test_a_scripted_path_leads_the_arm_along_it() -> None:
+    end = Pose(
+        START.position_m + np.array([0.1, 0.05, 0.2]), so3.multiply(so3.exp(np.full(3, 0.2)), START[1])
+    )
+    arm = steer(ScriptedPoses(path_through([Waypoint(0, START), Waypoint(1.5, end)])), 4000)
+    np.testing.assert_allclose(arm.position_m, end.position_m, atol=1e-4)
+    assert np.abs(so3.between(arm.quaternion_xyzw, end.quaternion_xyzw)).max() < 1e-3
+
+
+def test_a_path_rests_at_its_waypoints_and_refuses_times_that_fall() -> None:
+    path = path_through([Waypoint(1, START), Waypoint(2, Pose(START.position_m + 1, START[1]))])
+    assert path(0) is START
+    np.testing.assert_allclose(path(1.5).position_m, START.position_m + 0.5)
+    np.testing.assert_allclose((path(1.001).position_m - path(1).position_m) / 0.001, 0, atol=1e-4)
+    with pytest.raises(InvalidValueError, match="each later"):
+        path_through([Waypoint(1, START), Waypoint(1, START)])
+
+
+def test_a_scripted_tracker_is_the_same_for_one_seed() -> None:
+    runs = [ScriptedPoses(lambda _t: START, noise_m=0.001, seed=s).read(0)[0].position_m for s in (1, 1, 2)]
+    assert list(runs[0]) == list(runs[1]) != list(runs[2])
+
+
+def held(motion: tuple[float, ...], *, live: bool = True) -> Callable[[], InputState]:
+    return lambda: InputState(0, live, motion, frozenset())  # type: ignore[arg-type]
+
+
+def test_a_deflected_cap_moves_the_arm_at_the_speed_of_its_deflection() -> None:
+    arm = steer(RatePoses(held((1, 0, -0.5, 0, 0, 0))), 1020)
+    way = arm.position_m - START.position_m
+    assert way[0] == pytest.approx(0.15, abs=0.02)
+    assert way[2] == pytest.approx(-0.15 / 8, abs=0.003)
+    turned = steer(RatePoses(held((0, 0, 0, 0, 0, 1))), 1020)
+    assert so3.between(START[1], turned.quaternion_xyzw)[2] == pytest.approx(0.6, abs=0.05)
+
+
+def test_a_device_without_data_gives_no_valid_pose_and_a_pause_no_way() -> None:
+    assert not RatePoses(held((0,) * 6, live=False)).read(0)[0].valid
+    source = RatePoses(held((1, 0, 0, 0, 0, 0)))
+    source.read(0)
+    assert source.read(5_000 * MS)[0].position_m[0] == 0
+    assert source.read(5_010 * MS)[0].position_m[0] == pytest.approx(0.0015)
+    assert source.read(5_010 * MS + 10) == ()
+
+
+def test_keys_move_by_steps_and_held_keys_do_not_pile_up() -> None:
+    presses = {10: ["w", "w"], 11: ["j"], 20: ["s"]}
+    count = iter(range(10_000))
+    arm = steer(KeyboardPoses(lambda: presses.get(next(count), [])), 3000)
+    np.testing.assert_allclose(arm.position_m - START.position_m, [0.01, 0, 0], atol=1e-4)
+    assert so3.between(START[1], arm.quaternion_xyzw)[2] == pytest.approx(0.05, abs=1e-3)
+    many = KeyboardPoses(lambda: ["w"] * 50)
+    many.read(0)
+    far = many.read(10 * MS)[0].position_m[0]
+    silent = KeyboardPoses(iter([["w"] * 50, ["w"] * 50, *[[]] * 99]).__next__)
+    for n in range(80):
+        last = silent.read(n * 10 * MS)[0].position_m[0]
+    assert far < last < 0.03
