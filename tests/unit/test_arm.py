@@ -72,7 +72,7 @@ class Bench:
 
     @property
     def away_m(self) -> list[float]:
-        return (self.arm.position_m - MIDDLE).round(4).tolist()
+        return [round(x, 4) for x in (self.arm.position_m - MIDDLE).tolist()]
 
 
 def test_the_target_goes_where_the_forearm_goes() -> None:
@@ -305,7 +305,9 @@ def test_a_left_forearm_on_a_right_hand_is_mirrored() -> None:
 
 def sweep(direction: Any, n: int = 30) -> np.ndarray:
     noise = np.random.default_rng(1).normal(0, 0.001, (n, 3))
-    return np.linspace(0, 0.2, n)[:, None] * np.array(direction) / np.linalg.norm(direction) + noise
+    along = np.array(direction) / np.linalg.norm(direction)
+    places: np.ndarray = np.outer(np.linspace(0, 0.2, n), along) + noise
+    return places
 
 
 @pytest.mark.parametrize("frame", ["openxr", "unity", "base"])

@@ -129,7 +129,7 @@ def test_a_deflected_cap_moves_the_arm_at_the_speed_of_its_deflection() -> None:
     assert way[0] == pytest.approx(0.15, abs=0.02)
     assert way[2] == pytest.approx(-0.15 / 8, abs=0.003)
     turned = steer(RatePoses(held((0, 0, 0, 0, 0, 1))), 1020)
-    assert so3.between(START[1], turned.quaternion_xyzw)[2] == pytest.approx(0.6, abs=0.05)
+    assert so3.between(START[1], turned.quaternion_xyzw)[2] == pytest.approx(0.6, abs=0.08)
 
 
 def test_a_device_without_data_gives_no_valid_pose_and_a_pause_no_way() -> None:
