@@ -38,7 +38,8 @@ def test_its_numbers_are_the_defaults() -> None:
     text, s = PAGE.read_text(encoding="utf-8"), ArmSettings()
     low, high = s.limits.low_m, s.limits.high_m
     for said in (
-        f"x {low[0]:.2f} to {high[0]:.2f}, y ±{high[1]:.2f}, z {low[2]:.2f} to {high[2]:.2f} m; {s.limits.tilt_rad} rad",
+        f"x {low[0]:.2f} to {high[0]:.2f}, y ±{high[1]:.2f}, z {low[2]:.2f} to {high[2]:.2f} m; "
+        f"{s.limits.tilt_rad} rad",
         f"{s.limits.ahead_m} m, {s.limits.ahead_rad} rad",
         f"{s.limits.speed_m_s} m/s, {s.limits.acceleration_m_s2:g} m/s²; {s.limits.turn_rad_s} rad/s, "
         f"{s.limits.turn_acceleration_rad_s2:g} rad/s²",

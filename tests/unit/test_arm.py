@@ -203,6 +203,21 @@ def test_silence_freezes_the_target_at_the_measured_pose() -> None:
     np.testing.assert_allclose(bench.last.target.position_m, MIDDLE, atol=1e-4)
 
 
+def test_a_target_comes_after_an_arm_that_is_pushed_away_but_stays_in_the_box() -> None:
+    bench = Bench(LimitSettings()).take_hold()
+    bench.clutch = False
+    bench.go(50)
+    bench.stuck, bench.arm = True, Pose(MIDDLE + np.array([0.1, 0.1, 0]), FORWARD)
+    target = bench.go(2000).target
+    assert target is not None
+    assert np.linalg.norm(target.position_m - bench.arm.position_m) == pytest.approx(0.03, abs=1e-4)
+    bench.arm = Pose(np.array([0.8, 0.2, 0.3]), FORWARD)  # 10 cm out of the box
+    target = bench.go(3000).target
+    assert target is not None
+    near_m = 0.2 - 0.03 * 0.2 / math.hypot(0.3, 0.2)
+    np.testing.assert_allclose(target.position_m, [0.7, near_m, 0.3], atol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("away_ms", "state"), [(90, "following"), (150, "holding"), (400, "idle"), (3000, "idle")]
 )
