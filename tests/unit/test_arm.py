@@ -15,6 +15,7 @@ from tega.arm import (
     ArmChain,
     ArmCommand,
     ArmSettings,
+    GateSettings,
     LimitSettings,
     MappingSettings,
     Pose,
@@ -25,6 +26,8 @@ from tega.arm import (
 )
 from tega.arm import rotation as so3
 from tega.arm.frames import ToBase
+from tega.arm.gate import Gate
+from tega.arm.workspace import Workspace
 from tega.errors import CalibrationError, InvalidValueError
 
 MS = 1_000_000
@@ -117,6 +120,62 @@ def test_at_a_wall_it_slides_and_comes_back_at_once() -> None:
     bench.go(1000, move=(-0.05, 0, 0))
     bench.go(1000)
     assert bench.away_m == [0.15, 0.1, 0]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({}, ""),
+        ({"valid": False}, "the tracker calls it lost"),
+        ({"position_m": [0, math.nan, 0]}, "a number in it is not finite"),
+        ({"quaternion_xyzw": [0, 0, 0, math.inf]}, "a number in it is not finite"),
+        ({"quaternion_xyzw": [0, 0, 0, 1.002]}, "its quaternion has length 1.002, not 1"),
+        ({"quaternion_xyzw": [0, 0, 0, 0]}, "its quaternion has length 0, not 1"),
+        ({"position_m": [0, -150, 0]}, "it lies 150 m away"),
+        ({"position_m": [0, 0]}, r"it is not one place and one turn: shapes (2,) and (4,)"),
+        ({"t_ns": 0}, "it is not newer than the last"),
+        ({"t_ns": 50 * MS}, "it is 150 ms old"),
+        ({"t_ns": 230 * MS}, "it lies 30 ms in the future"),
+        ({"position_m": [0.11, 0, 0]}, "it jumped by 110 mm"),
+        ({"position_m": [0.09, 0, 0], "t_ns": 120 * MS}, "it jumped by 90 mm"),  # 20 ms at 3 m/s are 60 mm
+        ({"quaternion_xyzw": so3.exp(np.array([0, 0.7, 0]))}, "it jumped by 0.70 rad"),
+        ({"quaternion_xyzw": so3.exp(np.array([0, 0.3, 0])), "t_ns": 120 * MS}, "it jumped by 0.30 rad"),
+    ],
+)
+def test_the_gate_says_why(change: dict[str, Any], says: str) -> None:
+    gate = Gate(GateSettings())
+    first_ns = 40 * MS if change.get("t_ns") == 50 * MS else 100 * MS
+    assert gate.refusal(StampedPose(first_ns, [0, 0, 0], [0, 0, 0, 1]), first_ns) == ""
+    pose = StampedPose(190 * MS, [0, 0, 0], [0, 0, 0, 1])._replace(**change)
+    assert gate.refusal(pose, 200 * MS) == says
+
+
+def test_a_jump_is_believed_once_the_hand_was_lost() -> None:
+    bench = Bench().take_hold()
+    bench.hand_m = bench.hand_m + 0.73
+    assert bench.go(150).state == "holding"
+    assert "jumped by 1264 mm" in bench.last.reason
+    assert bench.go(200).state == "idle"
+    bench.take_hold()
+    assert bench.away_m == [0, 0, 0]
+
+
+def test_a_turn_between_two_poses_in_the_cone_may_lead_out_of_it() -> None:
+    workspace = Workspace(LimitSettings(tilt_rad=1.0))
+    # The tool's axis circles 0.6 rad around an axis that leans by 0.6: it leans by 0 to 1.2 rad on the way.
+    axis = np.array([math.cos(0.6), 0.0, math.sin(0.6)])
+    half = next(phi for phi in np.linspace(0, math.pi, 10_000) if workspace.tilt_rad(_leant(axis, phi)) < 0.9)
+    from_here, to_there = _leant(axis, -half), _leant(axis, half)
+    assert workspace.holds_turn(from_here)
+    assert workspace.holds_turn(to_there)
+    assert not workspace.holds_turning(from_here, 2 * half * axis)
+    assert workspace.holds_turning(from_here, (2 * half - 2 * math.pi) * axis)  # the other way round
+
+
+def _leant(axis: np.ndarray, phi: float) -> np.ndarray:
+    """Return the turn whose tool's axis is at an angle on the circle, from where it leans most."""
+    most = so3.multiply(so3.exp(np.array([0.0, -1.2, 0.0])), FORWARD)
+    return so3.multiply(so3.exp(phi * axis), most)
 
 
 # The layered times.

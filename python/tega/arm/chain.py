@@ -78,8 +78,10 @@ class ArmChain:
             dt_s = 0.0
         self._now_ns = now_ns
         self._see_arm(now_ns, measured)
-        self._see_poses(now_ns, poses)
+        before = self._see_poses(now_ns, poses)
         trouble = self._watch.trouble(now_ns, 1e3 * dt_s)
+        if self._attached and before.level > trouble.level and before.level == Level.LOSE:
+            trouble = before
         self._was_open |= not clutch
         if self._state in {"following", "holding"}:
             self._go_on(trouble, clutch=clutch, dead_man=dead_man)
@@ -117,9 +119,10 @@ class ArmChain:
                 unit(np.array(measured.quaternion_xyzw, np.float64)),
             )
 
-    def _see_poses(self, now_ns: int, poses: Sequence[StampedPose]) -> None:
-        age_ms = self._watch.pose_age_ms(now_ns)
-        if age_ms is not None and age_ms > self._s.watchdog.lost_ms:
+    def _see_poses(self, now_ns: int, poses: Sequence[StampedPose]) -> Trouble:
+        """Take in poses; return what was wrong with them until now."""
+        before = self._watch.with_poses(now_ns)
+        if before.level >= Level.LOSE:  # then the next pose may be anywhere, and has to be taken hold of anew
             self._gate.forget()
             self._filter.forget()
         for pose in poses:
@@ -130,6 +133,7 @@ class ArmChain:
                 self._watch.believed(pose.t_ns)
                 self._unfiltered = pose.t_ns, self._to_base(pose)
                 self._hand = self._filter.step(*self._unfiltered)
+        return before
 
     def _go_on(self, trouble: Trouble, *, clutch: bool, dead_man: bool) -> None:
         if trouble.level == Level.STOP:

@@ -63,10 +63,6 @@ class Watch:
         """Take note of the stamp of a pose of the arm."""
         self._arm_ns = t_ns
 
-    def pose_age_ms(self, now_ns: int) -> float | None:
-        """Return how old the last believed pose is; ``None`` before the first."""
-        return None if self._believed_ns is None else (now_ns - self._believed_ns) / 1e6
-
     def arm_is_fresh(self, now_ns: int) -> bool:
         """Return whether the arm has told lately where it is."""
         return self._arm_ns is not None and (now_ns - self._arm_ns) / 1e6 <= self._s.hold_ms
@@ -79,14 +75,16 @@ class Watch:
             away_ms: How long ago the caller last asked.
         """
         return max(
-            self._with_poses(now_ns),
+            self.with_poses(now_ns),
             self._with_arm(now_ns),
             self._with_caller(away_ms),
             key=lambda t: t.level,
         )
 
-    def _with_poses(self, now_ns: int) -> Trouble:
-        s, age_ms = self._s, self.pose_age_ms(now_ns)
+    def with_poses(self, now_ns: int) -> Trouble:
+        """Return what is wrong with the poses alone."""
+        s = self._s
+        age_ms = None if self._believed_ns is None else (now_ns - self._believed_ns) / 1e6
         refused = self._refused_ns is not None and (now_ns - self._refused_ns) / 1e6 <= s.hold_ms
         if age_ms is None:
             said = f"the last one: {self._refusal}" if refused else "is the tracker on?"
