@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from tega.calibration.wearing import SITES, site_motors
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.vests import seen_by
 
 __all__ = ["Wearer", "Wizard", "presses", "records"]
 
@@ -95,7 +96,7 @@ class Wizard:
         self._process.terminate()
 
 
-def presses(command: Callable[[str], None], firmness: list[float], *, hold_s: float = 0.5) -> None:
+def presses(command: Callable[[str], object], firmness: list[float], *, hold_s: float = 0.5) -> None:
     """Press and let go, so many times, on an emulated fingertip, from another thread."""
 
     def go() -> None:
@@ -124,13 +125,13 @@ class Wearer:
     """
 
     def __init__(
-        self, peer: EmulatedVest, threshold: dict[str, int], *, step: int = 13, mirrored: bool = False
+        self, peer: Emulator, threshold: dict[str, int], *, step: int = 13, mirrored: bool = False
     ) -> None:
         self._peer = peer
         self._threshold = threshold
         self._step = step
         self._mirrored = mirrored
-        self._n_seen = len(peer.report().history)
+        self._n_seen = len(seen_by(peer).history)
         self.asked: list[str] = []
         self.loudest = 0
 
@@ -152,7 +153,7 @@ class Wearer:
 
     def _bursts(self) -> list[tuple[str, int]]:
         """What vibrated since the last question: column and percent, one each."""
-        history = self._peer.report().history
+        history = seen_by(self._peer).history
         new, self._n_seen = history[self._n_seen :], len(history)
         bursts: list[tuple[str, int]] = []
         dark = True

@@ -19,9 +19,8 @@ from reference.wizard import Wearer, Wizard, presses, records
 from tega.calibration.folder import CalibrationFolder
 from tega.calibration.records import EmgRecord, utc_now, write_record
 from tega.cli.main import main
-from tega.testing.emulators.digit import DigitProcess
 from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.emulators.vests import seen_by
 
 RESTING, WORKING = 0.04, 1.0
 
@@ -32,10 +31,10 @@ def lab(path: Path, *parts: str) -> Path:
     return file
 
 
-def thumb(sensor: DigitProcess, serial: str = "D20641") -> str:
+def thumb(sensor: Emulator, serial: str = "D20641") -> str:
     return (
         '[tactile.thumb]\ndriver = "digit"\n'
-        f'options = {{ source = "{sensor.source}/{serial}", warm_up_s = 0.1 }}\n'
+        f'options = {{ source = "{sensor.address["source"]}/{serial}", warm_up_s = 0.1 }}\n'
     )
 
 
@@ -56,13 +55,13 @@ def teleop(*words: str) -> int:
 class Presser:
     """Does with a fingertip what the wizard asks for."""
 
-    def __init__(self, sensor: DigitProcess, firmness: list[float] | None = None) -> None:
+    def __init__(self, sensor: Emulator, firmness: list[float] | None = None) -> None:
         self._sensor = sensor
         self._firmness = [0.8, 0.9, 1.0, 0.9, 0.8] if firmness is None else firmness
 
     def __call__(self, prompt: str) -> str | None:
         if "press firmly" in prompt:
-            presses(self._sensor.command, self._firmness)
+            presses(self._sensor.say, self._firmness)
         return "q" if prompt.startswith("?") else ""
 
 
@@ -103,7 +102,7 @@ def calibrate(file: Path, answer: Any, *more: str) -> Wizard:
 
 
 def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with DigitProcess() as sensor:
+    with Emulator("digit") as sensor:
         file = lab(tmp_path, thumb(sensor))
         assert teleop("run", str(file), "--set", "session.duration_s=1") == 1
         assert f"hint: tega-teleop calibrate {file} --person ID" in capsys.readouterr().err
@@ -117,7 +116,7 @@ def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest
         assert tree["live"]["eda_max"] > 4000
         assert tree["live"]["cci_max"] > 10 * tree["paper"]["cci_max"] > 0
         assert wizard.told["files"][0]["record"]["device"] == "D20641"
-        sensor.command("press 1")
+        sensor.say("press 1")
         assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
         summary = json.loads(capsys.readouterr().out)
         assert summary["tactile"]["thumb"]["eda_max"] == tree["live"]["eda_max"]
@@ -177,7 +176,7 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
         )
 
 
-def vest(peer: EmulatedVest, *more: str) -> str:
+def vest(peer: Emulator, *more: str) -> str:
     options = f"options = {{ port = {peer.address['port']}, limit = 40 }}"
     return "\n".join(['[vest]\ndriver = "bhaptics-player"', options, *more])
 
@@ -188,7 +187,7 @@ THRESHOLD = {"f1": 9, "f2": 9, "f3": 15, "f4": 9, "b1": 9, "b2": 9, "b3": 200, "
 def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with EmulatedVest("bhaptics_player") as peer:
+    with Emulator("bhaptics_player", "--port", "0") as peer:
         file = lab(tmp_path, vest(peer))
         wearer = Wearer(peer, THRESHOLD)
         words = [
@@ -209,7 +208,7 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
 
         first = Wizard(words, wearer, interrupted)
         assert first.run() == 130
-        assert not any(peer.report().motors)
+        assert not any(seen_by(peer).motors)
         assert f"Go on with: tega-teleop calibrate {file} --person p01" in first.said
         assert first.told["finished"] is False
         assert first.told["done"] == ["vest.places", "vest.threshold"]
@@ -219,10 +218,10 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
         assert second.run() == 0, second.said
         assert "done: vest.places, vest.threshold" in second.said
         assert "f1" not in wearer.asked[: wearer.asked.index("b4")]
-        assert not any(peer.report().motors)
+        assert not any(seen_by(peer).motors)
         # 40 percent is the driver's limit; level 6 is the highest below it.
         assert wearer.loudest == 37
-        assert not peer.report().errors
+        assert not seen_by(peer).errors
         record = second.told["files"][0]["record"]
         by_site = dict(zip(record["sites"], record["threshold_percent"], strict=True))
         assert by_site == {s: {9: 10.0, 15: 17.0, 200: -1.0}[t] for s, t in THRESHOLD.items()}
@@ -241,14 +240,14 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
 
 
 def test_a_mirrored_back_is_told_and_the_vest_rests_after_sigterm(tmp_path: Path) -> None:
-    with EmulatedVest("bhaptics_player") as peer:
+    with Emulator("bhaptics_player", "--port", "0") as peer:
         file = lab(tmp_path, vest(peer))
         wizard = calibrate(file, Wearer(peer, THRESHOLD, mirrored=True))
         assert wizard.code == 130
         assert 'back felt mirrored: set vest.mirror = "back"' in wizard.said
 
         def while_it_vibrates() -> None:
-            until(lambda: any(peer.report().motors))
+            until(lambda: any(seen_by(peer).motors))
             again.terminate()
 
         def begins(prompt: str) -> str:
@@ -258,14 +257,14 @@ def test_a_mirrored_back_is_told_and_the_vest_rests_after_sigterm(tmp_path: Path
 
         again = Wizard(["calibrate", str(file), "--person", "p02", "--time-scale", "4"], begins)
         assert again.run() == 128 + signal.SIGTERM
-        assert not any(peer.report().motors)
+        assert not any(seen_by(peer).motors)
         wizard = calibrate(file, Wearer(peer, THRESHOLD), "--yes")
         assert wizard.code == 1
         assert "its questions need a person to answer them" in wizard.said
 
 
 def test_too_few_presses_are_told_and_gone_on_with(tmp_path: Path) -> None:
-    with DigitProcess() as sensor:
+    with Emulator("digit") as sensor:
         file = lab(tmp_path, thumb(sensor))
         wizard = calibrate(file, Presser(sensor, [0.9, 0.9]), "--time-scale", "0.05")
         assert wizard.code == 130
@@ -279,9 +278,9 @@ def test_too_few_presses_are_told_and_gone_on_with(tmp_path: Path) -> None:
 
 
 def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: Path) -> None:
-    with DigitProcess() as sensor:
+    with Emulator("digit") as sensor:
         file = lab(tmp_path, thumb(sensor))
-        sensor.command("press 0.9")
+        sensor.say("press 0.9")
         refused = calibrate(file, Presser(sensor), "--yes")
         assert refused.code == 1
         assert "does something touch the gel?" in refused.said
@@ -291,7 +290,7 @@ def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: P
         def lets_go(prompt: str) -> str | None:
             if "what now" in prompt:
                 asked.append(prompt)
-                sensor.command("press 0")
+                sensor.say("press 0")
                 return "a"
             return presser(prompt)
 
@@ -299,8 +298,8 @@ def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: P
         wizard = calibrate(file, lets_go)
         assert wizard.code == 0, wizard.said
         assert len(asked) == 1
-        sensor.command("wear dimmer")
-        sensor.command("wear dark-spot")
+        sensor.say("wear dimmer")
+        sensor.say("wear dark-spot")
         keeps = calibrate(file, lambda prompt: "k" if "what now" in prompt else presser(prompt), "--refresh")
         assert keeps.code == 0, keeps.said
         assert "counts darker than on 2" in keeps.said
