@@ -15,7 +15,7 @@ import msgspec
 import pytest
 
 from reference.waiting import until
-from reference.wizard import Wearer, Wizard, presses, records
+from reference.wizard import OnScreen, Wearer, Wizard, presses, records
 from tega.calibration.folder import CalibrationFolder
 from tega.calibration.records import EmgRecord, utc_now, write_record
 from tega.cli.main import main
@@ -237,6 +237,24 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
         (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("vest.threshold")]
         assert " 5.0 " in line
         assert re.search(r"lab\.toml.* \(wins over people/p01/vest-", line)
+
+
+def test_single_keys_on_a_terminal_answer_every_question_once(tmp_path: Path) -> None:
+    with Emulator("bhaptics_player", "--port", "0") as peer:
+        file = lab(tmp_path, vest(peer))
+        wearer = Wearer(peer, dict.fromkeys(THRESHOLD, 9))
+        words = ["calibrate", str(file), "--person", "p01", "--time-scale", "0.1", "--ceiling", "24"]
+        person = OnScreen(words, wearer)
+        assert person.run(limit_s=10.0) == 0, person.screen[-3000:]
+        (kept,) = (tmp_path / "calibrations/people/p01").glob("vest-*.toml")
+        record = tomllib.loads(kept.read_text())
+        assert record["threshold_percent"] == [10.0] * 8
+        assert record["named_right"] == record["named"] == 8
+        assert not any(seen_by(peer).motors)
+        # One key for each vibration that was asked about, none for nothing.
+        n_bursts = len(wearer.asked)
+        assert n_bursts > 40
+        assert person.n_keys >= n_bursts
 
 
 def test_a_mirrored_back_is_told_and_the_vest_rests_after_sigterm(tmp_path: Path) -> None:
