@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 import shutil
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -153,3 +154,17 @@ def test_a_network_stream_refuses_faults_that_only_a_wire_has() -> None:
         with pytest.raises(ValueError, match="garbage"):
             device.say("garbage")
         device.say("loss 0.1")
+
+
+def test_a_player_says_nothing_of_who_only_looks_whether_its_port_is_open(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with Emulator("bhaptics_player", "--port", "0") as player:
+        for _ in range(3):
+            socket.create_connection(("127.0.0.1", player.port), 5.0).close()
+        with socket.create_connection(("127.0.0.1", player.port), 5.0) as knock:
+            knock.sendall(b"no handshake\r\n\r\n")
+            while knock.recv(4096):
+                pass
+        player.say("look")
+    assert capfd.readouterr().err == ""

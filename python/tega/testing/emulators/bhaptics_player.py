@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import logging
 import time
 from http import HTTPStatus
 from typing import Any, ClassVar
@@ -74,6 +75,8 @@ class Player:
 
     async def start(self) -> dict[str, Any]:
         """Listen on the loopback interface."""
+        # Whoever only looks whether the port is open leaves without a handshake; the library calls that an error.
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         self._server = await serve(
             self._talk,
             "127.0.0.1",
