@@ -293,6 +293,21 @@ def test_a_loop_that_was_away_does_not_lurch(away_ms: int, state: str) -> None:
         assert not bench.last.velocity_m_s.any()
 
 
+def test_after_a_stall_it_does_not_make_up_for_lost_time() -> None:
+    bench = Bench(LimitSettings()).take_hold()
+    bench.clutch = False
+    bench.go(50)
+    bench.stuck, bench.arm = True, Pose(MIDDLE + np.array([0.15, 0, 0]), FORWARD)  # the target comes after it
+    bench.go(200)
+    before, speed = bench.last.target, float(np.linalg.norm(bench.last.velocity_m_s))
+    after = bench.go(3000, dt_ms=3000).target
+    assert before is not None
+    assert after is not None
+    way = np.linalg.norm(after.position_m - before.position_m)
+    assert way == pytest.approx(speed**2 / 2 / bench.limits.acceleration_m_s2)
+    assert way > 0.01
+
+
 def test_a_burst_of_old_poses_moves_nothing() -> None:
     bench = Bench().take_hold()
     stale = [StampedPose(bench.now_ns + i * 16 * MS, [0.001 * i, 0, 0], [0, 0, 0, 1]) for i in range(180)]
