@@ -32,6 +32,7 @@ __all__ = [
     "EmgConfig",
     "HandConfig",
     "LoadedConfig",
+    "RecordingSection",
     "SessionConfig",
     "SessionSection",
     "TactileConfig",
@@ -163,6 +164,26 @@ class HandConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
+class RecordingSection(_Section, frozen=True):
+    """The recording of a run; needs the extra ``record``.
+
+    Attributes:
+        dir: Folder of the session, to which every run adds a file; none means nothing is recorded.
+        lossless: Pictures as they are, so that a replay computes the same bits; otherwise as JPEG.
+        jpeg_quality: 1 to 100.
+        queue_mib: What may wait for the disk; beyond it pictures are dropped and counted.
+        warn_free_mib: A disk with less room than this is warned of.
+        stop_free_mib: With less room than this the recording is finished, and the run goes on without.
+    """
+
+    dir: Path | None = None
+    lossless: bool = False
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=100)] = 95
+    queue_mib: Annotated[float, msgspec.Meta(gt=0, le=65536)] = 128.0
+    warn_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 2048.0
+    stop_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 256.0
+
+
 class SessionConfig(_Section, frozen=True):
     """Everything a session needs to know, checked, with absolute paths and typed driver options."""
 
@@ -172,6 +193,7 @@ class SessionConfig(_Section, frozen=True):
     emg: EmgConfig | None = None
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()
+    recording: RecordingSection = RecordingSection()
 
 
 class Value(NamedTuple):

@@ -33,7 +33,16 @@ import msgspec
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 
-__all__ = ["Calibration", "EmgMaxima", "FingerMaxima", "TouchMaxima", "load_calibration", "save_calibration"]
+__all__ = [
+    "Calibration",
+    "EmgMaxima",
+    "FingerMaxima",
+    "TouchMaxima",
+    "calibration_text",
+    "load_calibration",
+    "parse_calibration",
+    "save_calibration",
+]
 
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
 
@@ -149,19 +158,36 @@ def load_calibration(path: Path) -> Calibration:
         CalibrationError: It is missing, is not TOML, or a value in it is unknown, of a wrong type or out of range.
     """
     try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise CalibrationError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
         ) from error
     except ValueError as error:
         raise CalibrationError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
+    return parse_calibration(text, path.name)
+
+
+def parse_calibration(text: str, name: str) -> Calibration:
+    """Read a calibration from the text of its file.
+
+    Args:
+        text: TOML.
+        name: What to call it in an error.
+
+    Raises:
+        CalibrationError: It is not TOML, or a value in it is unknown, of a wrong type or out of range.
+    """
+    try:
+        tree = tomllib.loads(text)
+    except ValueError as error:
+        raise CalibrationError(f"{name}: not valid TOML: {error}", "see https://toml.io") from error
     try:
         return msgspec.convert(tree, Calibration)
     except msgspec.ValidationError as error:
         said: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
         message = said.message.removeprefix("settings: ")
-        raise CalibrationError(f"{path.name}: {message}", said.hint or "calibrate again") from None
+        raise CalibrationError(f"{name}: {message}", said.hint or "calibrate again") from None
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
@@ -171,6 +197,11 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         calibration: What to write.
         path: The file; it is replaced.
     """
+    path.write_text(calibration_text(calibration), encoding="utf-8", newline="\n")
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return what :func:`save_calibration` writes."""
     lines = [
         f'format = "{calibration.format}"',
         f"version = {calibration.version}",
@@ -196,7 +227,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
             f"channels = [{', '.join(_text(c) for c in emg.channels)}]",
             f"maxima = [{', '.join(repr(m) for m in emg.maxima)}]",
         ]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    return "\n".join(lines) + "\n"
 
 
 def _text(value: str) -> str:

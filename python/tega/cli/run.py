@@ -15,15 +15,29 @@ __all__ = ["run"]
 @click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
 @click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@click.option(
+    "--record", type=click.Path(path_type=Path), metavar="DIR", help="Record into this session's folder (recording.dir)."
+)
+@click.option("--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless).")
 @view_options
 @json_option
 @debug_option
-def run(*, config: Path, sets: tuple[str, ...], view: bool, view_port: int, as_json: bool) -> None:
+def run(
+    *,
+    config: Path,
+    sets: tuple[str, ...],
+    record: Path | None,
+    lossless: bool,
+    view: bool,
+    view_port: int,
+    as_json: bool,
+) -> None:
     """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
 
     On every way out the vest is sent zeros and the hand zero torque and SERVO OFF. With --json the summary is
     printed, with a table "measured" of wall_s and real_time_factor.
     """
+    import json
     import sys
     import time
 
@@ -34,6 +48,10 @@ def run(*, config: Path, sets: tuple[str, ...], view: bool, view_port: int, as_j
     from tega.config import load_config
     from tega.teleop import run_session
 
+    if record is not None:
+        sets = (*sets, f"recording.dir={json.dumps(str(record.absolute()))}")
+    if lossless:
+        sets = (*sets, "recording.lossless=true")
     settings = load_config(config, sets=sets).config
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)

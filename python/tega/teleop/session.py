@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from tega.calibration import TouchMaxima, save_calibration
+from tega.calibration import Calibration, TouchMaxima, save_calibration
 from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import SessionConfig
 from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
@@ -17,9 +17,9 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
-from tega.teleop.hand import ModelledAllegro
+from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
-from tega.teleop.loop import DualLoop, LoopReport, LoopView
+from tega.teleop.loop import DualLoop, LoopReport, LoopView, Recorder, Sink
 from tega.teleop.pacing import Pacer, PacingReport
 from tega.teleop.prepare import Finger, Muscles, Prepared, Progress, prepare
 from tega.teleop.sources import Block, Contact, grasp_blocks, measured_contacts
@@ -28,9 +28,11 @@ from tega.teleop.summary import summarise, write_summary
 from tega.teleop.touch import TouchLoop
 
 if TYPE_CHECKING:
-    from tega.haptics import Layout
+    from tega.haptics import Layout, VestFrame
+    from tega.recording.session import Recording
+    from tega.wire import CanFrame
 
-__all__ = ["RunState", "Sinks", "run_session"]
+__all__ = ["DEFAULT_LAYOUT", "LoopParts", "RunState", "Sinks", "run_session", "touch_loop"]
 
 DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
 
@@ -51,6 +53,17 @@ class Sinks(NamedTuple):
     hands: list[HandDriver]
     steered: SteeredHand | None
     recorder: RunRecorder | None
+
+
+class LoopParts(NamedTuple):
+    """What the loop is made of, as far as a recording looks at it."""
+
+    pacer: Pacer
+    hand: Hand
+    vests: Sequence[Sink[VestFrame]]
+    hands: Sequence[Sink[Sequence[CanFrame]]]
+    recorder: Recorder | None
+    haptics: Callable[[], bool]
 
 
 class RunState(NamedTuple):
@@ -104,6 +117,7 @@ def run_session(
     if session.out_dir is not None:
         prepare_folder(session.out_dir)
     with ExitStack() as stack:
+        recording = _recording(stack, config)
         sources: dict[str, TactileSource] = {
             finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
             for finger, c in fingers.items()
@@ -118,11 +132,32 @@ def run_session(
                         f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
                     )
         prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop))
-        sinks = _sinks(stack, config, prepared)
+        if recording is not None:
+            prepared = recording.watch(prepared)
+        sinks = _sinks(stack, config, prepared, recording)
         progress("running", 0, 0)
         return _run(
-            stack, config, prepared, sinks, clock=clock, observer=observer, stop=stop, haptics=haptics
+            stack,
+            config,
+            prepared,
+            sinks,
+            clock=clock,
+            observer=observer,
+            stop=stop,
+            haptics=haptics,
+            recording=recording,
         )
+
+
+def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
+    """Make the recording, if one is asked for, before any device is touched."""
+    if config.recording.dir is None:
+        return None
+    from tega.recording.session import Recording
+
+    recording = Recording(config, config.recording.dir)
+    stack.callback(recording.abandon)
+    return recording
 
 
 def _run(
@@ -135,39 +170,50 @@ def _run(
     observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
     haptics: Callable[[], bool],
+    recording: Recording | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
-    pacer = Pacer(clock)
-    start_ns = pacer.start()
-    maxima = {finger: prepared.calibration.touch(finger) or TouchMaxima() for finger in prepared.fingers}
-    vest = config.vest
-    felt = None
-    if (vest.threshold, vest.step) != (0.0, 1.0):
-        felt = FeltMap(threshold=vest.threshold, step=vest.step)
+    hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
+    parts = LoopParts(Pacer(clock), hand, sinks.vests, sinks.hands, sinks.recorder, haptics)
+    if recording is None:
+        start_ns = parts.pacer.start()
+    else:
+        parts, start_ns = recording.begin(
+            parts,
+            clock,
+            layout=layout,
+            kept=sinks.kept,
+            steered=sinks.steered is not None,
+            observed=observer is not None,
+        )
     loop = DualLoop(
-        pacer=pacer,
-        touch=TouchLoop(maxima, layout=layout, mirror=config.vest.mirror, felt=felt),
+        pacer=parts.pacer,
+        touch=touch_loop(config, prepared.calibration, prepared.fingers),
         contacts={
             name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns)
             for name, finger in prepared.fingers.items()
         },
         levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns),
-        hand=sinks.steered or ModelledAllegro(device_id=config.hand.device_id),
-        vests=sinks.vests,
-        hands=sinks.hands,
-        recorder=sinks.recorder,
+        hand=parts.hand,
+        vests=parts.vests,
+        hands=parts.hands,
+        recorder=parts.recorder,
         kept=sinks.kept,
         vest_rate_hz=config.vest.rate_hz,
         observer=observer,
-        haptics=haptics,
+        haptics=parts.haptics,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
-        state = RunState(config, prepared, sinks, layout, loop.report, pacer.report())
+        state = RunState(config, prepared, sinks, layout, loop.report, parts.pacer.report())
         summary = summarise(state, error=error)
-        if session.out_dir is not None:
+        if session.out_dir is not None or recording is not None:
             stack.pop_all().close()  # the tables are complete before the summary says so
+        if recording is not None:
+            recording.ended(loop.report)
+            summary["recording"] = recording.finish(summary)
+        if session.out_dir is not None:
             write_summary(summary, session.out_dir / "summary.json")
         return summary
 
@@ -219,7 +265,20 @@ def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Bloc
     return stream
 
 
-def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks:
+def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:
+    """Make the back loop that settings and a calibration ask for."""
+    vest = config.vest
+    maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
+    felt = None
+    if (vest.threshold, vest.step) != (0.0, 1.0):
+        felt = FeltMap(threshold=vest.threshold, step=vest.step)
+    layout = vest.layout or DEFAULT_LAYOUT[config.session.preset]
+    return TouchLoop(maxima, layout=layout, mirror=vest.mirror, felt=felt)
+
+
+def _sinks(
+    stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None
+) -> Sinks:
     """Open what is written to: the devices of the settings, then the tables of the output folder."""
     kept: list[KeepAlive] = []
     vests: list[VestSink] = []
@@ -228,6 +287,8 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
     if config.vest.driver is not None:
         vest = stack.enter_context(driver_class(config.vest.driver, "vest")(config.vest.options))
         if vest.info.live:
+            if recording is not None:
+                vest = recording.vest(vest)
             kept.append(
                 KeepAlive(
                     vest,
