@@ -54,7 +54,17 @@ def _show(found: Inspection) -> None:
     for name, label in found.sources.items():
         console.print(f"  {name}: {label}")
     table = Table(box=None, pad_edge=True)
-    for column in ("stream", "messages", "rate Hz", "usual ms", "longest", "gaps", "missing", "dropped", "MiB"):
+    for column in (
+        "stream",
+        "messages",
+        "rate Hz",
+        "usual ms",
+        "longest",
+        "gaps",
+        "missing",
+        "dropped",
+        "MiB",
+    ):
         left = column == "stream"
         table.add_column(column, justify="left" if left else "right", no_wrap=left)
     for s in found.streams:

@@ -45,7 +45,11 @@ def _show(replay: Replay) -> None:
     from rich.table import Table
 
     console = Console(highlight=False, width=None if Console().is_terminal else 160)
-    how = "from the raw pictures and samples" if replay.lossless else "from the contacts and samples as recorded"
+    how = (
+        "from the raw pictures and samples"
+        if replay.lossless
+        else "from the contacts and samples as recorded"
+    )
     console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s computed again {how}")
     for change in replay.changed:
         console.print(f"  changed: {change}", markup=False)
@@ -73,9 +77,12 @@ def _show(replay: Replay) -> None:
         console.print(
             f"  {p.finger}: pictures are approximate (JPEG): over {p.compared} frames the area is off by "
             f"{p.eda_mean_px:.2f} px (at most {p.eda_max_px:.0f}), the concentration by {p.cci_mean:.4f} "
-            f"(at most {p.cci_max:.4f}), contact differs in {p.contact_changed}"
+            f"(at most {p.cci_max:.4f}), contact differs in {p.contact_changed}",
+            soft_wrap=True,
         )
-    exact = "the same, bit for bit" if replay.lossless else "everything but the pictures is the same, bit for bit"
+    exact = (
+        "the same, bit for bit" if replay.lossless else "everything but the pictures is the same, bit for bit"
+    )
     verdict = f"[green]{exact}[/]" if replay.same else "[red]not the same[/]"
     console.print(f"  {verdict}")
 

@@ -16,7 +16,10 @@ __all__ = ["run"]
 @click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
-    "--record", type=click.Path(path_type=Path), metavar="DIR", help="Record into this session's folder (recording.dir)."
+    "--record",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Record into this session's folder (recording.dir).",
 )
 @click.option("--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless).")
 @view_options

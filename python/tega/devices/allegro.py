@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -111,6 +111,11 @@ class Allegro(Opened):
         self._switch_s = 0.0
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
+        self.on_exchange: Callable[[int, int, Sequence[Received], Sequence[CanFrame], str], None] | None = (
+            None
+        )
+        """Told in the hand's thread of every exchange: time, level, frames received and to be sent, and ``exchange``,
+        ``release`` or ``abandon``. From these the same conversation can be held again."""
         self.n_garbled = 0
         """Pieces of the adapter's stream that were no frame."""
         self.n_unsent = 0
@@ -294,23 +299,34 @@ class Allegro(Opened):
                 t_ns = time.monotonic_ns()
                 if self._leaving.is_set() and not leave_ns:
                     link.release(t_ns)
+                    self._tell(t_ns, 0, (), (), "release")
                     leave_ns = t_ns + round(_LEAVE_S * 1e9)
-                out = link.exchange(frames, t_ns, self._level)
+                level = self._level
+                out = link.exchange(frames, t_ns, level)
                 if out:
                     self._send(out)
                     if len(out) >= 4 and link.phase == "running":
                         now_ns = time.monotonic_ns()
                         self._cycles.append((now_ns, now_ns - t_ns))
+                self._tell(t_ns, level, frames, out, "exchange")
                 if link.phase in {"running", "faulted"}:
                     self._ready.set()
         except Exception as error:  # told by the next step, in the thread that can act on it
             self._trouble = f" ({type(error).__name__}: {error})"
         finally:
             # Whatever was sent before: a hand that hears this is without force.
-            self._send(link.abandon())
+            last = link.abandon()
+            self._send(last)
+            self._tell(time.monotonic_ns(), 0, (), last, "abandon")
             self._ready.set()
             with contextlib.suppress(Exception):
                 self._drop_bus()
+
+    def _tell(
+        self, t_ns: int, level: int, received: Sequence[Received], sent: Sequence[CanFrame], action: str
+    ) -> None:
+        if self.on_exchange is not None:
+            self.on_exchange(t_ns, level, received, sent, action)
 
     def _receive(self) -> list[Received]:
         from tega.hand_link import Received

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tega.recording.mcap_reader import McapReader
+from tega.recording.mcap_reader import McapReader, Message
 
 __all__ = ["Inspection", "Latency", "Marked", "StreamFacts", "inspect_file"]
 
@@ -119,82 +119,101 @@ def inspect_file(path: Path) -> Inspection:
         RecordingError: It cannot be read.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
-    reader = McapReader(path)
-    topics: dict[str, _Topic] = {}
-    stages: dict[str, list[int]] = defaultdict(list)
-    path_of = _Stages(stages)
-    dropped: dict[str, int] = {}
-    markers: list[Marked] = []
-    states: list[Marked] = []
-    log: list[Marked] = []
-    ended, newest_ns, epoch_ns = "", 0, 0
+    reader, seen = McapReader(path), _Seen()
     for message in reader.messages(lambda topic: not topic.endswith("/image")):
-        if not epoch_ns:
-            epoch_ns = int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
-        topic = topics.setdefault(message.topic, _Topic(message.schema))
-        value, t_ns = message.value, message.log_ns - epoch_ns
-        topic.n_bytes += message.n_bytes
-        stamp = getattr(value, "t_ns", t_ns)
-        if message.schema == "tega.HandExchange":
-            stamp = t_ns
-        topic.stamps.append(stamp)
-        newest_ns = max(newest_ns, t_ns)
-        match message.schema:
-            case "tega.Frame":
-                topic.numbers.append((value.seq, 1))
-                path_of.frame(message.topic.split("/")[2], value)
-            case "tega.EmgSamples":
-                topic.numbers.append((value.first_index, len(value.samples) // max(value.n_channels, 1)))
-                stages["EMG samples: captured to received"].append(value.received_ns - value.t_ns)
-            case "tega.Contact":
-                path_of.contact(message.topic.split("/")[2], value)
-            case "tega.Levels":
-                stages["EMG block: captured to taken in"].append(value.taken_ns - value.t_ns)
-            case "tega.VestFrame" if message.topic == "/vest/frame":
-                path_of.vest(value)
-            case "tega.Marker":
-                markers.append(Marked(value.t_ns / 1e9, value.text))
-            case "tega.State":
-                said = f"{value.state}: {value.reason}" if value.reason else value.state
-                states.append(Marked(value.t_ns / 1e9, said))
-            case "foxglove.Log":
-                log.append(Marked(t_ns / 1e9, value.message))
-            case "tega.Value":
-                stages[value.name].append(round(value.value * 1e6))
-            case "tega.End":
-                ended = value.ended
-            case "tega.Status":
-                dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
-            case _:
-                pass
-    dropped |= {name: int(n) for name, n in reader.metadata.get("dropped", {}).items()}
+        if not seen.epoch_ns:
+            seen.epoch_ns = int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
+        seen.take(message)
+    dropped = seen.dropped | {name: int(n) for name, n in reader.metadata.get("dropped", {}).items()}
     facts = reader.metadata.get("tega", {})
     sources = {
         name: f"{info['driver']}: {info['label']}"
         for name, text in reader.metadata.get("sources", {}).items()
         if (info := msgspec.json.decode(text))
     }
-    pace = b'pace = "real"' in reader.files.get("session.toml", b"")
+    paced = b'pace = "real"' in reader.files.get("session.toml", b"")
     return Inspection(
         file=path.name,
         complete=not reader.cut and "end" in reader.metadata,
         cut=reader.cut,
         lossless=facts.get("lossless") == "true",
-        start=epoch_ns,
-        duration_s=newest_ns / 1e9,
-        ended=ended,
+        start=seen.epoch_ns,
+        duration_s=seen.newest_ns / 1e9,
+        ended=seen.ended,
         mib=path.stat().st_size / 2**20,
         config_sha256=facts.get("config_sha256", ""),
         versions=reader.metadata.get("versions", {}),
         sources=sources,
-        streams=[
-            _facts(name, topic, dropped.get(name, 0)) for name, topic in sorted(topics.items())
-        ],
-        latency=[_latency(stage, times) for stage, times in stages.items() if any(times) and pace],
-        markers=markers,
-        states=states,
-        log=log,
+        streams=[_facts(name, topic, dropped.get(name, 0)) for name, topic in sorted(seen.topics.items())],
+        latency=[_latency(stage, times) for stage, times in seen.stages.items() if any(times) and paced],
+        markers=seen.markers,
+        states=seen.states,
+        log=seen.log,
     )
+
+
+class _Seen:
+    """What the messages so far have told."""
+
+    def __init__(self) -> None:
+        self.topics: dict[str, _Topic] = {}
+        self.stages: dict[str, list[int]] = defaultdict(list)
+        self.dropped: dict[str, int] = {}
+        self.markers: list[Marked] = []
+        self.states: list[Marked] = []
+        self.log: list[Marked] = []
+        self.ended = ""
+        self.newest_ns = self.epoch_ns = 0
+        self._pictures = _Stages(self.stages)
+
+    def take(self, message: Message) -> None:
+        value, t_ns = message.value, message.log_ns - self.epoch_ns
+        topic = self.topics.setdefault(message.topic, _Topic(message.schema))
+        topic.n_bytes += message.n_bytes
+        # The exchange with a hand is stamped with the machine's clock, as the link was told it.
+        stamped = message.schema != "tega.HandExchange"
+        topic.stamps.append(getattr(value, "t_ns", t_ns) if stamped else t_ns)
+        self.newest_ns = max(self.newest_ns, t_ns)
+        if message.schema == "foxglove.Log":
+            self.log.append(Marked(t_ns / 1e9, value.message))
+        elif message.topic.startswith(("/tactile/", "/emg/", "/vest/")):
+            self._signal(message, topic)
+        else:
+            self._event(message.schema, value)
+
+    def _signal(self, message: Message, topic: _Topic) -> None:
+        value, stages = message.value, self.stages
+        match message.schema:
+            case "tega.Frame":
+                topic.numbers.append((value.seq, 1))
+                self._pictures.frame(message.topic.split("/")[2], value)
+            case "tega.Contact":
+                self._pictures.contact(message.topic.split("/")[2], value)
+            case "tega.EmgSamples":
+                topic.numbers.append((value.first_index, len(value.samples) // max(value.n_channels, 1)))
+                stages["EMG samples: captured to received"].append(value.received_ns - value.t_ns)
+            case "tega.Levels":
+                stages["EMG block: captured to taken in"].append(value.taken_ns - value.t_ns)
+            case "tega.VestFrame" if message.topic == "/vest/frame":
+                self._pictures.vest(value)
+            case _:
+                pass
+
+    def _event(self, schema: str, value: Any) -> None:
+        match schema:
+            case "tega.Marker":
+                self.markers.append(Marked(value.t_ns / 1e9, value.text))
+            case "tega.State":
+                said = f"{value.state}: {value.reason}" if value.reason else value.state
+                self.states.append(Marked(value.t_ns / 1e9, said))
+            case "tega.Value":
+                self.stages[value.name].append(round(value.value * 1e6))
+            case "tega.End":
+                self.ended = value.ended
+            case "tega.Status":
+                self.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
+            case _:
+                pass
 
 
 class _Stages:
@@ -231,7 +250,8 @@ def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
     n_items, missing = len(stamps), 0
     if topic.numbers:
         missing = sum(
-            max(0, after - (before + n)) for (before, n), (after, _) in zip(topic.numbers, topic.numbers[1:], strict=False)
+            max(0, after - (before + n))
+            for (before, n), (after, _) in zip(topic.numbers, topic.numbers[1:], strict=False)
         )
     if topic.schema == "tega.EmgSamples":
         n_items = sum(n for _, n in topic.numbers[1:]) + 1

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
 
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
@@ -22,6 +24,19 @@ _CHUNK_BYTES = 4 * 1024 * 1024
 # Of zstd: the noise of a camera hardly yields to more effort.
 _LEVEL = 1
 _LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
+
+
+def _can(frame: Any) -> dict[str, Any]:
+    flags = getattr(frame, "extended", False) + 2 * getattr(frame, "error", False)
+    return {"id": frame.id, "data": bytes(frame.data), "remote": frame.remote, "flags": flags}
+
+
+def _with_frames(*names: str) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
+    """Let the writer's thread turn CAN frames into messages, so that the loop need not."""
+    return lambda fields: {**fields, **{name: [_can(f) for f in fields[name]] for name in names}}
+
+
+_CONVERT = {"CanFrames": _with_frames("frames"), "HandExchange": _with_frames("received", "sent")}
 
 
 def lock(file: BinaryIO) -> bool:
@@ -59,7 +74,7 @@ class _Disk:
         if self.error is None:
             try:
                 left = memoryview(data)
-                while len(left):
+                while left:
                     left = left[self._raw.write(left) :]
             except OSError as error:
                 self.error = error
@@ -194,9 +209,9 @@ class McapFile:
     def _message(self, topic: str, kind: str, fields: Mapping[str, Any], log_ns: int) -> None:
         schema = None
         if topic not in self._channels:
-            schema = self._foxglove.Schema(
-                name=f"{PACKAGE}.{kind}", encoding="protobuf", data=schema_bytes()
-            )
+            schema = self._foxglove.Schema(name=f"{PACKAGE}.{kind}", encoding="protobuf", data=schema_bytes())
+        if convert := _CONVERT.get(kind):
+            fields = convert(fields)
         channel = self._channel(topic, self._foxglove.Channel, message_encoding="protobuf", schema=schema)
         channel.log(message_class(kind)(**fields).SerializeToString(), log_time=log_ns)
 
@@ -221,7 +236,7 @@ class McapFile:
             )
         else:
             channel = self._channel(item.topic, self._channels_of.CompressedImageChannel)
-            _, data = self._cv2.imencode(".jpg", image, self._quality)
+            _, data = self._cv2.imencode(".jpg", np.ascontiguousarray(image), self._quality)
             message = self._messages.CompressedImage(
                 timestamp=stamp, frame_id=finger, data=data.tobytes(), format="jpeg"
             )
@@ -241,7 +256,5 @@ class McapFile:
         level, name, text = item.value
         channel = self._channel(item.topic, self._channels_of.LogChannel)
         level = getattr(self._messages.LogLevel, _LOG_LEVELS.get(level // 10 * 10, "Unknown"))
-        message = self._messages.Log(
-            timestamp=self._stamp(item.t_ns), level=level, message=text, name=name
-        )
+        message = self._messages.Log(timestamp=self._stamp(item.t_ns), level=level, message=text, name=name)
         channel.log(message, log_time=log_ns)

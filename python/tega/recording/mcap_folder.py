@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -74,7 +73,7 @@ class SessionFolder:
         index["trials"] = [trials[key] for key in sorted(trials)]
         new = self.path / f"{INDEX_NAME}.new"
         new.write_text(json.dumps(index, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-        os.replace(new, self.path / INDEX_NAME)
+        new.replace(self.path / INDEX_NAME)
 
     def index(self) -> dict[str, Any]:
         """Return the index as it stands."""
@@ -156,7 +155,7 @@ def recover_file(source: Path, target: Path) -> Recovered:
         except Exception as error:  # whatever the damage makes the reader say: all before it is good
             problem = type(error).__name__
         writer.finish()
-    os.replace(new, target)
+    new.replace(target)
     return Recovered(target, n_messages, end_ns, problem)
 
 
@@ -169,7 +168,9 @@ def session_files(path: Path) -> list[Path]:
     if path.is_dir():
         files = sorted(SessionFolder(path).path.glob("*.mcap"))
         if not files:
-            raise RecordingError(f"{path.name}: holds no recording", "name a session's folder, or a file in it")
+            raise RecordingError(
+                f"{path.name}: holds no recording", "name a session's folder, or a file in it"
+            )
         return files
     if not path.is_file():
         raise RecordingError(f"{path.name}: there is no such recording", f"looked for {path}")

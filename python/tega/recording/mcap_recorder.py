@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import logging
-import os
 import shutil
 import threading
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tega.recording.mcap_file import McapFile
@@ -120,7 +118,7 @@ class McapRecorder:
         self.put("/run/state", t_ns, "State", {"t_ns": t_ns, "state": state, "reason": reason})
 
     def value(self, t_ns: int, name: str, value: float) -> None:
-        """Record a number that has no stream of its own, such as a stage's latency."""
+        """Record a stage's latency, milliseconds, of a name that has no stream of its own."""
         self.put(f"/value/{name}", t_ns, "Value", {"t_ns": t_ns, "name": name, "value": value})
 
     @property
@@ -257,7 +255,7 @@ class McapRecorder:
             self._stop(f"the disk took no more: {failed.strerror or failed}")
             return
         if self._part.exists():
-            os.replace(self._part, self.path)
+            self._part.replace(self.path)
         self.state = "complete"
 
     def _stop(self, reason: str) -> None:

@@ -47,9 +47,7 @@ class Recording:
                 recovered.path.name,
                 recovered.n_messages,
             )
-        self.recorder = McapRecorder(
-            self.folder, config.recording, wait=config.session.pace == "fast"
-        )
+        self.recorder = McapRecorder(self.folder, config.recording, wait=config.session.pace == "fast")
         self.tap = SessionTap(self.recorder, config)
         self._begun = False
 
@@ -62,8 +60,19 @@ class Recording:
         tapped: VestSink = self.tap.vest(vest)
         return tapped
 
+    def listen(self, driver: object) -> None:
+        """Hear what a hand's driver exchanges with it, from its opening on."""
+        self.tap.listen(driver)
+
     def begin(
-        self, parts: LoopParts, clock: Clock, *, layout: str, kept: Sequence[KeepAlive], steered: bool, observed: bool
+        self,
+        parts: LoopParts,
+        clock: Clock,
+        *,
+        layout: str,
+        kept: Sequence[KeepAlive],
+        steered: bool,
+        observed: bool,
     ) -> tuple[LoopParts, int]:
         """Begin, and return the loop's parts with a recorder between them, and the start of the session."""
         tap = self.tap

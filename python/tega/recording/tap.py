@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import platform
 import sys
+import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -25,8 +27,8 @@ if TYPE_CHECKING:
 
     from tega.clock import Clock
     from tega.devices.base import EmgChunk, TactileFrame
-    from tega.haptics import VestFrame
     from tega.hand_link import Received
+    from tega.haptics import VestFrame
     from tega.recording.mcap_recorder import McapRecorder
     from tega.tactile import ContactMetrics
     from tega.teleop.hand import Hand
@@ -60,6 +62,9 @@ class SessionTap:
         self._start_ns = 0
         self._pacer: _NotingPacer | None = None
         self._hand: _HandTap | None = None
+        self._lock = threading.Lock()
+        self._begun = False
+        self._early: list[dict[str, Any]] = []
         self._n_asked = 0
         self._on = True
         self._fused = FIRST_LEVEL
@@ -78,19 +83,11 @@ class SessionTap:
             if finger.measured is not None:
                 finger.source.open()
                 report = SourceReport()
-            topic, live = f"/tactile/{name}/image", finger.source.info.live
-
-            def see(frame: TactileFrame, name: str = name, topic: str = topic, live: bool = live) -> None:
-                self._frame(name, topic, frame, live=live)
-
+            see = partial(self._frame, name, live=finger.source.info.live)
             watched: Any = _Watched(finger.source, see)
             fingers[name] = finger._replace(source=watched, report=report, measured=None)
         if muscles is not None:
-            live = muscles.source.info.live
-
-            def hear(chunk: EmgChunk) -> None:
-                self._chunk(chunk, live=live)
-
+            hear = partial(self._chunk, live=muscles.source.info.live)
             heard: Any = _Watched(muscles.source, hear)
             muscles = muscles._replace(source=heard)
         self._prepared = prepared._replace(fingers=fingers, muscles=muscles)
@@ -140,6 +137,11 @@ class SessionTap:
             files["poses.toml"] = ("application/toml", poses.read_bytes())
         self._recorder.begin(facts, files, start_ns)
         self._recorder.run_state(0, "running")
+        with self._lock:
+            for value in self._early:
+                self._recorder.put("/hand/bus", value["t_ns"] - start_ns, "HandExchange", value)
+            self._early.clear()
+            self._begun = True
 
     # What the loop is made of.
 
@@ -148,11 +150,14 @@ class SessionTap:
         return _LoopTap(self, other)
 
     def hand(self, hand: Hand) -> Hand:
-        """Return a hand whose levels are seen; of one with an exchange of its own, every frame too."""
+        """Return a hand whose levels are seen."""
         self._hand = _HandTap(hand, self._asked)
-        if hasattr(hand, "on_exchange"):
-            hand.on_exchange = self._exchange
         return self._hand
+
+    def listen(self, driver: object) -> None:
+        """Hear every exchange of a hand that closes its own loop; before it is opened, so that none is missed."""
+        if hasattr(driver, "on_exchange"):
+            driver.on_exchange = self._exchange
 
     def vest(self, vest: Any) -> Any:
         """Return a vest whose frames are recorded as it says they were sent."""
@@ -198,12 +203,13 @@ class SessionTap:
     def _now_ns(self) -> int:
         return 0 if self._clock is None else self._clock.now_ns() - self._start_ns
 
-    def _frame(self, finger: str, topic: str, frame: TactileFrame, *, live: bool) -> None:
+    def _frame(self, finger: str, frame: TactileFrame, *, live: bool) -> None:
         t_ns = frame.t_ns - self._start_ns if live else frame.t_ns
         # What comes from a file was received long ago.
         received_ns = self._now_ns() if live else t_ns
         numbers = {"t_ns": t_ns, "received_ns": received_ns, "seq": frame.seq, "name": frame.name}
-        self._recorder.put(topic, received_ns, "image", (finger, frame.image, numbers), frame.image.nbytes)
+        picture = (finger, frame.image, numbers)
+        self._recorder.put(f"/tactile/{finger}/image", received_ns, "image", picture, frame.image.nbytes)
 
     def _chunk(self, chunk: EmgChunk, *, live: bool) -> None:
         t_ns = chunk.t_ns - self._start_ns if live else chunk.t_ns
@@ -276,35 +282,21 @@ class SessionTap:
 
     def _can_frames(self, t_ns: int, frames: Sequence[CanFrame]) -> None:
         level = 0 if self._hand is None else self._hand.level
-        value = {"t_ns": t_ns, "level": level, "frames": [_can(f) for f in frames]}
+        value = {"t_ns": t_ns, "level": level, "frames": frames}
         self._recorder.put("/hand/frames", t_ns, "CanFrames", value)
 
     def _exchange(
         self, t_ns: int, level: int, received: Sequence[Received], sent: Sequence[CanFrame], action: str
     ) -> None:
-        value = {
-            "t_ns": t_ns,
-            "level": level,
-            "received": [
-                {
-                    "id": f.id,
-                    "data": bytes(f.data),
-                    "remote": f.remote,
-                    "flags": f.extended + 2 * f.error,
-                }
-                for f in received
-            ],
-            "sent": [_can(f) for f in sent],
-            "action": action,
-        }
+        value = {"t_ns": t_ns, "level": level, "received": received, "sent": sent, "action": action}
+        with self._lock:
+            if not self._begun:
+                self._early.append(value)
+                return
         self._recorder.put("/hand/bus", t_ns - self._start_ns, "HandExchange", value)
 
     def _skip(self, t_ns: int) -> None:
         self._recorder.put("/run/skipped", t_ns, "Skip", {"t_ns": t_ns})
-
-
-def _can(frame: CanFrame) -> dict[str, Any]:
-    return {"id": frame.id, "data": frame.data, "remote": frame.remote}
 
 
 def _versions() -> dict[str, str]:

@@ -288,32 +288,23 @@ def _level_items(recorded: Recorded, measured: _Measured) -> list[tuple[int, Blo
 
 
 class _TakenStream(Generic[Item]):
-    """A stream that gives its items at the ticks at which they were taken in."""
+    """A stream that gives its items at the ticks at which they were taken in.
+
+    Where every source had ended, it ends with the last tick of the run.
+    """
 
     def __init__(self, items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> None:
         self._items = items
         self._next = 0
         self._pacer = pacer
-        self._complete_ns = recorded.end[0] if recorded.end and recorded.end[1] == "complete" else None
+        end_ns, ended, _ = recorded.end or (0, "", 0)
+        self._completes = ended == "complete"
+        self.end_ns = end_ns
+        self.ended = False
         self.due_ns = 0
 
-    @property
-    def ended(self) -> bool:
-        return self._complete_ns is not None and self._pacer.over()
-
-    @ended.setter
-    def ended(self, value: bool) -> None:
-        raise AttributeError("a recorded stream ends when its recording does")
-
-    @property
-    def end_ns(self) -> int:
-        return self._complete_ns or 0
-
-    @end_ns.setter
-    def end_ns(self, value: int) -> None:
-        raise AttributeError("a recorded stream ends when its recording does")
-
     def next_until(self, t_ns: int) -> Item | None:  # noqa: ARG002  # the tick says more than the time
+        self.ended = self._completes and self._pacer.over()
         if self._next >= len(self._items) or self._items[self._next][0] > self._pacer.tick_ns:
             return None
         item = self._items[self._next][1]
@@ -321,7 +312,7 @@ class _TakenStream(Generic[Item]):
         return item
 
     def close(self) -> None:
-        pass
+        self._next = len(self._items)
 
 
 class _RecordedPacer(Pacer):
@@ -400,9 +391,7 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
         ours = [(t, {"channels": c, "fused": f}) for t, _, c, f in recorded.levels]
         theirs = [(t, {"channels": c, "fused": f}) for t, c, f in again.levels]
         streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
-    streams.append(
-        compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(again.vest), until_ns=cut_ns)
-    )
+    streams.append(compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(again.vest), until_ns=cut_ns))
     if recorded.head.live_vest:
         ours = [(t, {"sent": True}) for t in recorded.vest_sent]
         theirs = [(t, {"sent": True}) for t in again.vest_sent]
@@ -410,7 +399,10 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
     if "emg" in recorded.head.sources:
         steered = recorded.head.facts["steered"] == "true"
         ours, theirs = (
-            [(t, {"level": level} | ({} if steered else {"frames": _hex(frames)})) for t, level, frames in rows]
+            [
+                (t, {"level": level} | ({} if steered else {"frames": _hex(frames)}))
+                for t, level, frames in rows
+            ]
             for rows in (recorded.hand, again.hand)
         )
         streams.append(compare("/hand/frames", ours, theirs, until_ns=cut_ns))
@@ -436,12 +428,18 @@ def _picture_errors(recorded: Recorded, measured: _Measured) -> list[PictureErro
     for finger, contacts in recorded.contacts.items():
         again = dict(measured.contacts[finger])
         pairs = [(m, again[t]) for t, _, m, _ in contacts if t in again]
-        eda = np.array([abs(a.eda - b.eda) for a, b in pairs] or [0.0], float)
-        cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0], float)
+        eda = np.array([float(abs(a.eda - b.eda)) for a, b in pairs] or [0.0])
+        cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0])
         changed = sum(a.in_contact != b.in_contact for a, b in pairs)
         errors.append(
             PictureError(
-                finger, len(pairs), changed, eda.mean().item(), eda.max().item(), cci.mean().item(), cci.max().item()
+                finger,
+                len(pairs),
+                changed,
+                eda.mean().item(),
+                eda.max().item(),
+                cci.mean().item(),
+                cci.max().item(),
             )
         )
     return errors

@@ -114,7 +114,7 @@ def _pairs(recorded: Sequence[Row], replayed: Sequence[Row]) -> Iterable[_Pair]:
             yield _Pair(ours, recorded[i][1], replayed[j][1])
             i, j = i + 1, j + 1
         elif theirs is None or (ours is not None and ours < theirs):
-            assert ours is not None  # noqa: S101  # by the loop's condition
+            assert ours is not None  # by the loop's condition
             yield _Pair(ours, recorded[i][1], _ABSENT)
             i += 1
         else:

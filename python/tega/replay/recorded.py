@@ -103,7 +103,7 @@ class Recorded(msgspec.Struct):
         """The newest tick that anything tells of."""
         ticks = [taken[1] for contacts in self.contacts.values() for taken in contacts[-1:]]
         ticks += [row[1] for row in self.levels[-1:]]
-        ticks += [row[0] for rows in (self.vest, self.hand) for row in rows[-1:]]  # type: ignore[attr-defined]
+        ticks += [row[0] for rows in (self.vest, self.hand) for row in rows[-1:]]
         return max(ticks, default=0)
 
 
@@ -215,9 +215,11 @@ def _image(message: Message) -> NDArray[np.uint8]:
 
 def _head(reader: McapReader) -> Head:
     facts = reader.metadata.get("tega", {})
+    if facts.get("format") != FORMAT:
+        raise RecordingError(
+            f"{reader.path.name}: no recording of a session", "name a file made with --record"
+        )
     try:
-        if facts.get("format") != FORMAT:
-            raise KeyError("format")
         tree = tomllib.loads(reader.files["session.toml"].decode())
         calibration = parse_calibration(reader.files["calibration.toml"].decode(), "calibration.toml")
         baselines = {
@@ -231,7 +233,7 @@ def _head(reader: McapReader) -> Head:
         }
     except (KeyError, ValueError) as error:
         raise RecordingError(
-            f"{reader.path.name}: no recording of a session ({error})", "name a file made with --record"
+            f"{reader.path.name}: its head is damaged: {error}", "read it with the public mcap reader"
         ) from error
     return Head(without_devices(tree), tree, calibration, baselines, sources, facts, dict(reader.files))
 

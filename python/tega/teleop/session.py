@@ -276,9 +276,7 @@ def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterabl
     return TouchLoop(maxima, layout=layout, mirror=vest.mirror, felt=felt)
 
 
-def _sinks(
-    stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None
-) -> Sinks:
+def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None) -> Sinks:
     """Open what is written to: the devices of the settings, then the tables of the output folder."""
     kept: list[KeepAlive] = []
     vests: list[VestSink] = []
@@ -300,6 +298,8 @@ def _sinks(
             vests.append(vest)
     if config.hand.driver is not None:
         hand: HandDriver | SteeredHand = driver_class(config.hand.driver, "hand")(config.hand.options)
+        if recording is not None:
+            recording.listen(hand)
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
             if config.session.pace == "fast":
