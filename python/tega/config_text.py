@@ -11,7 +11,7 @@ import msgspec
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["config_text"]
+__all__ = ["config_text", "toml_text"]
 
 
 def config_text(config: SessionConfig) -> str:
@@ -22,7 +22,11 @@ def config_text(config: SessionConfig) -> str:
         >>> print(config_text(SessionConfig()).splitlines()[0])
         [session]
     """
-    tree: dict[str, Any] = msgspec.to_builtins(config, enc_hook=_plain)
+    return toml_text(msgspec.to_builtins(config, enc_hook=_plain))
+
+
+def toml_text(tree: dict[str, Any]) -> str:
+    """Write nested tables as TOML; ``None`` is left out."""
     lines: list[str] = []
     _table(tree, "", lines)
     return "\n".join(lines).lstrip("\n") + "\n"

@@ -246,7 +246,7 @@ class _Stages:
 def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
     stamps = np.array(sorted(topic.stamps), np.int64)
     steps = np.diff(stamps)
-    span_s = (stamps[-1] - stamps[0]) / 1e9 if len(stamps) else 0.0
+    span_s = int(stamps[-1] - stamps[0]) / 1e9 if len(stamps) else 0.0
     n_items, missing = len(stamps), 0
     if topic.numbers:
         missing = sum(

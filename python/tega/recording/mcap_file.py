@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -83,10 +84,11 @@ class _Disk:
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        self._at = (0, self._at, self._end)[whence] + offset
-        if self.error is None:
-            self._raw.seek(self._at)
-        return self._at
+        at = (0, self._at, self._end)[whence] + offset
+        if self.error is None and at != self._at:
+            self._raw.seek(at)
+        self._at = at
+        return at
 
     def flush(self) -> None:
         pass
@@ -97,21 +99,22 @@ class McapFile:
 
     Args:
         path: The file; it must not exist.
-        epoch_ns: Time of day at the start of the session: what viewers show is this plus the session's time.
         lossless: Pictures as they are; else as JPEG.
         jpeg_quality: 1 to 100.
         raw: Something else to write to, opened for writing without a buffer; the file at ``path`` when ``None``.
 
+    Attributes:
+        epoch_ns: Time of day at the start of the session, ns: what viewers show is this plus the session's time.
+
     Raises:
         MissingExtraError: A package of the extra ``record`` is not installed.
-        RecordingError: The file cannot be made, or another process writes it.
+        RecordingError: The file cannot be made.
     """
 
     def __init__(
         self,
         path: Path,
         *,
-        epoch_ns: int,
         lossless: bool,
         jpeg_quality: int = 95,
         raw: BinaryIO | None = None,
@@ -126,7 +129,7 @@ class McapFile:
             self._cv2 = require("cv2", driver="recording", extra="record")
             self._quality = [self._cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
         self._foxglove = foxglove
-        self._epoch_ns = epoch_ns
+        self.epoch_ns = 0
         self._lossless = lossless
         try:
             self._raw = path.open("xb", buffering=0) if raw is None else raw
@@ -142,7 +145,10 @@ class McapFile:
             self._disk,
             context=self._context,
             writer_options=options.MCAPWriteOptions(
-                chunk_size=_CHUNK_BYTES, compression_level=_LEVEL, compression_threads=0
+                chunk_size=_CHUNK_BYTES,
+                compression_level=_LEVEL,
+                compression_threads=0,
+                disable_seeking=not self._raw.seekable(),
             ),
         )
         self._channels: dict[str, Any] = {}
@@ -165,8 +171,8 @@ class McapFile:
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Add a file."""
         self._writer.attach(
-            log_time=self._epoch_ns,
-            create_time=self._epoch_ns,
+            log_time=self.epoch_ns,
+            create_time=self.epoch_ns,
             name=name,
             media_type=media_type,
             data=data,
@@ -174,7 +180,7 @@ class McapFile:
 
     def write(self, item: Item) -> None:
         """Encode an item and add it."""
-        log_ns = self._epoch_ns + item.t_ns
+        log_ns = self.epoch_ns + item.t_ns
         self.n_items += 1
         if item.kind == "image":
             self._image(item, log_ns)
@@ -216,13 +222,14 @@ class McapFile:
         channel.log(message_class(kind)(**fields).SerializeToString(), log_time=log_ns)
 
     def _stamp(self, t_ns: int) -> Any:
-        return self._messages.Timestamp(*divmod(self._epoch_ns + t_ns, 1_000_000_000))
+        return self._messages.Timestamp(*divmod(self.epoch_ns + t_ns, 1_000_000_000))
 
     def _image(self, item: Item, log_ns: int) -> None:
         """Write a picture, then its number and exact times beside it."""
         finger, image, frame = item.value
         height, width = image.shape[:2]
         stamp = self._stamp(frame["t_ns"])
+        pixels = image.tobytes()
         if self._lossless:
             channel = self._channel(item.topic, self._channels_of.RawImageChannel)
             message = self._messages.RawImage(
@@ -232,16 +239,18 @@ class McapFile:
                 height=height,
                 encoding="bgr8",
                 step=3 * width,
-                data=image.tobytes(),
+                data=pixels,
             )
         else:
             channel = self._channel(item.topic, self._channels_of.CompressedImageChannel)
-            _, data = self._cv2.imencode(".jpg", np.ascontiguousarray(image), self._quality)
+            whole = np.frombuffer(pixels, np.uint8).reshape(image.shape)
+            _, data = self._cv2.imencode(".jpg", whole, self._quality)
             message = self._messages.CompressedImage(
                 timestamp=stamp, frame_id=finger, data=data.tobytes(), format="jpeg"
             )
         channel.log(message, log_time=log_ns)
-        self._message(f"{item.topic.rsplit('/', 1)[0]}/frame", "Frame", frame, log_ns)
+        numbers = {**frame, "pixels_crc32": zlib.crc32(pixels)}
+        self._message(f"{item.topic.rsplit('/', 1)[0]}/frame", "Frame", numbers, log_ns)
 
     def _joints(self, item: Item, log_ns: int) -> None:
         angles: Sequence[float] = item.value

@@ -63,10 +63,8 @@ class McapRecorder:
         self._settings = settings
         self.path = folder.new_trial()
         self._part = self.path.with_name(f"{self.path.name}.part")
-        self.epoch_ns = time.time_ns()
         self._file = McapFile(
             self._part,
-            epoch_ns=self.epoch_ns,
             lossless=settings.lossless,
             jpeg_quality=settings.jpeg_quality,
             raw=raw,
@@ -81,27 +79,31 @@ class McapRecorder:
         self._thread = threading.Thread(target=self._work, name="tega-recorder", daemon=True)
         self._handler = _LogHandler(self)
 
-    def begin(
-        self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]], start_ns: int
-    ) -> None:
-        """Write what a reader has to know first, and begin to take records.
+    def head(self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]]) -> None:
+        """Write what a reader has to know first; takes its time, so it comes before the session's start.
 
         Args:
             facts: Tables of names and texts, by name.
             files: Media type and content, by name.
-            start_ns: The monotonic clock's time at the start of the session.
         """
-        times = {"epoch_ns": str(self.epoch_ns), "start_ns": str(start_ns)}
-        self._handler.start_ns = start_ns
         for name, table in facts.items():
-            self._file.metadata(name, {**table, **(times if name == "tega" else {})})
+            self._file.metadata(name, table)
         for name, (media_type, data) in files.items():
             self._file.attach(name, media_type, data)
-        self._file.flush()
-        self._folder.note(
-            self.path.name,
-            {"state": "recording", "lossless": self._settings.lossless, "epoch_ns": self.epoch_ns},
-        )
+        self._file.flush(to_disk=True)
+        self._folder.note(self.path.name, {"state": "recording", "lossless": self._settings.lossless})
+
+    def begin(self, start_ns: int, now_ns: int) -> None:
+        """Begin to take records.
+
+        Args:
+            start_ns: The session's clock at its start.
+            now_ns: The same clock now.
+        """
+        # The time of day is looked at once: a step of that clock while recording moves nothing.
+        epoch_ns = self._file.epoch_ns = time.time_ns() - (now_ns - start_ns)
+        self._file.metadata("tega", {"epoch_ns": str(epoch_ns), "start_ns": str(start_ns)})
+        self._handler.start_ns = time.monotonic_ns() - (now_ns - start_ns)
         logging.getLogger("tega").addHandler(self._handler)
         self._thread.start()
 
@@ -176,7 +178,8 @@ class McapRecorder:
     def _work(self) -> None:
         """Write until told to close, then what is left."""
         now_ns = time.monotonic_ns()
-        flush_ns = sync_ns = status_ns = now_ns
+        flush_ns = sync_ns = now_ns
+        status_ns = now_ns - STATUS_NS
         while True:
             item = self._queue.take()
             if item is None:
@@ -269,9 +272,13 @@ class _LogHandler(logging.Handler):
     def __init__(self, recorder: McapRecorder) -> None:
         super().__init__(logging.INFO)
         self._recorder = recorder
+        # A logger with this handler only would no longer warn people where nobody has set logging up.
+        self._last = None if logging.getLogger("tega").hasHandlers() else logging.lastResort
         self.start_ns = 0
 
     def emit(self, record: logging.LogRecord) -> None:
         t_ns = time.monotonic_ns() - self.start_ns
+        if self._last is not None and record.levelno >= self._last.level:
+            self._last.handle(record)
         line = (record.levelno, record.name, record.getMessage())
         self._recorder.put("/log", t_ns, "log", line, len(line[2]))

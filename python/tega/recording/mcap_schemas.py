@@ -19,7 +19,13 @@ _EXTRA = "record"
 # Per message its fields as (name, type); ``*`` marks a repeated one. Numbers of fields are their places, so a new field
 # goes to the end.
 MESSAGES: dict[str, tuple[tuple[str, str], ...]] = {
-    "Frame": (("t_ns", "int64"), ("received_ns", "int64"), ("seq", "int64"), ("name", "string")),
+    "Frame": (
+        ("t_ns", "int64"),
+        ("received_ns", "int64"),
+        ("seq", "int64"),
+        ("name", "string"),
+        ("pixels_crc32", "uint32"),
+    ),
     "Contact": (
         ("t_ns", "int64"),
         ("taken_ns", "int64"),

@@ -78,8 +78,9 @@ class Recording:
         tap = self.tap
         pacer = tap.pacer(clock)
         hand = tap.hand(parts.hand)
+        tap.head(layout=layout, live_vest=bool(kept), steered=steered, observed=observed)
         start_ns = pacer.start()
-        tap.begin(start_ns, layout=layout, live_vest=bool(kept), steered=steered, observed=observed)
+        tap.begin(start_ns)
         self._begun = True
         parts = parts._replace(
             pacer=pacer,

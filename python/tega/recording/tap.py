@@ -99,12 +99,11 @@ class SessionTap:
         self._pacer = _NotingPacer(clock, self._skip)
         return self._pacer
 
-    def begin(self, start_ns: int, *, layout: str, live_vest: bool, steered: bool, observed: bool) -> None:
-        """Write the head of the recording, and begin."""
+    def head(self, *, layout: str, live_vest: bool, steered: bool, observed: bool) -> None:
+        """Write the head of the recording, before the session starts."""
         prepared = self._prepared
         if prepared is None:
-            raise RuntimeError("begin before watch")
-        self._start_ns = start_ns
+            raise RuntimeError("head before watch")
         text = config_text(self._config)
         infos = {name: finger.source.info for name, finger in prepared.fingers.items()}
         if prepared.muscles is not None:
@@ -135,7 +134,12 @@ class SessionTap:
         poses = getattr(self._config.hand.options, "poses", None)
         if poses is not None:
             files["poses.toml"] = ("application/toml", poses.read_bytes())
-        self._recorder.begin(facts, files, start_ns)
+        self._recorder.head(facts, files)
+
+    def begin(self, start_ns: int) -> None:
+        """Begin, at the start of the session or just after."""
+        self._start_ns = start_ns
+        self._recorder.begin(start_ns, start_ns if self._clock is None else self._clock.now_ns())
         self._recorder.run_state(0, "running")
         with self._lock:
             for value in self._early:

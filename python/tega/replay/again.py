@@ -7,6 +7,7 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -110,7 +111,8 @@ def replay_file(path: Path, *, config: Path | None = None) -> Replay:
     recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
     again = _run(recorded, measured)
     cut_ns = None if recorded.end is not None else recorded.last_tick_ns
-    streams = _compare(recorded, again, cut_ns)
+    streams = _compare_pixels(measured) if recorded.head.lossless else []
+    streams += _compare(recorded, again, cut_ns)
     streams += compare_exchanges(recorded)
     return Replay(
         file=path.name,
@@ -134,6 +136,7 @@ class _Measured:
         self.calibration: Calibration
         self.contacts: dict[str, list[Contact]] = {}
         self.blocks: list[Block] = []
+        self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
         self.changed: list[str] = []
         self._meters: dict[str, FrameMeter] = {}
         self._muscles: BlockMeter | None = None
@@ -148,7 +151,7 @@ class _Measured:
             live = head.sources[finger].live and head.lossless
             preset = self.config.session.preset
             self._meters[finger] = FrameMeter(baseline, preset, SourceReport(), live=live)
-            self.contacts[finger] = []
+            self.contacts[finger], self.pixels[finger] = [], []
         emg = self.calibration.emg
         if "emg" in head.sources and emg is not None:
             intent = GraspIntent(
@@ -179,7 +182,9 @@ class _Measured:
         self.config = msgspec.structs.replace(head.config, session=session, vest=vest, hand=hand)
         return kind if other.emg is None else other.emg.kind
 
-    def frame(self, finger: str, frame: TactileFrame) -> None:
+    def frame(self, finger: str, frame: TactileFrame, pixels_crc32: int) -> None:
+        now = zlib.crc32(frame.image.tobytes())
+        self.pixels[finger].append((frame.t_ns, {"pixels_crc32": pixels_crc32}, {"pixels_crc32": now}))
         try:
             contact = self._meters[finger].take(frame)
         except TegaError:  # a bad picture of a live sensor, dropped then as now
@@ -379,6 +384,14 @@ class _Keeper:
 
     def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
         self._again.levels.append((t_ns, tuple(channels), fused))
+
+
+def _compare_pixels(measured: _Measured) -> list[Comparison]:
+    """Tell pictures whose pixels are not those that were taken, whether or not they change what is felt."""
+    return [
+        compare(f"/tactile/{finger}/image", [(t, a) for t, a, _ in rows], [(t, b) for t, _, b in rows])
+        for finger, rows in measured.pixels.items()
+    ]
 
 
 def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comparison]:

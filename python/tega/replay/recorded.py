@@ -111,7 +111,7 @@ def read_recorded(
     path: Path,
     *,
     begin: Callable[[Head], None] = lambda _head: None,
-    frame: Callable[[str, TactileFrame], None] = lambda _finger, _frame: None,
+    frame: Callable[[str, TactileFrame, int], None] = lambda _finger, _frame, _crc32: None,
     chunk: Callable[[EmgChunk], None] = lambda _chunk: None,
 ) -> Recorded:
     """Read a recording.
@@ -119,7 +119,8 @@ def read_recorded(
     Args:
         path: The file.
         begin: Given what is known before the first message.
-        frame: Given every picture, one at a time; they do not fit into memory all together.
+        frame: Given every picture, one at a time (all together they do not fit into memory), and the checksum that its
+            pixels had when they were taken.
         chunk: Given the EMG samples as they came.
 
     Raises:
@@ -143,7 +144,8 @@ def read_recorded(
                 picture = pictures.pop(finger, None)
                 if picture is not None:
                     image = _image(picture)
-                    frame(finger, TactileFrame(value.t_ns, value.seq, image, value.name))
+                    numbered = TactileFrame(value.t_ns, value.seq, image, value.name)
+                    frame(finger, numbered, value.pixels_crc32)
                     recorded.n_frames[finger] = recorded.n_frames.get(finger, 0) + 1
             case "tega.EmgSamples":
                 samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
