@@ -14,7 +14,7 @@ import numpy as np
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 from tega.hand import JOINT_NAMES
-from tega.recording.mcap_schemas import PACKAGE, message_class, schema_bytes
+from tega.recording.mcap_schemas import MESSAGES, PACKAGE, message_class, schema_bytes
 
 if TYPE_CHECKING:
     from tega.recording.mcap_queue import Item
@@ -123,7 +123,8 @@ class McapFile:
         self._channels_of = require("foxglove.channels", driver="recording", extra="record")
         self._messages = require("foxglove.messages", driver="recording", extra="record")
         options = require("foxglove.mcap", driver="recording", extra="record")
-        message_class("Frame")
+        for kind in MESSAGES:  # now, so that no class is built while the loop runs
+            message_class(kind)
         self._cv2: Any = None
         if not lossless:
             self._cv2 = require("cv2", driver="recording", extra="record")
