@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from tega.calibration.store import toml_text
+
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["config_text", "toml_text"]
+__all__ = ["config_text", "tree_text"]
 
 
 def config_text(config: SessionConfig) -> str:
@@ -22,10 +23,10 @@ def config_text(config: SessionConfig) -> str:
         >>> print(config_text(SessionConfig()).splitlines()[0])
         [session]
     """
-    return toml_text(msgspec.to_builtins(config, enc_hook=_plain))
+    return tree_text(msgspec.to_builtins(config, enc_hook=_plain))
 
 
-def toml_text(tree: dict[str, Any]) -> str:
+def tree_text(tree: dict[str, Any]) -> str:
     """Write nested tables as TOML; ``None`` is left out."""
     lines: list[str] = []
     _table(tree, "", lines)
@@ -50,12 +51,14 @@ def _table(tree: dict[str, Any], name: str, lines: list[str]) -> None:
 
 def _key(key: str) -> str:
     bare = key.replace("_", "").replace("-", "")
-    return key if bare.isascii() and bare.isalnum() else json.dumps(key)
+    return key if bare.isascii() and bare.isalnum() else toml_text(key)
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, str | bool):
-        return json.dumps(value, ensure_ascii=False)  # a JSON string is a TOML basic string
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return toml_text(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, dict):

@@ -42,6 +42,7 @@ __all__ = [
     "load_calibration",
     "parse_calibration",
     "save_calibration",
+    "toml_text",
 ]
 
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
@@ -206,7 +207,7 @@ def calibration_text(calibration: Calibration) -> str:
         f'format = "{calibration.format}"',
         f"version = {calibration.version}",
         f'preset = "{calibration.preset}"',
-        f"origin = {_text(calibration.origin)}",
+        f"origin = {toml_text(calibration.origin)}",
     ]
     for finger in FingerMaxima.__struct_fields__:
         if (touch := calibration.touch(finger)) is None:
@@ -224,12 +225,12 @@ def calibration_text(calibration: Calibration) -> str:
             f'kind = "{emg.kind}"',
             f"rate_hz = {emg.rate_hz!r}",
             f"tau = {emg.tau}",
-            f"channels = [{', '.join(_text(c) for c in emg.channels)}]",
+            f"channels = [{', '.join(toml_text(c) for c in emg.channels)}]",
             f"maxima = [{', '.join(repr(m) for m in emg.maxima)}]",
         ]
     return "\n".join(lines) + "\n"
 
 
-def _text(value: str) -> str:
-    # A JSON string is a TOML basic string.
-    return json.dumps(value, ensure_ascii=False)
+def toml_text(value: str) -> str:
+    """Return a text as TOML has it: a JSON string, with the one sign escaped that JSON lets through."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -14,6 +14,7 @@ __all__ = ["run"]
 
 @click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
 @click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml")
+@click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person).")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
     "--record",
@@ -28,6 +29,7 @@ __all__ = ["run"]
 def run(
     *,
     config: Path,
+    person: str | None,
     sets: tuple[str, ...],
     record: Path | None,
     lossless: bool,
@@ -41,6 +43,7 @@ def run(
     printed, with a table "measured" of wall_s and real_time_factor.
     """
     import json
+    import shlex
     import sys
     import time
 
@@ -51,11 +54,14 @@ def run(
     from tega.config import load_config
     from tega.teleop import run_session
 
+    if person is not None:
+        sets = (*sets, f"calibration.person={json.dumps(person)}")
     if record is not None:
         sets = (*sets, f"recording.dir={json.dumps(str(record.absolute()))}")
     if lossless:
         sets = (*sets, "recording.lossless=true")
     settings = load_config(config, sets=sets).config
+    name = shlex.quote(str(config))
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
     started = time.perf_counter()
@@ -68,9 +74,10 @@ def run(
                 observer=observer,
                 progress=progress,
                 stop=stop,
+                settings=name,
             )
         else:
-            summary = run_session(settings, observer=observer, progress=progress, stop=stop)
+            summary = run_session(settings, observer=observer, progress=progress, stop=stop, settings=name)
     wall_s = time.perf_counter() - started
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     if as_json:

@@ -71,6 +71,8 @@ MESSAGES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "State": (("t_ns", "int64"), ("state", "string"), ("reason", "string")),
     "Marker": (("t_ns", "int64"), ("text", "string"), ("source", "string")),
+    "Input": (("t_ns", "int64"), ("live", "bool"), ("motion", "double*"), ("held", "string*")),
+    "Button": (("t_ns", "int64"), ("seq", "int64"), ("button", "string"), ("pressed", "bool")),
     "Skip": (("t_ns", "int64"),),
     "Haptics": (("t_ns", "int64"), ("n_asked", "int64"), ("on", "bool")),
     "Imposed": (("t_ns", "int64"), ("level", "int32")),

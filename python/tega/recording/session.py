@@ -89,6 +89,7 @@ class Recording:
             hands=[*parts.hands, tap.write_hand()],
             recorder=tap.recorder(parts.recorder),
             haptics=tap.haptics(parts.haptics),
+            inputs=tap.inputs(parts.inputs),
         )
         return parts, start_ns
 

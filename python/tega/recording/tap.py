@@ -26,12 +26,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.clock import Clock
-    from tega.devices.base import EmgChunk, TactileFrame
+    from tega.devices.base import EmgChunk, InputEvent, InputState, TactileFrame
     from tega.hand_link import Received
     from tega.haptics import VestFrame
     from tega.recording.mcap_recorder import McapRecorder
     from tega.tactile import ContactMetrics
     from tega.teleop.hand import Hand
+    from tega.teleop.inputs import Inputs
     from tega.teleop.loop import LoopReport, Recorder
     from tega.teleop.prepare import Prepared
     from tega.teleop.touch import Felt
@@ -190,6 +191,10 @@ class SessionTap:
 
         return answer
 
+    def inputs(self, inputs: Inputs) -> Any:
+        """Return the operator's inputs; what they say is recorded whenever it changes."""
+        return _InputsTap(inputs, self)
+
     def end(self, report: LoopReport) -> None:
         """Record how the loop ended."""
         n_waits = 0 if self._pacer is None else self._pacer.n_waits
@@ -299,6 +304,20 @@ class SessionTap:
                 return
         self._recorder.put("/hand/bus", t_ns - self._start_ns, "HandExchange", value)
 
+    def input_state(self, seat: str, state: InputState) -> None:
+        """See what an input device says from now on."""
+        t_ns = self._now_ns()
+        value = {"t_ns": t_ns, "live": state.live, "motion": state.motion, "held": sorted(state.held)}
+        self._recorder.put(f"/input/{seat}", t_ns, "Input", value)
+
+    def input_event(self, seat: str, event: InputEvent) -> None:
+        """See a button; one of the seat ``marker`` marks the moment."""
+        t_ns = event.t_ns - self._start_ns
+        value = {"t_ns": t_ns, "seq": event.seq, "button": event.button, "pressed": event.pressed}
+        self._recorder.put(f"/input/{seat}/button", t_ns, "Button", value)
+        if seat == "marker" and event.pressed:
+            self._recorder.marker(t_ns, event.button, source=seat)
+
     def _skip(self, t_ns: int) -> None:
         self._recorder.put("/run/skipped", t_ns, "Skip", {"t_ns": t_ns})
 
@@ -386,6 +405,30 @@ class _HandTap:
     def limp(self) -> Sequence[CanFrame]:
         self.level = 0
         return self._hand.limp()
+
+
+class _InputsTap:
+    """The operator's inputs, looked at by somebody else too."""
+
+    def __init__(self, inputs: Inputs, tap: SessionTap) -> None:
+        self._inputs = inputs
+        self._tap = tap
+        self._said: dict[str, tuple[Any, ...]] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inputs, name)
+
+    def look(self) -> dict[str, list[InputEvent]]:
+        events = self._inputs.look()
+        for seat, seen in self._inputs.seen.items():
+            said = seen.state[1:]  # without the time at which the device was last heard
+            if self._said.get(seat) != said:
+                self._said[seat] = said
+                self._tap.input_state(seat, seen.state)
+        for seat, pressed in events.items():
+            for event in pressed:
+                self._tap.input_event(seat, event)
+        return events
 
 
 class _SentTap:

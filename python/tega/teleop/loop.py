@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 import msgspec
 
 from tega.teleop.hand import HAND_TICK_NS, Hand
+from tega.teleop.inputs import Inputs, Seen
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
@@ -66,6 +67,7 @@ class LoopView(NamedTuple):
         block: The newest EMG block; ``None`` before the first.
         angles_rad: The hand's 16 joint angles; ``None`` without a hand.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
+        inputs: What the operator's input devices say, by what they are for.
     """
 
     t_ns: int
@@ -75,6 +77,7 @@ class LoopView(NamedTuple):
     block: Block | None
     angles_rad: Sequence[float] | None
     counts: Mapping[str, int]
+    inputs: Mapping[str, Seen] = {}
 
 
 class LoopReport(msgspec.Struct, kw_only=True):
@@ -127,6 +130,7 @@ class DualLoop:
         vest_rate_hz: Vest frames per second.
         observer: Called once per vest tick with what a display may show.
         haptics: Asked once per vest tick; every motor rests while it says no.
+        inputs: The operator's input devices, looked at in every turn.
     """
 
     def __init__(
@@ -144,6 +148,7 @@ class DualLoop:
         vest_rate_hz: float = 30.0,
         observer: Callable[[LoopView], None] | None = None,
         haptics: Callable[[], bool] = lambda: True,
+        inputs: Inputs | None = None,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -160,6 +165,7 @@ class DualLoop:
         self._vest_rate_hz = vest_rate_hz
         self._observer = observer
         self._haptics = haptics
+        self._inputs = Inputs({}) if inputs is None else inputs
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._due_ns = 0
@@ -200,6 +206,7 @@ class DualLoop:
                     break
                 in_time = self._pacer.wait(t_ns)
                 last_ns = t_ns
+                self._inputs.look()
                 if t_ns >= self._due_ns:
                     self._take_in(t_ns)
                 if t_ns >= self._end_ns:
@@ -295,8 +302,9 @@ class DualLoop:
         if self._observer is not None:
             angles = None if self._levels is None else self._hand.angles_rad.tolist()
             felt = self._touch.fresh(t_ns)
+            inputs = self._inputs.seen
             self._observer(
-                LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
+                LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts(), inputs)
             )
 
     def _counts(self) -> dict[str, int]:

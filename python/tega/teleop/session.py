@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.calibration import Calibration, TouchMaxima, save_calibration
 from tega.clock import Clock, ManualClock, SystemClock
-from tega.config import SessionConfig
+from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
 from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.registry import driver_class
@@ -18,6 +18,7 @@ from tega.errors import ConfigError
 from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
 from tega.teleop.hand import Hand, ModelledAllegro
+from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop, LoopReport, LoopView, Recorder, Sink
 from tega.teleop.pacing import Pacer, PacingReport
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
     from tega.wire import CanFrame
 
 __all__ = ["DEFAULT_LAYOUT", "LoopParts", "RunState", "Sinks", "run_session", "touch_loop"]
-
-DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
 
 
 class Sinks(NamedTuple):
@@ -64,6 +63,7 @@ class LoopParts(NamedTuple):
     hands: Sequence[Sink[Sequence[CanFrame]]]
     recorder: Recorder | None
     haptics: Callable[[], bool]
+    inputs: Inputs
 
 
 class RunState(NamedTuple):
@@ -72,6 +72,7 @@ class RunState(NamedTuple):
     config: SessionConfig
     prepared: Prepared
     sinks: Sinks
+    inputs: Inputs
     layout: Layout
     loop: LoopReport
     pacing: PacingReport
@@ -86,6 +87,7 @@ def run_session(
     stop: Callable[[], bool] = lambda: False,
     on_prepared: Callable[[Prepared], Prepared] = lambda prepared: prepared,
     haptics: Callable[[], bool] = lambda: True,
+    settings: str = "SETTINGS.toml",
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -98,6 +100,7 @@ def run_session(
         on_prepared: Given what the run starts with; returns what it is to start with. A display looks at the sources
             there, or puts others in front of them that let it see what is read.
         haptics: Asked at every vest tick; every motor rests while it says no.
+        settings: How the settings file is named in the commands that an error suggests.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -131,16 +134,18 @@ def run_session(
                     raise ConfigError(
                         f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
                     )
-        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop))
+        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
         if recording is not None:
             prepared = recording.watch(prepared)
         sinks = _sinks(stack, config, prepared, recording)
+        inputs = _inputs(stack, config)
         progress("running", 0, 0)
         return _run(
             stack,
             config,
             prepared,
             sinks,
+            inputs,
             clock=clock,
             observer=observer,
             stop=stop,
@@ -165,6 +170,7 @@ def _run(
     config: SessionConfig,
     prepared: Prepared,
     sinks: Sinks,
+    inputs: Inputs,
     *,
     clock: Clock,
     observer: Callable[[LoopView], None] | None,
@@ -175,7 +181,7 @@ def _run(
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
     hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
-    parts = LoopParts(Pacer(clock), hand, sinks.vests, sinks.hands, sinks.recorder, haptics)
+    parts = LoopParts(Pacer(clock), hand, sinks.vests, sinks.hands, sinks.recorder, haptics, inputs)
     if recording is None:
         start_ns = parts.pacer.start()
     else:
@@ -203,16 +209,19 @@ def _run(
         vest_rate_hz=config.vest.rate_hz,
         observer=observer,
         haptics=parts.haptics,
+        inputs=parts.inputs,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
-        state = RunState(config, prepared, sinks, layout, loop.report, parts.pacer.report())
+        state = RunState(config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report())
         summary = summarise(state, error=error)
-        if session.out_dir is not None or recording is not None:
-            stack.pop_all().close()  # the tables are complete before the summary says so
-        if recording is not None:
-            recording.ended(loop.report)
-            summary["recording"] = recording.finish(summary)
+        try:
+            if session.out_dir is not None or recording is not None:
+                stack.pop_all().close()  # the tables are complete before the summary says so
+        finally:
+            if recording is not None:
+                recording.ended(loop.report)
+                summary["recording"] = recording.finish(summary)
         if session.out_dir is not None:
             write_summary(summary, session.out_dir / "summary.json")
         return summary
@@ -274,6 +283,19 @@ def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterabl
         felt = FeltMap(threshold=vest.threshold, step=vest.step)
     layout = vest.layout or DEFAULT_LAYOUT[config.session.preset]
     return TouchLoop(maxima, layout=layout, mirror=vest.mirror, felt=felt)
+
+
+def _inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
+    """Open what the operator holds or steps on."""
+    seats = {}
+    for name, c in config.input.in_use().items():
+        source = stack.enter_context(driver_class(c.driver, "input")(c.options))
+        if config.session.pace == "fast" and source.info.live:
+            raise ConfigError(
+                f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
+            )
+        seats[name] = Seat(source, c.button)
+    return Inputs(seats)
 
 
 def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None) -> Sinks:

@@ -27,7 +27,7 @@ import msgspec
 import numpy as np
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
-from tega.config_text import toml_text
+from tega.config_text import tree_text
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import McapReader
 from tega.replay import replay_file
@@ -89,7 +89,7 @@ def settings(folder: Path, *, synthetic: bool, lossless: bool) -> Iterator[Path]
         else:
             tree |= _emulated(folder, stack)
         path = folder / "settings.toml"
-        path.write_text(toml_text(tree), encoding="utf-8")
+        path.write_text(tree_text(tree), encoding="utf-8")
         yield path
 
 
@@ -97,7 +97,7 @@ def _emulated(folder: Path, stack: ExitStack) -> dict[str, Any]:
     from tega.testing.emulators.allegro_process import AllegroProcess
     from tega.testing.emulators.digit import DigitProcess
     from tega.testing.emulators.process import Emulator
-    from tega.testing.vest_faults import vest_bench
+    from tega.testing.vest_bench import vest_bench
 
     tree: dict[str, Any] = {"tactile": {}}
     for k, finger in enumerate(("thumb", "index")):
