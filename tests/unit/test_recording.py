@@ -29,7 +29,10 @@ from tega.recording.mcap_recorder import McapRecorder
 from tega.recording.mcap_schemas import decoder
 from tega.replay import Replay, replay_file
 from tega.teleop import run_session
+from tega.teleop.loop import LoopView
 from tega.testing.emulators.allegro_process import AllegroProcess
+from tega.testing.emulators.hid_port import HidBoard, HidPort
+from tega.testing.emulators.process import Emulator
 from tega.testing.kills import kill_one, settings
 
 SECONDS = 1.5
@@ -402,3 +405,30 @@ def test_what_is_no_recording_is_refused_in_one_sentence(
         main(["replay", str(path)])
     assert ended.value.code == 1
     assert "error: other.mcap: " in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
+def test_a_pedal_marks_the_recording_and_a_watched_run_that_is_stopped_replays(tmp_path: Path) -> None:
+    session = tree(tmp_path / "session") | {"session": {"pace": "real"}}
+    session["input"] = {"marker": {"driver": "pedal", "button": "b"}}
+    for section in (*session["tactile"].values(), session["emg"]):
+        section["options"]["duration_s"] = 30.0
+    held: list[bool] = []
+    with (
+        Emulator("hid_input", "--device", "pedal-keyboard") as foot,
+        HidPort(HidBoard(foot.port, 0x0C45, 0x7403)).installed(),
+    ):
+
+        def watch(view: LoopView) -> None:
+            if view.t_ns == 0:
+                foot.say("press 0")
+            held.append(view.inputs["marker"].held)
+
+        config = check_tree(session, {}, base=tmp_path).config
+        run_session(config, observer=watch, stop=lambda: len(held) > 10 and held[-1])
+    path = tmp_path / "session" / "trial-001.mcap"
+    found = inspect_file(path)
+    assert [marker.text for marker in found.markers] == ["b"]
+    assert found.ended == "stopped"
+    assert found.states[-1].text == "stopped: stopped"
+    assert replay_file(path).same

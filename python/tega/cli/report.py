@@ -59,6 +59,8 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         out.print(f"{name.replace('_', ' ')}: {said['source']}, {said['presses']} presses{away}")
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)
+    if (recording := summary.get("recording")) is not None:
+        out.print(_recorded(recording), markup=False, soft_wrap=True)
     if (pacing := summary.get("pacing")) is not None:
         out.print(
             f"paced by the clock: {pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
@@ -66,6 +68,16 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         )
     else:
         out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
+
+
+def _recorded(recording: dict[str, Any]) -> str:
+    """Say what became of a recording."""
+    n_dropped = sum(recording["dropped"].values())
+    lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
+    said = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
+    if recording["state"] == "complete":
+        return said
+    return f"recording stopped after {recording['duration_s']:.1f} s: {recording['reason']}; {said}"
 
 
 def _short(value: float | None) -> str:
