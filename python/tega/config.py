@@ -25,6 +25,7 @@ from tega.config_errors import Overridden, explain
 from tega.devices.base import Kind, Options
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.safety.settings import SafetySection
 
 __all__ = [
     "FINGERS",
@@ -172,6 +173,7 @@ class SessionConfig(_Section, frozen=True):
     emg: EmgConfig | None = None
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()
+    safety: SafetySection = SafetySection()
 
 
 class Value(NamedTuple):

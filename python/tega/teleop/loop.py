@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import msgspec
 
+from tega.errors import TegaError
 from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.pacing import Pacer
@@ -21,6 +22,7 @@ from tega.teleop.touch import STALE_NS, Felt, TouchLoop
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
+    from tega.safety.guard import Guard
     from tega.tactile import ContactMetrics
     from tega.wire import CanFrame
 
@@ -33,6 +35,8 @@ FIRST_LEVEL = 1
 
 # Without EMG there is no need to wake every 3 ms; sources and the wish to stop are still looked at this often.
 IDLE_NS = 100_000_000
+
+_ENDED = {"complete": "every source has ended", "duration": "the set time is over", "stopped": "stopped: "}
 
 
 class Sink(Protocol[Sent_contra]):
@@ -66,6 +70,8 @@ class LoopView(NamedTuple):
         block: The newest EMG block; ``None`` before the first.
         angles_rad: The hand's 16 joint angles; ``None`` without a hand.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
+        state: Of the run, and why; ``""`` without a guard.
+        alerts: What is wrong, one sentence each.
     """
 
     t_ns: int
@@ -75,6 +81,9 @@ class LoopView(NamedTuple):
     block: Block | None
     angles_rad: Sequence[float] | None
     counts: Mapping[str, int]
+    state: str = ""
+    reason: str = ""
+    alerts: Sequence[str] = ()
 
 
 class LoopReport(msgspec.Struct, kw_only=True):
@@ -127,6 +136,7 @@ class DualLoop:
         vest_rate_hz: Vest frames per second.
         observer: Called once per vest tick with what a display may show.
         haptics: Asked once per vest tick; every motor rests while it says no.
+        guard: Knows the run's state; without one it is as if always active.
     """
 
     def __init__(
@@ -144,6 +154,7 @@ class DualLoop:
         vest_rate_hz: float = 30.0,
         observer: Callable[[LoopView], None] | None = None,
         haptics: Callable[[], bool] = lambda: True,
+        guard: Guard | None = None,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -160,6 +171,7 @@ class DualLoop:
         self._vest_rate_hz = vest_rate_hz
         self._observer = observer
         self._haptics = haptics
+        self._guard = guard
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._due_ns = 0
@@ -180,7 +192,7 @@ class DualLoop:
         Returns:
             What was done; also in :attr:`report` when an exception ends the run.
         """
-        report, last_ns = self.report, 0
+        report, last_ns, why = self.report, 0, ""
         with_hand = self._levels is not None
         with_vest = bool(self._contacts) or self._observer is not None
         step_ns = HAND_TICK_NS if with_hand else IDLE_NS
@@ -191,7 +203,7 @@ class DualLoop:
                 vest_at_ns = round(k_vest * 1_000_000_000 / self._vest_rate_hz) if with_vest else NEVER_NS
                 t_ns = min(step_at_ns, vest_at_ns)
                 if stop():
-                    report.ended = "stopped"
+                    report.ended, why = "stopped", getattr(stop, "reason", "") or "asked to"
                     break
                 if duration_ns is not None and t_ns >= duration_ns:
                     self._pacer.wait(duration_ns)
@@ -205,6 +217,7 @@ class DualLoop:
                 if t_ns >= self._end_ns:
                     last_ns, report.ended = self._end_ns, "complete"
                     break
+                self._look(t_ns)
                 if step_at_ns == t_ns:
                     k_step += 1
                     if in_time and with_hand:
@@ -215,13 +228,26 @@ class DualLoop:
                         self._tick_vest(t_ns)
         except BaseException as error:
             report.end_ns = last_ns
-            for problem in self._leave(last_ns):
+            for problem in self._leave(last_ns, _told(error)):
                 error.add_note(f"on the way out: {problem}")
             raise
         report.end_ns = last_ns
-        for problem in self._leave(last_ns):
+        for problem in self._leave(last_ns, f"{_ENDED[report.ended]}{why}"):
             raise problem
         return report
+
+    def _look(self, t_ns: int) -> None:
+        """Have the guard look at what came in."""
+        guard, late_ns = self._guard, self._pacer.late_ns
+        if guard is None or not guard.due(t_ns, late_ns):
+            return
+        stamps = {finger: contact[0] for finger, contact in self._newest.items()}
+        counts = dict(self.report.n_contacts)
+        good = True
+        if self._block is not None:
+            stamps["emg"], good = self._block[0], any(self._block[1])
+            counts["emg"] = self.report.n_blocks
+        guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, good_emg=good)
 
     def _last_look(self, duration_ns: int) -> tuple[int, str]:
         """Take in what came before a set time was over, and tell when and how the run ended."""
@@ -270,6 +296,8 @@ class DualLoop:
 
     def _tick_hand(self, t_ns: int) -> None:
         level = FIRST_LEVEL if self._block is None else self._block[2]
+        if self._guard is not None:
+            level = self._guard.level(level)
         frames = self._hand.step(level)
         for sink in self._hands:
             sink.write(t_ns, frames)
@@ -279,7 +307,7 @@ class DualLoop:
     def _tick_vest(self, t_ns: int) -> None:
         frame = None
         if self._contacts:
-            frame = self._touch.frame(t_ns) if self._haptics() else self._touch.silence()
+            frame = self._touch.frame(t_ns) if self._may_feel() else self._touch.silence()
             for kept in self._kept:
                 if kept.offer(t_ns, frame):
                     self.report.n_vest_sent += 1
@@ -295,9 +323,15 @@ class DualLoop:
         if self._observer is not None:
             angles = None if self._levels is None else self._hand.angles_rad.tolist()
             felt = self._touch.fresh(t_ns)
-            self._observer(
-                LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
-            )
+            view = LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
+            if (guard := self._guard) is not None:
+                view = view._replace(
+                    state=guard.state, reason=guard.reason, alerts=tuple(guard.alerts.values())
+                )
+            self._observer(view)
+
+    def _may_feel(self) -> bool:
+        return self._haptics() and (self._guard is None or self._guard.felt)
 
     def _counts(self) -> dict[str, int]:
         report = self.report
@@ -309,7 +343,7 @@ class DualLoop:
             "vest": report.n_vest_ticks,
         }
 
-    def _leave(self, t_ns: int) -> list[Exception]:
+    def _leave(self, t_ns: int, reason: str) -> list[Exception]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""
         problems: list[Exception] = []
         for hand in self._hands:
@@ -323,4 +357,14 @@ class DualLoop:
                 vest.write(t_ns, self._touch.silence())
             except Exception as error:  # reported by the caller
                 problems.append(error)
+        if self._guard is not None:
+            try:
+                self._guard.stop(t_ns, reason)
+            except Exception as error:  # of an observer; reported by the caller
+                problems.append(error)
         return problems
+
+
+def _told(error: BaseException) -> str:
+    said = error.message if isinstance(error, TegaError) else str(error)
+    return f"stopped: {said or type(error).__name__}"

@@ -17,6 +17,8 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
+from tega.safety.guard import Guard, Watched
+from tega.safety.states import Transition
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop, LoopReport, LoopView
@@ -62,6 +64,7 @@ class RunState(NamedTuple):
     layout: Layout
     loop: LoopReport
     pacing: PacingReport
+    guard: Guard
 
 
 def run_session(
@@ -73,6 +76,8 @@ def run_session(
     stop: Callable[[], bool] = lambda: False,
     on_prepared: Callable[[Prepared], Prepared] = lambda prepared: prepared,
     haptics: Callable[[], bool] = lambda: True,
+    go: Callable[[], bool] = lambda: True,
+    on_state: Callable[[Transition], None] = lambda _change: None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -85,6 +90,8 @@ def run_session(
         on_prepared: Given what the run starts with; returns what it is to start with. A display looks at the sources
             there, or puts others in front of them that let it see what is read.
         haptics: Asked at every vest tick; every motor rests while it says no.
+        go: Asked all the time whether an armed run may become active.
+        on_state: Told of every change of the run's state, in the loop's thread.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -120,9 +127,37 @@ def run_session(
         prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop))
         sinks = _sinks(stack, config, prepared)
         progress("running", 0, 0)
+        guard = _guard(config, prepared, sinks, go=go)
+        guard.observers.append(on_state)
         return _run(
-            stack, config, prepared, sinks, clock=clock, observer=observer, stop=stop, haptics=haptics
+            stack,
+            config,
+            prepared,
+            sinks,
+            guard,
+            clock=clock,
+            observer=observer,
+            stop=stop,
+            haptics=haptics,
         )
+
+
+def _guard(config: SessionConfig, prepared: Prepared, sinks: Sinks, *, go: Callable[[], bool]) -> Guard:
+    """Make what watches over the live devices; recordings are not lost and need nobody."""
+    streams = [
+        Watched(name, "tactile", finger.source.info.rate_hz, finger.report)
+        for name, finger in prepared.fingers.items()
+        if finger.source.info.live
+    ]
+    if (m := prepared.muscles) is not None and m.source.info.live:
+        streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
+
+    def watch(kept: KeepAlive) -> Callable[[], bool]:
+        return lambda: kept.reached
+
+    return Guard(
+        config.safety, streams=streams, vests={"vest": watch(kept) for kept in sinks.kept}, go=go
+    )
 
 
 def _run(
@@ -130,6 +165,7 @@ def _run(
     config: SessionConfig,
     prepared: Prepared,
     sinks: Sinks,
+    guard: Guard,
     *,
     clock: Clock,
     observer: Callable[[LoopView], None] | None,
@@ -161,10 +197,11 @@ def _run(
         vest_rate_hz=config.vest.rate_hz,
         observer=observer,
         haptics=haptics,
+        guard=guard,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
-        state = RunState(config, prepared, sinks, layout, loop.report, pacer.report())
+        state = RunState(config, prepared, sinks, layout, loop.report, pacer.report(), guard)
         summary = summarise(state, error=error)
         if session.out_dir is not None:
             stack.pop_all().close()  # the tables are complete before the summary says so

@@ -32,6 +32,9 @@ __all__ = [
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
 
+# Between two tries to open a live source that went away.
+REOPEN_S = 1.0
+
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
 
@@ -58,7 +61,9 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_duplicate: Frames delivered again under the number they had before; neither measured nor used.
         n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
         n_stuck: Of those, from a live source, the third and later in a row: not used either.
-        lost: Why the source went away, if it did.
+        lost: Why the source went away; ``""`` while it is there.
+        n_lost: How often it went away.
+        last_lost: Why it did last.
         end_ns: When the source ended, once it has.
     """
 
@@ -69,11 +74,18 @@ class SourceReport(msgspec.Struct, kw_only=True):
     n_identical: int = 0
     n_stuck: int = 0
     lost: str = ""
+    n_lost: int = 0
+    last_lost: str = ""
     end_ns: int | None = None
 
     def drop(self) -> None:
         """Count an item that was not used."""
         self.n_dropped += 1
+
+    def lose(self, why: str) -> None:
+        """Note that the source went away."""
+        self.n_lost += 1
+        self.lost = self.last_lost = why
 
 
 class FrameMeter:
@@ -189,7 +201,7 @@ def measured_contacts(
         except DeviceUnavailableError as error:
             if not live:
                 raise
-            report.lost = error.message
+            report.lose(error.message)
             break
         except TegaError:
             if not live:
@@ -255,6 +267,10 @@ class BlockMeter:
         self._n_blocks = self._next_index = 0
         self.end_ns = 0
 
+    def restart(self) -> None:
+        """Begin again with a source that was away: what it missed is a gap, whatever number it counts from."""
+        self._next_index = -round(MOST_GAP_S * self._rate_hz)
+
     def take(self, chunk: EmgChunk) -> list[Block]:
         """Take the next samples.
 
@@ -294,6 +310,22 @@ class BlockMeter:
         return blocks
 
 
+def _came_back(source: EmgSource, stopped: Callable[[], bool]) -> bool:
+    """Open a live source again, as often as it takes; return whether it is there."""
+    while not stopped():
+        time.sleep(READ_TIMEOUT_S)
+        try:
+            source.open()
+        except TegaError:
+            for _ in range(round(REOPEN_S / READ_TIMEOUT_S)):
+                if stopped():
+                    break
+                time.sleep(READ_TIMEOUT_S)
+        else:
+            return True
+    return False
+
+
 def grasp_blocks(
     source: EmgSource,
     intent: GraspIntent,
@@ -308,6 +340,8 @@ def grasp_blocks(
 
     A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
     samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed it.
+
+    A live source that goes away is opened again, once a second until that works or the run is over.
 
     Args:
         source: An open source.
@@ -335,8 +369,12 @@ def grasp_blocks(
         except DeviceUnavailableError as error:
             if not live:
                 raise
-            report.lost = error.message
-            break
+            report.lose(error.message)
+            if not _came_back(source, stopped):
+                break
+            report.lost = ""
+            meter.restart()
+            continue
         except ShapeError:
             if not live:
                 raise
