@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tega.devices.vest_stream import StreamedVest, VestOptions
 from tega.hand import TORQUE_LIMITS, HandController
 from tega.hand_link import HandLink, Received
-from tega.haptics import VestFrame
+from tega.haptics import LAYOUTS, VestFrame
 from tega.safety.guard import Guard
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.safety.states import RunStates, Transition
@@ -77,9 +77,7 @@ def test_only_an_active_run_passes_a_level_on(moments: list[Any], levels: list[i
         t_ns += wait_ms * MS
         if stop:
             guard.stop(t_ns, "asked to")
-        states.look(
-            t_ns, wrong=dict.fromkeys(wrong, "x"), holding=dict.fromkeys(holding, "x"), go=go
-        )
+        states.look(t_ns, wrong=dict.fromkeys(wrong, "x"), holding=dict.fromkeys(holding, "x"), go=go)
         told = guard.level(level)
         last = level if guard.state == "active" else last if guard.state == "hold" else 1
         assert told == last
@@ -125,6 +123,9 @@ def test_full_drive_from_cold_ends_at_what_can_be_kept_and_then_at_nothing() -> 
     assert "dose of 40 motors" in budget.words()[0]
 
 
+_MOTORS = {"paper32": 32, "x40": 40, "x16": 16}
+
+
 class _Wire:
     """What a link is told, in place of a radio."""
 
@@ -163,10 +164,10 @@ class _Vest(StreamedVest):
 @settings(max_examples=15)
 @given(
     frames=st.lists(
-        st.sampled_from(["paper32", "x40", "x16"]).flatmap(
-            lambda layout: hnp.arrays(
-                np.uint8, int(layout.strip("paperx")), elements=st.integers(0, 100)
-            ).map(lambda values: VestFrame(layout, values))
+        st.sampled_from(LAYOUTS).flatmap(
+            lambda layout: hnp.arrays(np.uint8, _MOTORS[layout], elements=st.integers(0, 100)).map(
+                lambda values: VestFrame(layout, values)
+            )
         ),
         max_size=8,
     ),

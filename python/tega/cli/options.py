@@ -14,7 +14,16 @@ import click
 
 from tega.safety.stop import Stop as AnyStop
 
-__all__ = ["ChannelList", "NameList", "Stop", "debug_option", "echo_json", "json_option", "progress_bar", "stop_keys"]
+__all__ = [
+    "ChannelList",
+    "NameList",
+    "Stop",
+    "debug_option",
+    "echo_json",
+    "json_option",
+    "progress_bar",
+    "stop_keys",
+]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

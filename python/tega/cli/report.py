@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 __all__ = ["print_summary"]
 
@@ -54,6 +57,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         f"{summary['ended']}: {summary['duration_s']:.2f} s of input, {vest['frames']} vest frames "
         f"({vest['layout']}{sent}), {4 * summary['hand']['ticks']} torque frames"
     )
+    _print_safety(out, summary)
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)
     if (pacing := summary.get("pacing")) is not None:
@@ -63,6 +67,28 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         )
     else:
         out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
+
+
+def _print_safety(out: Console, summary: dict[str, Any]) -> None:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    changes = summary["safety"]["changes"]
+    # A run that was active from the first moment to its end has nothing to tell.
+    if len(changes) > 3 or (changes and changes[0]["t_s"] > 0):
+        table = Table(title="states", title_justify="left", box=SIMPLE)
+        for name in ("s", "state", "why"):
+            table.add_column(name, justify="right" if name == "s" else "left")
+        for change in changes:
+            table.add_row(f"{change['t_s']:.2f}", change["state"], change["reason"])
+        out.print(table)
+    for path, stages in summary.get("latency_ms", {}).items():
+        table = Table(title=f"latency of {path}, ms", title_justify="left", box=SIMPLE)
+        for name in ("stage", "p50", "p95", "p99", "worst"):
+            table.add_column(name, justify="left" if name == "stage" else "right")
+        for stage, spread in stages.items():
+            table.add_row(stage, *(f"{spread[name]:.2f}" for name in ("p50", "p95", "p99", "worst")))
+        out.print(table)
 
 
 def _short(value: float | None) -> str:

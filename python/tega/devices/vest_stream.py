@@ -19,6 +19,7 @@ import contextlib
 import random
 import threading
 import time
+from collections import deque
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Protocol
 
 import msgspec
@@ -47,6 +48,7 @@ _POLL_S = 0.05
 _STALLED_S = 1.0  # a link that takes no frame for this long counts as lost
 _RETRY_S = (0.5, 5.0)
 _JOIN_S = 2.0
+_KEPT = 256
 _ZEROS: Final[NDArray[np.uint8]] = np.zeros(40, np.uint8)
 
 
@@ -138,9 +140,7 @@ class StreamedVest(Opened):
     name: ClassVar[str]
 
     def __init__(self, options: VestOptions) -> None:
-        self.budget = MotorBudget(
-            limit=options.limit, heat_share=options.heat_share, dose_s=options.dose_s
-        )
+        self.budget = MotorBudget(limit=options.limit, heat_share=options.heat_share, dose_s=options.dose_s)
         """What the motors may still do; kept over reconnections and openings."""
         self._open_timeout_s = options.open_timeout_s
         self.counters = VestCounters()
@@ -151,6 +151,8 @@ class StreamedVest(Opened):
         self._stopping = False
         self._slot = _ZEROS
         self._slot_is_new = False
+        self._slot_t_ns = 0
+        self._handed: deque[tuple[int, int]] = deque(maxlen=_KEPT)
         self._written_s = 0.0
         self._up = threading.Event()
         self._failure: DeviceUnavailableError | None = None
@@ -228,7 +230,7 @@ class StreamedVest(Opened):
             thread.join(_JOIN_S)
         release(self.close)
 
-    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:  # noqa: ARG002  # a vest shows the present
+    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
         """Hand a frame over; returns at once.
 
         Returns:
@@ -245,9 +247,14 @@ class StreamedVest(Opened):
             self.counters.written += 1
             self.counters.superseded += self._slot_is_new
             self._slot, self._slot_is_new, self._written_s = allowed, True, time.monotonic()
+            self._slot_t_ns = t_ns
             self._changed.notify()
         shown = allowed if self.reached else _ZEROS
         return VestFrame(frame.layout, shown[frame.motors])
+
+    def handed_over(self) -> list[tuple[int, int]]:
+        """Return, since the last call, the ``t_ns`` a frame was written with and the monotonic time, ns, it left at."""
+        return [self._handed.popleft() for _ in range(len(self._handed))]
 
     def _run(self, connected: threading.Event) -> None:
         retry_s = _RETRY_S[0]
@@ -289,7 +296,8 @@ class StreamedVest(Opened):
                     raise DeviceUnavailableError(f"{self.name}: takes no frames, for {_STALLED_S:g} s now")
                 continue
             with self._changed:
-                wanted, self._slot_is_new = self._slot, False
+                wanted, is_new, t_ns = self._slot, self._slot_is_new, self._slot_t_ns
+                self._slot_is_new = False
                 now = time.monotonic()
                 if now - self._written_s > WATCHDOG_S:
                     self.counters.silenced += bool(wanted.any())
@@ -300,6 +308,8 @@ class StreamedVest(Opened):
                 link.send(wanted)
                 shown, shown_s = wanted, now
                 self.counters.sent += 1
+            if is_new:
+                self._handed.append((t_ns, time.monotonic_ns()))
 
 
 def _said(error: Exception) -> DeviceUnavailableError:

@@ -49,9 +49,7 @@ class MotorBudget:
         n_lowered: Frames in which heat or dose took something off a motor.
     """
 
-    def __init__(
-        self, *, limit: int = 100, heat_share: float = HEAT_SHARE, dose_s: float = DOSE_S
-    ) -> None:
+    def __init__(self, *, limit: int = 100, heat_share: float = HEAT_SHARE, dose_s: float = DOSE_S) -> None:
         self._limit = min(limit, 100)
         self._heat_share = heat_share
         self._budget_s = dose_s
@@ -73,9 +71,9 @@ class MotorBudget:
         """
         self._pass(t_ns)
         squared = self._heat_share + _EASE * (self._heat_share - self.heat)
-        share = np.minimum(np.sqrt(np.clip(squared, 0.0, 1.0)), (self._budget_s - self.dose_s) / (
-            _TAPER * self._budget_s
-        ))
+        share = np.minimum(
+            np.sqrt(np.clip(squared, 0.0, 1.0)), (self._budget_s - self.dose_s) / (_TAPER * self._budget_s)
+        )
         # Rounded down: a ceiling that is rounded up is none.
         ceiling = np.floor(100.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
         limited = np.minimum(wanted, np.uint8(self._limit))

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tega.haptics import VestFrame
     from tega.safety.guard import Guard
     from tega.tactile import ContactMetrics
+    from tega.teleop.latency import LatencyTrace
     from tega.wire import CanFrame
 
 __all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder", "Sink"]
@@ -72,6 +73,7 @@ class LoopView(NamedTuple):
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
         state: Of the run, and why; ``""`` without a guard.
         alerts: What is wrong, one sentence each.
+        latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
     """
 
     t_ns: int
@@ -84,6 +86,7 @@ class LoopView(NamedTuple):
     state: str = ""
     reason: str = ""
     alerts: Sequence[str] = ()
+    latency: str = ""
 
 
 class LoopReport(msgspec.Struct, kw_only=True):
@@ -137,6 +140,7 @@ class DualLoop:
         observer: Called once per vest tick with what a display may show.
         haptics: Asked once per vest tick; every motor rests while it says no.
         guard: Knows the run's state; without one it is as if always active.
+        trace: Follows frames and blocks through the loop.
     """
 
     def __init__(
@@ -155,6 +159,7 @@ class DualLoop:
         observer: Callable[[LoopView], None] | None = None,
         haptics: Callable[[], bool] = lambda: True,
         guard: Guard | None = None,
+        trace: LatencyTrace | None = None,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -172,6 +177,7 @@ class DualLoop:
         self._observer = observer
         self._haptics = haptics
         self._guard = guard
+        self._trace = trace
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._due_ns = 0
@@ -272,6 +278,8 @@ class DualLoop:
             while (block := self._levels.next_until(t_ns)) is not None:
                 self._block = block
                 self.report.n_blocks += 1
+                if self._trace is not None:
+                    self._trace.taken("emg", block[0])
                 if self._recorder is not None:
                     self._recorder.levels(*block)
         self._look_ahead()
@@ -291,6 +299,8 @@ class DualLoop:
         felt = self._touch.update(finger, t_ns, metrics)
         self._newest[finger] = contact
         self.report.n_contacts[finger] += 1
+        if self._trace is not None:
+            self._trace.taken(finger, t_ns)
         if self._recorder is not None:
             self._recorder.contact(t_ns, finger, metrics, felt)
 
@@ -301,18 +311,29 @@ class DualLoop:
         frames = self._hand.step(level)
         for sink in self._hands:
             sink.write(t_ns, frames)
+        if self._trace is not None:
+            self._trace.commanded()
         self.report.n_hand_ticks += 1
         self.report.level_ticks[level] += 1
 
     def _tick_vest(self, t_ns: int) -> None:
         frame = None
         if self._contacts:
+            trace = self._trace
+            began_ns = 0 if trace is None else trace.now_ns()
             frame = self._touch.frame(t_ns) if self._may_feel() else self._touch.silence()
+            made_ns = 0 if trace is None else trace.now_ns()
+            sent = False
             for kept in self._kept:
                 if kept.offer(t_ns, frame):
+                    sent = True
                     self.report.n_vest_sent += 1
                 else:
                     self.report.n_vest_skipped += 1
+            if trace is not None:
+                trace.vest(t_ns, began_ns, made_ns, sent=sent)
+                if self._guard is not None:
+                    self._guard.alert("latency", trace.warning)
             for sink in self._vests:
                 sink.write(t_ns, frame)
             self.report.n_vest_ticks += 1
@@ -326,7 +347,10 @@ class DualLoop:
             view = LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
             if (guard := self._guard) is not None:
                 view = view._replace(
-                    state=guard.state, reason=guard.reason, alerts=tuple(guard.alerts.values())
+                    state=guard.state,
+                    reason=guard.reason,
+                    alerts=tuple(guard.alerts.values()),
+                    latency="" if self._trace is None else self._trace.line,
                 )
             self._observer(view)
 

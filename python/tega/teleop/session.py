@@ -21,6 +21,7 @@ from tega.safety.guard import Guard, Watched
 from tega.safety.states import Transition
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
+from tega.teleop.latency import LatencyTrace, Tells
 from tega.teleop.loop import DualLoop, LoopReport, LoopView
 from tega.teleop.pacing import Pacer, PacingReport
 from tega.teleop.prepare import Finger, Muscles, Prepared, Progress, prepare
@@ -65,6 +66,7 @@ class RunState(NamedTuple):
     loop: LoopReport
     pacing: PacingReport
     guard: Guard
+    trace: LatencyTrace | None
 
 
 def run_session(
@@ -155,9 +157,7 @@ def _guard(config: SessionConfig, prepared: Prepared, sinks: Sinks, *, go: Calla
     def watch(kept: KeepAlive) -> Callable[[], bool]:
         return lambda: kept.reached
 
-    return Guard(
-        config.safety, streams=streams, vests={"vest": watch(kept) for kept in sinks.kept}, go=go
-    )
+    return Guard(config.safety, streams=streams, vests={"vest": watch(kept) for kept in sinks.kept}, go=go)
 
 
 def _run(
@@ -176,6 +176,7 @@ def _run(
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
     pacer = Pacer(clock)
     start_ns = pacer.start()
+    trace = _trace(prepared, sinks, pacer, start_ns, config.safety.latency_budget_ms, clock)
     maxima = {finger: prepared.calibration.touch(finger) or TouchMaxima() for finger in prepared.fingers}
     vest = config.vest
     felt = None
@@ -185,10 +186,10 @@ def _run(
         pacer=pacer,
         touch=TouchLoop(maxima, layout=layout, mirror=config.vest.mirror, felt=felt),
         contacts={
-            name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns)
+            name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
             for name, finger in prepared.fingers.items()
         },
-        levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns),
+        levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns, trace=trace),
         hand=sinks.steered or ModelledAllegro(device_id=config.hand.device_id),
         vests=sinks.vests,
         hands=sinks.hands,
@@ -198,10 +199,11 @@ def _run(
         observer=observer,
         haptics=haptics,
         guard=guard,
+        trace=trace,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
-        state = RunState(config, prepared, sinks, layout, loop.report, pacer.report(), guard)
+        state = RunState(config, prepared, sinks, layout, loop.report, pacer.report(), guard, trace)
         summary = summarise(state, error=error)
         if session.out_dir is not None:
             stack.pop_all().close()  # the tables are complete before the summary says so
@@ -217,16 +219,51 @@ def _run(
     return conclude(None)
 
 
+def _trace(
+    prepared: Prepared, sinks: Sinks, pacer: Pacer, start_ns: int, budget_ms: float, clock: Clock
+) -> LatencyTrace | None:
+    """Make what follows frames and blocks through the loop, where there is something live to follow."""
+    sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
+    if prepared.muscles is not None:
+        sources.append(prepared.muscles.source)
+    if not isinstance(clock, SystemClock) or not any(source.info.live for source in sources):
+        return None
+    vests: list[Any] = [kept.sink for kept in sinks.kept]
+    return LatencyTrace(
+        now_ns=pacer.elapsed_ns,
+        start_ns=start_ns,
+        budget_ms=budget_ms,
+        vests=[vest for vest in vests if isinstance(vest, Tells)],
+        answered_ns=getattr(sinks.steered, "answered_ns", None),
+    )
+
+
 def _contacts(
-    stack: ExitStack, name: str, finger: Finger, *, reading: Literal["paper", "live"], start_ns: int
+    stack: ExitStack,
+    name: str,
+    finger: Finger,
+    *,
+    reading: Literal["paper", "live"],
+    start_ns: int,
+    trace: LatencyTrace | None,
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
     if finger.measured is not None:
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
+    stamps: dict[str, Any] = {}
+    if trace is not None and finger.source.info.live:
+        stamps["stamp"] = trace.source(name)
+
     def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
         return measured_contacts(
-            finger.source, finger.baseline, reading, finger.report, start_ns=start_ns, stopped=stopped
+            finger.source,
+            finger.baseline,
+            reading,
+            finger.report,
+            start_ns=start_ns,
+            stopped=stopped,
+            **stamps,
         )
 
     stream: ThreadedStream[Contact] = ThreadedStream(
@@ -236,7 +273,9 @@ def _contacts(
     return stream
 
 
-def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Block]:
+def _levels(
+    stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
+) -> Stream[Block]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
     produce = partial(
         grasp_blocks,
@@ -249,6 +288,8 @@ def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Bloc
     )
     if not muscles.source.info.live:
         return PulledStream(produce())
+    if trace is not None:
+        produce = partial(produce, stamp=trace.source("emg"))
     stream: ThreadedStream[Block] = ThreadedStream(
         "emg", lambda stopped: produce(stopped=stopped), live=True, on_loss=muscles.report.drop
     )

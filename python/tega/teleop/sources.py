@@ -161,6 +161,7 @@ def measured_contacts(
     *,
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
 ) -> Generator[Contact, None, int]:
     """Measure the frames of a source.
 
@@ -178,6 +179,7 @@ def measured_contacts(
         report: Counted up along the way.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Tells when to give up.
+        stamp: Told of each measured frame: its time, and the monotonic time it was received at.
 
     Yields:
         Time and metrics of each frame.
@@ -195,6 +197,7 @@ def measured_contacts(
             frame = source.read(READ_TIMEOUT_S)
             if frame is None:
                 continue
+            received_ns = time.monotonic_ns()
             if live and frame.seq == meter.seq:
                 time.sleep(SEEN_REST_S)
             contact = meter.take(frame)
@@ -210,6 +213,7 @@ def measured_contacts(
             continue
         end_ns = frame.t_ns - start_ns if live else frame.t_ns
         if contact is not None:
+            stamp(contact[0], received_ns)
             yield contact
     rate_hz = source.info.rate_hz
     if not live and rate_hz:
@@ -335,6 +339,7 @@ def grasp_blocks(
     tau: int,
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
 ) -> Generator[Block, None, int]:
     """Turn the samples of a source into levels, one per block.
 
@@ -351,6 +356,7 @@ def grasp_blocks(
         tau: Samples per block.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Tells when to give up.
+        stamp: Told of each block: its time, and the monotonic time at which its last samples were received.
 
     Yields:
         Time, level of each channel and fused level of each block.
@@ -365,6 +371,7 @@ def grasp_blocks(
             chunk = source.read(READ_TIMEOUT_S)
             if chunk is None:
                 continue
+            received_ns = time.monotonic_ns()
             blocks = meter.take(chunk)
         except DeviceUnavailableError as error:
             if not live:
@@ -380,6 +387,8 @@ def grasp_blocks(
                 raise
             report.drop()
             continue
-        yield from blocks
+        for block in blocks:
+            stamp(block[0], received_ns)
+            yield block
     report.end_ns = meter.end_ns
     return meter.end_ns

@@ -78,6 +78,8 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
             "worst_late_ms": pacing.worst_late_ms,
         }
     summary["safety"] = state.guard.summary()
+    if state.trace is not None:
+        summary["latency_ms"] = state.trace.summary()
     summary["notes"] = _notes(state)
     return summary
 
@@ -152,6 +154,8 @@ def _notes(state: RunState) -> list[str]:
                     f"emg: {name}: {n_held} samples were missing or no numbers; the one before was held"
                 )
         notes += _ending("emg", muscles.report, end_ns, _lost_emg(state))
+    if state.trace is not None and state.trace.last_warning:
+        notes.append(state.trace.last_warning)
     notes += [f"vest: {note}" for vest in state.sinks.kept for note in vest.sink.info.notes]
     return notes
 

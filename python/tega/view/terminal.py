@@ -24,6 +24,13 @@ __all__ = ["TerminalView", "render"]
 
 _BAR_WIDTH = 18
 _REFRESH_S = 0.1
+_STATES = {
+    "idle": ("IDLE", "the hand is open, the vest rests", "black on yellow"),
+    "armed": ("ARMED", "ready; waiting for the start", "black on cyan"),
+    "active": ("ACTIVE", "the muscles steer the hand", "black on green"),
+    "hold": ("HOLD", "the hand keeps its level", "black on dark_orange"),
+    "stopped": ("STOPPED", "", "white on red"),
+}
 _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _CONTACT_COLOURS = {"none": "grey50", "focal": "bold yellow", "broad": "bold cyan", "mixed": "white"}
 _SHADES = " ·░▒▓█"
@@ -106,6 +113,18 @@ def _task(rows: Mapping[str, str]) -> Text:
     return text
 
 
+def _state(view: LoopView) -> Text:
+    """Draw the run's state, why it is so where that is no good news, and what is wrong."""
+    name, meaning, style = _STATES[view.state]
+    text = Text.assemble((f" {name} ", f"bold {style}"), f" {meaning}")
+    if view.state != "active":
+        text.append(f"\n{view.reason}", "bold yellow")
+    for alert in view.alerts:
+        if view.state == "active" or alert not in view.reason:
+            text.append(f"\n! {alert}", "yellow")
+    return text
+
+
 def render(
     view: LoopView, *, title: str, rates_hz: Mapping[str, float], rows: Mapping[str, str] = {}
 ) -> RenderableType:
@@ -119,6 +138,7 @@ def render(
     """
     rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
     body = Group(
+        *([_state(view)] if view.state else []),
         *([_task(rows)] if rows else []),
         _touch(view),
         Text(f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}", style="grey50"),
@@ -126,6 +146,7 @@ def render(
         _intent(view),
         _closure(view.angles_rad),
         Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
+        *([Text(view.latency, style="grey70")] if view.latency else []),
     )
     return Panel(body, title=title, title_align="left", width=78)
 
