@@ -101,15 +101,17 @@ class SampleClock:
     @property
     def measured_hz(self) -> float | None:
         """Samples per second over the last ten seconds, the missing ones counted in; ``None`` before 0.2 s."""
-        if len(self._points) < 3 or self._points[-1][1] - self._points[0][1] < _LEAST_FIT_NS:
+        # A copy: a summary asks while the source's thread goes on.
+        points = list(self._points)
+        if len(points) < 3 or points[-1][1] - points[0][1] < _LEAST_FIT_NS:
             return None
-        n0, t0 = self._points[0]
+        n0, t0 = points[0]
         # Least squares of the number of samples against the time of arrival.
-        times = [(t - t0) * 1e-9 for _, t in self._points]
+        times = [(t - t0) * 1e-9 for _, t in points]
         mean_t = sum(times) / len(times)
-        mean_n = sum(n - n0 for n, _ in self._points) / len(times)
+        mean_n = sum(n - n0 for n, _ in points) / len(times)
         spread = sum((t - mean_t) ** 2 for t in times)
-        slope = sum((t - mean_t) * (n - n0 - mean_n) for t, (n, _) in zip(times, self._points, strict=True))
+        slope = sum((t - mean_t) * (n - n0 - mean_n) for t, (n, _) in zip(times, points, strict=True))
         return slope / spread if spread > 0 else None
 
     @property

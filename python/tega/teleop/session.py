@@ -154,10 +154,9 @@ def _guard(config: SessionConfig, prepared: Prepared, sinks: Sinks, *, go: Calla
     if (m := prepared.muscles) is not None and m.source.info.live:
         streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
 
-    def watch(kept: KeepAlive) -> Callable[[], bool]:
-        return lambda: kept.reached
-
-    return Guard(config.safety, streams=streams, vests={"vest": watch(kept) for kept in sinks.kept}, go=go)
+    kept = sinks.kept
+    vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
+    return Guard(config.safety, streams=streams, vests=vests, go=go)
 
 
 def _run(
@@ -176,7 +175,9 @@ def _run(
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
     pacer = Pacer(clock)
     start_ns = pacer.start()
-    trace = _trace(prepared, sinks, pacer, start_ns, config.safety.latency_budget_ms, clock)
+    trace = None
+    if isinstance(clock, SystemClock):
+        trace = _trace(prepared, sinks, pacer, start_ns=start_ns, budget_ms=config.safety.latency_budget_ms)
     maxima = {finger: prepared.calibration.touch(finger) or TouchMaxima() for finger in prepared.fingers}
     vest = config.vest
     felt = None
@@ -220,13 +221,13 @@ def _run(
 
 
 def _trace(
-    prepared: Prepared, sinks: Sinks, pacer: Pacer, start_ns: int, budget_ms: float, clock: Clock
+    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float
 ) -> LatencyTrace | None:
     """Make what follows frames and blocks through the loop, where there is something live to follow."""
     sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
     if prepared.muscles is not None:
         sources.append(prepared.muscles.source)
-    if not isinstance(clock, SystemClock) or not any(source.info.live for source in sources):
+    if not any(source.info.live for source in sources):
         return None
     vests: list[Any] = [kept.sink for kept in sinks.kept]
     return LatencyTrace(

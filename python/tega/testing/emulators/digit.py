@@ -1,7 +1,7 @@
 """A DIGIT's pictures as a program: a loopback MJPEG stream with the faults of a bad cable.
 
 ``python -m tega.testing.emulators.digit`` prints ``{"source": "http://127.0.0.1:PORT/video"}`` and obeys lines on its
-standard input: the name of a fault, or ``clear``. It ends with its input. A real DIGIT sends uncompressed pictures over
+standard input: the name of a fault, ``clear``, ``press`` or ``release``. It ends with its input. A real DIGIT sends uncompressed pictures over
 USB; no such transport exists without one, so this is the nearest that the same ``VideoCapture`` reads.
 """
 
@@ -54,6 +54,9 @@ class _Sensor:
         noisy = [light + random.normal(0, 2.5, light.shape) for _ in range(16)]
         self._pictures = [encoded(image) for image in noisy]
         half = _SIZE[0] // 2
+        self.pressed = False
+        bump = 70 * np.exp(-((rows - 120) ** 2 + (columns - 160) ** 2) / (2 * 25**2))
+        self._pressed = [encoded(image + bump[..., None]) for image in noisy]
         self._torn = [encoded(np.vstack([image[:half], np.full_like(image[half:], 128)])) for image in noisy]
         self._black = encoded(np.zeros_like(light))
         self._small = encoded(light[::2, ::2])
@@ -67,7 +70,8 @@ class _Sensor:
         if "small" in self.faults:
             return self._small
         k = 0 if "freeze" in self.faults else k // 2 if "duplicate" in self.faults else k
-        return (self._torn if "torn" in self.faults else self._pictures)[k % 16]
+        whole = self._pressed if self.pressed else self._pictures
+        return (self._torn if "torn" in self.faults else whole)[k % 16]
 
 
 def _handler(sensor: _Sensor) -> type[http.server.BaseHTTPRequestHandler]:
@@ -110,7 +114,9 @@ def main(arguments: list[str] | None = None) -> None:
     _tell({"source": f"http://127.0.0.1:{server.server_address[1]}/video"})
     for line in sys.stdin:
         words = line.strip()
-        if words == "clear":
+        if words in {"press", "release"}:
+            sensor.pressed = words == "press"
+        elif words == "clear":
             sensor.faults.clear()
         elif words in FAULTS:
             sensor.faults.add(words)
@@ -155,7 +161,7 @@ class DigitProcess:
         self.unplug()
 
     def command(self, words: str) -> None:
-        """Switch a fault on, or ``clear`` them.
+        """Switch a fault on, ``clear`` them, ``press`` something into the gel or ``release`` it.
 
         Raises:
             ValueError: No such fault.
