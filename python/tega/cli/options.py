@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -24,6 +25,8 @@ __all__ = [
     "progress_bar",
     "stop_keys",
 ]
+
+_PATIENCE_S = 1.0
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -79,19 +82,21 @@ def echo_json(value: Any) -> None:
 class Stop(AnyStop):
     """Turns the first Ctrl-C (or a request to terminate) into a question the loop asks; the second one interrupts.
 
-    The loop then ends by itself, which leaves vest and hand silent. Further ones do nothing: they would only keep the
-    second from leaving them so.
+    The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further ones do
+    nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self._old: dict[int, Any] = {}
+        self._asked_s = 0.0
         self._interrupted = False
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         if not self.asked:
             self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
-        elif not self._interrupted:
+            self._asked_s = time.monotonic()
+        elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:
             self._interrupted = True
             raise KeyboardInterrupt
 

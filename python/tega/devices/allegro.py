@@ -86,8 +86,8 @@ class Allegro(Opened):
 
     Opening it checks version and side before any torque, switches the motors on and holds the pose the hand is in
     until :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO
-    OFF are sent three times, by a second process if this one is killed; a hand whose bus is gone keeps its last torque as
-    far as is known, so mount a switch.
+    OFF are sent three times; a second process sends them if this one is killed. A hand whose bus is gone keeps its
+    last torque as far as is known, so mount a switch.
 
     Args:
         options: The settings.
@@ -199,12 +199,16 @@ class Allegro(Opened):
         thread, self._thread = self._thread, None
         if thread is not None:
             self._leaving.set()
-            thread.join(_LEAVE_S + _START_S)
-            release(self.close)
-            sys.setswitchinterval(self._switch_s)
-        guard, self._guard = self._guard, None
-        if guard is not None:
-            guard.dismiss()
+            try:
+                thread.join(_LEAVE_S + _START_S)
+            finally:
+                # An impatient Ctrl-C does not cut the letting go short.
+                thread.join(_LEAVE_S)
+                release(self.close)
+                sys.setswitchinterval(self._switch_s)
+                guard, self._guard = self._guard, None
+                if guard is not None:
+                    guard.dismiss()
         self._link = None
 
     def step(self, level: int) -> list[CanFrame]:

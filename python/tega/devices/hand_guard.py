@@ -2,8 +2,8 @@
 
 A hand is thought to keep its last torque for ever. So a second process waits beside the one that steers it,
 ``python -m tega.devices.hand_guard SETTINGS``, and hears from the hand's thread ten times a second. A line ``done``
-ends it. When its input ends without one, or it hears nothing for a second, it opens the bus itself and sends zero torque,
-SERVO OFF and no more reports, three times. Before it was first heard from, a hand has no torque and is left alone.
+ends it. When its input ends without one, or it hears nothing for a second, it opens the bus itself and sends zero
+torque, SERVO OFF and no more reports, three times. Until it first hears something no motor is on, and it does nothing.
 Nothing helps where both are killed, the adapter is pulled out, or the machine loses power: mount a switch.
 """
 

@@ -52,6 +52,7 @@ class Guard:
         vests: Tells of each live vest, by name, whether it can be reached.
         calibration: Returns why what is there cannot be used, ``""`` when it can.
         go: Whether an armed run may become active.
+        alerts: What else to tell without changing the state, by name: each returns it, ``""`` for nothing.
 
     Attributes:
         observers: Told of every change of state, in the loop's thread.
@@ -67,11 +68,14 @@ class Guard:
         vests: Mapping[str, Callable[[], bool]] = {},
         calibration: Callable[[], str] = lambda: "",
         go: Callable[[], bool] = lambda: True,
+        alerts: Mapping[str, Callable[[], str]] = {},
     ) -> None:
         self._settings = settings or SafetySection()
         s = self._settings
         self._streams, self._vests = list(streams), dict(vests)
         self._calibration, self._go = calibration, go
+        self._alerts = dict(alerts)
+        self._alerted: dict[str, str] = {}
         live = bool(streams or vests)
         self.observers: list[Callable[[Transition], None]] = []
         self.changes: deque[Transition] = deque(maxlen=_KEPT_CHANGES)
@@ -123,7 +127,7 @@ class Guard:
     def alert(self, name: str, said: str) -> None:
         """Tell what is wrong without changing the state; ``""`` takes it back."""
         if said:
-            self.alerts[name] = said
+            self.alerts[name] = self._alerted[name] = said
         else:
             self.alerts.pop(name, None)
 
@@ -173,6 +177,8 @@ class Guard:
             holding["loop"] = f"the loop was {late_ns / 1e6:.0f} ms late"
         for name in [stream.name for stream in self._streams] + list(self._vests):
             self.alert(name, wrong.get(name, ""))
+        for name, tells in self._alerts.items():
+            self.alert(name, tells())
         self._states.look(t_ns, wrong=wrong, holding=holding, go=self._go())
 
     def stop(self, t_ns: int, reason: str) -> None:
@@ -180,13 +186,14 @@ class Guard:
         self._states.stop(t_ns, reason)
 
     def summary(self) -> dict[str, Any]:
-        """Sum up: every change of state, and the hand ticks that were not the muscles' own."""
+        """Sum up: every change of state, hand ticks that were not the muscles' own, the last alert of each name."""
         return {
             "changes": [
                 {"t_s": change.t_ns / 1e9, "state": change.state, "reason": change.reason}
                 for change in self.changes
             ],
             "held_ticks": self.n_held,
+            "alerts": list(self._alerted.values()),
         }
 
     def _too_late(self, late_ns: int) -> bool:

@@ -17,6 +17,7 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
+from tega.recording.spared import Disk, Spared
 from tega.safety.guard import Guard, Watched
 from tega.safety.states import Transition
 from tega.teleop.hand import ModelledAllegro
@@ -127,9 +128,10 @@ def run_session(
                         f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
                     )
         prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop))
-        sinks = _sinks(stack, config, prepared)
+        disk = Disk()
+        sinks = _sinks(stack, config, prepared, disk)
         progress("running", 0, 0)
-        guard = _guard(config, prepared, sinks, go=go)
+        guard = _guard(config, prepared, sinks, disk, go=go)
         guard.observers.append(on_state)
         return _run(
             stack,
@@ -144,7 +146,9 @@ def run_session(
         )
 
 
-def _guard(config: SessionConfig, prepared: Prepared, sinks: Sinks, *, go: Callable[[], bool]) -> Guard:
+def _guard(
+    config: SessionConfig, prepared: Prepared, sinks: Sinks, disk: Disk, *, go: Callable[[], bool]
+) -> Guard:
     """Make what watches over the live devices; recordings are not lost and need nobody."""
     streams = [
         Watched(name, "tactile", finger.source.info.rate_hz, finger.report)
@@ -156,7 +160,8 @@ def _guard(config: SessionConfig, prepared: Prepared, sinks: Sinks, *, go: Calla
 
     kept = sinks.kept
     vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
-    return Guard(config.safety, streams=streams, vests=vests, go=go)
+    alerts = {"disk": lambda: disk.problem}
+    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts)
 
 
 def _run(
@@ -298,7 +303,7 @@ def _levels(
     return stream
 
 
-def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks:
+def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, disk: Disk) -> Sinks:
     """Open what is written to: the devices of the settings, then the tables of the output folder."""
     kept: list[KeepAlive] = []
     vests: list[VestSink] = []
@@ -330,9 +335,18 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
     folder = config.session.out_dir
     if folder is None:
         return Sinks(kept, vests, hands, steered, None)
-    vests.append(stack.enter_context(VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))))
-    hands.append(stack.enter_context(CanRecorder(CanRecorderOptions(file=folder / "can.csv"))))
+    vest_table = VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))
+    hand_table = CanRecorder(CanRecorderOptions(file=folder / "can.csv"))
+    vest_table.open()
+    hand_table.open()
     recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
-    stack.callback(recorder.close)
+    tables: list[Any] = [vest_table, hand_table, recorder]
+    if config.session.pace == "real":
+        # Somebody may be steering a hand; a computation in a hurry had better end with an error.
+        tables = [Spared(table, disk) for table in tables]
+    for table in tables:
+        stack.callback(table.close)
+    vests.append(tables[0])
+    hands.append(tables[1])
     save_calibration(prepared.calibration, folder / "calibration.toml")
-    return Sinks(kept, vests, hands, steered, recorder)
+    return Sinks(kept, vests, hands, steered, tables[2])

@@ -1,8 +1,9 @@
 """A DIGIT's pictures as a program: a loopback MJPEG stream with the faults of a bad cable.
 
 ``python -m tega.testing.emulators.digit`` prints ``{"source": "http://127.0.0.1:PORT/video"}`` and obeys lines on its
-standard input: the name of a fault, ``clear``, ``press`` or ``release``. It ends with its input. A real DIGIT sends uncompressed pictures over
-USB; no such transport exists without one, so this is the nearest that the same ``VideoCapture`` reads.
+standard input: the name of a fault, ``clear``, ``press`` or ``release``. It ends with its input. A real DIGIT sends
+uncompressed pictures over USB; no such transport exists without one, so this is the nearest that the same
+``VideoCapture`` reads.
 """
 
 from __future__ import annotations
