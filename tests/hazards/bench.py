@@ -1,4 +1,4 @@
-"""A whole lab of emulated devices, each in a process of its own, and a run on it that a test can disturb."""
+"""A run on a lab of emulated devices that a test can disturb."""
 
 from __future__ import annotations
 
@@ -6,49 +6,62 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
 from tega.config import check_tree
-from tega.devices.digit import Digit, DigitOptions
 from tega.safety.states import Transition
 from tega.safety.stop import Stop
 from tega.teleop.loop import LoopView
 from tega.teleop.session import run_session
-from tega.testing.emulators.allegro_process import AllegroProcess
-from tega.testing.emulators.digit import DigitProcess
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.lab import EmulatedLab, emulated_lab
 
 LONGEST_S = 20.0
 
 
 class Lab:
-    """Emulated devices and the settings that reach them.
+    """A lab and the runs on it.
 
     Attributes:
         tree: The settings.
+        sensors: See :class:`tega.testing.lab.EmulatedLab`, here and below.
         changes: What the newest run's state did.
         views: The newest moment of it.
         summary: Of the newest run.
     """
 
-    emg: Emulator
-    hand: AllegroProcess
-    vest: EmulatedVest
-
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, devices: EmulatedLab) -> None:
         self.folder = folder
-        self.sensors: dict[str, DigitProcess] = {}
-        self.tree: dict[str, Any] = {"session": {}, "calibration": {"file": str(folder / "c.toml")}}
+        self.devices = devices
+        self.tree, self.sensors = devices.tree, devices.sensors
         self.changes: list[Transition] = []
         self.views: list[LoopView] = []
         self.summary: dict[str, Any] = {}
         self.stop = Stop()
+
+    @property
+    def emg(self) -> Any:
+        """The emulated amplifier."""
+        return self.devices.emg
+
+    @property
+    def hand(self) -> Any:
+        """The emulated hand."""
+        return self.devices.hand
+
+    @property
+    def vest(self) -> Any:
+        """The emulated vest."""
+        return self.devices.vest
+
+    def limp(self) -> bool:
+        """Whether no motor of the hand pushes."""
+        return self.devices.limp()
+
+    def at_rest(self) -> bool:
+        """Whether no motor of the vest turns."""
+        return self.devices.at_rest()
 
     @property
     def state(self) -> str:
@@ -129,15 +142,6 @@ class Lab:
         path.write_text("\n".join(lines) + "\n")
         return path
 
-    def limp(self) -> bool:
-        """Whether no motor of the hand pushes."""
-        state = self.hand.command()
-        return not state["servo_on"] and not any(state["duties"])
-
-    def at_rest(self) -> bool:
-        """Whether no motor of the vest turns."""
-        return not any(self.vest.report().motors)
-
 
 @contextmanager
 def lab(
@@ -150,61 +154,18 @@ def lab(
     camera_hz: float = 60.0,
     **tables: dict[str, Any],
 ) -> Iterator[Lab]:
-    """Start emulators.
-
-    Args:
-        folder: For settings and calibration.
-        emg: A Cyton whose muscles are tensed.
-        hand: An Allegro Hand.
-        vest: A vest behind the vendor's Player.
-        fingers: DIGITs, each with something pressed into it.
-        camera_hz: Pictures a second that they really give.
-        tables: Further settings.
-
-    Yields:
-        The lab.
-    """
-    with ExitStack() as stack:
-        made = Lab(folder)
-        tree = made.tree
+    """Start emulators; ``tables`` are further settings."""
+    with emulated_lab(
+        folder,
+        emg_hz=250.0 if emg else None,
+        hand=hand,
+        vest=vest,
+        fingers=fingers,
+        camera_hz=camera_hz,
+    ) as devices:
+        made = Lab(folder, devices)
         # A busy machine must not matter, except where that is what is tried.
-        tree["safety"] = {"late_ms": 2000.0}
-        maxima = None
-        if emg:
-            made.emg = stack.enter_context(Emulator("cyton", "--signal", "emg"))
-            options: dict[str, Any] = {"port": made.emg.port, "measure_s": 0.25, "silence_s": 0.5}
-            tree["emg"] = {"driver": "cyton", "kind": "raw", "options": options}
-            maxima = EmgMaxima(
-                kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(1.0, 1.0, 1.0)
-            )
-        if hand:
-            made.hand = stack.enter_context(AllegroProcess())
-            patient = {"silent_after_ms": 500.0, "lowest_rate_hz": 50.0, "reconnects": 0}
-            tree["hand"] = {"driver": "allegro", "options": {**made.hand.options, **patient}}
-        if vest:
-            made.vest = stack.enter_context(EmulatedVest("bhaptics_player"))
-            tree["vest"] = {
-                "driver": "bhaptics-player",
-                "layout": "x40",
-                "options": {"port": made.vest.address["port"]},
-            }
-        for finger in fingers:
-            sensor = DigitProcess("--rate-hz", str(camera_hz))
-            made.sensors[finger] = stack.enter_context(sensor)
-            settings = {"source": sensor.source, "warm_up_s": 0.1}
-            with Digit(DigitOptions(source=sensor.source, warm_up_s=0.1)) as camera:
-                frame = camera.read(5.0)
-            assert frame is not None
-            np.save(folder / f"{finger}.npy", frame.image)
-            sensor.command("press")
-            tree.setdefault("tactile", {})[finger] = {
-                "driver": "digit",
-                "baseline": str(folder / f"{finger}.npy"),
-                "options": settings,
-            }
+        made.tree["safety"] = {"late_ms": 2000.0}
         for name, table in tables.items():
-            tree.setdefault(name, {}).update(table)
-        touch = FingerMaxima(**{finger: TouchMaxima(cci_max=0.01, eda_max=500.0) for finger in fingers})
-        calibration = Calibration(preset="live", origin="a test", tactile=touch, emg=maxima)
-        save_calibration(calibration, folder / "c.toml")
+            made.tree.setdefault(name, {}).update(table)
         yield made

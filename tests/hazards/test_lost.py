@@ -32,7 +32,7 @@ def states(made: Lab) -> list[str]:
 
 def column(made: Lab, finger: int) -> int:
     """What a finger's column of the emulated vest does."""
-    return made.vest.report().motors[finger]
+    return int(made.vest.report().motors[finger])
 
 
 def test_emg_unplugged_holds_the_level_then_opens_the_hand(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ def test_they_pass_for_nothing_else() -> None:
     fingers = FingerTracking(0, np.zeros((21, 3)))
     for take in (float, int, iter, len):
         with pytest.raises(TypeError):
-            take(fingers)  # type: ignore[operator]
+            take(fingers)  # type: ignore[operator, arg-type]
     with pytest.raises(TypeError):
         ModelledAllegro().step(fingers)  # type: ignore[arg-type]
     assert fingers.for_recording().shape == (21, 3)

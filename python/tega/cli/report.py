@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
-__all__ = ["print_summary"]
+__all__ = ["latency_tables", "print_summary"]
 
 
 def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
@@ -82,13 +84,27 @@ def _print_safety(out: Console, summary: dict[str, Any]) -> None:
         for change in changes:
             table.add_row(f"{change['t_s']:.2f}", change["state"], change["reason"])
         out.print(table)
-    for path, stages in summary.get("latency_ms", {}).items():
-        table = Table(title=f"latency of {path}, ms", title_justify="left", box=SIMPLE)
+    for table in latency_tables(summary.get("latency_ms", {})):
+        out.print(table)
+
+
+def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
+    """Make a table of every path's stages.
+
+    Args:
+        latency_ms: As in the summary.
+    """
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms"}
+    for path, stages in latency_ms.items():
+        table = Table(title=titles[path], title_justify="left", box=SIMPLE)
         for name in ("stage", "p50", "p95", "p99", "worst"):
             table.add_column(name, justify="left" if name == "stage" else "right")
         for stage, spread in stages.items():
             table.add_row(stage, *(f"{spread[name]:.2f}" for name in ("p50", "p95", "p99", "worst")))
-        out.print(table)
+        yield table
 
 
 def _short(value: float | None) -> str:
