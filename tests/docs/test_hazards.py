@@ -18,7 +18,11 @@ def rows() -> list[list[str]]:
     """Return the cells of the hazard table's lines."""
     text = PAGE.read_text(encoding="utf-8")
     table = text.split("## What can go wrong", 1)[1].split("\n## ", 1)[0]
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines() if line[:1] == "|"]
+    cells = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in table.splitlines()
+        if line[:1] == "|"
+    ]
     return cells[2:]
 
 

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tega.haptics import CONTACT_RULES, FINGERS, contact_type
+from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
@@ -49,7 +50,11 @@ def _touch(view: LoopView) -> Table:
         if finger not in view.contacts:
             table.add_row(finger, Text("no sensor", style="grey50"))
             continue
-        contact = view.contacts[finger][1]
+        t_ns, contact = view.contacts[finger]
+        if view.t_ns - t_ns > STALE_NS:
+            # Never the last value: nobody knows what is so now.
+            table.add_row(finger, Text("no data", style="bold yellow"))
+            continue
         kind = contact_type(felt.cci_norm, felt.eda_norm) if contact.in_contact else "none"
         table.add_row(
             finger,
