@@ -39,11 +39,12 @@ def run(*, config: Path, sets: tuple[str, ...], view: bool, view_port: int, as_j
     settings = load_config(config, sets=sets).config
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
+    heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     started = time.perf_counter()
     with (
         Stop() as stop,
         stop_keys(stop, enabled=not as_json),
-        stage(f"TEGA · {config.name}", enabled=not as_json) as (progress, observer),
+        stage(heading, enabled=not as_json) as (progress, observer),
     ):
         if view:
             summary = run_viewed(
