@@ -26,6 +26,7 @@ from tega.config_lines import value_lines
 from tega.devices.base import Kind, Options
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.safety.settings import SafetySection
 
 if TYPE_CHECKING:
     from tega.haptics import Layout
@@ -257,6 +258,7 @@ class SessionConfig(_Section, frozen=True):
     hand: HandConfig = HandConfig()
     input: InputSection = InputSection()
     recording: RecordingSection = RecordingSection()
+    safety: SafetySection = SafetySection()
 
 
 class Value(NamedTuple):

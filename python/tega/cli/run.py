@@ -39,6 +39,8 @@ def run(
 ) -> None:
     """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
 
+    In a terminal the space bar or q stop it as well.
+
     On every way out the vest is sent zeros and the hand zero torque and SERVO OFF. With --json the summary is
     printed, with a table "measured" of wall_s and real_time_factor.
     """
@@ -47,7 +49,7 @@ def run(
     import sys
     import time
 
-    from tega.cli.options import Stop, echo_json
+    from tega.cli.options import Stop, echo_json, stop_keys
     from tega.cli.page import run_viewed
     from tega.cli.report import print_summary
     from tega.cli.stage import stage
@@ -64,8 +66,13 @@ def run(
     name = shlex.quote(str(config))
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
+    heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     started = time.perf_counter()
-    with Stop() as stop, stage(f"TEGA · {config.name}", enabled=not as_json) as (progress, observer):
+    with (
+        Stop() as stop,
+        stop_keys(stop, enabled=not as_json),
+        stage(heading, enabled=not as_json) as (progress, observer),
+    ):
         if view:
             summary = run_viewed(
                 settings,

@@ -10,11 +10,13 @@ import msgspec
 import numpy as np
 
 from tega.recording.mcap_reader import McapReader, Message
+from tega.teleop.latency import FrameLatency
 
 __all__ = ["Inspection", "Latency", "Marked", "StreamFacts", "inspect_file"]
 
 # Two and a half periods without an item are a gap: one was lost, and not only late.
 _GAP_PERIODS = 2.5
+_PATHS = {"touch": "camera to vest", "intent": "muscle to hand"}
 
 
 class StreamFacts(msgspec.Struct, frozen=True):
@@ -82,7 +84,7 @@ class Inspection(msgspec.Struct, frozen=True):
         latency: By stage; empty where the run's time was not the world's, and without stages that a
             recorded source does not have.
         markers: In order.
-        states: In order.
+        states: Changes of the run's state and alerts, in order.
         log: Lines of the program.
     """
 
@@ -206,6 +208,13 @@ class _Seen:
             case "tega.State":
                 said = f"{value.state}: {value.reason}" if value.reason else value.state
                 self.states.append(Marked(value.t_ns / 1e9, said))
+            case "tega.Alert":
+                what = value.said or f"{value.name}: well again"
+                self.states.append(Marked(value.t_ns / 1e9, what))
+            case "tega.Latency":
+                way = FrameLatency(value.path, value.source, tuple(value.stamps_ns))
+                for stage, ns in way.stages_ns().items():
+                    self.stages[f"{_PATHS[value.path]}: {stage}"].append(ns)
             case "tega.Value":
                 self.stages[value.name].append(round(value.value * 1e6))
             case "tega.End":

@@ -77,6 +77,8 @@ MESSAGES: dict[str, tuple[tuple[str, str], ...]] = {
     "Haptics": (("t_ns", "int64"), ("n_asked", "int64"), ("on", "bool")),
     "Imposed": (("t_ns", "int64"), ("level", "int32")),
     "Value": (("t_ns", "int64"), ("name", "string"), ("value", "double")),
+    "Alert": (("t_ns", "int64"), ("name", "string"), ("said", "string")),
+    "Latency": (("path", "string"), ("source", "string"), ("stamps_ns", "int64*")),
     "End": (("end_ns", "int64"), ("ended", "string"), ("n_waits", "int64")),
     "Status": (
         ("t_ns", "int64"),

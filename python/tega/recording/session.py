@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from tega.clock import Clock
     from tega.config import SessionConfig
     from tega.devices.base import VestSink
+    from tega.safety.guard import Guard
     from tega.teleop.keepalive import KeepAlive
+    from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop import LoopReport
     from tega.teleop.prepare import Prepared
     from tega.teleop.session import LoopParts
@@ -92,6 +94,20 @@ class Recording:
             inputs=tap.inputs(parts.inputs),
         )
         return parts, start_ns
+
+    def follow(self, guard: Guard, trace: LatencyTrace | None) -> None:
+        """Record the run's states, what is wrong, and the way of every picture and block through the loop."""
+        guard.observers.append(self.tap.state)
+        guard.alert_observers.append(self.tap.alert)
+        if trace is not None:
+            trace.observers.append(self.tap.latency)
+
+    def problem(self) -> str:
+        """Return why no more is recorded, or how much was not; ``""`` while all is well."""
+        if self.recorder.state == "stopped":
+            return f"recording: stopped: {self.recorder.reason}"
+        n_dropped = sum(self.recorder.dropped.values())
+        return f"recording: {n_dropped} records dropped, the disk does not keep up" if n_dropped else ""
 
     def ended(self, report: LoopReport) -> None:
         """Record how the loop ended."""

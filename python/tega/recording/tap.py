@@ -30,9 +30,11 @@ if TYPE_CHECKING:
     from tega.hand_link import Received
     from tega.haptics import VestFrame
     from tega.recording.mcap_recorder import McapRecorder
+    from tega.safety.states import Transition
     from tega.tactile import ContactMetrics
     from tega.teleop.hand import Hand
     from tega.teleop.inputs import Inputs
+    from tega.teleop.latency import FrameLatency
     from tega.teleop.loop import LoopReport, Recorder
     from tega.teleop.prepare import Prepared
     from tega.teleop.touch import Felt
@@ -141,7 +143,6 @@ class SessionTap:
         """Begin, at the start of the session or just after."""
         self._start_ns = start_ns
         self._recorder.begin(start_ns, start_ns if self._clock is None else self._clock.now_ns())
-        self._recorder.run_state(0, "running")
         with self._lock:
             for value in self._early:
                 self._recorder.put("/hand/bus", value["t_ns"] - start_ns, "HandExchange", value)
@@ -200,7 +201,20 @@ class SessionTap:
         n_waits = 0 if self._pacer is None else self._pacer.n_waits
         end = {"end_ns": report.end_ns, "ended": report.ended, "n_waits": n_waits}
         self._recorder.put("/run/end", report.end_ns, "End", end)
-        self._recorder.run_state(report.end_ns, "stopped", report.ended)
+
+    def state(self, change: Transition) -> None:
+        """Record a change of the run's state."""
+        self._recorder.run_state(change.t_ns, change.state, change.reason)
+
+    def alert(self, name: str, said: str) -> None:
+        """Record what is wrong without changing the state; ``""`` where it is no more."""
+        t_ns = self.tick_ns
+        self._recorder.put("/run/alert", t_ns, "Alert", {"t_ns": t_ns, "name": name, "said": said})
+
+    def latency(self, way: FrameLatency) -> None:
+        """Record the way of one picture or block of EMG through the loop."""
+        value = {"path": way.path, "source": way.source, "stamps_ns": way.stamps_ns}
+        self._recorder.put(f"/latency/{way.path}", way.stamps_ns[-1], "Latency", value)
 
     @property
     def tick_ns(self) -> int:

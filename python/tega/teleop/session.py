@@ -17,9 +17,13 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
+from tega.recording.spared import Disk, Spared
+from tega.safety.guard import Guard, Watched
+from tega.safety.states import Transition
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
+from tega.teleop.latency import LatencyTrace
 from tega.teleop.loop import DualLoop, LoopReport, LoopView, Recorder, Sink
 from tega.teleop.pacing import Pacer, PacingReport
 from tega.teleop.prepare import Finger, Muscles, Prepared, Progress, prepare
@@ -76,6 +80,8 @@ class RunState(NamedTuple):
     layout: Layout
     loop: LoopReport
     pacing: PacingReport
+    guard: Guard
+    trace: LatencyTrace | None
 
 
 def run_session(
@@ -88,6 +94,8 @@ def run_session(
     on_prepared: Callable[[Prepared], Prepared] = lambda prepared: prepared,
     haptics: Callable[[], bool] = lambda: True,
     settings: str = "SETTINGS.toml",
+    go: Callable[[], bool] = lambda: True,
+    on_state: Callable[[Transition], None] = lambda _change: None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -101,6 +109,8 @@ def run_session(
             there, or puts others in front of them that let it see what is read.
         haptics: Asked at every vest tick; every motor rests while it says no.
         settings: How the settings file is named in the commands that an error suggests.
+        go: Asked all the time whether an armed run may become active.
+        on_state: Told of every change of the run's state, in the loop's thread.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -137,15 +147,19 @@ def run_session(
         prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
         if recording is not None:
             prepared = recording.watch(prepared)
-        sinks = _sinks(stack, config, prepared, recording)
+        disk = Disk()
+        sinks = _sinks(stack, config, prepared, recording, disk)
         inputs = _inputs(stack, config)
         progress("running", 0, 0)
+        guard = _guard(config, prepared, sinks, disk, recording, go=go)
+        guard.observers.append(on_state)
         return _run(
             stack,
             config,
             prepared,
             sinks,
             inputs,
+            guard=guard,
             clock=clock,
             observer=observer,
             stop=stop,
@@ -165,6 +179,32 @@ def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
     return recording
 
 
+def _guard(
+    config: SessionConfig,
+    prepared: Prepared,
+    sinks: Sinks,
+    disk: Disk,
+    recording: Recording | None,
+    *,
+    go: Callable[[], bool],
+) -> Guard:
+    """Make what watches over the live devices; recordings are not lost and need nobody."""
+    streams = [
+        Watched(name, "tactile", finger.source.info.rate_hz, finger.report)
+        for name, finger in prepared.fingers.items()
+        if finger.source.info.live
+    ]
+    if (m := prepared.muscles) is not None and m.source.info.live:
+        streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
+
+    kept = sinks.kept
+    vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
+    alerts = {"disk": lambda: disk.problem}
+    if recording is not None:
+        alerts["recording"] = recording.problem
+    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts)
+
+
 def _run(
     stack: ExitStack,
     config: SessionConfig,
@@ -172,6 +212,7 @@ def _run(
     sinks: Sinks,
     inputs: Inputs,
     *,
+    guard: Guard,
     clock: Clock,
     observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
@@ -181,7 +222,11 @@ def _run(
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
     hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
-    parts = LoopParts(Pacer(clock), hand, sinks.vests, sinks.hands, sinks.recorder, haptics, inputs)
+
+    def may_feel() -> bool:
+        return haptics() and guard.felt
+
+    parts = LoopParts(Pacer(clock), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, inputs)
     if recording is None:
         start_ns = parts.pacer.start()
     else:
@@ -193,14 +238,20 @@ def _run(
             steered=sinks.steered is not None,
             observed=observer is not None,
         )
+    trace = None
+    if isinstance(clock, SystemClock):
+        budget_ms = config.safety.latency_budget_ms
+        trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
+    if recording is not None:
+        recording.follow(guard, trace)
     loop = DualLoop(
         pacer=parts.pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
         contacts={
-            name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns)
+            name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
             for name, finger in prepared.fingers.items()
         },
-        levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns),
+        levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns, trace=trace),
         hand=parts.hand,
         vests=parts.vests,
         hands=parts.hands,
@@ -210,10 +261,14 @@ def _run(
         observer=observer,
         haptics=parts.haptics,
         inputs=parts.inputs,
+        guard=guard,
+        trace=trace,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
-        state = RunState(config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report())
+        state = RunState(
+            config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace
+        )
         summary = summarise(state, error=error)
         try:
             if session.out_dir is not None or recording is not None:
@@ -235,16 +290,52 @@ def _run(
     return conclude(None)
 
 
+def _trace(
+    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float
+) -> LatencyTrace | None:
+    """Make what follows frames and blocks through the loop, where there is something live to follow."""
+    sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
+    if prepared.muscles is not None:
+        sources.append(prepared.muscles.source)
+    if not any(source.info.live for source in sources):
+        return None
+    vests: list[Any] = [kept.sink for kept in sinks.kept]
+    return LatencyTrace(
+        now_ns=pacer.elapsed_ns,
+        start_ns=start_ns,
+        budget_ms=budget_ms,
+        # Asked by name: a vest whose frames are recorded stands behind another object.
+        vests=[vest for vest in vests if hasattr(vest, "handed_over")],
+        answered_ns=getattr(sinks.steered, "answered_ns", None),
+    )
+
+
 def _contacts(
-    stack: ExitStack, name: str, finger: Finger, *, reading: Literal["paper", "live"], start_ns: int
+    stack: ExitStack,
+    name: str,
+    finger: Finger,
+    *,
+    reading: Literal["paper", "live"],
+    start_ns: int,
+    trace: LatencyTrace | None,
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
     if finger.measured is not None:
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
+    stamps: dict[str, Any] = {}
+    if trace is not None and finger.source.info.live:
+        stamps["stamp"] = trace.source(name)
+
     def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
         return measured_contacts(
-            finger.source, finger.baseline, reading, finger.report, start_ns=start_ns, stopped=stopped
+            finger.source,
+            finger.baseline,
+            reading,
+            finger.report,
+            start_ns=start_ns,
+            stopped=stopped,
+            **stamps,
         )
 
     stream: ThreadedStream[Contact] = ThreadedStream(
@@ -254,7 +345,9 @@ def _contacts(
     return stream
 
 
-def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Block]:
+def _levels(
+    stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
+) -> Stream[Block]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
     produce = partial(
         grasp_blocks,
@@ -267,6 +360,8 @@ def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Bloc
     )
     if not muscles.source.info.live:
         return PulledStream(produce())
+    if trace is not None:
+        produce = partial(produce, stamp=trace.source("emg"))
     stream: ThreadedStream[Block] = ThreadedStream(
         "emg", lambda stopped: produce(stopped=stopped), live=True, on_loss=muscles.report.drop
     )
@@ -298,7 +393,9 @@ def _inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
     return Inputs(seats)
 
 
-def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None) -> Sinks:
+def _sinks(
+    stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None, disk: Disk
+) -> Sinks:
     """Open what is written to: the devices of the settings, then the tables of the output folder."""
     kept: list[KeepAlive] = []
     vests: list[VestSink] = []
@@ -334,9 +431,18 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, recordin
     folder = config.session.out_dir
     if folder is None:
         return Sinks(kept, vests, hands, steered, None)
-    vests.append(stack.enter_context(VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))))
-    hands.append(stack.enter_context(CanRecorder(CanRecorderOptions(file=folder / "can.csv"))))
+    vest_table = VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))
+    hand_table = CanRecorder(CanRecorderOptions(file=folder / "can.csv"))
+    vest_table.open()
+    hand_table.open()
     recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
-    stack.callback(recorder.close)
+    tables: list[Any] = [vest_table, hand_table, recorder]
+    if config.session.pace == "real":
+        # Somebody may be steering a hand; a computation in a hurry had better end with an error.
+        tables = [Spared(table, disk) for table in tables]
+    for table in tables:
+        stack.callback(table.close)
+    vests.append(tables[0])
+    hands.append(tables[1])
     save_calibration(prepared.calibration, folder / "calibration.toml")
-    return Sinks(kept, vests, hands, steered, recorder)
+    return Sinks(kept, vests, hands, steered, tables[2])

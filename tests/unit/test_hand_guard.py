@@ -1,0 +1,56 @@
+"""A hand is let go of even if the program that steers it is killed or stands still."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from reference.waiting import until
+from tega.testing.emulators.allegro_process import AllegroProcess
+
+
+@contextmanager
+def steering(hand: AllegroProcess) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a program that closes the hand and never lets go of it by itself."""
+    program = (
+        "import time\n"
+        "from tega.devices.allegro import Allegro, AllegroOptions\n"
+        f"options = dict({hand.options!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0)\n"
+        "hand = Allegro(AllegroOptions(**options))\n"
+        "hand.open()\n"
+        "while True:\n"
+        "    hand.step(5)\n"
+        "    time.sleep(0.003)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", program]) as running:
+        until(lambda: bool(hand.command()["servo_on"] and any(hand.command()["duties"])))
+        try:
+            yield running
+        finally:
+            running.kill()
+
+
+def limp(hand: AllegroProcess) -> bool:
+    """Whether no motor pushes."""
+    state = hand.command()
+    return not state["servo_on"] and not any(state["duties"])
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_killed_or_frozen_program_does_not_leave_the_hand_pushing(how: signal.Signals) -> None:
+    with AllegroProcess() as hand, steering(hand) as running:
+        running.send_signal(how)
+        until(lambda: limp(hand))
+        until(lambda: not hand.command()["reports"])
+
+
+def test_a_closed_terminal_lets_go_of_the_hand() -> None:
+    with AllegroProcess() as hand, steering(hand) as running:
+        running.send_signal(signal.SIGHUP)
+        assert running.wait() == 128 + signal.SIGHUP
+        until(lambda: limp(hand))
