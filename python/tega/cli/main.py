@@ -33,6 +33,7 @@ _VERBS = {
         "Run", "tega.cli.replay", "replay", "Run the loop on recordings, and compare or write tables."
     ),
     "inspect": _Verb("Run", "tega.cli.inspect", "inspect", "Print what a recording holds."),
+    "soak": _Verb("Measure", "tega.cli.soak", "soak", "Run everything emulated, with faults at random."),
     "export": _Verb("Run", "tega.cli.export", "export", "Write a recording as tables and pictures."),
     "sim-trials": _Verb(
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."

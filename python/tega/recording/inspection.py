@@ -207,6 +207,8 @@ class _Seen:
                 self.markers.append(Marked(value.t_ns / 1e9, value.text))
             case "tega.State":
                 said = f"{value.state}: {value.reason}" if value.reason else value.state
+                if value.reason.startswith(f"{value.state}:"):
+                    said = value.reason
                 self.states.append(Marked(value.t_ns / 1e9, said))
             case "tega.Alert":
                 what = value.said or f"{value.name}: well again"

@@ -18,7 +18,9 @@ from tega.errors import ConfigError
 from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
 from tega.recording.spared import Disk, Spared
+from tega.safety.clock_step import ClockStep
 from tega.safety.guard import Guard, Watched
+from tega.safety.hand_alert import HandAlert
 from tega.safety.states import Transition
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.inputs import Inputs, Seat
@@ -199,9 +201,16 @@ def _guard(
 
     kept = sinks.kept
     vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
-    alerts = {"disk": lambda: disk.problem}
+    alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
     if recording is not None:
         alerts["recording"] = recording.problem
+    if config.session.pace == "real":
+        alerts["clock"] = ClockStep()
+    if sinks.steered is not None:
+        from tega.devices.allegro import Allegro
+
+        if isinstance(sinks.steered, Allegro):
+            alerts["hand"] = HandAlert(sinks.steered)
     return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts)
 
 

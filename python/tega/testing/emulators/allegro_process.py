@@ -51,7 +51,8 @@ class AllegroProcess:
         """Switch a fault on, ``clear`` them, or ``look``.
 
         Returns:
-            ``servo_on``, ``duties`` (16), ``angles_rad`` (16) and ``reports`` (whether it sends positions).
+            ``servo_on``, ``over`` (torque frames beyond ``limit``), ``duties`` (16), ``angles_rad`` (16)
+            and ``reports`` (whether it sends positions).
         """
         if self._process is None or self._process.stdin is None:
             raise RuntimeError("the emulated hand is not running")

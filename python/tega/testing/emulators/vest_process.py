@@ -1,7 +1,8 @@
 """What the emulated vests share: what their motors do, and the pipe through which a test talks to them.
 
 This runs in the emulator's process and knows nothing of TEGA's packets. One JSON object a line comes in,
-``{"fault": "freeze"}`` (``""`` for none) or ``{"report": true}``, and one goes out for each. The end of the input ends
+``{"fault": "freeze"}`` (``""`` for none), ``{"limit": 80, "heat": 0.5}`` (what to count as too much) or
+``{"report": true}``, and one goes out for each. The end of the input ends
 the program, so that an emulator does not outlive who started it.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import sys
 import time
 from typing import Any, ClassVar, Protocol
@@ -16,17 +18,35 @@ from typing import Any, ClassVar, Protocol
 __all__ = ["Emulator", "Motors", "serve"]
 
 _KEPT = 5000
+_WARM_S = 60.0
 
 
 class Motors:
-    """Forty motors, 0 to 100, in the wearer's order, with everything they have done."""
+    """Forty motors, 0 to 100, in the wearer's order, with everything they have done.
+
+    Attributes:
+        limit: What no motor is to be driven above.
+        heat_limit: How warm none may get, as a share of what full drive for ever would make it.
+        n_over: How often one was.
+    """
 
     def __init__(self) -> None:
+        self.limit = 100
+        self.heat_limit = 1.0
+        self.n_over = 0
+        self._heat = [0.0] * 40
+        self._heat_s = time.monotonic()
         self.now = [0] * 40
         self.history: list[tuple[float, list[int]]] = [(time.monotonic(), self.now)]
 
     def set(self, values: list[int]) -> None:
         """Drive them; a change is kept with its time on the machine's monotonic clock."""
+        now_s = time.monotonic()
+        # Warms with the square of the drive, within a minute; written down here anew, and not asked of the program.
+        share = 1 - math.exp((self._heat_s - now_s) / _WARM_S)
+        self._heat_s = now_s
+        self._heat = [h + ((v / 100) ** 2 - h) * share for h, v in zip(self._heat, self.now, strict=True)]
+        self.n_over += max(values) > self.limit or max(self._heat) > self.heat_limit
         if values != self.now and len(self.history) < _KEPT:
             self.history.append((time.monotonic(), values))
         self.now = values
@@ -61,6 +81,9 @@ async def serve(emulator: Emulator) -> None:
         request = json.loads(line)
         if "fault" in request and request["fault"] not in {"", *emulator.faults}:
             _answer({"error": f"no fault {request['fault']!r}; there are {', '.join(emulator.faults)}"})
+        elif "limit" in request:
+            emulator.motors.limit, emulator.motors.heat_limit = request["limit"], request["heat"]
+            _answer({})
         elif "fault" in request:
             await emulator.fault(request["fault"])
             _answer({})
@@ -69,6 +92,7 @@ async def serve(emulator: Emulator) -> None:
                 {
                     "motors": emulator.motors.now,
                     "history": emulator.motors.history,
+                    "over": emulator.motors.n_over,
                     "errors": emulator.errors,
                     "received": emulator.received,
                     "connections": emulator.connections,

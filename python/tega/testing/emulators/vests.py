@@ -33,6 +33,7 @@ class VestReport(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         motors: What its 40 motors do now, 0 to 100, in the wearer's order.
         history: Every change with its time in seconds on the machine's monotonic clock.
+        over: How often a motor was driven above what was given to :meth:`EmulatedVest.limit`.
         errors: What it was sent and should not have been.
         received: Messages received.
         connections: Connections it has taken.
@@ -41,6 +42,7 @@ class VestReport(msgspec.Struct, frozen=True, kw_only=True):
 
     motors: list[int]
     history: list[tuple[float, list[int]]]
+    over: int
     errors: list[str]
     received: int
     connections: int
@@ -90,6 +92,10 @@ class EmulatedVest:
             InvalidValueError: This emulator has no such fault.
         """
         self._ask({"fault": name})
+
+    def limit(self, percent: int, *, heat_share: float) -> None:
+        """Say what no motor is to be driven above, and how warm none may get; what is above is counted."""
+        self._ask({"limit": percent, "heat": heat_share})
 
     def report(self) -> VestReport:
         """Ask what it saw."""
