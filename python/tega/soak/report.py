@@ -87,11 +87,12 @@ class SoakReport(msgspec.Struct, kw_only=True):
     memory: list[list[tuple[float, float]]] = []
 
     def judge(self) -> None:
-        """Set ``passed`` and ``failures`` from everything else."""
+        """Set ``passed``, ``failures`` and ``over_limit_commands`` from everything else."""
         failed = self.failures
         failed += [f"{f.kind} of {f.device} ({f.how}): {f.outcome}" for f in self.faults if not f.good]
         if not self.faults:
             failed.append("no fault was made: the soak was too short")
+        self.over_limit_commands = sum(self.over_limit.values())
         if self.over_limit_commands:
             failed += [
                 f"{n} commands above a limit reached the {name}" for name, n in self.over_limit.items() if n

@@ -78,7 +78,8 @@ class Supervisor:
 
     def start(self) -> None:
         """Start it."""
-        self.lines, memory = [], []
+        memory: list[tuple[float, float]] = []
+        self.lines = []
         self.memory.append(memory)
         words = [sys.executable, "-m", "tega.soak.system", str(self._settings)]
         self._process = subprocess.Popen(

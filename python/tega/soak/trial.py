@@ -277,7 +277,6 @@ class _Soak:
         self._look_through()
         vest, hand = lab.vest.report(), lab.hand.command()
         report.over_limit = {"vest": vest.over, "hand": hand["over"]}
-        report.over_limit_commands = sum(report.over_limit.values())
         report.commands = {"vest": vest.received, "hand": hand["torques"]}
         report.failures += [f"the vest was sent {error}" for error in dict.fromkeys(vest.errors)]
         report.memory = [

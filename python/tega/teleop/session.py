@@ -191,6 +191,7 @@ def _guard(
     go: Callable[[], bool],
 ) -> Guard:
     """Make what watches over the live devices; recordings are not lost and need nobody."""
+    alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
     streams = [
         Watched(name, "tactile", finger.source.info.rate_hz, finger.report)
         for name, finger in prepared.fingers.items()
@@ -198,10 +199,10 @@ def _guard(
     ]
     if (m := prepared.muscles) is not None and m.source.info.live:
         streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
+        alerts["signal"] = partial(_signal, m.source)
 
     kept = sinks.kept
     vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
-    alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
     if recording is not None:
         alerts["recording"] = recording.problem
     if config.session.pace == "real":
@@ -212,6 +213,12 @@ def _guard(
         if isinstance(sinks.steered, Allegro):
             alerts["hand"] = HandAlert(sinks.steered)
     return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts)
+
+
+def _signal(source: Any) -> str:
+    """Say what is wrong with the newest second of a live amplifier's signal, as far as its driver looks."""
+    health = getattr(source, "health", None)
+    return f"emg: {'; '.join(health.now)}" if health is not None and health.now else ""
 
 
 def _run(
