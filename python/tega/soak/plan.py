@@ -84,9 +84,10 @@ class Planned(NamedTuple):
 
 
 def plan(seed: int, *, kinds: Sequence[Kind] = KINDS, n: int = 1000) -> list[Planned]:
-    """Put faults in order: every one once, in any order, then all again in another.
+    """Put faults in order: every one once, in any order, then again in another.
 
     The first one is a kill and the second one a full disk where ``kinds`` has them, so that a short soak has both.
+    Those that end a run come in every fourth round only, so that a long soak has a run that lasts.
 
     Args:
         seed: The same one gives the same plan.
@@ -96,8 +97,11 @@ def plan(seed: int, *, kinds: Sequence[Kind] = KINDS, n: int = 1000) -> list[Pla
     chance = random.Random(seed)
     first = [kind for how in ("kill", "disk") for kind in kinds if kind.how == how]
     order: list[Kind] = []
+    n_rounds = 0
     while len(order) < n:
-        deck = list(kinds)
+        ends = n_rounds % 4 == 0 or all(kind.then == "restarts" for kind in kinds)
+        n_rounds += 1
+        deck = [kind for kind in kinds if ends or kind.then == "recovers"]
         chance.shuffle(deck)
         if not order:
             deck = first + [kind for kind in deck if kind not in first]
