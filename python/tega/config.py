@@ -17,21 +17,28 @@ import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
 from tega.config_errors import Overridden, explain
+from tega.config_lines import value_lines
 from tega.devices.base import Kind, Options
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.safety.settings import SafetySection
 
+if TYPE_CHECKING:
+    from tega.haptics import Layout
+
 __all__ = [
+    "DEFAULT_LAYOUT",
     "FINGERS",
     "CalibrationConfig",
     "EmgConfig",
     "HandConfig",
+    "InputConfig",
+    "InputSection",
     "LoadedConfig",
     "SessionConfig",
     "SessionSection",
@@ -40,11 +47,15 @@ __all__ = [
     "Value",
     "VestConfig",
     "check_tree",
+    "driver_options",
     "load_config",
 ]
 
 FINGERS = ("thumb", "index", "middle", "ring")
 ENVIRONMENT_PREFIX = "TEGA_"
+
+DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
+"""The vest's layout where the settings name none, by preset."""
 
 
 class _Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -67,14 +78,30 @@ class SessionSection(_Section, frozen=True):
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
 
 
+_Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]
+
+
 class CalibrationConfig(_Section, frozen=True):
-    """Where the maxima come from.
+    """Where baselines, maxima and the wearer's thresholds come from.
 
     Attributes:
-        file: A calibration file; none means they are taken from the recording itself, which is not causal.
+        file: A file of maxima; none means those of ``person``, or, for recordings only, of the recording itself, which
+            is not causal.
+        person: Whose calibration to use, as ``tega-teleop calibrate`` has kept it.
+        folder: Where it keeps them; none means ``calibrations`` beside the settings file.
+        baseline_old_h: A baseline older than this is warned of, hours.
+        touch_old_h: Likewise maxima of a fingertip.
+        emg_old_h: Likewise rest and maxima of the muscles; a refresh makes them new.
+        vest_old_h: Likewise thresholds of the vest.
     """
 
     file: Path | None = None
+    person: str | None = None
+    folder: Path | None = None
+    baseline_old_h: _Hours = 24.0
+    touch_old_h: _Hours = 720.0
+    emg_old_h: _Hours = 12.0
+    vest_old_h: _Hours = 2160.0
 
 
 class TactileConfig(_Section, frozen=True):
@@ -111,11 +138,14 @@ class EmgConfig(_Section, frozen=True):
     Attributes:
         driver: Name of an EMG driver.
         kind: What the samples are: ``raw`` (offset removed and rectified here), ``rectified`` or ``envelope``.
+        muscles: What each channel sits on, for the words of a calibration; none means ECR, FCU, FDS where
+            there are three.
         options: The driver's own settings.
     """
 
     driver: str
     kind: Literal["raw", "rectified", "envelope"]
+    muscles: tuple[str, ...] = ()
     options: Any = msgspec.field(default_factory=dict)
 
 
@@ -164,6 +194,38 @@ class HandConfig(_Section, frozen=True):
     options: Any = msgspec.field(default_factory=dict)
 
 
+class InputConfig(_Section, frozen=True):
+    """An operator's input device.
+
+    Attributes:
+        driver: Name of an input driver.
+        button: Which of its buttons is meant, for ``dead_man`` and ``marker``; none means any.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    button: str | None = None
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class InputSection(_Section, frozen=True):
+    """What the operator holds or steps on, by what it is for.
+
+    Attributes:
+        motion: Six axes that are to move the arm.
+        dead_man: A switch that is held as long as things may move.
+        marker: A switch that marks a moment.
+    """
+
+    motion: InputConfig | None = None
+    dead_man: InputConfig | None = None
+    marker: InputConfig | None = None
+
+    def in_use(self) -> dict[str, InputConfig]:
+        """Return the inputs that have a device."""
+        return {seat: c for seat in self.__struct_fields__ if (c := getattr(self, seat)) is not None}
+
+
 class SessionConfig(_Section, frozen=True):
     """Everything a session needs to know, checked, with absolute paths and typed driver options."""
 
@@ -174,10 +236,14 @@ class SessionConfig(_Section, frozen=True):
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()
     safety: SafetySection = SafetySection()
+    input: InputSection = InputSection()
 
 
 class Value(NamedTuple):
-    """A setting and where it came from: ``default``, a file's name, a variable's name, or ``--set``."""
+    """A setting and where it came from.
+
+    That is ``default``, ``preset live``, a file's name and line (``lab.toml:12``), a variable's name, or ``--set``.
+    """
 
     value: Any
     origin: str
@@ -210,8 +276,8 @@ def load_config(
     tree: dict[str, Any] = {}
     origins: dict[str, str] = {}
     if path is not None:
-        tree = _read_toml(path)
-        origins = {key: path.name for key, _ in _leaves(tree)}
+        tree, lines = _read_toml(path)
+        origins = {key: f"{path.name}:{line}" for key, line in lines.items()}
     for name, text in sorted((os.environ if environ is None else environ).items()):
         if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
             key = name.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", ".")
@@ -280,18 +346,66 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         emg=with_options(config.emg, "emg", "emg"),
         vest=with_options(config.vest, "vest", "vest"),
         hand=with_options(config.hand, "hand", "hand"),
+        input=InputSection(
+            **{seat: with_options(c, "input", f"input.{seat}") for seat, c in config.input.in_use().items()}
+        ),
     )
+    if config.calibration.person is not None and config.calibration.folder is None:
+        beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
+        config = msgspec.structs.replace(config, calibration=beside)
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
-    return LoadedConfig(config, values)
+    if config.vest.layout is None:
+        preset = config.session.preset
+        values["vest.layout"] = Value(DEFAULT_LAYOUT[preset], f"preset {preset}")
+    if config.calibration.person is None:
+        return LoadedConfig(config, values)
+    from tega.calibration.person import with_person
+
+    return with_person(LoadedConfig(config, values), given=set(origins))
+
+
+def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = ()) -> Options:
+    """Check a driver's options outside a session, as its ``options`` table would be.
+
+    Args:
+        name: The driver's name.
+        tree: Its options; paths are relative to the working directory.
+        sets: Further options as ``key=value``.
+
+    Returns:
+        The typed options.
+
+    Raises:
+        ConfigError: No such driver, or an option is unknown, missing, of a wrong type or out of range.
+        MissingExtraError: The driver needs a package that is not installed.
+    """
+    options: dict[str, Any] = dict(tree)
+    origins: dict[str, str] = {}
+    for item in sets:
+        key, _, text = item.partition("=")
+        _override(options, origins, key.strip(), text.strip(), "--set")
+
+    def place(wanted: type, value: Any) -> Any:
+        if wanted is Path and isinstance(value, str | Path):
+            return Path.cwd() / Path(value).expanduser()
+        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
+
+    wanted = driver_class(name).options_type
+    try:
+        return msgspec.convert(options, wanted, dec_hook=place)
+    except msgspec.ValidationError as error:
+        raise explain(error, options, wanted, prefix="options", origins=origins) from None
 
 
 def _where(origins: Mapping[str, str], key: str) -> str:
     return origins.get(key, "settings")
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def _read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
+    """Return a file's tree, and the line of each value."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        return tomllib.loads(text), value_lines(text)
     except OSError as error:
         raise ConfigError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
@@ -320,14 +434,6 @@ def _override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str
             )
     node[last] = value
     origins[key] = origin
-
-
-def _leaves(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
 
 
 def _fields(struct: msgspec.Struct, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -85,9 +85,14 @@ def explain(
 def _origin(origins: Mapping[str, str], key: str) -> str:
     if key in origins:
         return origins[key]
-    inside = sorted({o for k, o in origins.items() if k.startswith(f"{key}.") or key.startswith(f"{k}[")})
-    files = sorted({o for o in origins.values() if o.endswith(".toml")})
-    return (inside or files or ["settings"])[0]
+    inside = {o for k, o in origins.items() if k.startswith(f"{key}.") or key.startswith(f"{k}[")}
+    files = {file for o in origins.values() if (file := o.rpartition(":")[0]).endswith(".toml")}
+    return (sorted(inside, key=_file_and_line) or sorted(files) or ["settings"])[0]
+
+
+def _file_and_line(origin: str) -> tuple[str, int]:
+    file, _, line = origin.rpartition(":")
+    return (file, int(line)) if file and line.isdigit() else (origin, 0)
 
 
 def _plain(what: str) -> str:

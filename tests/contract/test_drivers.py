@@ -2,103 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
-from contract.peers import PEERS
-from tega.devices import Options, driver_class, driver_names
-from tega.testing.contract import check_driver
-from tega.testing.emulators.allegro_process import AllegroProcess
-from tega.testing.emulators.digit import DigitProcess
-
-
-def _images(folder: Path) -> dict[str, Any]:
-    rng = np.random.default_rng(1)
-    for k in range(5):
-        cv2.imwrite(str(folder / f"f{k}.png"), rng.integers(0, 256, (24, 32, 3), dtype=np.uint8))
-    return {"folder": folder}
-
-
-def _video(folder: Path) -> dict[str, Any]:
-    writer = cv2.VideoWriter(str(folder / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, (32, 24))
-    for k in range(5):
-        writer.write(np.full((24, 32, 3), 40 * k, np.uint8))
-    writer.release()
-    return {"file": folder / "v.avi"}
-
-
-def _emg(folder: Path) -> dict[str, Any]:
-    np.save(folder / "emg.npy", np.arange(250.0).reshape(-1, 2))
-    return {"file": folder / "emg.npy", "rate_hz": 200.0}
-
-
-def _allegro(folder: Path) -> dict[str, Any]:
-    del folder
-    hand = AllegroProcess()
-    EMULATED.append(hand)
-    return {**hand.__enter__().options, "silent_after_ms": 1000, "lowest_rate_hz": 50}
-
-
-def _digit(folder: Path) -> dict[str, Any]:
-    del folder
-    sensor = DigitProcess()
-    EMULATED.append(sensor)
-    return {"source": sensor.__enter__().source, "warm_up_s": 0.1}
-
-
-EMULATED: list[AllegroProcess | DigitProcess] = []
-
-
-@pytest.fixture(autouse=True)
-def _end_emulated() -> Iterator[None]:
-    yield
-    while EMULATED:
-        EMULATED.pop().unplug()
-
-
-OPTIONS: dict[str, Callable[[Path], dict[str, Any]]] = {
-    "allegro": _allegro,
-    "can-recorder": lambda folder: {"file": folder / "can.csv"},
-    "digit": _digit,
-    "emg-file": _emg,
-    "images": _images,
-    "python-can": lambda _folder: {"interface": "virtual", "channel": "contract"},
-    "synthetic-emg": lambda _folder: {"seed": 1, "duration_s": 1.0},
-    "synthetic-touch": lambda _folder: {"seed": 1, "duration_s": 0.2},
-    "vest-recorder": lambda folder: {"file": folder / "vest.csv"},
-    "video": _video,
-}
-
-
-# With their emulators, in test_vests.py.
-VESTS = {"bhaptics-ble", "bhaptics-player", "hid-vest", "on-screen-vest"}
+from tega.devices import Options, driver_class, driver_names, list_drivers
+from tega.testing.benches import BENCHES, why_not
+from tega.testing.contract import check_driver, main
 
 
 def test_every_built_in_driver_is_put_through_the_contract() -> None:
-    covered = set(OPTIONS) | set(PEERS)
-    assert covered <= set(driver_names())
     built_in = {n for n in driver_names() if driver_class(n).__module__.startswith("tega.")}
-    assert built_in == covered | VESTS
+    assert built_in == set(BENCHES)
 
 
-@pytest.mark.parametrize("name", sorted(OPTIONS))
+@pytest.mark.parametrize("name", driver_names())
 def test_contract(name: str, tmp_path: Path) -> None:
+    if name not in BENCHES:
+        pytest.skip(f"{name} is not TEGA's own: python -m tega.testing.contract {name}")
+    missing = {r.name: r.problem for r in list_drivers()}[name]
+    if reason := why_not(name) or missing:
+        pytest.skip(reason)
     driver = driver_class(name)
     make: Any = driver.options_type
-    check_driver(driver, make(**OPTIONS[name](tmp_path)))
-
-
-@pytest.mark.parametrize("name", sorted(PEERS))
-def test_contract_with_a_peer(name: str, tmp_path: Path) -> None:
-    driver = driver_class(name)
-    make: Any = driver.options_type
-    with PEERS[name](tmp_path) as options:
+    with BENCHES[name].start(tmp_path) as options:
         check_driver(driver, make(**options))
+
+
+def test_the_contract_from_a_shell(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["emg-file", "vest-recorder", "synthetic-emg"]) == 0
+    said = capsys.readouterr().out
+    assert [line.split()[:2] for line in said.splitlines()] == [
+        ["ok", "emg-file"],
+        ["ok", "vest-recorder"],
+        ["ok", "synthetic-emg"],
+    ]
+    assert main(["vest-recorder", "--set", f"file={tmp_path / 'v.csv'}"]) == 0
+    assert main(["cyton", "--set", "port=/dev/nowhere"]) == 2
+    assert "not tried" in capsys.readouterr().out
+    assert main(["cyton", "--set", "prot=/dev/nowhere"]) == 2
+    assert "did you mean 'port'" in capsys.readouterr().out
+    assert main(["no-such-driver"]) == 2
+    assert main(["--real", "digit"]) == 2
+    assert "set either serial or source" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["--set", "a=b"])
+    words = [sys.executable, "-m", "tega.testing.contract", "synthetic-touch"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("ok")
+    assert done.stderr == ""
 
 
 class _Forgetful:
@@ -147,9 +103,10 @@ class _Forgetful:
 
 
 def test_the_contract_notices_a_source_that_does_not_start_again(tmp_path: Path) -> None:
+    np.save(tmp_path / "emg.npy", np.arange(250.0).reshape(-1, 2))
     make: Any = driver_class("emg-file").options_type
     forgetful: Any = _Forgetful
-    device = forgetful(make(**_emg(tmp_path)))
+    device = forgetful(make(file=tmp_path / "emg.npy", rate_hz=200.0))
     device._opened = 2
     from tega.testing import contract
 

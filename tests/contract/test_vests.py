@@ -28,7 +28,8 @@ from tega.teleop import run_session
 from tega.testing.contract import check_driver
 from tega.testing.emulators.hid_port import HidPort
 from tega.testing.emulators.vests import EmulatedVest
-from tega.testing.vest_faults import fault_rows, vest_bench
+from tega.testing.faults.vests import trouble
+from tega.testing.vest_bench import LIVE_VESTS, vest_bench
 from tega.wire import vest_levels
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
@@ -73,13 +74,10 @@ def bench(name: str, **options: Any) -> Iterator[Bench]:
     if name == "bhaptics-ble" and shutil.which("dbus-daemon") is None:
         pytest.skip("dbus-daemon is not installed")
     with vest_bench(name, **options) as made:
-        yield Bench(*made)
+        yield Bench(made.vest, made.peer, made.port)
 
 
-RADIO = ["bhaptics-ble", "bhaptics-player", "hid-vest"]
-
-
-@pytest.fixture(params=RADIO)
+@pytest.fixture(params=LIVE_VESTS)
 def any_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     with bench(request.param) as made:
         yield made
@@ -358,10 +356,11 @@ def test_a_bug_in_a_link_silences_the_vest_and_is_told() -> None:
 
 
 def test_the_fault_table_tells_rest_and_recovery() -> None:
-    (row,) = fault_rows({"bhaptics-player": ["no writes"]}, fault_s=1.0)
-    assert (row.driver, row.fault, row.lost) == ("bhaptics-player", "no writes", 0)
-    assert row.silent_s is not None
-    assert row.recovered_s is not None
+    with bench("bhaptics-player") as made, made.vest:
+        row = trouble("bhaptics-player", "no writes", made.vest, made.peer, fault_s=1.0)
+    assert row.lost == 0
+    assert row.rest_s is not None
+    assert row.back_s is not None
 
 
 def test_a_session_in_real_time_is_felt_and_ends_silent() -> None:

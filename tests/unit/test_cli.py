@@ -18,6 +18,8 @@ import pytest
 from reference.recordings import squeezes, write_folder
 from tega.cli.main import cli, main
 
+DEVICE_KEYS = {"name", "kind", "summary", "package", "ready", "problem", "found", "could_not"}
+
 
 def _verbs(group: click.Group, name: str) -> list[str]:
     """Return the names of all verbs below a group, groups included."""
@@ -116,7 +118,7 @@ def test_devices_as_text_and_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert {"images", "video", "emg-file", "vest-recorder", "can-recorder", "python-can"} <= {
         r["name"] for r in records
     }
-    assert all(set(r) == {"name", "kind", "summary", "package", "ready", "problem"} for r in records)
+    assert all(set(r) == DEVICE_KEYS for r in records)
     assert all(r["name"] in text for r in records)
 
 
@@ -129,14 +131,15 @@ def test_config_show_and_check(capsys: pytest.CaptureFixture[str], session: Path
     assert values["emg.options.rate_hz"] == {
         "key": "emg.options.rate_hz",
         "value": 200.0,
-        "origin": "session.toml",
+        "unit": "Hz",
+        "origin": "session.toml:12",
     }
     assert values["vest.rate_hz"]["origin"] == "default"
     assert call(capsys, "config", "check", session)[0] == "session.toml: ok\n"
     assert json.loads(call(capsys, "config", "check", session, "--json")[0])["ok"] is True
     session.write_text(session.read_text().replace("rate_hz", "ratehz"))
     _, err = call(capsys, "config", "check", session, code=1)
-    assert err == "error: session.toml: emg.options.ratehz: unknown key\nhint: did you mean 'rate_hz'?\n"
+    assert err == "error: session.toml:12: emg.options.ratehz: unknown key\nhint: did you mean 'rate_hz'?\n"
     out, _ = call(capsys, "config", "check", session, "--json", code=1)
     assert json.loads(out)["hint"] == "did you mean 'rate_hz'?"
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from tega.config import FINGERS, load_config
+from tega.config_lines import leaves, value_lines
 from tega.devices import driver_names
 from tega.devices.images import ImageFolderOptions
 from tega.errors import ConfigError
@@ -40,7 +42,8 @@ def test_defaults_need_no_file() -> None:
     loaded = load_config(None, environ={})
     assert loaded.config.session.preset == "live"
     assert loaded.config.tactile.in_use() == {}
-    assert {v.origin for v in loaded.values.values()} == {"default"}
+    assert {v.origin for k, v in loaded.values.items() if k != "vest.layout"} == {"default"}
+    assert loaded.values["vest.layout"] == ("x40", "preset live")
 
 
 def test_each_layer_overrides_the_one_below(settings: Path) -> None:
@@ -48,7 +51,7 @@ def test_each_layer_overrides_the_one_below(settings: Path) -> None:
     loaded = load_config(settings, environ=environ, sets=["emg.kind=rectified"])
     assert loaded.values["session.preset"] == ("live", "TEGA_SESSION__PRESET")
     assert loaded.values["emg.kind"] == ("rectified", "--set")
-    assert loaded.values["emg.driver"] == ("emg-file", "session.toml")
+    assert loaded.values["emg.driver"] == ("emg-file", "session.toml:12")
     assert loaded.values["vest.rate_hz"] == (30.0, "default")
 
 
@@ -114,9 +117,50 @@ def test_mistakes_are_named(settings: Path, override: str, said: str) -> None:
 def test_a_mistake_in_the_file_names_the_file(settings: Path) -> None:
     settings.write_text(SETTINGS.replace('preset = "paper"', 'prset = "paper"'))
     with pytest.raises(
-        ConfigError, match=r"^session\.toml: session\.prset: unknown key; did you mean 'preset'"
+        ConfigError, match=r"^session\.toml:3: session\.prset: unknown key; did you mean 'preset'"
     ):
         load_config(settings, environ={})
+
+
+def test_a_key_that_is_missing_names_the_first_line_of_its_table(settings: Path) -> None:
+    settings.write_text(SETTINGS.replace('driver = "images"\n', ""))
+    with pytest.raises(ConfigError, match=r"^session\.toml:7: tactile\.index\.driver: missing"):
+        load_config(settings, environ={})
+
+
+def test_lines_of_values_however_they_are_written() -> None:
+    text = '''# a comment
+top = 1   # after it
+
+[a]
+long = [
+    1,
+    2,  # [b]
+]
+text = """
+[b]
+x = 3
+"""
+  [a.inner]
+  "quoted key" = 1
+dotted.key = { x = 1, y = { z = 2 } }
+[[rows]]
+n = 1
+[rows.more]
+m = 2'''
+    assert value_lines(text) == {
+        "top": 2,
+        "a.long": 5,
+        "a.text": 9,
+        "a.inner.quoted key": 14,
+        "a.inner.dotted.key.x": 15,
+        "a.inner.dotted.key.y.z": 15,
+        "rows": 17,
+        "rows.more.m": 19,
+    }
+    for name in ("session.toml", "simulated.toml"):
+        example = (PROJECT / "examples" / name).read_text(encoding="utf-8")
+        assert set(value_lines(example)) == {key for key, _ in leaves(tomllib.loads(example))}
 
 
 def test_a_mistake_in_the_environment_names_the_variable(settings: Path) -> None:
@@ -148,7 +192,8 @@ def test_the_examples_are_valid(name: str) -> None:
 def test_the_docs_list_every_key_and_driver() -> None:
     text = (PROJECT / "docs" / "config.md").read_text(encoding="utf-8")
     loaded = load_config(PROJECT / "examples" / "session.toml", environ={})
-    keys = {re.sub(r"^tactile\.\w+", "tactile.FINGER", key) for key in loaded.values} - {"tactile.FINGER"}
+    keys = {re.sub(r"^tactile\.\w+", "tactile.FINGER", key) for key in loaded.values}
+    keys = {re.sub(r"^input\.\w+", "input.SEAT", key) for key in keys} - {"tactile.FINGER", "input.SEAT"}
     for key in keys:
         section, _, option = key.partition(".options.")
         assert f"`{option or section}`" in text, key

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import pytest
 
 from tega.devices.digit import Digit, DigitOptions
 from tega.devices.picture_check import CameraCounts, PictureCheck
+from tega.devices.picture_origin import Origin, PictureOrigin
 from tega.devices.video_nodes import find_node, video_nodes
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.testing.emulators.digit import FAULTS, DigitProcess
@@ -88,12 +90,13 @@ COUNTED = {
     "duplicate": "duplicate",
     "pause": "lost",
     "cut": "lost",
+    "garbage": "lost",
 }
 SILENT = set(COUNTED) - {"duplicate"}
 
 
 def test_every_fault_of_the_emulated_sensor_is_tried() -> None:
-    assert set(COUNTED) | {"small"} == set(FAULTS)
+    assert set(COUNTED) | {"small", "slow", "other", "strip"} == set(FAULTS)
 
 
 def test_an_unknown_fault_is_refused() -> None:
@@ -115,6 +118,34 @@ def test_a_fault_is_counted_silences_and_is_survived(fault: str) -> None:
             assert digit.read(5.0) is not None
         sensor.command("clear")
         assert _until(lambda: digit.read(0.1) is not None)
+
+
+@pytest.mark.parametrize("orientation", ["upright", "as-sent"])
+def test_another_sensor_s_lines_are_named_and_withheld(orientation: str) -> None:
+    with DigitProcess() as one, DigitProcess("--look", "1") as two:
+        with _driver(two, orientation=orientation) as next_finger:
+            theirs = next_finger.read(5.0)
+        with _driver(one, orientation=orientation) as digit:
+            own = digit.read(5.0)
+            assert own is not None
+            assert theirs is not None
+            digit.compare_with(own.image, {"index (D20002)": theirs.image})
+            assert digit.read(5.0) is not None
+            assert not digit.info.notes
+            for fault, share in (("strip", 8), ("other", 100)):
+                one.command(fault)
+                enough = digit.counts.foreign + 4
+                assert _until(partial(lambda n: digit.counts.foreign >= n, enough))
+                assert _until(lambda: digit.read(0.1) is None)
+                note = digit.info.notes[0]
+                assert f"lines of the sensor of index (D20002) (up to {share} % of a picture)" in note
+                one.command("clear")
+                assert _until(lambda: digit.read(0.1) is not None)
+            digit.compare_with(own.image, {})
+            one.command("other")
+            assert _until(lambda: digit.counts.unlike > 3)
+            assert digit.read(5.0) is not None
+            assert "unlike the baseline" in digit.info.notes[-1]
 
 
 def test_as_sent_and_another_size() -> None:
@@ -180,3 +211,34 @@ def test_a_picture_with_the_end_of_the_one_before_is_torn() -> None:
     assert check.judge(two) == "good"
     assert [check.judge(two.copy()) for _ in range(4)] == ["duplicate"] * 4
     assert (counts.stuck, counts.duplicate, counts.torn, counts.used) == (1, 4, 1, 2)
+
+
+def test_lines_of_another_real_sensor_are_found_and_no_press_is_taken_for_one(recordings: Path) -> None:
+    cv2: Any = pytest.importorskip("cv2")
+    folder = recordings / "digit"
+
+    def sent(image: Any) -> Any:
+        return np.ascontiguousarray(np.rot90(image, -1))
+
+    own = sent(cv2.imread(str(folder / "digit_ball_D20641" / "background.png")))
+    other = sent(np.load(folder / "digit_backgrounds" / "ncf_bg_D20479.npy"))
+    origin = PictureOrigin(own, {"D20479": other})
+    frames = sorted((folder / "digit_ball_D20641").glob("frame_*.png"))
+    assert len(frames) > 20
+    for file in frames:
+        image = sent(cv2.imread(str(file)))
+        assert origin.judge(image) == Origin("", 0.0, unlike=False), file.name
+        for first in range(0, 217, 8):
+            mixed = image.copy()
+            mixed[first : first + 24] = other[first : first + 24]
+            assert origin.judge(mixed).other == "D20479", (file.name, first)
+    assert origin.judge(other).share == 1.0
+
+
+def test_a_sensor_that_sends_too_few_pictures_is_told() -> None:
+    with DigitProcess() as sensor, _driver(sensor) as digit:
+        sensor.command("slow")
+        assert _until(
+            lambda: any("pictures a second came for a while where 60" in n for n in digit.info.notes)
+        )
+        assert digit.read(5.0) is not None

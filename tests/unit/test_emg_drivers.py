@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tega.devices import live_emg
 from tega.devices.base import EmgChunk
+from tega.devices.brainflow_emg import BrainFlowEmg, BrainFlowOptions
 from tega.devices.chords import Chords, ChordsOptions
 from tega.devices.cyton import Cyton, CytonOptions
 from tega.devices.live_emg import LiveEmg
@@ -382,3 +384,18 @@ def test_a_missing_package_names_the_extra(name: str, module: str, monkeypatch: 
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtraError, match=r"pip install 'tega\[(lab|lsl)\]'"):
         CASES[name].make("nowhere").open()
+
+
+def test_opening_on_a_machine_that_is_never_still_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_emg, "_LOOKED_AWAY_S", 0.0)
+    monkeypatch.setattr(live_emg, "_MOST_MEASURING_S", 0.1)
+    with Emulator("ascii_board", "--rate", "500") as board:
+        options = SerialEmgOptions(port=board.port, rate_hz=500.0, bits=10, measure_s=0.25, start_s=0.2)
+        with pytest.raises(DeviceUnavailableError, match=r"too busy for .* s to measure the sample rate"):
+            SerialEmg(options).open()
+
+
+def test_brainflow_that_is_not_installed_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "brainflow.board_shim", None)
+    with pytest.raises(MissingExtraError, match=r"'brainflow' needs .*pip install 'tega\[brainflow\]'"):
+        BrainFlowEmg(BrainFlowOptions(board="SYNTHETIC_BOARD")).open()

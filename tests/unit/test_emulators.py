@@ -8,14 +8,13 @@ import sys
 
 import pytest
 
-from tega.testing.emg_faults import outcome
 from tega.testing.emulators.ascii_board import AsciiBoard
 from tega.testing.emulators.chords import ChordsBoard
 from tega.testing.emulators.cyton import CytonBoard
 from tega.testing.emulators.faults import FAULTS, Faults, Signal
 from tega.testing.emulators.process import Emulator
 
-MODULES = ("ascii_board", "chords", "cyton", "lsl")
+MODULES = ("ascii_board", "chords", "cyton", "hid_input", "lsl")
 
 
 def signal(kind: str, rate_hz: float = 250.0) -> Signal:
@@ -107,11 +106,6 @@ def test_an_emulator_says_what_it_does_not_understand() -> None:
         device.say("plug")
         assert device.port.startswith("/dev/")
         assert first.startswith("/dev/")
-
-
-def test_the_table_of_faults_is_made_by_running_into_them() -> None:
-    assert outcome("serial-emg", "unplug").startswith("ends: lost, after ")
-    assert outcome("lsl-emg", "garbage") == "-"
 
 
 def test_a_network_stream_refuses_faults_that_only_a_wire_has() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+
 import numpy as np
 import pytest
 
@@ -106,3 +109,23 @@ def test_a_late_delivery_is_no_loss() -> None:
             arrival_ns = 794 * 16 * MS
         lost += clock.take(4, arrival_ns).n_lost
     assert lost == 0
+
+
+def test_the_rate_can_be_asked_for_by_another_thread() -> None:
+    clock, over = SampleClock(1000.0), threading.Event()
+
+    def feed() -> None:
+        for k in range(20_000):
+            clock.take(1, k * 1_000_000)
+        over.set()
+
+    before_s = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        feeder = threading.Thread(target=feed)
+        feeder.start()
+        while not over.is_set():
+            assert (clock.measured_hz or 1000.0) == pytest.approx(1000.0, rel=1e-6)
+        feeder.join()
+    finally:
+        sys.setswitchinterval(before_s)

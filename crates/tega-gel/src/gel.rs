@@ -139,7 +139,7 @@ impl Gel {
     fn drift(&mut self, index: u64) {
         let epoch = index / EPOCH_FRAMES;
         if self.epoch != Some(epoch) {
-            self.noise.drifted(&self.unit.still, epoch, &mut self.drifted);
+            simd::drifted(&self.noise, &self.unit.still, epoch, &mut self.drifted);
             self.epoch = Some(epoch);
         }
     }

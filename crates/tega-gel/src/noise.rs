@@ -75,6 +75,7 @@ impl Noise {
     }
 
     /// Writes the still picture as it has drifted by an epoch.
+    #[inline(always)]
     pub(crate) fn drifted(&self, still: &[f32], epoch: u64, out: &mut [u8]) {
         let (knot, weights) =
             (epoch / KNOT_EPOCHS, spline((epoch % KNOT_EPOCHS) as f32 / KNOT_EPOCHS as f32));
@@ -95,16 +96,26 @@ impl Noise {
                 1.7 * d * lately(number + 3),
             ]
         });
+        // Along a row the drift is a straight line in each colour.
+        let mut across = [0.0; LINE];
+        for (j, across) in across.iter_mut().enumerate() {
+            *across = ((j / 3) as f32 - 119.5) / 120.0;
+        }
         for y in 0..HEIGHT {
             let v = (y as f32 - 159.5) / 160.0;
+            let (mut level, mut slope) = ([0.0; LINE], [0.0; LINE]);
+            for (j, (level, slope)) in level.iter_mut().zip(&mut slope).enumerate() {
+                let term = terms[j % 3];
+                (*level, *slope) = (term[0] + term[2] * v, term[1] + term[3] * v);
+            }
             let line = y * LINE..(y + 1) * LINE;
-            let pixels = still[line.clone()].chunks_exact(3).zip(out[line].chunks_exact_mut(3));
-            for (x, (still, out)) in pixels.enumerate() {
-                let u = (x as f32 - 119.5) / 120.0;
-                for (channel, term) in terms.iter().enumerate() {
-                    let drift = term[0] + term[1] * u + term[2] * v + term[3] * u * v;
-                    out[channel] = (still[channel] + drift).round().clamp(30.0, 225.0) as u8;
-                }
+            let drifts = level.iter().zip(&slope).zip(&across);
+            for ((out, still), ((level, slope), u)) in
+                out[line.clone()].iter_mut().zip(&still[line]).zip(drifts)
+            {
+                let drifted = still + (level + slope * u);
+                let kept = if drifted < 225.0 { drifted } else { 225.0 };
+                *out = ((if kept > 30.0 { kept } else { 30.0 }) + 0.5) as i32 as u8;
             }
         }
     }

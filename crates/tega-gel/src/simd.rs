@@ -34,3 +34,8 @@ dispatched! {
     paint = Canvas::paint,
     (canvas: &mut Canvas, membrane: Option<&Membrane>, unit: &Unit, still: &[u8], noise: (&Noise, Part), out: &mut [u8]) -> ()
 }
+
+dispatched! {
+    /// See [`Noise::drifted`].
+    drifted = Noise::drifted, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [u8]) -> ()
+}

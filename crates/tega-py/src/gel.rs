@@ -32,10 +32,9 @@ impl Gel {
         py: Python<'py>,
         indenters: Vec<Pressing<'py>>,
         index: u64,
-        out: Option<Picture<'py>>,
-    ) -> Result<(Picture<'py>, Found), BindError> {
+        out: Picture<'py>,
+    ) -> Result<Found, BindError> {
         let indenters = collect(indenters)?;
-        let out = out.unwrap_or_else(|| PyArray3::zeros(py, [HEIGHT, WIDTH, 3], false));
         let mut lent = out
             .try_readwrite()
             .map_err(|e| InvalidValueError::new_err((format!("out cannot be written: {e}"), "")))?;
@@ -51,8 +50,7 @@ impl Gel {
             let touch = gel.press(&indenters)?;
             gel.paint(index, pixels).map(|()| touch)
         })?;
-        drop(lent);
-        Ok((out, found(touch)))
+        Ok(found(touch))
     }
 
     #[pyo3(signature = (index, /))]

@@ -33,7 +33,15 @@ import msgspec
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 
-__all__ = ["Calibration", "EmgMaxima", "FingerMaxima", "TouchMaxima", "load_calibration", "save_calibration"]
+__all__ = [
+    "Calibration",
+    "EmgMaxima",
+    "FingerMaxima",
+    "TouchMaxima",
+    "load_calibration",
+    "save_calibration",
+    "toml_text",
+]
 
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
 
@@ -175,7 +183,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         f'format = "{calibration.format}"',
         f"version = {calibration.version}",
         f'preset = "{calibration.preset}"',
-        f"origin = {_text(calibration.origin)}",
+        f"origin = {toml_text(calibration.origin)}",
     ]
     for finger in FingerMaxima.__struct_fields__:
         if (touch := calibration.touch(finger)) is None:
@@ -193,12 +201,12 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
             f'kind = "{emg.kind}"',
             f"rate_hz = {emg.rate_hz!r}",
             f"tau = {emg.tau}",
-            f"channels = [{', '.join(_text(c) for c in emg.channels)}]",
+            f"channels = [{', '.join(toml_text(c) for c in emg.channels)}]",
             f"maxima = [{', '.join(repr(m) for m in emg.maxima)}]",
         ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
-def _text(value: str) -> str:
-    # A JSON string is a TOML basic string.
-    return json.dumps(value, ensure_ascii=False)
+def toml_text(value: str) -> str:
+    """Return a text as TOML has it: a JSON string, with the one sign escaped that JSON lets through."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

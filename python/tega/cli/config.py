@@ -11,6 +11,10 @@ from tega.cli.options import debug_option, json_option
 
 __all__ = ["config"]
 
+# A longer value moves its origin to the right.
+_VALUE_WIDTH = 48
+_UNITS = {"hz": "Hz", "s": "s", "ms": "ms", "n": "N", "mm": "mm", "rad": "rad"}
+
 _sets_option = click.option(
     "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
 )
@@ -27,20 +31,31 @@ def config() -> None:
 @json_option
 @debug_option
 def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
-    """Print every setting, its value and where the value came from.
+    """Print every setting, its value with its unit, and where the value came from.
 
-    With --json: an object per setting, {"key", "value", "origin"}.
+    That is the default, the preset, a line of the file (lab.toml:12), an environment variable, or --set. With --json:
+    an object per setting, {"key", "value", "unit", "origin"}.
     """
     from tega.cli.options import echo_json
     from tega.config import load_config
 
     values = load_config(file, sets=sets).values
     if as_json:
-        echo_json([{"key": k, "value": _plain(v.value), "origin": v.origin} for k, v in values.items()])
+        echo_json(
+            [
+                {"key": k, "value": _plain(v.value), "unit": _unit(k), "origin": v.origin}
+                for k, v in values.items()
+            ]
+        )
         return
+    said = {
+        key: _text(value) if value is None else f"{_text(value)} {_unit(key)}".rstrip()
+        for key, (value, _) in values.items()
+    }
     width = max(map(len, values))
-    for key, (value, origin) in values.items():
-        click.echo(f"{key:<{width}}  {_text(value):<24}  {origin}")
+    value_width = min(_VALUE_WIDTH, max(map(len, said.values())))
+    for key, (_, origin) in values.items():
+        click.echo(f"{key:<{width}}  {said[key]:<{value_width}}  {origin}")
 
 
 @config.command(epilog="Example: tega-teleop config check session.toml")
@@ -67,6 +82,14 @@ def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
         echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
         raise
     echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
+
+
+def _unit(key: str) -> str:
+    """Return the unit that a key's last part names; percent where a page says so."""
+    last = key.rpartition(".")[2]
+    if key in {"vest.threshold", "vest.step", "vest.options.limit"}:
+        return "%"
+    return _UNITS.get(last.rpartition("_")[2], "") if "_" in last else ""
 
 
 def _plain(value: Any) -> Any:

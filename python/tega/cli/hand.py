@@ -181,28 +181,3 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
         f"{timing.incomplete} incomplete sets, {timing.late} gaps over 9 ms, {timing.silences} silences, "
         f"{timing.unsent} frames not taken by the adapter"
     )
-
-
-@hand.command(epilog="Example: tega-teleop hand faults")
-@json_option
-@debug_option
-def faults(*, as_json: bool) -> None:
-    """Try every fault of the emulated hand on the driver and print what happens, and when; takes about a minute."""
-    import msgspec
-
-    from tega.bench.hand_faults import try_faults
-    from tega.cli.options import echo_json
-
-    rows = []
-    if not as_json:
-        click.echo("| fault | the hand | the driver | motors off, ms | told, ms |")
-        click.echo("|---|---|---|---|---|")
-    for row in try_faults():
-        rows.append(msgspec.structs.asdict(row))
-        if not as_json:
-            off, told = ("–" if ms is None else f"{ms:.0f}" for ms in (row.off_ms, row.told_ms))
-            click.echo(
-                f"| {row.fault} | {row.what} | {row.outcome.removeprefix('allegro: ')} | {off} | {told} |"
-            )
-    if as_json:
-        echo_json(rows)

@@ -34,12 +34,11 @@ def identify(
     """
     from tega.cli.options import Stop
     from tega.clock import SystemClock
-    from tega.config import load_config
+    from tega.config import DEFAULT_LAYOUT, load_config
     from tega.devices import driver_class
     from tega.errors import ConfigError
     from tega.haptics import vest_frame
     from tega.teleop.identify import light_motor, motor_place
-    from tega.teleop.session import DEFAULT_LAYOUT
 
     settings = load_config(config, sets=sets).config
     if settings.vest.driver is None:

@@ -33,7 +33,15 @@ _VERBS = {
     "sim-trials": _Verb(
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
     ),
-    "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List the drivers that are installed."),
+    "calibrate": _Verb(
+        "Hardware", "tega.cli.calibrate", "calibrate", "Calibrate fingertips, muscles and vest for a person."
+    ),
+    "practice": _Verb("Hardware", "tega.cli.practice", "practice", "Follow a level with the muscles."),
+    "doctor": _Verb(
+        "Hardware", "tega.cli.doctor", "doctor", "Say what is wrong with the bench, and what to do."
+    ),
+    "init": _Verb("Hardware", "tega.cli.init", "init", "Write a settings file with what is plugged in."),
+    "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List drivers, and devices that are there."),
     "hand": _Verb(
         "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."
     ),

@@ -60,6 +60,9 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         f"({vest['layout']}{sent}), {4 * summary['hand']['ticks']} torque frames"
     )
     _print_safety(out, summary)
+    for name, said in summary.get("inputs", {}).items():
+        away = f", no data {100 * said['no_data_share']:.0f} % of the time" if said["no_data_share"] else ""
+        out.print(f"{name.replace('_', ' ')}: {said['source']}, {said['presses']} presses{away}")
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)
     if (pacing := summary.get("pacing")) is not None:

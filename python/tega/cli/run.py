@@ -14,11 +14,14 @@ __all__ = ["run"]
 
 @click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
 @click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml")
+@click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person).")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @view_options
 @json_option
 @debug_option
-def run(*, config: Path, sets: tuple[str, ...], view: bool, view_port: int, as_json: bool) -> None:
+def run(
+    *, config: Path, person: str | None, sets: tuple[str, ...], view: bool, view_port: int, as_json: bool
+) -> None:
     """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
 
     In a terminal the space bar or q stop it as well.
@@ -26,6 +29,8 @@ def run(*, config: Path, sets: tuple[str, ...], view: bool, view_port: int, as_j
     On every way out the vest is sent zeros and the hand zero torque and SERVO OFF. With --json the summary is
     printed, with a table "measured" of wall_s and real_time_factor.
     """
+    import json
+    import shlex
     import sys
     import time
 
@@ -36,7 +41,10 @@ def run(*, config: Path, sets: tuple[str, ...], view: bool, view_port: int, as_j
     from tega.config import load_config
     from tega.teleop import run_session
 
+    if person is not None:
+        sets = (*sets, f"calibration.person={json.dumps(person)}")
     settings = load_config(config, sets=sets).config
+    name = shlex.quote(str(config))
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
     heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
@@ -54,9 +62,10 @@ def run(*, config: Path, sets: tuple[str, ...], view: bool, view_port: int, as_j
                 observer=observer,
                 progress=progress,
                 stop=stop,
+                settings=name,
             )
         else:
-            summary = run_session(settings, observer=observer, progress=progress, stop=stop)
+            summary = run_session(settings, observer=observer, progress=progress, stop=stop, settings=name)
     wall_s = time.perf_counter() - started
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     if as_json:

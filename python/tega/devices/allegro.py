@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 import numpy as np
 
-from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.base import DeviceInfo, Found, Kind, Options
+from tega.devices.can_links import can_links, link_trouble
 from tega.devices.hand_guard import Guard
 from tega.devices.lifecycle import Opened, require
 from tega.devices.ways_out import closes_on_exit, release
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Allegro", "AllegroOptions"]
 
+_BITRATE = 1_000_000
 # Waiting for a frame ends this soon, so that silence is noticed in time.
 _WAIT_S = 0.002
 # A frame that waits longer is dropped: the next cycle has a newer one.
@@ -66,7 +68,7 @@ class AllegroOptions(Options, frozen=True):
 
     interface: str
     channel: str | int
-    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = 1_000_000
+    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = _BITRATE
     bus: dict[str, Any] = msgspec.field(default_factory=dict)
     device_id: Annotated[int, msgspec.Meta(ge=0, le=3)] = 0
     side: Literal["right", "left"] = "right"
@@ -120,6 +122,23 @@ class Allegro(Opened):
         """Pieces of the adapter's stream that were no frame."""
         self.n_unsent = 0
         """Frames the adapter did not take; the next cycle sends new ones."""
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
+        """List the CAN buses a hand may be on (Linux only); says nothing on them."""
+        found = []
+        for link in can_links():
+            problem, hint = link_trouble(link, bitrate=_BITRATE)
+            options = {"interface": "socketcan", "channel": link.name}
+            found.append(
+                Found(driver="allegro", label=link.name, options=options, problem=problem, hint=hint)
+            )
+        return found
+
+    @classmethod
+    def harmless(cls, options: AllegroOptions) -> AllegroOptions:
+        """The same settings with the motors off, so that the hand is only read."""
+        return msgspec.structs.replace(options, torque=False)
 
     @property
     def info(self) -> DeviceInfo:

@@ -1,4 +1,4 @@
-"""What a device driver is: four small protocols and the records that pass through them.
+"""What a device driver is: five small protocols and the records that pass through them.
 
 A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
 :meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
@@ -10,7 +10,7 @@ gives to a sink is always counted from the start of the session.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, Self, runtime_checkable
 
@@ -24,11 +24,18 @@ if TYPE_CHECKING:
     from tega.wire import CanFrame
 
 __all__ = [
+    "ComparingSource",
     "Device",
     "DeviceInfo",
+    "DiscoveringDevice",
     "EmgChunk",
     "EmgSource",
+    "Found",
     "HandDriver",
+    "HarmlessDevice",
+    "InputEvent",
+    "InputSource",
+    "InputState",
     "Kind",
     "Options",
     "SkippingSource",
@@ -38,7 +45,7 @@ __all__ = [
     "VestSink",
 ]
 
-Kind = Literal["tactile", "emg", "vest", "hand"]
+Kind = Literal["tactile", "emg", "vest", "hand", "input"]
 
 
 class Options(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -50,7 +57,7 @@ class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         driver: Name under which the driver is registered.
-        kind: Which of the four protocols it meets.
+        kind: Which of the five protocols it meets.
         label: What the device or recording is called: a base name, a serial number, a bus; never a full path.
         live: Whether it runs on the monotonic clock; false for a recording.
         rate_hz: Frames or samples per second; ``None`` where only the open device knows, or for a sink.
@@ -69,6 +76,29 @@ class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
     unit: str = ""
     n_items: int | None = None
     notes: tuple[str, ...] = ()
+
+
+class Found(msgspec.Struct, frozen=True, kw_only=True):
+    """Something on this machine that a driver can open, or could if nothing stood in the way.
+
+    Attributes:
+        driver: Name under which the driver is registered.
+        label: What a person would look for: a serial number, a port, a bus.
+        options: The driver's options that reach it, as they stand in a settings file.
+        problem: What stands in the way of opening it, one sentence; ``""`` where nothing is known to.
+        hint: What to do about that.
+        note: What else there is to know of it.
+        may_open: Whether it may be opened to look closer. False for a port that may be anything, since opening
+            one can restart what is there, and for what takes long.
+    """
+
+    driver: str
+    label: str
+    options: dict[str, Any] = msgspec.field(default_factory=dict)
+    problem: str = ""
+    hint: str = ""
+    note: str = ""
+    may_open: bool = True
 
 
 class TactileFrame(NamedTuple):
@@ -99,6 +129,40 @@ class EmgChunk(NamedTuple):
     t_ns: int
     first_index: int
     samples: NDArray[np.float64]
+
+
+class InputState(NamedTuple):
+    """What an operator's input device says now.
+
+    Attributes:
+        t_ns: When it was last heard, on the monotonic clock; a device at rest may say nothing for hours.
+        live: False is "no data": it is away, or stands still in the middle of a motion. Then ``motion`` is zero and
+            nothing is held.
+        motion: Speed asked for, each a share of full deflection from -1 to 1: along x (forward), y (left), z
+            (up) of the robot's base, then about them, right-handed. Zero for a device without axes.
+        held: Names of the buttons that are down.
+    """
+
+    t_ns: int
+    live: bool
+    motion: tuple[float, float, float, float, float, float]
+    held: frozenset[str]
+
+
+class InputEvent(NamedTuple):
+    """A button that went down or up.
+
+    Attributes:
+        t_ns: When it was seen, on the monotonic clock.
+        seq: Its number, from 0; a gap is an event that nobody fetched in time.
+        button: The button's name.
+        pressed: Whether it went down.
+    """
+
+    t_ns: int
+    seq: int
+    button: str
+    pressed: bool
 
 
 @runtime_checkable
@@ -144,6 +208,36 @@ class Device(Protocol):
 
 
 @runtime_checkable
+class DiscoveringDevice(Protocol):
+    """A driver that can say what is there for it; optional, for ``devices``, ``doctor`` and ``init``."""
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> Sequence[Found]:
+        """Look for what this driver can open; opens nothing, sends nothing that changes a device's state.
+
+        Args:
+            timeout_s: How long looking may take.
+
+        Raises:
+            DeviceUnavailableError: It could not look; the message says why.
+        """
+        ...
+
+
+@runtime_checkable
+class HarmlessDevice(Protocol):
+    """A driver that can be opened without consequences; optional for sources and vests, needed for hands.
+
+    A source only reads, and a vest begins with zeros; a hand is opened by ``doctor`` only if its driver has this.
+    """
+
+    @classmethod
+    def harmless(cls, options: Any) -> Any:
+        """Return the options with which opening moves and overwrites nothing, ``None`` where there are none."""
+        ...
+
+
+@runtime_checkable
 class TactileSource(Device, Protocol):
     """A camera behind a gel, or a recording of one."""
 
@@ -163,6 +257,15 @@ class SkippingSource(TactileSource, Protocol):
 
     def skip(self, n_frames: int) -> None:
         """Pass over the next ``n_frames`` frames."""
+        ...
+
+
+@runtime_checkable
+class ComparingSource(TactileSource, Protocol):
+    """A live sensor that tells its own pictures from those of the others beside it."""
+
+    def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
+        """Give it its own baseline and those of the other sensors, by what to call them in a note."""
         ...
 
 
@@ -215,4 +318,17 @@ class SteeredHand(Device, Protocol):
 
     def limp(self) -> Sequence[CanFrame]:
         """Begin to let go and return the frames sent since the last call."""
+        ...
+
+
+@runtime_checkable
+class InputSource(Device, Protocol):
+    """A device in the operator's hand or under the foot: six axes, buttons, or both. Nothing of it ever blocks."""
+
+    def state(self) -> InputState:
+        """Return what it says now."""
+        ...
+
+    def events(self) -> Sequence[InputEvent]:
+        """Return the buttons' events since the last call, oldest first."""
         ...

@@ -44,6 +44,10 @@ class CanRecorder(Opened):
         self._options = options
         self._csv: CsvWriter | None = None
 
+    @classmethod
+    def harmless(cls, options: CanRecorderOptions) -> None:
+        """Nothing: opening would empty its file."""
+
     @property
     def info(self) -> DeviceInfo:
         """Name and unit."""

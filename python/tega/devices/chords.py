@@ -153,4 +153,4 @@ class Chords(LiveSerialEmg):
     def _instead(self) -> str:
         if not self._n_bytes:
             return ""
-        return f"{self._n_bytes} bytes came, {self._decoder.packets} packets among them"
+        return f"since it was opened {self._n_bytes} bytes came, {self._decoder.packets} packets among them"

@@ -6,9 +6,10 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from tega.devices.base import Options
+from tega.devices.base import Found, Options
 from tega.devices.live_emg import Arrived
 from tega.devices.live_serial import LiveSerialEmg, LiveSerialOptions
+from tega.devices.serial_boards import find_boards
 from tega.devices.serial_port import SerialPort
 from tega.errors import DeviceUnavailableError
 
@@ -51,6 +52,15 @@ class Cyton(LiveSerialEmg):
         super().__init__(options)
         self._options = options
         self._firmware = ""
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the USB serial ports with the adapter that a Cyton's dongle has; opens none.
+
+        Raises:
+            MissingExtraError: pyserial is not installed.
+        """
+        return find_boards(cls.name, dongles=True)
 
     def _start(self) -> None:
         """Silence the board, reset it, set its channels, and start the stream.
@@ -143,7 +153,7 @@ class Cyton(LiveSerialEmg):
     def _instead(self) -> str:
         if not self._n_bytes:
             return ""
-        return f"{self._n_bytes} bytes came, {self._decoder.packets} packets among them"
+        return f"since it was opened {self._n_bytes} bytes came, {self._decoder.packets} packets among them"
 
 
 def _short(said: str) -> str:

@@ -5,15 +5,18 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
 
-from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
+from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
+from tega.devices.digit_search import find_digits
 from tega.devices.lifecycle import Opened
 from tega.devices.opencv import load_cv2
 from tega.devices.picture_check import CameraCounts, PictureCheck
+from tega.devices.picture_origin import PictureOrigin
 from tega.devices.video_nodes import find_node
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import ConfigError, DeviceUnavailableError
@@ -29,6 +32,9 @@ _BACK_OFF_S = (0.25, 4.0)
 # From this firmware on the three colours have levels of their own.
 _RGB_REVISION = 0x0200
 _GAP = 1.5
+# The true rate is counted over so many seconds, and told where it is below this share of what was agreed.
+_RATE_S = 2.0
+_STARVED_SHARE = 0.8
 
 
 class DigitOptions(Options, frozen=True):
@@ -58,9 +64,9 @@ class DigitOptions(Options, frozen=True):
 class Digit(Opened):
     """Gives the newest picture, never an old one: a thread drains the camera and keeps one picture.
 
-    Pictures that are torn, black, repeated or of another size are counted and not given, so a finger without good
-    pictures falls silent. A camera that goes away is looked for again, by its serial number, after 0.25 s and then
-    at most 4 s, and set up anew.
+    Pictures that are torn, black, repeated, of another size or another sensor's are counted and not given, so
+    a finger without good pictures falls silent. A camera that goes away is looked for again, by its serial
+    number, after 0.25 s and then at most 4 s, and set up anew.
 
     Args:
         options: The settings.
@@ -87,6 +93,14 @@ class Digit(Opened):
         self._notes: tuple[str, ...] = ()
         self._trouble = ""
         self.counts = CameraCounts()
+        self._check = PictureCheck(self.counts)
+        self._window = (0, 0)
+        self._starved_hz: float | None = None
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
+        """List the DIGITs that are plugged in, with what stands in the way of opening one; opens none."""
+        return find_digits()
 
     @property
     def info(self) -> DeviceInfo:
@@ -99,7 +113,7 @@ class Digit(Opened):
             live=True,
             rate_hz=self._rate_hz,
             unit="counts of 255",
-            notes=self._notes,
+            notes=(*self._notes, *self._rate_notes(), *self._origin_notes()),
         )
 
     def open(self) -> None:
@@ -124,7 +138,9 @@ class Digit(Opened):
         os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
         self._cv2 = load_cv2("digit")
         self.counts = CameraCounts()
+        self._check = PictureCheck(self.counts)
         self._newest, self._given, self._trouble = None, -1, ""
+        self._starved_hz = None
         capture = self._capture()
         self._leaving.clear()
         self._thread = threading.Thread(target=self._run, args=(capture,), name="digit", daemon=True)
@@ -140,6 +156,18 @@ class Digit(Opened):
             f"({self.counts.received} came: {self.counts.black} black, {self.counts.torn} torn, "
             f"{self.counts.duplicate} repeated, {self.counts.odd_size} not {o.width}×{o.height}){self._trouble}",
             "unplug it and plug it in again; use another cable or USB port",
+        )
+
+    def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
+        """Give it the baselines by which it tells its own pictures from those of other sensors, until it is closed.
+
+        Args:
+            own: Its baseline, uint8 (H, W, 3), oriented as its pictures are.
+            others: The other sensors' baselines, likewise, by what to call them in a note.
+        """
+        turns = -1 if self._options.orientation == "upright" else 0
+        self._check.origin = PictureOrigin(
+            np.rot90(own, turns), {name: np.rot90(other, turns) for name, other in others.items()}
         )
 
     def close(self) -> None:
@@ -188,7 +216,7 @@ class Digit(Opened):
             capture.release()
             raise DeviceUnavailableError(
                 f"digit {self.info.label}: the camera does not open",
-                "another program may use it; udev has to let you read it",
+                "another program may use it; your user may not read it (tega-teleop doctor --udev-rules)",
             )
         if local:
             try:
@@ -250,10 +278,41 @@ class Digit(Opened):
         if capture is not None:
             capture.release()
 
+    def _count_rate(self, t_ns: int) -> None:
+        """Count how many pictures come, in windows of two seconds."""
+        begin_ns, n = self._window
+        if t_ns - begin_ns >= _RATE_S * 1e9:
+            hz = (self.counts.received - n) / ((t_ns - begin_ns) * 1e-9)
+            if n and hz < _STARVED_SHARE * self._rate_hz:
+                self._starved_hz = min(hz, self._starved_hz or hz)
+            self._window = (t_ns, self.counts.received)
+
+    def _rate_notes(self) -> tuple[str, ...]:
+        if self._starved_hz is None:
+            return ()
+        return (
+            f"only {self._starved_hz:.0f} pictures a second came for a while where {self._rate_hz:g} were agreed: "
+            "give the sensor a USB controller of its own, or set rate_hz = 30",
+        )
+
+    def _origin_notes(self) -> tuple[str, ...]:
+        notes = [
+            f"pictures showed lines of the sensor of {other} (up to {100 * share:.0f} % of a picture): not used; "
+            "give the sensors USB controllers of their own or a lower rate"
+            for other, share in self._check.foreign_shares.items()
+        ]
+        if self.counts.unlike:
+            notes.append(
+                f"{self.counts.unlike} of {self.counts.received} pictures are unlike the baseline nearly everywhere: "
+                "the gel has moved, the lights have changed, or this is another sensor than the baseline's"
+            )
+        return tuple(notes)
+
     def _drain(self, capture: Any) -> bool:
         """Read one capture until it fails; return whether it gave anything."""
-        check, any_came = PictureCheck(self.counts), False
+        check, any_came = self._check, False
         opened_ns, last_ns = time.monotonic_ns(), 0
+        self._window = (opened_ns, 0)
         while not self._leaving.is_set():
             came, sent = capture.read()
             if not came:
@@ -270,6 +329,7 @@ class Digit(Opened):
                 self.counts.odd_size += 1
                 continue
             verdict = check.judge(image)
+            self._count_rate(t_ns)
             if verdict == "good" and time.monotonic_ns() - opened_ns >= self._options.warm_up_s * 1e9:
                 self._give(t_ns, image)
         return any_came

@@ -99,7 +99,9 @@ class EmgHealth:
 
     def words(self) -> tuple[str, ...]:
         """Return every finding so far, one sentence each, with how long it lasted."""
-        found = [f"{words} (for {n * _LOOK_S:g} s)" for words, n in self._looks.items()]
+        # A copy, since another thread may ask while samples arrive.
+        looks = list(self._looks.items())
+        found = [f"{words} (for {n * _LOOK_S:g} s)" for words, n in looks]
         if self._gaps:
             longest_ms = 1000 * max(self._gaps) / self._rate_hz
             found.insert(

@@ -37,6 +37,9 @@ _HELD_UP_S = 0.4
 # A port's buffers are empty after this many looks, or it is not only what has waited that comes.
 _MOST_WAITING = 64
 
+# On a machine that is never still for long enough, opening gives up after this long.
+_MOST_MEASURING_S = 30.0
+
 # A measurement disturbed by a busy machine evens out with time: it may take this many times as long before a refusal.
 _PATIENCE = 5
 
@@ -177,11 +180,17 @@ class LiveEmg(Opened):
         """What the signal looks like; ``None`` before the source was opened."""
         return self._health
 
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """The converter's limits in the unit of the samples, where they are known."""
+        return self._limits()
+
     def open(self) -> None:
         """Connect, switch the stream on and measure its true rate; the samples of that time are not delivered.
 
         Raises:
-            DeviceUnavailableError: It is not there, does not answer, or sends no sample.
+            DeviceUnavailableError: It is not there, does not answer, or sends no sample; or this machine is too busy to
+                measure its rate.
             SampleRateError: It is too slow for the filter, or not as fast as it is said to be.
             MissingExtraError: A package it needs is not installed.
         """
@@ -300,11 +309,13 @@ class LiveEmg(Opened):
         """Wait for the first sample, then measure until the rate is proven or certainly another."""
         wait_s, patience_s = self._settings.start_s, _PATIENCE * self._settings.measure_s
         waited_s = measured_s = 0.0
+        most_s, spent_s = wait_s + max(_MOST_MEASURING_S, 2 * patience_s), 0.0
         while True:
             before_s, self._silent_s = time.monotonic(), 0.0
             time.sleep(POLL_S)
             self._collect()
             looked_s = time.monotonic() - before_s
+            spent_s += min(looked_s, 1.0)  # being stopped for a while is one disturbance, however long
             if looked_s > _LOOKED_AWAY_S:
                 # The machine was busy elsewhere: begin again.
                 clock.forget_rate()
@@ -322,6 +333,12 @@ class LiveEmg(Opened):
                     return
                 if measured_s > patience_s:
                     raise wrong_rate(f"{self.name}: {self._label()}", measured_hz, rate_hz)
+            if spent_s > most_s:
+                raise DeviceUnavailableError(
+                    f"{self.name}: this machine was too busy for {most_s:g} s to measure the sample rate of "
+                    f"{self._label()}",
+                    "end what else runs on it",
+                )
 
     def _check_running(self, clock: SampleClock) -> None:
         rate_hz, measured_hz = self._rate_hz(), clock.measured_hz

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import time
+from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
 
-from tega.devices.base import Options
+from tega.devices.base import Found, Options
 from tega.devices.lifecycle import require
 from tega.devices.live_emg import Arrived, LiveEmg, LiveEmgOptions
 from tega.errors import DeviceUnavailableError
@@ -20,6 +23,8 @@ __all__ = ["LslEmg", "LslEmgOptions"]
 
 # Stamps further apart than this are a gap; below it they are the sender's jitter.
 _GAP_S = 0.1
+# Streams on one network answer at once; those that start late are found the next time.
+_LOOK_S = 1.5
 _BUFFER_S = 10
 _MOST_SAMPLES = 4096
 
@@ -64,6 +69,27 @@ class LslEmg(LiveEmg):
         self._correction_s = 0.0
         self._to_monotonic_s = 0.0
 
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:
+        """List the streams of numbers on the network that say they are EMG.
+
+        Raises:
+            MissingExtraError: pylsl is not installed.
+        """
+        lsl = _load_lsl()
+        return [
+            Found(
+                driver=cls.name,
+                label=f"{stream.name()} from {stream.hostname()}",
+                options={"by": "source_id", "value": stream.source_id()}
+                if stream.source_id()
+                else {"by": "name", "value": stream.name()},
+                note=f"{stream.channel_count()} channels at {stream.nominal_srate():g} Hz",
+            )
+            for stream in lsl.resolve_byprop("type", "EMG", minimum=0, timeout=min(timeout_s, _LOOK_S))
+            if stream.channel_format() != lsl.cf_string
+        ]
+
     def _start(self) -> None:
         """Find the stream and connect to it.
 
@@ -71,7 +97,7 @@ class LslEmg(LiveEmg):
             DeviceUnavailableError: There is none or more than one, or it is not made of numbers.
         """
         o = self._options
-        lsl = require("pylsl", driver=self.name, extra=self.extra)
+        lsl = _load_lsl()
         found = lsl.resolve_byprop(o.by, o.value, minimum=1, timeout=o.start_s)
         if len(found) != 1:
             said = (
@@ -156,3 +182,13 @@ class LslEmg(LiveEmg):
 
     def _label(self) -> str:
         return self._options.value.replace("/", "_").replace("\\", "_")
+
+
+def _load_lsl() -> Any:
+    """Import pylsl; where nobody has configured its library, only its errors are printed."""
+    own = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
+    if not any(file.exists() for file in own):
+        quiet = files("tega").joinpath("data", "lsl_api.cfg")
+        # Read once, when the library is loaded.
+        os.environ.setdefault("LSLAPICFG", str(quiet))
+    return require("pylsl", driver=LslEmg.name, extra=LslEmg.extra)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
+from tega.devices.picture_origin import PictureOrigin
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -31,6 +33,8 @@ class CameraCounts(msgspec.Struct, kw_only=True):
         stuck: Times the source sent the same picture three times or more.
         black: Pictures without light.
         odd_size: Pictures of another size than the first.
+        foreign: Pictures that show, in part or whole, what another sensor sees.
+        unlike: Pictures that are far from the own baseline nearly everywhere and near to no other's; used.
         lost: Times the camera went away.
     """
 
@@ -42,6 +46,8 @@ class CameraCounts(msgspec.Struct, kw_only=True):
     stuck: int = 0
     black: int = 0
     odd_size: int = 0
+    foreign: int = 0
+    unlike: int = 0
     lost: int = 0
 
 
@@ -50,14 +56,22 @@ class PictureCheck:
 
     Args:
         counts: Counted up along the way.
+
+    Attributes:
+        origin: Tells whether a picture is another sensor's; ``None`` for no such check.
+        foreign_shares: Of each sensor whose lines were seen, the largest share of a picture.
     """
 
     def __init__(self, counts: CameraCounts) -> None:
         self._counts = counts
         self._last: NDArray[np.uint8] | None = None
         self._n_equal = 0
+        self.origin: PictureOrigin | None = None
+        self.foreign_shares: dict[str, float] = {}
 
-    def judge(self, image: NDArray[np.uint8]) -> Literal["good", "odd_size", "duplicate", "black", "torn"]:
+    def judge(
+        self, image: NDArray[np.uint8]
+    ) -> Literal["good", "odd_size", "duplicate", "black", "torn", "foreign"]:
         """Tell whether a picture can be used; the reason is counted.
 
         Args:
@@ -83,5 +97,14 @@ class PictureCheck:
         if (tail == tail[-1, -1]).all() or (last is not None and np.array_equal(tail, last[-n_rows:])):
             counts.torn += 1
             return "torn"
+        if self.origin is not None:
+            origin = self.origin.judge(image)
+            if origin.other:
+                counts.foreign += 1
+                self.foreign_shares[origin.other] = max(
+                    origin.share, self.foreign_shares.get(origin.other, 0.0)
+                )
+                return "foreign"
+            counts.unlike += origin.unlike
         counts.used += 1
         return "good"

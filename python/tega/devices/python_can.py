@@ -58,6 +58,11 @@ class PythonCan(Opened):
         self._bus: Any = None
         self._can: Any = None
 
+    @classmethod
+    def harmless(cls, options: PythonCanOptions) -> PythonCanOptions:
+        """The options as they are: an open bus sends nothing by itself."""
+        return options
+
     @property
     def info(self) -> DeviceInfo:
         """Name of the bus."""

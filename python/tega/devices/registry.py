@@ -18,7 +18,16 @@ from typing import Any, Literal, overload
 
 import msgspec
 
-from tega.devices.base import Device, EmgSource, HandDriver, Kind, SteeredHand, TactileSource, VestSink
+from tega.devices.base import (
+    Device,
+    EmgSource,
+    HandDriver,
+    InputSource,
+    Kind,
+    SteeredHand,
+    TactileSource,
+    VestSink,
+)
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
 
 __all__ = ["DriverRecord", "driver_class", "driver_names", "list_drivers"]
@@ -31,7 +40,7 @@ class DriverRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: Name to use in a settings file.
-        kind: tactile, emg, vest or hand; ``""`` when the driver's module does not load.
+        kind: tactile, emg, vest, hand or input; ``""`` when the driver's module does not load.
         summary: What it is, in one line.
         package: The distribution that brings it.
         ready: Whether the packages it needs are installed (nothing is opened to find out).
@@ -63,6 +72,8 @@ def driver_class(name: str, kind: Literal["emg"]) -> type[EmgSource]: ...
 def driver_class(name: str, kind: Literal["vest"]) -> type[VestSink]: ...
 @overload
 def driver_class(name: str, kind: Literal["hand"]) -> type[HandDriver | SteeredHand]: ...
+@overload
+def driver_class(name: str, kind: Literal["input"]) -> type[InputSource]: ...
 @overload
 def driver_class(name: str, kind: Kind | None = None) -> type[Device]: ...
 def driver_class(name: str, kind: Kind | None = None) -> type[Device]:

@@ -101,7 +101,7 @@ class SampleClock:
     @property
     def measured_hz(self) -> float | None:
         """Samples per second over the last ten seconds, the missing ones counted in; ``None`` before 0.2 s."""
-        # A copy: a summary asks while the source's thread goes on.
+        # A copy, since another thread may ask while samples arrive.
         points = list(self._points)
         if len(points) < 3 or points[-1][1] - points[0][1] < _LEAST_FIT_NS:
             return None

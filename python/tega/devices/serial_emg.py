@@ -6,9 +6,10 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from tega.devices.base import Options
+from tega.devices.base import Found, Options
 from tega.devices.live_emg import Arrived
 from tega.devices.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
+from tega.devices.serial_boards import find_boards
 
 __all__ = ["SerialEmg", "SerialEmgOptions"]
 
@@ -47,17 +48,29 @@ class SerialEmg(LiveSerialEmg):
     def __init__(self, options: SerialEmgOptions) -> None:
         super().__init__(options)
         self._options = options
+        self._n_rows = 0
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the USB serial ports that may have a board behind them; opens none.
+
+        Raises:
+            MissingExtraError: pyserial is not installed.
+        """
+        return find_boards(cls.name, dongles=False)
 
     def _start(self) -> None:
         from tega.wire import AsciiEmgDecoder
 
         o = self._options
         self._connect(o.baud)
+        self._n_rows = 0
         self._decoder = AsciiEmgDecoder(o.columns, leading=o.leading)
 
     def _arrived(self) -> Arrived | None:
         data, arrival_ns = self._received()
         samples = self._decoder.feed(data)
+        self._n_rows += len(samples)
         return Arrived(samples, None, arrival_ns) if len(samples) else None
 
     def _rate_hz(self) -> float:
@@ -85,9 +98,10 @@ class SerialEmg(LiveSerialEmg):
         if not self._n_bytes:
             return ""
         if not self._decoder.rejected_lines:
-            return f"{self._n_bytes} bytes came without a whole line among them"
+            return "" if self._n_rows else f"{self._n_bytes} bytes came without a whole line among them"
         fields = self._options.columns + self._options.leading
         return f"a line of {fields} numbers was expected, the last one was {self._said()}"
 
     def _said(self) -> str:
-        return repr(self._decoder.last_rejected[:40].decode("ascii", "replace").strip())
+        line = self._decoder.last_rejected[:40].decode("ascii", "replace").strip()
+        return repr(line) if line.isascii() and line.isprintable() else "no text: is baud the board's own?"

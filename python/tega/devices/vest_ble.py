@@ -10,7 +10,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.base import Options
+from tega.devices.base import Found, Options
+from tega.devices.bluetooth_state import bluetooth_trouble
 from tega.devices.lifecycle import require
 from tega.devices.vest_ble_guard import MOTORS, Guard
 from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
@@ -64,6 +65,38 @@ class BleVest(StreamedVest):
     def __init__(self, options: BleOptions) -> None:
         super().__init__(options)
         self._options = options
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:
+        """Listen for vests; connects to none.
+
+        Raises:
+            DeviceUnavailableError: There is no Bluetooth, or it is switched off.
+            MissingExtraError: bleak is not installed.
+        """
+        bleak = require("bleak", driver=cls.name, extra=cls.extra)
+        try:
+            heard = asyncio.run(
+                asyncio.wait_for(bleak.BleakScanner.discover(timeout=0.7 * timeout_s), timeout_s)
+            )
+        except (OSError, EOFError, TimeoutError, bleak.exc.BleakError) as error:
+            why, hint = bluetooth_trouble()
+            raise DeviceUnavailableError(
+                why or f"Bluetooth does not answer ({error or type(error).__name__})",
+                hint
+                or "on Linux: systemctl start bluetooth; in a container the system's D-Bus socket is needed",
+            ) from error
+        return [
+            Found(
+                driver=cls.name,
+                label=f"{device.name} at {device.address}",
+                options={"address": device.address},
+                note="heard, not connected to",
+                may_open=False,
+            )
+            for device in heard
+            if (device.name or "").startswith(_NAMES)
+        ]
 
     @property
     def _label(self) -> str:

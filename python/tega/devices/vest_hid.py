@@ -6,7 +6,6 @@ No bHaptics vest is a HID device, and this driver cannot open one. It talks to a
 
 from __future__ import annotations
 
-import sys
 import time
 from typing import Annotated, Any, ClassVar
 
@@ -14,8 +13,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.base import Options
-from tega.devices.lifecycle import require
+from tega.devices.base import Found, Options
+from tega.devices.hid_device import hid_module
 from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
 from tega.wire import HidStatus, hid_motor_report, hid_status, hid_stop_report
@@ -64,6 +63,23 @@ class HidVest(StreamedVest):
         super().__init__(options)
         self._options = options
 
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the USB boards with the vendor and product number of the default settings.
+
+        Raises:
+            DeviceUnavailableError: hidapi is not installed, or is hidden by another package.
+        """
+        usual = HidVestOptions()
+        return [
+            Found(
+                driver=cls.name,
+                label=board["serial_number"] or f"{usual.vendor_id:04x}:{usual.product_id:04x}",
+                options={"serial": board["serial_number"]} if board["serial_number"] else {},
+            )
+            for board in hid_module(cls.name).enumerate(usual.vendor_id, usual.product_id)
+        ]
+
     @property
     def _label(self) -> str:
         o = self._options
@@ -102,19 +118,13 @@ class _HidLink:
 
     def connect(self) -> None:
         o = self._options
-        # On Linux only the wheel's second module goes through the kernel's own driver for such devices.
-        hid = require("hidraw" if sys.platform == "linux" else "hid", driver=HidVest.name, extra="lab")
-        if not hasattr(hid, "device"):
-            raise DeviceUnavailableError(
-                "the package 'hid' hides 'hidapi', which installs a module of the same name",
-                "pip uninstall hid, then pip install --force-reinstall hidapi",
-            )
+        hid = hid_module(HidVest.name)
         found = [d for d in hid.enumerate(o.vendor_id, o.product_id) if o.serial in {"", d["serial_number"]}]
         wanted = f"{o.vendor_id:04x}:{o.product_id:04x}" + (f", serial number {o.serial}" if o.serial else "")
         if not found:
             raise DeviceUnavailableError(
                 f"no USB board {wanted} is there",
-                "is it plugged in, and may you open it? see docs/device-vest.md for the udev rule",
+                "is it plugged in, and may you open it? tega-teleop doctor --udev-rules prints the rule",
             )
         device = hid.device()
         try:
@@ -123,7 +133,7 @@ class _HidLink:
         except OSError as error:
             raise DeviceUnavailableError(
                 f"the USB board {wanted} is there but does not open: {error}",
-                "another program may have it, or its udev rule is missing: see docs/device-vest.md",
+                "another program may have it, or its udev rule is missing: tega-teleop doctor --udev-rules prints it",
             ) from error
         self._device = device
         deadline = time.monotonic() + min(_ANSWER_S, o.open_timeout_s * 0.6)

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.base import Options
+from tega.devices.base import Found, Options
 from tega.devices.lifecycle import require
 from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
@@ -61,6 +61,16 @@ class PlayerVest(StreamedVest):
     def __init__(self, options: PlayerOptions) -> None:
         super().__init__(options)
         self._options = options
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:
+        """See whether something listens where a Player on this machine does."""
+        here = PlayerOptions()
+        try:
+            socket.create_connection((here.host, here.port), timeout=min(timeout_s, 1.0)).close()
+        except OSError:
+            return []
+        return [Found(driver=cls.name, label=f"Player at {here.host}:{here.port}")]
 
     @property
     def _label(self) -> str:

@@ -45,6 +45,10 @@ class VestRecorder(Opened):
         self._csv: CsvWriter | None = None
         self._motors: tuple[int, ...] = ()
 
+    @classmethod
+    def harmless(cls, options: VestRecorderOptions) -> None:
+        """Nothing: opening would empty its file."""
+
     @property
     def info(self) -> DeviceInfo:
         """Name and unit."""

@@ -49,6 +49,10 @@ class ScreenVest(StreamedVest):
         super().__init__(options)
         self._options = options
 
+    @classmethod
+    def harmless(cls, options: ScreenVestOptions) -> None:
+        """Nothing: drawing would disturb what the terminal shows."""
+
     @property
     def _label(self) -> str:
         terminal = self._options.terminal

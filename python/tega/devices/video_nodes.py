@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from tega.devices.sysfs import attribute
 from tega.errors import DeviceUnavailableError
 
 __all__ = ["SYSFS", "VideoNode", "find_node", "video_nodes"]
@@ -21,12 +22,16 @@ class VideoNode(NamedTuple):
         name: What the kernel calls the camera.
         serial: Its USB serial number; ``""`` where it has none.
         revision: Its firmware revision, 0x0200 for 2.00; 0 where it is not known.
+        usb_id: Vendor and product, such as ``2833:0209``; ``""`` for a camera that is not on USB.
+        bus: Number of the USB bus it shares with others; ``""`` likewise.
     """
 
     device: str
     name: str
     serial: str
     revision: int
+    usb_id: str = ""
+    bus: str = ""
 
 
 def video_nodes(sysfs: Path = SYSFS) -> list[VideoNode]:
@@ -37,17 +42,19 @@ def video_nodes(sysfs: Path = SYSFS) -> list[VideoNode]:
     """
     nodes = []
     for entry in sorted(sysfs.glob("video*"), key=lambda p: [int(n) for n in re.findall(r"\d+", p.name)]):
-        if _text(entry / "index") not in {"0", ""}:
+        if attribute(entry / "index") not in {"0", ""}:
             continue
         # The node hangs on a USB interface; serial number and revision are the device's, one level up.
         usb = (entry / "device").resolve().parent
-        revision = _text(usb / "bcdDevice")
+        revision = attribute(usb / "bcdDevice")
         nodes.append(
             VideoNode(
                 f"/dev/{entry.name}",
-                _text(entry / "name"),
-                _text(usb / "serial"),
+                attribute(entry / "name"),
+                attribute(usb / "serial"),
                 int(revision, 16) if re.fullmatch(r"[0-9a-fA-F]{4}", revision) else 0,
+                ":".join(filter(None, (attribute(usb / "idVendor"), attribute(usb / "idProduct")))),
+                attribute(usb / "busnum"),
             )
         )
     return nodes
@@ -72,10 +79,3 @@ def find_node(serial: str, sysfs: Path = SYSFS) -> VideoNode:
         f"no camera has the serial number {serial!r}; there are: {there or 'none'}",
         "check the cable (some only charge) and the number; a DIGIT needs about 3 s after plugging in",
     )
-
-
-def _text(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError):
-        return ""

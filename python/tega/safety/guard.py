@@ -143,6 +143,7 @@ class Guard:
         stamps: Mapping[str, int],
         counts: Mapping[str, int],
         good_emg: bool = True,
+        released: str = "",
     ) -> None:
         """Look at everything.
 
@@ -152,6 +153,7 @@ class Guard:
             stamps: Time of the newest item of each stream that has given one.
             counts: Items of each stream so far.
             good_emg: Whether any channel of the newest block is to be believed.
+            released: Why the dead-man does not count as held; ``""`` while it is, or where there is none.
         """
         late = self._too_late(late_ns)
         self._next_ns = t_ns + _LOOK_NS
@@ -173,6 +175,8 @@ class Guard:
                 wrong[name] = f"{name}: not reached, so touch is not felt"
                 if s.vest_lost == "hold":
                     holding[name] = wrong[name]
+        if released:
+            holding["dead_man"] = released
         if late:
             holding["loop"] = f"the loop was {late_ns / 1e6:.0f} ms late"
         for name in [stream.name for stream in self._streams] + list(self._vests):

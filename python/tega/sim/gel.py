@@ -99,9 +99,10 @@ class Gel:
             InvalidValueError: A shape is not known, a number is out of range, or ``out`` cannot be written.
             ShapeError: ``pose_mm`` is not (3, 4) or ``out`` not as above.
         """
-        image, truth = self._gel.frame(_poses(indenters), index, out=out)
-        self._truth = GelTruth._make(truth)
-        return image
+        if out is None:
+            out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+        self._truth = GelTruth._make(self._gel.frame(_poses(indenters), index, out=out))
+        return out
 
     def press(self, indenters: Sequence[Indenter]) -> GelTruth:
         """Press shapes in without making a picture; :attr:`truth` and the arrays below are then of this press.

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["SimulatedAllegro", "SimulatedBus"]
 
 COUNTS_PER_TORQUE = 1200.0
-# Torques come a thousand times as often as anything else: the firmware takes their four words as they lie.
-_TORQUES = Struct("<4h")
+# Torques come a thousand times as often as anything else, and in sets: the firmware takes their words as they lie.
+_TORQUES, _FINGER = Struct("<16h"), Struct("<4h")
 
 
 class SimulatedAllegro:
@@ -88,21 +88,28 @@ class SimulatedBus:
         self._scale = full_duty / COUNTS_PER_TORQUE
         self._device_id = device_id
         fingers = allegro_torque_frames(np.zeros(16), device_id=device_id)
-        self._first_joint = {frame.id: 4 * number for number, frame in enumerate(fingers)}
+        self._set_ids = [frame.id for frame in fingers]
         self._counts = np.zeros(16)
         self.n_rejected = 0
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no clock
         """Act on frames in their order."""
-        for frame in frames:
-            first = self._first_joint.get(frame.id)
-            if first is not None and len(frame.data) == _TORQUES.size:
-                self._counts[first : first + 4] = _TORQUES.unpack(frame.data)
-                continue
-            message = allegro_decode(frame, device_id=self._device_id)
-            if isinstance(message, AllegroServo) and not message.on:
-                self._counts[:] = 0.0
-            else:
-                self.n_rejected += 1
+        words = b"".join([frame.data for frame in frames])
+        if len(words) == _TORQUES.size and [frame.id for frame in frames] == self._set_ids:
+            self._counts[:] = _TORQUES.unpack(words)
+        else:
+            for frame in frames:
+                self._take(frame)
         self._apply(self._counts * self._scale)
         return frames
+
+    def _take(self, frame: CanFrame) -> None:
+        if frame.id in self._set_ids and len(frame.data) == _FINGER.size:
+            first = 4 * self._set_ids.index(frame.id)
+            self._counts[first : first + 4] = _FINGER.unpack(frame.data)
+            return
+        message = allegro_decode(frame, device_id=self._device_id)
+        if isinstance(message, AllegroServo) and not message.on:
+            self._counts[:] = 0.0
+        else:
+            self.n_rejected += 1

@@ -13,9 +13,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
-
-import numpy as np
 
 from tega.config import FINGERS
 from tega.devices.base import EmgChunk, TactileFrame
@@ -24,6 +23,7 @@ from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter
 from tega.teleop.streams import QueuedStream
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from tega.haptics import VestFrame
@@ -45,7 +45,6 @@ CAMERA_DELAY_NS = 25_000_000
 """From exposure to the loop, nanoseconds; measured systems need 17 to 33 ms."""
 
 _TAIL = 400
-_LEVELS = np.arange(1.0, 6.0)
 _PLACING = frozenset({"place", "release", "done"})
 
 
@@ -115,7 +114,7 @@ class Rig:
     ) -> None:
         self.world = world
         self._closing = poses_rad[4] - poses_rad[0]
-        self._at_level = poses_rad @ self._closing
+        self._at_level: list[float] = (poses_rad @ self._closing).tolist()
         self._gels = [gels[finger] for finger in FINGERS]
         self._meters = [meters[finger] for finger in FINGERS]
         self._person, self._emg, self._worn = person, emg, worn
@@ -194,7 +193,11 @@ class Rig:
 
     def closure(self) -> float:
         """Return the hand's closure as it can be seen: 1 in the open pose, 5 in the tight one."""
-        return float(np.interp(self.world.angles_rad @ self._closing, self._at_level, _LEVELS))
+        at = float(self.world.angles_rad @ self._closing)
+        for level, (one, other) in enumerate(pairwise(self._at_level), start=1):
+            if at < other:
+                return level + max(0.0, (at - one) / (other - one))
+        return 5.0
 
     def _ends(self, t_ns: int, act: Act) -> bool:
         if act.phase == "done" or t_ns >= self._end_ns:

@@ -42,7 +42,7 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
     if source.info.live:
         raise CalibrationError(
             f"finger {finger!r} has a live sensor and no baseline",
-            "record the untouched gel and name the picture",
+            "calibrate it (tega-teleop calibrate), or name a picture of the untouched gel",
         )
     frames = _spread(source)
     n_items = source.info.n_items

@@ -14,7 +14,7 @@ from tega.haptics import Layout, VestFrame, vest_frame
 if TYPE_CHECKING:
     from tega.devices.base import VestSink
 
-__all__ = ["light_motor", "motor_place"]
+__all__ = ["light_motor", "motor_place", "show_frame"]
 
 _PERIOD_NS = 50_000_000  # well within a vest's watchdog
 
@@ -67,15 +67,45 @@ def light_motor(
         raise InvalidValueError(
             f"motor {motor} is not one of layout {layout!r} (or percent is 0)", f"it has {known}"
         )
-    frame = VestFrame(layout, lit)
+    show_frame(
+        vest, VestFrame(layout, lit), duration_s=duration_s, clock=clock, stop=stop, what=f"motor {motor}"
+    )
+
+
+def show_frame(
+    vest: VestSink,
+    frame: VestFrame,
+    *,
+    duration_s: float,
+    clock: Clock,
+    what: str,
+    stop: Callable[[], bool] = lambda: False,
+) -> None:
+    """Show a frame for a while, then none, also when it is interrupted.
+
+    Args:
+        vest: An open vest.
+        frame: What to show.
+        duration_s: How long.
+        clock: Time.
+        what: What it is, for the error.
+        stop: Asked all the time whether to end early.
+
+    Raises:
+        DeviceUnavailableError: The vest did not show it all the time.
+    """
+    silent = VestFrame(frame.layout, np.zeros_like(frame.intensities))
     start_ns = clock.now_ns()
     shown = True
-    for k in range(round(duration_s * 1e9) // _PERIOD_NS + 1):
-        clock.sleep_until(start_ns + k * _PERIOD_NS)
-        if stop():
-            break
-        shown = bool(vest.write(k * _PERIOD_NS, frame).intensities.any()) and shown
-    vest.write(clock.now_ns() - start_ns, silent)
+    try:
+        for k in range(round(duration_s * 1e9) // _PERIOD_NS + 1):
+            clock.sleep_until(start_ns + k * _PERIOD_NS)
+            if stop():
+                break
+            sent = vest.write(k * _PERIOD_NS, frame)
+            shown = bool(sent.intensities.any() or not frame.intensities.any()) and shown
+    finally:
+        vest.write(clock.now_ns() - start_ns, silent)
     if not shown:
         notes = "; ".join(vest.info.notes) or "its link was down"
-        raise DeviceUnavailableError(f"the vest did not show motor {motor} all the time: {notes}")
+        raise DeviceUnavailableError(f"the vest did not show {what} all the time: {notes}")

@@ -14,6 +14,7 @@ import msgspec
 
 from tega.errors import TegaError
 from tega.teleop.hand import HAND_TICK_NS, Hand
+from tega.teleop.inputs import Inputs, Seen
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
@@ -71,6 +72,7 @@ class LoopView(NamedTuple):
         block: The newest EMG block; ``None`` before the first.
         angles_rad: The hand's 16 joint angles; ``None`` without a hand.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
+        inputs: What the operator's input devices say, by what they are for.
         state: Of the run, and why; ``""`` without a guard.
         alerts: What is wrong, one sentence each.
         latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
@@ -83,6 +85,7 @@ class LoopView(NamedTuple):
     block: Block | None
     angles_rad: Sequence[float] | None
     counts: Mapping[str, int]
+    inputs: Mapping[str, Seen] = {}
     state: str = ""
     reason: str = ""
     alerts: Sequence[str] = ()
@@ -141,6 +144,7 @@ class DualLoop:
         haptics: Asked once per vest tick; every motor rests while it says no.
         guard: Knows the run's state; without one it is as if always active.
         trace: Follows frames and blocks through the loop.
+        inputs: The operator's input devices, looked at in every turn.
     """
 
     def __init__(
@@ -160,6 +164,7 @@ class DualLoop:
         haptics: Callable[[], bool] = lambda: True,
         guard: Guard | None = None,
         trace: LatencyTrace | None = None,
+        inputs: Inputs | None = None,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -178,6 +183,7 @@ class DualLoop:
         self._haptics = haptics
         self._guard = guard
         self._trace = trace
+        self._inputs = Inputs({}) if inputs is None else inputs
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._due_ns = 0
@@ -218,6 +224,7 @@ class DualLoop:
                     break
                 in_time = self._pacer.wait(t_ns)
                 last_ns = t_ns
+                self._inputs.look()
                 if t_ns >= self._due_ns:
                     self._take_in(t_ns)
                 if t_ns >= self._end_ns:
@@ -253,7 +260,10 @@ class DualLoop:
         if self._block is not None:
             stamps["emg"], good = self._block[0], any(self._block[1])
             counts["emg"] = self.report.n_blocks
-        guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, good_emg=good)
+        released = ""
+        if (dead_man := self._inputs.seen.get("dead_man")) is not None and not dead_man.held:
+            released = f"dead-man: {dead_man.words('dead_man')}"
+        guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, good_emg=good, released=released)
 
     def _last_look(self, duration_ns: int) -> tuple[int, str]:
         """Take in what came before a set time was over, and tell when and how the run ended."""
@@ -344,7 +354,10 @@ class DualLoop:
         if self._observer is not None:
             angles = None if self._levels is None else self._hand.angles_rad.tolist()
             felt = self._touch.fresh(t_ns)
-            view = LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
+            inputs = self._inputs.seen
+            view = LoopView(
+                t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts(), inputs
+            )
             if (guard := self._guard) is not None:
                 view = view._replace(
                     state=guard.state,

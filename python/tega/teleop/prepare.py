@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, load_calibration
+from tega.calibration.person import calibrate_command, person_calibration
+from tega.calibration.records import utc_now
 from tega.config import SessionConfig
-from tega.devices.base import EmgSource, TactileSource
+from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.emg import GraspIntent
 from tega.errors import CalibrationError
 from tega.teleop.baseline import find_baseline
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Finger", "Muscles", "Prepared", "Progress", "prepare"]
+
+_log = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much is done and how much there is (0 where unknown)."""
@@ -67,13 +72,15 @@ class Prepared(NamedTuple):
         fingers: By name, thumb first.
         muscles: The EMG side; ``None`` without EMG.
         calibration: The maxima.
-        calibration_name: Base name of their file; ``""`` when they came from the recording.
+        calibration_name: Base name of their file, or whose they are; ``""`` when they came from the recording.
+        warnings: What is to be known of them.
     """
 
     fingers: Mapping[str, Finger]
     muscles: Muscles | None
     calibration: Calibration
     calibration_name: str
+    warnings: tuple[str, ...] = ()
 
 
 def prepare(
@@ -83,6 +90,7 @@ def prepare(
     *,
     progress: Progress,
     stop: Callable[[], bool],
+    settings: str = "SETTINGS.toml",
 ) -> Prepared:
     """Find baselines and maxima.
 
@@ -94,6 +102,7 @@ def prepare(
         emg: The open EMG source, if any.
         progress: Told how many frames are measured.
         stop: Asked whether to give up.
+        settings: How the settings file is named in the commands that are suggested.
 
     Returns:
         What the run starts with.
@@ -107,20 +116,28 @@ def prepare(
     conditions = None
     if emg is not None and config.emg is not None:
         conditions = emg_conditions(emg, config.emg.kind)
+    calibration: Calibration | None = None
+    name, warnings = "", tuple[str, ...]()
     if path is not None:
-        calibration = load_calibration(path)
+        calibration, name = load_calibration(path), path.name
         calibration.check_fits(preset=preset, fingers=sources, emg=conditions, name=path.name)
+    elif config.calibration.person is not None:
+        calibration, name, warnings = person_calibration(
+            config, sources, emg, conditions, settings=settings, now=utc_now()
+        )
+        for said in warnings:
+            _log.warning("warning: %s", said)
     else:
         for what, source in (*sources.items(), ("emg", emg)):
             if source is not None and source.info.live:
                 raise CalibrationError(
                     f"{what}: {source.info.label} is live and the run has no calibration",
-                    "set calibration.file",
+                    f"{calibrate_command(settings, 'ID')}, then run with --person ID; or set calibration.file",
                 )
-    fingers = _prepare_fingers(config, sources, measure=path is None, progress=progress, stop=stop)
+    fingers = _prepare_fingers(config, sources, measure=calibration is None, progress=progress, stop=stop)
     if stop():
         raise KeyboardInterrupt
-    if path is None:
+    if calibration is None:
         calibration = Calibration(
             preset=preset,
             origin=SELF_CALIBRATED,
@@ -131,7 +148,7 @@ def prepare(
     if emg is not None and (m := calibration.emg) is not None:
         intent = GraspIntent(m.rate_hz, m.maxima, tau=m.tau, kind=m.kind, preset=preset)
         muscles = Muscles(emg, m, intent, SourceReport())
-    return Prepared(fingers, muscles, calibration, "" if path is None else path.name)
+    return Prepared(fingers, muscles, calibration, name, warnings)
 
 
 def _prepare_fingers(
@@ -177,4 +194,13 @@ def _prepare_fingers(
         return {}
     with ThreadPoolExecutor(max_workers=len(sources), thread_name_prefix="tega-measure") as pool:
         jobs = {name: pool.submit(job, name) for name in sources}
-    return {name: done.result() for name, done in jobs.items()}
+    fingers = {name: done.result() for name, done in jobs.items()}
+    for name, source in sources.items():
+        if isinstance(source, ComparingSource):
+            others = {
+                f"{other} ({f.source.info.label})": f.baseline
+                for other, f in fingers.items()
+                if other != name
+            }
+            source.compare_with(fingers[name].baseline, others)
+    return fingers

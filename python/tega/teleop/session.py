@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.calibration import TouchMaxima, save_calibration
 from tega.clock import Clock, ManualClock, SystemClock
-from tega.config import SessionConfig
+from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
 from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.registry import driver_class
@@ -21,6 +21,7 @@ from tega.recording.spared import Disk, Spared
 from tega.safety.guard import Guard, Watched
 from tega.safety.states import Transition
 from tega.teleop.hand import ModelledAllegro
+from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.latency import LatencyTrace, Tells
 from tega.teleop.loop import DualLoop, LoopReport, LoopView
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
     from tega.haptics import Layout
 
 __all__ = ["RunState", "Sinks", "run_session"]
-
-DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
 
 
 class Sinks(NamedTuple):
@@ -63,6 +62,7 @@ class RunState(NamedTuple):
     config: SessionConfig
     prepared: Prepared
     sinks: Sinks
+    inputs: Inputs
     layout: Layout
     loop: LoopReport
     pacing: PacingReport
@@ -81,6 +81,7 @@ def run_session(
     haptics: Callable[[], bool] = lambda: True,
     go: Callable[[], bool] = lambda: True,
     on_state: Callable[[Transition], None] = lambda _change: None,
+    settings: str = "SETTINGS.toml",
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -95,6 +96,7 @@ def run_session(
         haptics: Asked at every vest tick; every motor rests while it says no.
         go: Asked all the time whether an armed run may become active.
         on_state: Told of every change of the run's state, in the loop's thread.
+        settings: How the settings file is named in the commands that an error suggests.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -127,9 +129,10 @@ def run_session(
                     raise ConfigError(
                         f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
                     )
-        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop))
+        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
         disk = Disk()
         sinks = _sinks(stack, config, prepared, disk)
+        inputs = _inputs(stack, config)
         progress("running", 0, 0)
         guard = _guard(config, prepared, sinks, disk, go=go)
         guard.observers.append(on_state)
@@ -138,7 +141,8 @@ def run_session(
             config,
             prepared,
             sinks,
-            guard,
+            inputs=inputs,
+            guard=guard,
             clock=clock,
             observer=observer,
             stop=stop,
@@ -169,8 +173,9 @@ def _run(
     config: SessionConfig,
     prepared: Prepared,
     sinks: Sinks,
-    guard: Guard,
     *,
+    inputs: Inputs,
+    guard: Guard,
     clock: Clock,
     observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
@@ -188,14 +193,15 @@ def _run(
     felt = None
     if (vest.threshold, vest.step) != (0.0, 1.0):
         felt = FeltMap(threshold=vest.threshold, step=vest.step)
+    flows = stack.enter_context(ExitStack())
     loop = DualLoop(
         pacer=pacer,
         touch=TouchLoop(maxima, layout=layout, mirror=config.vest.mirror, felt=felt),
         contacts={
-            name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
+            name: _contacts(flows, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
             for name, finger in prepared.fingers.items()
         },
-        levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns, trace=trace),
+        levels=None if muscles is None else _levels(flows, muscles, start_ns=start_ns, trace=trace),
         hand=sinks.steered or ModelledAllegro(device_id=config.hand.device_id),
         vests=sinks.vests,
         hands=sinks.hands,
@@ -204,12 +210,14 @@ def _run(
         vest_rate_hz=config.vest.rate_hz,
         observer=observer,
         haptics=haptics,
+        inputs=inputs,
         guard=guard,
         trace=trace,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
-        state = RunState(config, prepared, sinks, layout, loop.report, pacer.report(), guard, trace)
+        flows.close()  # a source is not asked how it was while its thread reads on
+        state = RunState(config, prepared, sinks, inputs, layout, loop.report, pacer.report(), guard, trace)
         summary = summarise(state, error=error)
         if session.out_dir is not None:
             stack.pop_all().close()  # the tables are complete before the summary says so
@@ -301,6 +309,19 @@ def _levels(
     )
     stack.callback(stream.close)
     return stream
+
+
+def _inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
+    """Open what the operator holds or steps on."""
+    seats = {}
+    for name, c in config.input.in_use().items():
+        source = stack.enter_context(driver_class(c.driver, "input")(c.options))
+        if config.session.pace == "fast" and source.info.live:
+            raise ConfigError(
+                f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
+            )
+        seats[name] = Seat(source, c.button)
+    return Inputs(seats)
 
 
 def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, disk: Disk) -> Sinks:

@@ -69,6 +69,8 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
         "sinks": [sink.info.driver for sink in (*_steered(state), *state.sinks.hands)],
     }
+    if inputs := state.inputs.summary():
+        summary["inputs"] = inputs
     if config.session.pace == "real":
         pacing = state.pacing
         summary["pacing"] = {
@@ -135,6 +137,7 @@ def _notes(state: RunState) -> list[str]:
     end_ns = state.loop.end_ns
     if not state.prepared.calibration_name:
         notes.append(f"maxima {state.prepared.calibration.origin}")
+    notes += state.prepared.warnings
     for name, finger in state.prepared.fingers.items():
         maxima = state.prepared.calibration.touch(name)
         if maxima is None or maxima.eda_max is None:
@@ -157,6 +160,7 @@ def _notes(state: RunState) -> list[str]:
     if state.trace is not None and state.trace.last_warning:
         notes.append(state.trace.last_warning)
     notes += [f"vest: {note}" for vest in state.sinks.kept for note in vest.sink.info.notes]
+    notes += state.inputs.notes()
     return notes
 
 

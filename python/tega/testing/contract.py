@@ -7,12 +7,24 @@ Example::
 
     from tega.testing.contract import check_driver
     check_driver(MyVest, MyVestOptions(port="COM3"))
+
+The same from a shell, by the name of the entry point; without a name every installed driver is put through, TEGA's own
+against their emulators, unless ``--set`` or ``--real`` says that the device itself is meant::
+
+    python -m tega.testing.contract my-vest --set port=COM3
 """
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import itertools
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,23 +34,28 @@ from tega.devices.base import (
     DeviceInfo,
     EmgSource,
     HandDriver,
+    InputEvent,
+    InputSource,
+    InputState,
     Options,
     SkippingSource,
     SteeredHand,
     TactileSource,
     VestSink,
 )
-from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.devices.registry import driver_class, driver_names
+from tega.errors import DeviceUnavailableError, InvalidValueError, TegaError
 from tega.haptics import vest_frame
 from tega.wire import allegro_torque_frames
 
-__all__ = ["check_driver"]
+__all__ = ["check_driver", "main"]
 
 _PROTOCOLS: dict[str, tuple[type, ...]] = {
     "tactile": (TactileSource,),
     "emg": (EmgSource,),
     "vest": (VestSink,),
     "hand": (HandDriver, SteeredHand),
+    "input": (InputSource,),
 }
 # A recording read by a contract check is expected to end before this many reads.
 _MOST_READS = 100_000
@@ -64,6 +81,8 @@ def check_driver(driver: type[Device], options: Options, *, most_items: int = 64
             _check_skip(device)
     elif isinstance(device, SteeredHand):
         _check_hand(device)
+    elif isinstance(device, InputSource):
+        _check_input(device)
     else:
         _check_sink(device)
 
@@ -110,6 +129,8 @@ def _use(device: Any) -> None:
         device.write(0, vest_frame([0] * 4, [0] * 4))
     elif isinstance(device, SteeredHand):
         device.step(1)
+    elif isinstance(device, InputSource):
+        device.state()
     else:
         device.write(0, allegro_torque_frames(np.zeros(16)))
 
@@ -215,6 +236,30 @@ def _check_hand(hand: SteeredHand) -> None:
         _rule(all(0 <= f.id <= 0x7FF for f in hand.limp()), "limp gives the frames that were sent")
 
 
+def _check_input(source: InputSource) -> None:
+    with source:
+        for _ in range(100):
+            state = source.state()
+            _rule(type(state) is InputState and type(state.t_ns) is int, "state gives an InputState")
+            _rule(len(state.motion) == 6, "motion has six axes")
+            _rule(all(-1.0 <= share <= 1.0 for share in state.motion), "motion lies within -1 and 1")
+            _rule(isinstance(state.held, frozenset), "held is a frozenset")
+            _rule(
+                state.live or not (any(state.motion) or state.held),
+                "without data nothing moves and nothing is held",
+            )
+            events = list(source.events())
+            _rule(all(isinstance(e, InputEvent) for e in events), "events gives InputEvents")
+            numbers = [e.seq for e in events]
+            _rule(numbers == sorted(set(numbers)), "the numbers of events rise")
+    refused = False
+    try:
+        source.events()
+    except DeviceUnavailableError:
+        refused = True
+    _rule(refused, "asking a closed device for events raises DeviceUnavailableError")
+
+
 def _check_sink(sink: Any) -> None:
     with sink:
         if sink.info.kind == "vest":
@@ -232,3 +277,60 @@ def _check_sink(sink: Any) -> None:
                 [f.id for f in sent_frames] == [f.id for f in frames], "write returns the frames really sent"
             )
             sink.write(3_000_000, allegro_torque_frames(np.zeros(16)))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Check drivers by name and print a line for each; return 1 if one broke a rule, 2 if one could not be tried."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tega.testing.contract", description="Put drivers through the driver contract."
+    )
+    parser.add_argument("names", nargs="*", metavar="DRIVER", help="names of entry points; none: all of them")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="sets", help="an option of the driver"
+    )
+    parser.add_argument(
+        "--real", action="store_true", help="TEGA's own drivers on the device itself, not on its emulator"
+    )
+    given = parser.parse_args(arguments)
+    if given.sets and len(given.names) != 1:
+        parser.error("--set needs the name of one driver")
+    worst = 0
+    for name in given.names or driver_names():
+        verdict, said = _try_driver(name, given.sets, real=given.real)
+        worst = max(worst, {"ok": 0, "not tried": 0 if not given.names else 2, "broken": 1}[verdict])
+        sys.stdout.write(f"{verdict:<10} {name:<18} {said}\n")
+        sys.stdout.flush()
+    return worst
+
+
+def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
+    """Check one driver; return the verdict and what there is to say."""
+    from tega.config import driver_options
+    from tega.testing.benches import BENCHES, why_not
+
+    with ExitStack() as stack:
+        tree: dict[str, Any] = {}
+        where = "with its default options"
+        try:
+            driver = driver_class(name)
+            if sets:
+                where = f"with {' '.join(sets)}"
+            elif name in BENCHES and not real:
+                if reason := why_not(name):
+                    return "not tried", reason
+                where = BENCHES[name].summary
+                folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+                tree = stack.enter_context(BENCHES[name].start(folder))
+            check_driver(driver, driver_options(name, tree, sets=sets))
+        except AssertionError as error:
+            return "broken", f"rule: {error} ({where})"
+        except TegaError as error:
+            return "not tried", str(error)
+        except Exception as error:  # whatever a driver in the making does
+            sys.stderr.write(traceback.format_exc())
+            return "broken", f"it raised {type(error).__name__}: {error} ({where})"
+    return "ok", where
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -110,6 +110,15 @@ def _closure(angles_rad: Sequence[float] | None) -> Text:
     return Text("  ".join(f"{n} {b:4.2f}" for n, b in zip(names, bends, strict=True)) + " rad bend", "grey70")
 
 
+def _inputs(view: LoopView) -> Table:
+    """Draw what the operator's input devices say: axes that are pushed, and whether the switch is held."""
+    table = Table(box=None, padding=(0, 1), expand=False)
+    for name, seen in view.inputs.items():
+        style = "bold red" if not seen.state.live else "bold green" if seen.held else "grey70"
+        table.add_row(name.replace("_", " "), Text(seen.words(name), style=style))
+    return table
+
+
 def _task(rows: Mapping[str, str]) -> Text:
     """Draw what is going on, such as object, phase and height of a simulated trial."""
     text = Text()
@@ -150,6 +159,7 @@ def render(
         _vest(view.vest),
         _intent(view),
         _closure(view.angles_rad),
+        *([_inputs(view)] if view.inputs else []),
         Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
         *([Text(view.latency, style="grey70")] if view.latency else []),
     )

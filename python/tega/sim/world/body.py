@@ -73,9 +73,9 @@ class Sprung:
         self._at, self._turned = data.xpos[thing], data.xmat[thing]
         self._speed = data.qvel[joint.dofadr[0] + 2 :]
         self._place = data.qpos[joint.qposadr[0] :]
-        self._shells = np.array(
-            [model.joint(f"{finger}_shell_{axis}").qposadr[0] for finger in FINGERS for axis in "xy"]
-        )
+        # The shells' slides lie one after the other: x and y of each finger.
+        first = model.joint(f"{FINGERS[0]}_shell_x").qposadr[0]
+        self._dents = data.qpos[first : first + 2 * len(FINGERS)]
         self._plastic = np.array(
             [
                 model.tendon_plasticadr[model.tendon(f"{finger}_set_{axis}").id]
@@ -114,7 +114,7 @@ class Sprung:
 
     def narrowing_m(self) -> float:
         """Return how much narrower it is than untouched."""
-        return _narrowing(self._data.qpos[self._shells].tolist())
+        return _narrowing(self._dents.tolist())
 
     def damage_m(self) -> float:
         """Return how much of that stays."""

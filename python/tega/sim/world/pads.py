@@ -28,10 +28,6 @@ SEAM_FINGERS = ("thumb", "index", "middle", "ring")
 _FLEX = -1
 """What a contact of MuJoCo calls the shape that is a flex."""
 
-# Pad axes are axes of the last link: x to the right in the upright picture, y down (towards the palm), z out.
-_PAD_AXES = np.array([1, 2, 0])
-_PAD_SIGNS = np.array([[-1.0], [-1.0], [1.0]])
-
 
 class Touch:
     """Reads the contacts of a model: forces on pads, links and palm, and shapes before the pads.
@@ -63,10 +59,7 @@ class Touch:
     def read(self) -> tuple[list[float], float, float]:
         """Return normal forces, newtons: on each pad thumb first, on the rest of the hand, on the table."""
         pads, rest, table = [0.0, 0.0, 0.0, 0.0], 0.0, 0.0
-        data, force = self._data, self._force
-        for number, (one, other) in enumerate(data.contact.geom.tolist()):
-            self._mujoco.mj_contactForce(self._model, data, number, force)
-            newtons = float(force[0])
+        for one, other, newtons in self._forces():
             pad = self._pads.get(one, self._pads.get(other))
             if pad is not None:
                 pads[pad] += newtons
@@ -78,28 +71,23 @@ class Touch:
 
     def indenters(self) -> list[list[Indenter]]:
         """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""
-        found: list[dict[int, tuple[float, NDArray[np.float64], NDArray[np.float64]]]] = [
-            {} for _ in SEAM_FINGERS
-        ]
-        data, force = self._data, self._force
-        places, frames = data.contact.pos, data.contact.frame
-        for number, (one, other) in enumerate(data.contact.geom.tolist()):
-            pad, shape, sign = self._pads.get(one), other, 1.0
+        # Sums of force, of force times place and of force times normal: numbers one by one, as they are so few.
+        found: list[dict[int, list[float]]] = [{} for _ in SEAM_FINGERS]
+        places = frames = None
+        for number, (one, other, newtons) in enumerate(self._forces()):
+            pad, shape, sign = self._pads.get(one), other, newtons
             if pad is None:
-                pad, shape, sign = self._pads.get(other), one, -1.0
-            if pad is None:
+                pad, shape, sign = self._pads.get(other), one, -newtons
+            if pad is None or newtons <= 0:
                 continue
-            self._mujoco.mj_contactForce(self._model, data, number, force)
-            newtons = float(force[0])
-            if newtons <= 0:
-                continue
-            place, normal = newtons * places[number], (sign * newtons) * frames[number, :3]
-            if shape in found[pad]:
-                before = found[pad][shape]
-                newtons, place, normal = before[0] + newtons, before[1] + place, before[2] + normal
-            found[pad][shape] = newtons, place, normal
+            if places is None or frames is None:
+                places, frames = self._data.contact.pos.tolist(), self._data.contact.frame.tolist()
+            (x, y, z), (u, v, w, *_) = places[number], frames[number]
+            sums = [newtons, newtons * x, newtons * y, newtons * z, sign * u, sign * v, sign * w]
+            before = found[pad].get(shape)
+            found[pad][shape] = sums if before is None else [a + b for a, b in zip(before, sums, strict=True)]
         return [
-            [self._indenter(pad, shape, *sums) for shape, sums in shapes.items()]
+            [self._indenter(pad, shape, sums) for shape, sums in shapes.items()]
             for pad, shapes in enumerate(found)
         ]
 
@@ -115,40 +103,53 @@ class Touch:
                 rows.append([*places[number], *(sign * (frames[number].reshape(3, 3).T @ force[:3]))])
         return np.array(rows, np.float64).reshape(-1, 6)
 
-    def _indenter(
-        self, pad: int, shape: int, force_n: float, place: NDArray[np.float64], normal: NDArray[np.float64]
-    ) -> Indenter:
-        data, site = self._data, self._sites[pad]
-        # Rows: the pad's axes in the world. In the frame of the last link they are -y, -z and x.
-        to_pad = data.site_xmat[site].reshape(3, 3).T[_PAD_AXES] * _PAD_SIGNS
-        near = place / force_n
-        contact = to_pad @ (near - data.site_xpos[site])
-        where, lies = self._flex_pose(near, normal) if shape == _FLEX else self._geom_pose(shape)
-        centre = to_pad @ (where - near)
-        turned = to_pad @ lies
-        x, y, z = (to_pad @ normal).tolist()
+    def _forces(self) -> list[tuple[int, int, float]]:
+        """Return each contact's two shapes and its normal force, newtons."""
+        data = self._data
+        if not data.ncon:
+            return []
+        contact, forces = data.contact, data.efc_force
+        # A cone's first row is the normal force; a contact that the solver left out has none.
+        return [
+            (one, other, float(forces[row]) if row >= 0 else 0.0)
+            for (one, other), row in zip(contact.geom.tolist(), contact.efc_address.tolist(), strict=True)
+        ]
+
+    def _indenter(self, pad: int, shape: int, sums: list[float]) -> Indenter:
+        data, site, force_n = self._data, self._sites[pad], sums[0]
+        # Rows: the pad's axes in the world, x to the right in the upright picture, y down (towards the palm), z out. In
+        # the frame of the last link they are -y, -z and x.
+        ax, bx, cx, ay, by, cy, az, bz, cz = data.site_xmat[site].tolist()
+        to_pad = np.array(((-bx, -by, -bz), (-cx, -cy, -cz), (ax, ay, az)))
+        near = np.array(sums[1:4]) / force_n
+        i, j, k = (near - data.site_xpos[site]).tolist()
+        along = -cx * i - cy * j - cz * k
+        i, j, k = sums[4:]
+        x, y, z = -bx * i - by * j - bz * k, -cx * i - cy * j - cz * k, ax * i + ay * j + az * k
+        where, lies = self._flex_pose(near, np.array(sums[4:])) if shape == _FLEX else self._geom_pose(shape)
+        pose = np.empty((3, 4))
+        pose[:, :3], pose[:, 3] = lies, where - near
+        pose = to_pad @ pose
         # Unroll: turn the normal upright, and put the contact where the surface has it.
         sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
-        along = contact[1] - PAD_RADIUS_M * y / length
-        flat = (0.0, min(max(along, -PAD_HALF_LENGTH_M), PAD_HALF_LENGTH_M))
+        along = min(max(along - PAD_RADIUS_M * y / length, -PAD_HALF_LENGTH_M), PAD_HALF_LENGTH_M)
+        across = 0.0
         if sine > 1e-9 * length:
             u, v, sine, cosine = x / sine, y / sine, sine / length, z / length
             arc = PAD_RADIUS_M * math.atan2(sine, cosine)
-            flat = (flat[0] + arc * u, flat[1] + arc * v)
+            across, along = arc * u, along + arc * v
             less = cosine - 1
             upright = np.array(
-                [
-                    [1 + less * u * u, less * u * v, -sine * u],
-                    [less * u * v, 1 + less * v * v, -sine * v],
-                    [sine * u, sine * v, cosine],
-                ]
+                (
+                    (1 + less * u * u, less * u * v, -sine * u),
+                    (less * u * v, 1 + less * v * v, -sine * v),
+                    (sine * u, sine * v, cosine),
+                )
             )
-            turned, centre = upright @ turned, upright @ centre
-        pose = np.empty((3, 4))
-        pose[:, :3] = turned
-        pose[:, 3] = 1e3 * centre
-        pose[0, 3] += 1e3 * flat[0]
-        pose[1, 3] += 1e3 * flat[1]
+            pose = upright @ pose
+        pose[0, 3] += across
+        pose[1, 3] += along
+        pose[:, 3] *= 1e3
         return Indenter("capsule", self._size_mm[shape], pose, force_n)
 
     def _geom_pose(self, shape: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

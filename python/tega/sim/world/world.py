@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Shape", "World"]
 
-_WATCH_S = 6e-3
+_ATTEND_S = 12e-3
 _SETTLE_S = 0.3
 _PLACING_M = 1e-3
 _BACK = -np.array([0.5, 0.75**0.5, 0.0])
@@ -74,13 +75,16 @@ class World:
         self.model = model = build(mujoco, spec, self.physics)
         self.data = data = mujoco.MjData(model)
         self._grasp = grasp_palm_m(spec)
-        self._joints = np.array([model.joint(name).qposadr[0] for name in joint_names()])
-        self._dofs = np.array([model.joint(name).dofadr[0] for name in joint_names()])
+        # Views of MuJoCo's own memory: they follow the state. The hand's joints lie in it one after the other.
+        first, dof = model.joint(joint_names()[0]).qposadr[0], model.joint(joint_names()[0]).dofadr[0]
+        self._angles, self._velocities = data.qpos[first : first + 16], data.qvel[dof : dof + 16]
+        self._torques = data.ctrl[7:23]
         self._palm_body, self._palm = model.body("palm").id, model.site("palm").id
         self._hand_weight_n = 9.81 * float(model.body_subtreemass[self._palm_body])
+        self._forearm_m: tuple[float, float] | None = None
         self._arm = ArmFollower(mujoco, model, self._place(*start_m), PALM_ROTATION)
         data.qpos[:7] = data.act[:7] = self._arm.angles_rad
-        data.qpos[self._joints] = GRASP_POSES_RAD[0]
+        self._angles[:] = GRASP_POSES_RAD[0]
         self._body = body_of(mujoco, model, data, spec)
         self._body.move(*np.random.default_rng(seed).normal(0, _PLACING_M, 2))
         warnings = mujoco.mjtWarning
@@ -90,8 +94,7 @@ class World:
             int(warnings.mjWARN_BADQACC),
         ]
         self._steps = 0
-        self._watch_every = max(1, round(_WATCH_S / self.physics.timestep_s))
-        self._lead_every = 2 * self._watch_every
+        self._attend_every = max(1, round(_ATTEND_S / self.physics.timestep_s))
         self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
         mujoco.mj_forward(model, data)
         self._touch = Touch(mujoco, model, data, spec, self._body)
@@ -110,12 +113,12 @@ class World:
     @property
     def angles_rad(self) -> NDArray[np.float64]:
         """The hand's joint angles, float64 (16,), in the order of :data:`tega.hand.JOINT_NAMES`."""
-        return np.array(self.data.qpos[self._joints])
+        return np.array(self._angles)
 
     @property
     def velocities_rad_s(self) -> NDArray[np.float64]:
         """The hand's joint velocities, float64 (16,)."""
-        return np.array(self.data.qvel[self._dofs])
+        return np.array(self._velocities)
 
     @property
     def palm_pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -136,9 +139,10 @@ class World:
         torques = np.asarray(torques_nm, np.float64)
         if torques.shape != (16,):
             raise ShapeError(f"torques_nm has shape {torques.shape}, not (16,)")
-        if not np.isfinite(torques).all():
+        # The sum of squares first: it is not finite where a number is not, and rarely else.
+        if not math.isfinite(torques @ torques) and not np.isfinite(torques).all():
             raise InvalidValueError(f"torques_nm has a value that is not finite: {torques}")
-        self.data.ctrl[7:23] = np.minimum(np.maximum(torques, -TORQUE_LIMITS_NM), TORQUE_LIMITS_NM)
+        np.minimum(np.maximum(torques, -TORQUE_LIMITS_NM), TORQUE_LIMITS_NM, out=self._torques)
 
     def set_forearm(self, forearm_m: tuple[float, float]) -> None:
         """Lead the hand to a height over the grasp pose and a distance back from it, metres (``Act.forearm_m``).
@@ -146,6 +150,8 @@ class World:
         Raises:
             InvalidValueError: Beyond -0.05 to 0.35 m of height, or -0.05 to 0.2 m back.
         """
+        if forearm_m == self._forearm_m:
+            return
         height, back = forearm_m
         if not (-0.05 <= height <= 0.35 and -0.05 <= back <= 0.2):
             raise InvalidValueError(
@@ -153,6 +159,7 @@ class World:
                 "height -0.05 to 0.35 m, back -0.05 to 0.2 m",
             )
         self._arm.lead(self._place(height, back))
+        self._forearm_m = forearm_m
 
     def set_palm(self, palm_m: ArrayLike, rotation: ArrayLike | None = None) -> None:
         """Lead the palm to a place and turn, world frame.
@@ -162,6 +169,7 @@ class World:
             rotation: (3, 3), palm to world; None: as it is led now.
         """
         turn = None if rotation is None else np.asarray(rotation, np.float64)
+        self._forearm_m = None
         self._arm.lead(np.array(palm_m, np.float64), turn)
 
     def step(self, n: int = 1) -> None:
@@ -170,7 +178,7 @@ class World:
         Raises:
             InvalidValueError: The motion has run away: the steps are too long for a wall this stiff.
         """
-        every, done = self._watch_every, 0
+        every, done = self._attend_every, 0
         while done < n:
             if self._steps % every == 0:
                 self._attend()
@@ -182,7 +190,7 @@ class World:
     def advance_to(self, t_s: float) -> None:
         """Go on to the first step at or after a time."""
         # A step that ends a rounding error short of the time has reached it.
-        steps = int(np.ceil(t_s / self.physics.timestep_s - 1e-6))
+        steps = math.ceil(t_s / self.physics.timestep_s - 1e-6)
         if steps > self._steps:
             self.step(steps - self._steps)
 
@@ -241,17 +249,17 @@ class World:
 
     def _attend(self) -> None:
         """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
-        if self.data.warning.number[self._runaway].any():
+        warnings = self.data.warning.number.tolist()
+        if any(warnings[kind] for kind in self._runaway):
             raise InvalidValueError(
                 f"the motion ran away before {self.t_s:.3f} s with steps of {1e3 * self.physics.timestep_s:g} ms and a "
                 f"wall of {self.spec.stiffness_n_m:g} N/m",
                 "use shorter steps, or integrator = 'discrete'",
             )
-        if self._steps % self._lead_every == 0:
-            # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
-            tick_s = self._lead_every * self.physics.timestep_s
-            self._arm.tick(tick_s)
-            self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
+        # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
+        tick_s = self._attend_every * self.physics.timestep_s
+        self._arm.tick(tick_s)
+        self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
         self.mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
         self.data.qfrc_applied[:7] = self._hand_weight_n * self._jacobian[2, :7]
         if self._witness is not None:

@@ -85,6 +85,7 @@ class Signal:
         self._rng = rng
         self._all = kind
         self._of: dict[int, str] = {}
+        self._effort: dict[int | None, float] = {None: 1.0}
         self._last: list[int | None] = []
 
     def set(self, kind: str, channel: int | None = None) -> None:
@@ -96,11 +97,22 @@ class Signal:
         else:
             self._of[channel - 1] = kind
 
+    def set_effort(self, effort: float, channel: int | None = None) -> None:
+        """Let the muscle under one channel, counted from 1, or all of them work so hard: ``emg`` is as large at 1."""
+        if not 0.0 <= effort <= 4.0:
+            raise ValueError(effort)
+        if channel is None:
+            self._effort = {None: effort}
+        else:
+            self._effort[channel - 1] = effort
+
     def steps(self, n: int, n_channels: int) -> list[int | None]:
         """Return sample n, one value per channel; ``None`` is the converter's upper limit."""
         make: dict[str, Callable[[int], int | None]] = {
             "ramp": lambda channel: (n + 100 * channel) % 1000 - 500,
-            "emg": lambda _channel: round(self._rng.gauss(0, 60)),
+            "emg": lambda channel: round(
+                self._rng.gauss(0, 60) * self._effort.get(channel, self._effort[None])
+            ),
             "hum": lambda _channel: round(
                 200 * math.sin(2 * math.pi * 50 * n / self._rate_hz) + self._rng.gauss(0, 10)
             ),

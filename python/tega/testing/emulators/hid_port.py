@@ -11,50 +11,58 @@ import socket
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-__all__ = ["HidPort"]
+__all__ = ["HidBoard", "HidPort"]
 
 _NAMES = ("hid", "hidraw")
 
 
-class HidPort:
-    """A module-like object with one board, if its socket is there.
+class HidBoard(NamedTuple):
+    """One interface of a device, as hidapi enumerates it.
 
-    Args:
-        path: The board's socket.
-        vendor_id: What it is enumerated as.
-        product_id: Likewise.
-        serial: Likewise.
-        can_open: Whether opening it is allowed, as a udev rule would.
+    Attributes:
+        path: Its socket.
+        vendor_id: USB vendor number.
+        product_id: USB product number.
+        serial: Serial number.
+        usage: Usage page and usage of the interface; zeros where the system does not tell.
     """
 
-    def __init__(
-        self,
-        path: str,
-        *,
-        vendor_id: int = 0x1209,
-        product_id: int = 0x0001,
-        serial: str = "EMULATED",
-        can_open: bool = True,
-    ) -> None:
-        self._path = path
-        self._numbers = (vendor_id, product_id)
-        self._serial = serial
+    path: str
+    vendor_id: int = 0x1209
+    product_id: int = 0x0001
+    serial: str = "EMULATED"
+    usage: tuple[int, int] = (0, 0)
+
+
+class HidPort:
+    """A module-like object with some boards; each is there as long as its socket is.
+
+    Args:
+        boards: The boards, or the path of the socket of one with the numbers of TEGA's own.
+        can_open: Whether opening them is allowed, as a udev rule would.
+    """
+
+    def __init__(self, *boards: HidBoard | str, can_open: bool = True) -> None:
+        self.boards = [HidBoard(board) if isinstance(board, str) else board for board in boards]
         self.can_open = can_open
 
     def enumerate(self, vendor_id: int = 0, product_id: int = 0) -> list[dict[str, Any]]:
-        """List the board if it is plugged in and asked for; 0 asks for any."""
-        asked = zip((vendor_id, product_id), self._numbers, strict=True)
-        if not Path(self._path).exists() or any(a not in {0, n} for a, n in asked):
-            return []
+        """List the boards that are plugged in and asked for; 0 asks for any."""
         return [
             {
-                "path": self._path.encode(),
-                "vendor_id": self._numbers[0],
-                "product_id": self._numbers[1],
-                "serial_number": self._serial,
+                "path": board.path.encode(),
+                "vendor_id": board.vendor_id,
+                "product_id": board.product_id,
+                "serial_number": board.serial,
+                "usage_page": board.usage[0],
+                "usage": board.usage[1],
             }
+            for board in self.boards
+            if vendor_id in {0, board.vendor_id}
+            and product_id in {0, board.product_id}
+            and Path(board.path).exists()
         ]
 
     def device(self) -> _Device:

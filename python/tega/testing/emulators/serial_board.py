@@ -184,6 +184,8 @@ class _Line:
             self._faults.clear()
         elif verb == "signal":
             self._signal.set(words[1], int(words[2]) if len(words) > 2 else None)
+        elif verb == "effort":
+            self._signal.set_effort(float(words[1]), int(words[2]) if len(words) > 2 else None)
         else:
             self._faults.set(verb, float(words[1]) if len(words) > 1 else 1.0)
         return ""

@@ -1,0 +1,222 @@
+"""The folder of calibrations: what lies where.
+
+::
+
+    calibrations/
+        gels/D20641/20261121-150405.png     every baseline taken of this sensor,
+        gels/D20641/20261121-150405.toml    and what it was like
+        people/p01/touch-D20641.toml        one file per person and device, the newest
+        people/p01/emg-ttyUSB0.toml
+        people/p01/vest-127.0.0.1_15881.toml
+        people/p01/before/                  what those replaced, with their dates
+        people/p01/practice/                scores
+        people/p01/unfinished.json          a calibration that was interrupted
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
+
+import msgspec
+
+from tega.calibration.records import (
+    EmgRecord,
+    GelRecord,
+    PracticeRecord,
+    Record,
+    TouchRecord,
+    VestRecord,
+    read_record,
+    write_bytes,
+    write_record,
+)
+from tega.errors import CalibrationError, InvalidValueError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.devices.base import DeviceInfo
+
+__all__ = ["RESUME_H", "CalibrationFolder", "Gel", "Part", "Unfinished", "checked_person", "device_name"]
+
+Part = Literal["touch", "emg", "vest"]
+
+RESUME_H = 4.0
+"""An interrupted calibration is gone on with for so long; later the electrodes sit elsewhere."""
+
+_TYPES: dict[Part, type[TouchRecord | EmgRecord | VestRecord]] = {
+    "touch": TouchRecord,
+    "emg": EmgRecord,
+    "vest": VestRecord,
+}
+_STAMP = "%Y%m%d-%H%M%S"
+_Any = TypeVar("_Any", bound=Record)
+
+
+def checked_person(person: str) -> str:
+    """Return a person's code, which becomes a folder's name.
+
+    Raises:
+        InvalidValueError: It has other signs than letters, digits, dot, dash and underscore.
+    """
+    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}", person):
+        raise InvalidValueError(
+            f"person {person!r}: only letters, digits, '.', '-' and '_' (64 at most)",
+            "use a code such as p01, not a name",
+        )
+    return person
+
+
+def device_name(info: DeviceInfo) -> str:
+    """Return what tells a device from its like: its serial number, or what stands for one, fit for a file's name."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", info.label).strip("._") or info.driver
+
+
+class Gel(NamedTuple):
+    """A baseline as it was kept."""
+
+    record: GelRecord
+    picture: Path
+
+
+class Unfinished(msgspec.Struct, kw_only=True):
+    """A calibration that is going on.
+
+    Attributes:
+        started: When.
+        devices: Name of each part's device: what was found on one is nothing for another.
+        steps: What the steps that are finished gave, by name.
+    """
+
+    started: datetime
+    devices: dict[str, str] = msgspec.field(default_factory=dict)
+    steps: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class CalibrationFolder:
+    """Reads and writes calibrations.
+
+    Args:
+        path: The folder; made when something is written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    # Fingertips, whoever uses them.
+
+    def gels(self, device: str) -> list[Gel]:
+        """Return the baselines of a sensor, oldest first; one that cannot be read is left out."""
+        found = []
+        for file in sorted((self.path / "gels" / device).glob("*.toml")):
+            try:
+                record = read_record(file, GelRecord)
+            except CalibrationError:
+                continue
+            if file.with_suffix(".png").is_file():
+                found.append(Gel(record, file.with_suffix(".png")))
+        return sorted(found, key=lambda gel: gel.record.made)
+
+    def keep_gel(self, record: GelRecord, picture: NDArray[np.uint8]) -> Path:
+        """Keep a baseline and return its picture's path.
+
+        Raises:
+            MissingExtraError: OpenCV is not installed.
+        """
+        from tega.devices.opencv import load_cv2
+
+        _, png = load_cv2(record.driver).imencode(".png", picture)
+        path = self.path / "gels" / record.device / f"{record.made.strftime(_STAMP)}.png"
+        write_bytes(path, bytes(png))
+        write_record(record, path.with_suffix(".toml"))
+        return path
+
+    # People.
+
+    def person(self, person: str) -> Path:
+        """Return a person's folder."""
+        return self.path / "people" / checked_person(person)
+
+    def file(self, person: str, part: Part, device: str) -> Path:
+        """Return where a record is kept."""
+        return self.person(person) / f"{part}-{device}.toml"
+
+    def named(self, path: Path) -> str:
+        """Return a file's name as seen from the folder."""
+        return path.relative_to(self.path).as_posix() if path.is_relative_to(self.path) else path.name
+
+    def keep(self, record: TouchRecord | EmgRecord | VestRecord) -> Path:
+        """Keep a record; the one before goes into ``before/``."""
+        part = next(part for part, kind in _TYPES.items() if isinstance(record, kind))
+        path = self.file(record.person, part, record.device)
+        if path.is_file():
+            try:
+                stamp = read_record(path, _TYPES[part]).made.strftime(_STAMP)
+            except CalibrationError:
+                stamp = "unreadable"
+            write_bytes(path.parent / "before" / f"{path.stem}.{stamp}.toml", path.read_bytes())
+        write_record(record, path)
+        return path
+
+    def record(self, person: str, wanted: type[_Any], device: str) -> _Any | None:
+        """Return a person's record of a device, or ``None`` where there is none.
+
+        Raises:
+            CalibrationError: It is damaged, or was made for another person or device.
+        """
+        path = self.file(person, _part(wanted), device)
+        if not path.is_file():
+            return None
+        found = read_record(path, wanted)
+        whose = getattr(found, "person", person)
+        if whose != person or found.device != device:
+            raise CalibrationError(
+                f"{self.named(path)}: was made for {whose} on {found.device}, not for {person} on {device}",
+                "calibrate; a copied file is not a calibration",
+            )
+        return found
+
+    def others(self, person: str, part: Part, device: str) -> str:
+        """Say for whom or what there are records instead of the one that is missing."""
+        mine = sorted(f.stem.removeprefix(f"{part}-") for f in self.person(person).glob(f"{part}-*.toml"))
+        if mine:
+            return f"{person} was calibrated on {', '.join(mine)}"
+        theirs = sorted(f.parent.name for f in self.path.glob(f"people/*/{part}-{device}.toml"))
+        if theirs:
+            return f"there is one of {', '.join(theirs)}"
+        return ""
+
+    def keep_practice(self, record: PracticeRecord) -> Path:
+        """Keep a score."""
+        path = self.person(record.person) / "practice" / f"{record.made.strftime(_STAMP)}.toml"
+        write_record(record, path)
+        return path
+
+    # What is not finished.
+
+    def unfinished(self, person: str, now: datetime) -> Unfinished | None:
+        """Return an interrupted calibration that can be gone on with."""
+        try:
+            found = msgspec.json.decode(self._unfinished(person).read_bytes(), type=Unfinished)
+        except (OSError, msgspec.MsgspecError):
+            return None
+        return found if timedelta(0) <= now - found.started <= timedelta(hours=RESUME_H) else None
+
+    def keep_unfinished(self, person: str, unfinished: Unfinished) -> None:
+        """Keep what is finished so far."""
+        write_bytes(self._unfinished(person), msgspec.json.format(msgspec.json.encode(unfinished)) + b"\n")
+
+    def forget_unfinished(self, person: str) -> None:
+        """Nothing is left to go on with."""
+        self._unfinished(person).unlink(missing_ok=True)
+
+    def _unfinished(self, person: str) -> Path:
+        return self.person(person) / "unfinished.json"
+
+
+def _part(wanted: type[Record]) -> Part:
+    return next(part for part, kind in _TYPES.items() if kind is wanted)

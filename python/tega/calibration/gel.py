@@ -1,0 +1,244 @@
+"""A fingertip at rest: what makes a baseline good, and what has become of the gel since earlier ones.
+
+A baseline is the mean of pictures of the untouched gel. It is worth nothing if the pictures differ among each other or
+if something touches the gel, so both are looked for. Numbers are counts of 0 to 255 unless the name says otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tega.errors import CalibrationError
+from tega.tactile import read_contact
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["LEAST_PICTURES", "GelChange", "Rest", "compare_gels", "judge_rest", "suspect_contact"]
+
+LEAST_PICTURES = 20
+"""Averaging over fewer leaves noise in the baseline."""
+
+# A DIGIT's channels have 1.7 to 3.2 counts of noise; beyond this something is wrong with the sensor or its cable.
+_NOISY = 6.0
+# Brightness that moves by more than this between the first and the last third has not settled.
+_UNSETTLED = 2.0
+# This share of pictures in contact with the mean of all means that something moved.
+_MOVED_SHARE = 0.1
+# On 31 real presses a dent stands 64 counts or more out of a smooth surface fitted to its own picture, and the same
+# sensor's untouched gel 36: there is no sharper way to tell without an earlier baseline.
+_DENT_PEAK = 50.0
+_SURFACE_ORDER = 5
+
+# Far from contact a baseline and later pictures differ by up to 12 to 15 counts (99th percentile to 99.9th).
+_SPOT = 15.0
+_SPOT_PX = 20
+_SHIFTED = 6.0
+_NOISIER = 1.5
+_WORN_SHARE = 0.02
+_BOX = 5
+
+
+class Rest(NamedTuple):
+    """A fingertip at rest.
+
+    Attributes:
+        picture: Mean of the pictures, uint8 (H, W, 3), blue, green, red.
+        noise: Standard deviation of a pixel in time, counts, blue, green, red.
+        n_pictures: How many it is the mean of.
+        problems: Why it is no good baseline, one sentence each; empty where it is one.
+    """
+
+    picture: NDArray[np.uint8]
+    noise: tuple[float, float, float]
+    n_pictures: int
+    problems: tuple[str, ...]
+
+
+def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
+    """Average pictures of an untouched gel and say whether they agree.
+
+    Args:
+        pictures: uint8 (H, W, 3) each, of one size, in the order they came; 2 or more.
+
+    Raises:
+        CalibrationError: There are fewer than two pictures, or they differ in size.
+    """
+    if len(pictures) < 2 or len({p.shape for p in pictures}) > 1:
+        sizes = sorted({f"{p.shape[1]}×{p.shape[0]}" for p in pictures})
+        raise CalibrationError(
+            f"{len(pictures)} pictures of {' and '.join(sizes) or 'no size'} make no baseline",
+            "look at the sensor's cable",
+        )
+    total = np.zeros(pictures[0].shape, np.float64)
+    squares = np.zeros(3)
+    levels = []
+    for k, picture in enumerate(pictures):
+        now = picture.astype(np.float64)
+        total += now
+        levels.append(now.mean(axis=(0, 1)))
+        if k:
+            squares += ((now - pictures[k - 1]) ** 2).mean(axis=(0, 1))
+    mean = np.rint(total / len(pictures)).astype(np.uint8)
+    # Two neighbours differ by the noise of both.
+    noise = np.sqrt(squares / (2 * (len(pictures) - 1)))
+    third = max(1, len(levels) // 3)
+    moved = np.mean(levels[-third:], axis=0) - np.mean(levels[:third], axis=0)
+    problems = []
+    if len(pictures) < LEAST_PICTURES:
+        problems.append(f"only {len(pictures)} good pictures came, {LEAST_PICTURES} are needed")
+    if float(np.abs(moved).max()) > _UNSETTLED:
+        problems.append(
+            f"the light still changes (by {moved[np.abs(moved).argmax()]:+.1f} counts): give the sensor a moment"
+        )
+    if float(noise.max()) > _NOISY:
+        problems.append(
+            f"the picture is very noisy ({noise.max():.1f} counts, a DIGIT has about 3): look at its cable"
+        )
+    n_touched = sum(read_contact(p, mean).in_contact for p in pictures)
+    if n_touched > _MOVED_SHARE * len(pictures):
+        problems.append("the pictures differ: something moved on the gel")
+    return Rest(mean, _bgr(noise), len(pictures), tuple(problems))
+
+
+def suspect_contact(picture: NDArray[np.uint8], before: NDArray[np.uint8] | None) -> str:
+    """Say whether something seems to touch a gel that should be at rest.
+
+    Against an earlier baseline of the same sensor a dent is seen as in a run. Without one the picture is compared with
+    a smooth surface fitted to itself, which only sees firm dents.
+
+    Args:
+        picture: The mean of now, uint8 (H, W, 3).
+        before: The sensor's last baseline, or ``None``.
+
+    Returns:
+        A sentence, or an empty string.
+    """
+    if before is not None and before.shape == picture.shape:
+        found = read_contact(picture, before)
+        if found.in_contact:
+            x, y = found.centroid_xy
+            return (
+                f"a dent of {found.eda} pixels at ({x:.0f}, {y:.0f}) that the last baseline does not have: "
+                "something touches the gel, or it has changed for good"
+            )
+        return ""
+    found = read_contact(picture, _surface(picture))
+    if found.in_contact and found.peak > _DENT_PEAK:
+        return f"this looks like a dent ({found.eda} pixels): does something touch the gel?"
+    return ""
+
+
+def _surface(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Fit a polynomial of the fourth degree to each colour."""
+    height, width = picture.shape[:2]
+    y, x = np.mgrid[-1 : 1 : complex(0, height), -1 : 1 : complex(0, width)]
+    terms = np.stack(
+        [x**i * y**j for i in range(_SURFACE_ORDER) for j in range(_SURFACE_ORDER - i)], axis=-1
+    ).reshape(height * width, -1)
+    some = slice(None, None, 7)
+    weights = np.linalg.lstsq(terms[some], picture.reshape(-1, 3)[some].astype(np.float64), rcond=None)[0]
+    fitted: NDArray[np.float64] = np.rint(terms @ weights).reshape(picture.shape)
+    return np.clip(fitted, 0, 255).astype(np.uint8)
+
+
+class GelChange(NamedTuple):
+    """What has become of a gel between two baselines of one sensor.
+
+    Attributes:
+        shift: Change of the whole picture, counts, blue, green, red.
+        dark_px: Pixels that are darker than the shift explains.
+        bright_px: Pixels that are brighter.
+        dark_xy: The darkest of them, column and row; ``None`` where there are none.
+        noise_ratio: Noise now by noise then.
+        wear: Share of pixels, 0 to 1, that are another than they were.
+        words: What that means, one sentence each; empty for a healthy gel.
+    """
+
+    shift: tuple[float, float, float]
+    dark_px: int
+    bright_px: int
+    dark_xy: tuple[int, int] | None
+    noise_ratio: float
+    wear: float
+    words: tuple[str, ...]
+
+
+def compare_gels(
+    now: NDArray[np.uint8],
+    then: NDArray[np.uint8],
+    *,
+    noise_now: float,
+    noise_then: float,
+    when: str,
+) -> GelChange:
+    """Compare two baselines of one sensor.
+
+    Args:
+        now: The newest, uint8 (H, W, 3).
+        then: An earlier one of the same size.
+        noise_now: Noise of the noisiest colour, counts.
+        noise_then: Likewise, above 0.
+        when: How the earlier one is called in the sentences, such as ``2026-11-02``.
+
+    Raises:
+        CalibrationError: They differ in size.
+    """
+    if now.shape != then.shape:
+        raise CalibrationError(
+            f"baselines of {now.shape[1]}×{now.shape[0]} and {then.shape[1]}×{then.shape[0]} pixels cannot be compared"
+        )
+    difference = now.astype(np.float64) - then
+    shift = np.median(difference, axis=(0, 1))
+    grey = _blurred((difference - shift).mean(axis=2))
+    dark, bright = grey < -_SPOT, grey > _SPOT
+    dark_px, bright_px = int(dark.sum()), int(bright.sum())
+    wear = (dark_px + bright_px) / grey.size
+    ratio = noise_now / max(noise_then, 0.1)
+    row, column = divmod(int(grey.argmin()), grey.shape[1])
+    words = []
+    level = float(shift.mean())
+    if float(np.abs(shift).max()) > _SHIFTED:
+        words.append(
+            f"the picture is {abs(level):.0f} counts {'darker' if level < 0 else 'brighter'} than on {when}: "
+            "lights, cable or gel have aged"
+        )
+    if dark_px >= _SPOT_PX:
+        words.append(
+            f"a dark spot of {dark_px} pixels at ({column}, {row}) that was not there on {when}: "
+            "wipe the gel; if it stays, its coat is damaged"
+        )
+    if ratio > _NOISIER:
+        words.append(
+            f"{ratio:.1f} times as noisy as on {when}: look at the cable and at what else is on its USB hub"
+        )
+    if wear > _WORN_SHARE:
+        words.append(f"{wear:.0%} of the gel looks other than on {when}: think of a new one")
+    return GelChange(
+        _bgr(shift),
+        dark_px,
+        bright_px,
+        (column, row) if dark_px else None,
+        ratio,
+        wear,
+        tuple(words),
+    )
+
+
+def _blurred(grey: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Average over 5 by 5 pixels; a pixel's own noise is no spot."""
+    padded = np.pad(grey, ((_BOX // 2 + 1, _BOX // 2), (_BOX // 2 + 1, _BOX // 2)), mode="edge")
+    sums = padded.cumsum(axis=0).cumsum(axis=1)
+    boxes: NDArray[np.float64] = (
+        sums[_BOX:, _BOX:] - sums[:-_BOX, _BOX:] - sums[_BOX:, :-_BOX] + sums[:-_BOX, :-_BOX]
+    )
+    boxes /= _BOX**2
+    return boxes
+
+
+def _bgr(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    blue, green, red = (round(float(v), 3) for v in values)
+    return blue, green, red

@@ -1,0 +1,54 @@
+"""What the steps of a calibration need of whoever shows them; how it looks is not their business."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+__all__ = ["Bar", "Guide", "Undecided"]
+
+
+class Bar(NamedTuple):
+    """Something that rises and falls while a step goes on.
+
+    Attributes:
+        name: What it is.
+        share: How far it is filled, 0 to 1.
+        text: Its value in words.
+    """
+
+    name: str
+    share: float
+    text: str = ""
+
+
+class Undecided(Exception):  # noqa: N818  # no error: nobody is there to answer
+    """A question was asked, and there is nobody to answer."""
+
+
+class Guide(Protocol):
+    """Shows a person what to do and hears what they say."""
+
+    def part(self, title: str, why: str) -> None:
+        """Begin a part: what comes, and why."""
+        ...
+
+    def say(self, text: str, *, tone: str = "plain") -> None:
+        """Tell something; ``tone`` is ``plain``, ``good``, ``warn`` or ``bad``."""
+        ...
+
+    def ready(self, prompt: str) -> None:
+        """Wait until the person is ready."""
+        ...
+
+    def ask(self, question: str, answers: Mapping[str, str]) -> str:
+        """Ask a question; return one of the answers' keys.
+
+        Raises:
+            Undecided: Nobody is there to answer.
+        """
+        ...
+
+    def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
+        """Show what goes on just now; called again and again, and returns at once."""
+        ...

@@ -1,0 +1,123 @@
+"""Guided presses: which of them count, and what is full on that finger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from tega.calibration.store import TouchMaxima
+from tega.teleop.maxima import touch_maxima
+
+if TYPE_CHECKING:
+    from tega.tactile import ContactMetrics
+
+__all__ = ["LEAST_SHARE", "PRESSES", "Press", "PressMeter"]
+
+PRESSES = 5
+"""Repetitions: one spike, or one odd press, must not decide."""
+
+LEAST_SHARE = 0.015
+"""A press that dents less of the picture is too weak to say what full is; firm ones of a ball dent 9 to 18 %."""
+
+# A press is over when nothing touches for so long, and one shorter than this was an accident.
+_GAP_NS = 200_000_000
+_LEAST_NS = 300_000_000
+# Presses differ; one under half of the middle one was not meant.
+_ODD_SHARE = 0.5
+_SIZE_PERCENTILE = 90.0
+
+_Preset = Literal["paper", "live"]
+
+
+class Press(NamedTuple):
+    """One press.
+
+    Attributes:
+        start_ns: When the gel was first touched.
+        end_ns: When it was last touched.
+        eda_px: Its dent, pixels: as large as one frame in ten showed it, so that one frame does not decide.
+    """
+
+    start_ns: int
+    end_ns: int
+    eda_px: int
+
+
+class PressMeter:
+    """Follows presses as frames are measured.
+
+    Args:
+        n_pixels: Pixels of a picture.
+    """
+
+    def __init__(self, n_pixels: int) -> None:
+        self._n_pixels = n_pixels
+        self._seen: dict[_Preset, list[tuple[int, ContactMetrics]]] = {"paper": [], "live": []}
+        self._now: list[tuple[int, ContactMetrics]] = []
+        self.presses: list[Press] = []
+        self.eda_px = 0
+
+    @property
+    def touched(self) -> bool:
+        """Whether a press is going on."""
+        return bool(self._now)
+
+    @property
+    def firm(self) -> list[Press]:
+        """The presses that count: firm enough, and not far under the others."""
+        strong = [p for p in self.presses if p.eda_px >= LEAST_SHARE * self._n_pixels]
+        if not strong:
+            return []
+        middle = float(np.median([p.eda_px for p in strong]))
+        return [p for p in strong if p.eda_px >= _ODD_SHARE * middle]
+
+    def take(self, t_ns: int, readings: Mapping[_Preset, ContactMetrics]) -> Press | None:
+        """Take a frame's measurements under both presets; return a press that has just ended."""
+        for preset, metrics in readings.items():
+            self._seen[preset].append((t_ns, metrics))
+        live = readings["live"]
+        self.eda_px = live.eda
+        if live.in_contact:
+            self._now.append((t_ns, live))
+            return None
+        if not self._now or t_ns - self._now[-1][0] < _GAP_NS:
+            return None
+        (start_ns, _), (end_ns, _) = self._now[0], self._now[-1]
+        press = Press(
+            start_ns, end_ns, round(float(np.percentile([m.eda for _, m in self._now], _SIZE_PERCENTILE)))
+        )
+        self._now = []
+        if end_ns - start_ns < _LEAST_NS:
+            return None
+        self.presses.append(press)
+        return press
+
+    def judge(self, press: Press) -> str:
+        """Say what was wrong with a press; an empty string where it counts."""
+        share = press.eda_px / self._n_pixels
+        if share < LEAST_SHARE:
+            return (
+                f"too weak: it dented {share:.1%} of the picture, {LEAST_SHARE:.1%} are needed; press harder"
+            )
+        if press not in self.firm:
+            return "much weaker than the others; it does not count"
+        return ""
+
+    def problems(self) -> tuple[str, ...]:
+        """Say why the maxima cannot be taken yet; empty where they can."""
+        firm, n = self.firm, len(self.presses)
+        if len(firm) >= PRESSES:
+            return ()
+        if self.touched:
+            return ("the gel is still touched: let go, or take the baseline again",)
+        weak = n - len(firm)
+        said = f"{len(firm)} of {PRESSES} firm presses"
+        return (f"{said}; {weak} were too weak" if weak else f"only {said} were seen",)
+
+    def maxima(self, preset: _Preset) -> TouchMaxima:
+        """Return what is full: the 99.5 percentile over the frames of the firm presses."""
+        firm = self.firm
+        frames = [(t, m) for t, m in self._seen[preset] if any(p.start_ns <= t <= p.end_ns for p in firm)]
+        return touch_maxima(frames)

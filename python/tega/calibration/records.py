@@ -1,0 +1,314 @@
+"""What a calibration leaves behind, as TOML that people read: one record a file, dated, units in the keys' names.
+
+A record is written whole or not at all, and refused where its format or version is not known. Times are UTC.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, ClassVar, Literal, TypeVar
+
+import msgspec
+
+from tega.calibration.store import TouchMaxima, toml_text
+from tega.config_errors import explain
+from tega.errors import CalibrationError, ConfigError
+
+__all__ = [
+    "EmgRecord",
+    "GelRecord",
+    "PracticeRecord",
+    "Record",
+    "TouchRecord",
+    "VestRecord",
+    "read_record",
+    "utc_now",
+    "write_bytes",
+    "write_record",
+]
+
+
+class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What every record begins with.
+
+    Attributes:
+        version: Of the format.
+        device: Serial number of the device, or what stands for one.
+        driver: Its driver.
+        made: When it was made.
+        notes: What a reader has to know, one sentence each.
+    """
+
+    comments: ClassVar[dict[str, str]] = {}
+
+    version: Literal[1] = 1
+    device: str
+    driver: str
+    made: datetime
+    notes: tuple[str, ...] = ()
+
+
+class GelRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-gel"):
+    """A baseline of a fingertip; the picture is the PNG of the same name.
+
+    Attributes:
+        noise_counts: Standard deviation of a pixel in time, blue, green, red.
+        n_pictures: How many the baseline is the mean of.
+        shift_counts: Change of the whole picture since the first baseline of this sensor.
+        dark_px: Pixels darker than in the first baseline.
+        wear_percent: Pixels that are another than in the first baseline.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "noise_counts": "blue, green, red, of 255",
+        "shift_counts": "blue, green, red, since this sensor's first baseline",
+        "dark_px": "pixels darker than in the first baseline",
+        "wear_percent": "of the picture looks other than in the first baseline",
+    }
+
+    noise_counts: tuple[float, float, float]
+    n_pictures: int
+    shift_counts: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    dark_px: int = 0
+    wear_percent: float = 0.0
+
+
+class TouchRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-touch"):
+    """What is full on one fingertip, as one person presses it.
+
+    Attributes:
+        person: Who pressed.
+        finger: Where the sensor was.
+        baseline: The baseline's picture, from the calibrations' folder.
+        baseline_made: When that was taken.
+        width_px: Of the picture.
+        height_px: Likewise.
+        n_presses: Firm presses.
+        live: Maxima under the preset ``live``.
+        paper: And under ``paper``.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "live": "99.5 percentile of the frames in contact; cci_max in counts per root pixel, eda_max in pixels",
+        "paper": "likewise; cci_max in counts per pixel",
+    }
+
+    person: str
+    finger: str
+    baseline: str
+    baseline_made: datetime
+    width_px: int
+    height_px: int
+    n_presses: int
+    live: TouchMaxima
+    paper: TouchMaxima
+
+
+class EmgRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-emg"):
+    """What rest and full effort are on each channel, and under which conditions.
+
+    Attributes:
+        person: Whose muscles.
+        kind: ``raw``, ``rectified`` or ``envelope``.
+        rate_hz: Samples per second.
+        tau_samples: Samples per block.
+        lowpass_hz: Of the filter before the block mean.
+        settings: The driver's options that change the numbers, such as the gain.
+        unit: Of the numbers below.
+        channels: Their names.
+        muscles: What each sits on.
+        offset: Mean of the samples at rest.
+        rest: Middle block mean at rest.
+        live_max: 95th percentile of the block means of strong squeezes; the preset scales it by 0.8.
+        paper_max: Their largest block mean.
+        answers: How much each channel rose while the muscle of each row worked alone, share of its range.
+        refreshed: When rest and scale were last looked at; ``None`` for never.
+        scale: What the refreshes have multiplied the maxima with.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "offset": "mean of the samples at rest",
+        "rest": "middle block mean at rest",
+        "live_max": "95th percentile of the block means of strong squeezes",
+        "paper_max": "their largest block mean",
+        "answers": "one row a muscle: how much each channel rose, share of its range",
+        "scale": "by which refreshes have multiplied the maxima in all",
+    }
+
+    person: str
+    kind: Literal["raw", "rectified", "envelope"]
+    rate_hz: float
+    tau_samples: int
+    lowpass_hz: float = 50.0
+    settings: str = ""
+    unit: str
+    channels: tuple[str, ...]
+    muscles: tuple[str, ...]
+    offset: tuple[float, ...]
+    rest: tuple[float, ...]
+    live_max: tuple[float, ...]
+    paper_max: tuple[float, ...]
+    answers: tuple[tuple[float, ...], ...]
+    refreshed: datetime | None = None
+    scale: float = 1.0
+
+
+class VestRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-vest"):
+    """What one person feels of a vest.
+
+    Attributes:
+        person: Who wore it.
+        layout: Which motors the vest has.
+        ceiling_percent: Nothing stronger was shown.
+        sites: Columns (``f1`` to ``b4``) or motors (``m0`` to ``m39``), in the order of the next two.
+        threshold_percent: The lowest intensity felt there; -1 where none was.
+        step_percent: The smallest increase noticed there; -1 where none was.
+        step_sites: Where that was looked for; the others of a face have what was found there.
+        named_right: Columns whose place was named right, of ``named``.
+        named: Columns whose place was asked.
+        false_alarms: How often nothing was felt to be something.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "sites": "f front, b back; columns from the wearer's left",
+        "threshold_percent": "the lowest intensity felt at each; -1: none was",
+        "step_percent": "the smallest increase noticed at each; -1: none was",
+        "step_sites": "where it was looked for; the others of a face have what was found there",
+        "false_alarms": "times that nothing was felt to be something",
+    }
+
+    person: str
+    layout: Literal["paper32", "x40", "x16"]
+    ceiling_percent: int
+    sites: tuple[str, ...]
+    threshold_percent: tuple[float, ...]
+    step_percent: tuple[float, ...]
+    step_sites: tuple[str, ...] = ()
+    named_right: int
+    named: int
+    false_alarms: int
+
+
+class PracticeRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
+    """How well a person followed a level.
+
+    Attributes:
+        person: Who.
+        preset: Rules of the levels.
+        seed: Of the curve.
+        duration_s: How long.
+        in_target_percent: Time on the level asked for.
+        rms_error_levels: Root of the mean square of the difference, levels.
+        delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "in_target_percent": "of the time on the level asked for",
+        "delay_s": "shift at which the levels fit the curve best",
+    }
+
+    person: str
+    preset: Literal["paper", "live"]
+    seed: int
+    duration_s: float
+    in_target_percent: float
+    rms_error_levels: float
+    delay_s: float | None = None
+
+
+_Any = TypeVar("_Any", bound=Record)
+
+
+def utc_now() -> datetime:
+    """Return the time of day, whole seconds, UTC."""
+    return datetime.now(UTC).replace(microsecond=0)
+
+
+def read_record(path: Path, wanted: type[_Any]) -> _Any:
+    """Read a record.
+
+    Args:
+        path: Its file.
+        wanted: Its type.
+
+    Raises:
+        CalibrationError: It is missing, damaged, of another kind or of a version that is not known.
+    """
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CalibrationError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    except ValueError as error:
+        raise CalibrationError(f"{path.name}: damaged: {error}", "calibrate again") from error
+    if tree.get("version") != 1:
+        raise CalibrationError(
+            f"{path.name}: version {tree.get('version')!r} of the format is not known here (1 is)",
+            "use the TEGA that wrote it, or calibrate again",
+        )
+    try:
+        record = msgspec.convert(tree, wanted)
+    except msgspec.ValidationError as error:
+        said: ConfigError = explain(error, tree, wanted, prefix="", origins={})
+        raise CalibrationError(
+            f"{path.name}: {said.message.removeprefix('settings: ')}", said.hint or "calibrate again"
+        ) from None
+    if not record.made.tzinfo:
+        raise CalibrationError(f"{path.name}: made has no time zone", "write it as in 2026-11-21T15:04:05Z")
+    return record
+
+
+def write_record(record: Record, path: Path) -> None:
+    """Write a record; whoever reads the file sees the old one or the new one, whole."""
+    config = record.__struct_config__
+    lines = [f"format = {_toml(config.tag)}", f"version = {record.version}"]
+    tables: list[str] = []
+    for name in (*_FIRST, *(n for n in record.__struct_fields__ if n not in _FIRST)):
+        value = getattr(record, name, None)
+        if value is None or name == "version" or value == () == record.notes == value:
+            continue
+        said = f"  # {record.comments[name]}" if name in record.comments else ""
+        if isinstance(value, msgspec.Struct):
+            tables += ["", f"[{name}]{said}"]
+            tables += [
+                f"{key} = {_toml(v)}"
+                for key in value.__struct_fields__
+                if (v := getattr(value, key)) is not None
+            ]
+        else:
+            lines.append(f"{name} = {_toml(value)}{said}")
+    write_bytes(path, ("\n".join([*lines, *tables]) + "\n").encode())
+
+
+_FIRST = ("person", "device", "driver", "made")
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with beside.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, datetime):
+        return value.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, float):
+        return repr(float(value))
+    return toml_text(value) if isinstance(value, str) else json.dumps(value)

@@ -1,0 +1,275 @@
+"""The steps of a fingertip: its baseline, and the presses that say what is full."""
+
+from __future__ import annotations
+
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from tega.calibration.folder import CalibrationFolder, Gel, device_name
+from tega.calibration.gel import LEAST_PICTURES, GelChange, Rest, compare_gels, judge_rest, suspect_contact
+from tega.calibration.guide import Bar, Guide
+from tega.calibration.presses import PRESSES, PressMeter
+from tega.calibration.records import GelRecord, TouchRecord
+from tega.calibration.settling import until_good
+from tega.calibration.times import Times
+from tega.devices.opencv import read_image
+from tega.errors import CalibrationError
+from tega.tactile import read_contact
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.devices.base import TactileSource
+
+__all__ = ["TakenBaseline", "take_baseline", "take_presses"]
+
+_READ_S = 0.1
+_SHOW_S = 0.1
+_PATIENCE = 4.0
+
+
+class TakenBaseline(NamedTuple):
+    """A baseline that was accepted.
+
+    Attributes:
+        picture: uint8 (H, W, 3).
+        file: Where it is kept.
+        made: When it was taken.
+        notes: What it was accepted in spite of, and what has become of the gel.
+    """
+
+    picture: NDArray[np.uint8]
+    file: Path
+    made: datetime
+    notes: tuple[str, ...]
+
+
+def take_baseline(
+    finger: str,
+    source: TactileSource,
+    folder: CalibrationFolder,
+    guide: Guide,
+    times: Times,
+    *,
+    now: datetime,
+    is_free: bool = False,
+) -> TakenBaseline:
+    """Take the picture of an untouched gel, compare it with the sensor's earlier ones, and keep it.
+
+    Args:
+        finger: For the words.
+        source: Its open source.
+        folder: Where baselines are kept.
+        guide: Shows and asks.
+        times: How long it takes.
+        now: When this is.
+        is_free: The person has said already that nothing touches.
+
+    Raises:
+        CalibrationError: It cannot be taken, and nobody is there to see to it.
+        DeviceUnavailableError: The sensor went away.
+    """
+    device = device_name(source.info)
+    before = folder.gels(device)
+    last = _picture(before[-1]) if before else None
+    free = is_free
+
+    def attempt() -> Rest:
+        nonlocal free
+        if not free:
+            guide.ready(f"{finger}: take everything off the fingertip")
+        free = False
+        rest = judge_rest(_pictures(finger, source, guide, times))
+        said = suspect_contact(rest.picture, last)
+        return rest._replace(problems=(*rest.problems, *([said] if said else [])))
+
+    rest, notes = until_good(guide, f"{finger}: baseline", attempt, lambda r: r.problems)
+    height, width = rest.picture.shape[:2]
+    record = GelRecord(
+        device=device,
+        driver=source.info.driver,
+        made=now,
+        notes=notes,
+        noise_counts=rest.noise,
+        n_pictures=rest.n_pictures,
+    )
+    changes = _changes(record, rest.picture, before)
+    if changes:
+        first = changes[0]
+        record = GelRecord(
+            device=device,
+            driver=source.info.driver,
+            made=now,
+            notes=(*notes, *dict.fromkeys(words for change in changes for words in change.words)),
+            noise_counts=rest.noise,
+            n_pictures=rest.n_pictures,
+            shift_counts=first.shift,
+            dark_px=first.dark_px,
+            wear_percent=round(100 * first.wear, 2),
+        )
+    file = folder.keep_gel(record, rest.picture)
+    guide.say(
+        f"{finger}: baseline of {rest.n_pictures} pictures, {width}×{height}, noise {max(rest.noise):.1f} counts"
+        + (f"; gel compared with {len(before)} earlier" if changes else ""),
+        tone="good",
+    )
+    for words in record.notes[len(notes) :]:
+        guide.say(f"{finger}: {words}", tone="warn")
+    return TakenBaseline(rest.picture, file, now, record.notes)
+
+
+def _changes(record: GelRecord, picture: NDArray[np.uint8], before: list[Gel]) -> list[GelChange]:
+    """Compare with the sensor's first baseline, then with its last."""
+    changes = []
+    for gel in dict.fromkeys([before[0].picture, before[-1].picture]) if before else ():
+        then = next(b for b in before if b.picture == gel)
+        old = _picture(then)
+        if old is not None and old.shape == picture.shape:
+            changes.append(
+                compare_gels(
+                    picture,
+                    old,
+                    noise_now=max(record.noise_counts),
+                    noise_then=max(then.record.noise_counts),
+                    when=f"{then.record.made:%Y-%m-%d}",
+                )
+            )
+    return changes
+
+
+def _picture(gel: Gel) -> NDArray[np.uint8] | None:
+    try:
+        return read_image(gel.picture, driver=gel.record.driver)
+    except Exception:  # a damaged old picture must not stand in the way of a new one
+        return None
+
+
+def _pictures(finger: str, source: TactileSource, guide: Guide, times: Times) -> list[NDArray[np.uint8]]:
+    """Collect pictures for a while, longer where they come slowly."""
+    pictures: list[NDArray[np.uint8]] = []
+    began_s, seq = time.monotonic(), -1
+    while (gone_s := time.monotonic() - began_s) < times.baseline_s or len(pictures) < LEAST_PICTURES:
+        if gone_s > _PATIENCE * times.baseline_s:
+            break
+        frame = source.read(_READ_S)
+        if frame is not None and frame.seq != seq:
+            seq = frame.seq
+            pictures.append(frame.image)
+        share = min(1.0, gone_s / times.baseline_s)
+        guide.show(
+            f"{finger}: hold still, nothing touches",
+            [Bar("pictures", share, str(len(pictures)))],
+            max(0.0, times.baseline_s - gone_s),
+        )
+    if len(pictures) < 2:
+        raise CalibrationError(f"{finger}: {len(pictures)} good pictures came", "look at the sensor's cable")
+    return pictures
+
+
+def take_presses(
+    finger: str,
+    source: TactileSource,
+    baseline: TakenBaseline,
+    guide: Guide,
+    times: Times,
+    *,
+    person: str,
+    folder: CalibrationFolder,
+    now: datetime,
+) -> TouchRecord:
+    """Have a person press a fingertip, and take what is full on it.
+
+    Args:
+        finger: For the words.
+        source: Its open source.
+        baseline: Its untouched picture.
+        guide: Shows and asks.
+        times: How long it takes.
+        person: Who presses.
+        folder: Where the record will be kept.
+        now: When this is.
+
+    Raises:
+        CalibrationError: There were too few presses, and nobody is there to press.
+        DeviceUnavailableError: The sensor went away.
+    """
+    height, width = baseline.picture.shape[:2]
+    meter = PressMeter(height * width)
+
+    def attempt() -> PressMeter:
+        guide.ready(
+            f"{finger}: press firmly, as firmly as it will be in use, and let go; {PRESSES} times, "
+            "with something round and with your own fingertip"
+        )
+        _follow(finger, source, baseline.picture, meter, guide, times=times)
+        return meter
+
+    _, notes = until_good(
+        guide,
+        f"{finger}: presses",
+        attempt,
+        lambda m: m.problems(),
+        can_keep=lambda m: bool(m.firm) and not m.touched,
+    )
+    live, paper = meter.maxima("live"), meter.maxima("paper")
+    firm = meter.firm
+    guide.say(f"{finger}: {len(firm)} firm presses, full is {live.eda_max or 0:.0f} pixels", tone="good")
+    return TouchRecord(
+        person=person,
+        device=device_name(source.info),
+        driver=source.info.driver,
+        made=now,
+        notes=notes,
+        finger=finger,
+        baseline=folder.named(baseline.file),
+        baseline_made=baseline.made,
+        width_px=width,
+        height_px=height,
+        n_presses=len(firm),
+        live=live,
+        paper=paper,
+    )
+
+
+def _follow(
+    finger: str,
+    source: TactileSource,
+    picture: NDArray[np.uint8],
+    meter: PressMeter,
+    guide: Guide,
+    *,
+    times: Times,
+) -> None:
+    """Measure frames until there are enough firm presses and the gel is free, or it takes too long."""
+    began_s, seq, fullest = time.monotonic(), -1, 1
+    shown_s = 0.0
+    while (gone_s := time.monotonic() - began_s) < times.presses_s:
+        frame = source.read(_READ_S)
+        if frame is None or frame.seq == seq:
+            continue
+        seq = frame.seq
+        live = read_contact(frame.image, picture, reading="live")
+        paper = read_contact(frame.image, picture, reading="paper")
+        press = meter.take(frame.t_ns, {"live": live, "paper": paper})
+        if press is not None:
+            said = meter.judge(press)
+            guide.say(
+                f"{finger}: press {len(meter.presses)}: {said or f'good, {press.eda_px} pixels'}",
+                tone="warn" if said else "good",
+            )
+            if len(meter.firm) >= PRESSES:
+                return
+        fullest = max(fullest, live.eda)
+        if gone_s - shown_s > _SHOW_S:
+            shown_s = gone_s
+            guide.show(
+                f"{finger}: press and let go ({len(meter.firm)} of {PRESSES})",
+                [
+                    Bar("dent", live.eda / fullest, f"{live.eda} px"),
+                    Bar("presses", len(meter.firm) / PRESSES, f"{len(meter.firm)} of {PRESSES}"),
+                ],
+                times.presses_s - gone_s,
+            )

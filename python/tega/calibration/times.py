@@ -1,0 +1,40 @@
+"""How long things take in a calibration, and how long what it gives stays good."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+__all__ = ["Times"]
+
+
+class Times(NamedTuple):
+    """Durations of the steps, seconds.
+
+    Attributes:
+        baseline_s: Pictures of the untouched gel.
+        presses_s: Without enough presses for so long the person is asked whether to go on.
+        get_ready_s: Between a signal and what it is for.
+        rest_s: Muscles at rest.
+        squeeze_s: One strong squeeze.
+        pause_s: Between two of them: a strong squeeze tires.
+        movement_s: One muscle alone.
+        pulse_s: One vibration.
+        gap_s: Between the two vibrations of a pair.
+    """
+
+    baseline_s: float = 1.5
+    presses_s: float = 60.0
+    get_ready_s: float = 2.0
+    rest_s: float = 5.0
+    squeeze_s: float = 4.0
+    pause_s: float = 30.0
+    movement_s: float = 3.0
+    pulse_s: float = 0.5
+    gap_s: float = 0.3
+
+    def scaled(self, by: float) -> Times:
+        """Return them all times a factor; noise and muscles do not hurry, so baseline and pauses stay."""
+        times = Times(*(value * by for value in self))
+        return times._replace(
+            baseline_s=self.baseline_s, pause_s=self.pause_s, presses_s=max(3.0, times.presses_s)
+        )

@@ -1,0 +1,114 @@
+"""Where a person says that columns of a vest are felt, and what that says about how it is worn or driven."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+__all__ = ["SITES", "Wearing", "judge_wearing", "middle_sites", "site_face", "site_motors", "site_place"]
+
+SITES: tuple[str, ...] = tuple(f"{side}{column}" for side in "fb" for column in (1, 2, 3, 4))
+"""Columns: front and back, from the wearer's left."""
+
+
+def site_motors(site: str) -> tuple[int, ...]:
+    """Return the motors of a site: a column such as ``f1``, or one motor such as ``m23``.
+
+    Example:
+        >>> site_motors("b2")
+        (21, 25, 29, 33, 37)
+    """
+    if site.startswith("m"):
+        return (int(site[1:]),)
+    first = (20 if site[0] == "b" else 0) + int(site[1]) - 1
+    return tuple(range(first, first + 20, 4))
+
+
+def site_place(site: str) -> str:
+    """Say where a site is felt.
+
+    Example:
+        >>> site_place("b2"), site_place("m23")
+        ('back, column 2 of 4 from your left', 'back, row 1, column 4 of 4 from your left')
+    """
+    if site.startswith("m"):
+        panel, place = divmod(int(site[1:]), 20)
+        row, column = divmod(place, 4)
+        return f"{('front', 'back')[panel]}, row {row + 1}, column {column + 1} of 4 from your left"
+    return f"{'back' if site[0] == 'b' else 'front'}, column {site[1]} of 4 from your left"
+
+
+def site_face(site: str) -> str:
+    """Return the face of a site, ``f`` or ``b``.
+
+    Example:
+        >>> site_face("b2"), site_face("m3")
+        ('b', 'f')
+    """
+    return "b" if min(site_motors(site)) >= 20 else "f"
+
+
+def middle_sites(levels: Mapping[str, int]) -> tuple[str, ...]:
+    """Return the site of each face that is felt as most are there: the one with the middle threshold.
+
+    Args:
+        levels: Threshold level by site, 0 where nothing is felt.
+
+    Example:
+        >>> middle_sites({"f1": 2, "f2": 3, "f3": 5, "b1": 0})
+        ('f2',)
+    """
+    chosen = []
+    for face in "fb":
+        felt = sorted((level, site) for site, level in levels.items() if level and site_face(site) == face)
+        if felt:
+            chosen.append(felt[len(felt) // 2][1])
+    return tuple(chosen)
+
+
+class Wearing(NamedTuple):
+    """How well the places were named.
+
+    Attributes:
+        n_right: Places named right.
+        n_asked: Places shown.
+        problems: What is wrong, one sentence each.
+    """
+
+    n_right: int
+    n_asked: int
+    problems: tuple[str, ...]
+
+
+def judge_wearing(answers: Mapping[str, str]) -> Wearing:
+    """Judge what a person said.
+
+    Neighbouring columns are easily taken for each other; a mirrored face or faces exchanged are not, and are told.
+
+    Args:
+        answers: By the column shown, the column named, or ``"n"`` for nothing felt.
+    """
+    felt = {shown: said for shown, said in answers.items() if said in SITES}
+    problems = []
+    unfelt = [shown for shown in answers if shown not in felt]
+    if unfelt:
+        places = "; ".join(map(site_place, unfelt))
+        problems.append(f"not felt at all: {places}: tighten the vest, or a motor is dead")
+    if felt and sum(said[0] != shown[0] for shown, said in felt.items()) > len(felt) / 2:
+        problems.append("front and back are felt exchanged: is the vest on the right way round?")
+    mirrored = []
+    for side, name in (("f", "front"), ("b", "back")):
+        own = [(int(s[1]), int(a[1])) for s, a in felt.items() if s[0] == side and a[0] == side]
+        as_is = sum(abs(shown - said) for shown, said in own)
+        turned = sum(abs(5 - shown - said) for shown, said in own)
+        if len(own) >= 3 and turned < as_is and as_is >= len(own):
+            mirrored.append(name)
+    if mirrored:
+        what = 'set vest.mirror = "all"'
+        if len(mirrored) == 1:
+            what = {
+                "front": "over Bluetooth set vest.options.front_mirror = true",
+                "back": 'set vest.mirror = "back"',
+            }[mirrored[0]]
+        problems.append(f"{' and '.join(mirrored)} felt mirrored: {what}")
+    return Wearing(sum(shown == said for shown, said in answers.items()), len(answers), tuple(problems))

@@ -1,0 +1,165 @@
+"""``tega-teleop calibrate``: baselines, maxima, rest and full effort, and what a person feels of the vest."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.cli.options import debug_option, json_option
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+
+__all__ = ["calibrate"]
+
+
+@click.command(epilog="Example: tega-teleop calibrate lab.toml --person p01 --only emg")
+@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@click.option("--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, no name.")
+@click.option(
+    "--only",
+    type=click.Choice(["tactile", "emg", "vest"]),
+    multiple=True,
+    help="Only this part; repeatable.",
+)
+@click.option("--refresh", is_flag=True, help="Twenty seconds after putting things on again.")
+@click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
+)
+@click.option(
+    "--ceiling", type=click.IntRange(10, 100), default=60, show_default=True, metavar="PERCENT",
+    help="The strongest vibration shown on the vest.",
+)  # fmt: skip
+@click.option("--each-motor", is_flag=True, help="Ask about every motor of the vest, not about its columns.")
+@click.option("--each-step", is_flag=True, help="Look for the step at every column, not at one of each face.")
+@click.option(
+    "--pause-s", type=click.FloatRange(0, 300), default=30.0, show_default=True, metavar="SECONDS",
+    help="Rest between strong squeezes.",
+)  # fmt: skip
+@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter; asks nothing.")
+@click.option(
+    "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
+    help="Make every wait and stretch so many times as long; for rehearsals.",
+)  # fmt: skip
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@json_option
+@debug_option
+def calibrate(
+    *,
+    settings: Path,
+    person: str,
+    only: tuple[Any, ...],
+    refresh: bool,
+    restart: bool,
+    folder: Path | None,
+    ceiling: int,
+    each_motor: bool,
+    each_step: bool,
+    pause_s: float,
+    yes: bool,
+    time_scale: float,
+    sets: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Calibrate the devices of SETTINGS.toml for one person, step by step.
+
+    Fingertips: baseline and five presses. Muscles: rest, three squeezes, each muscle alone. Vest: where, threshold,
+    step. Ctrl-C keeps what is done; the same command goes on from there. Then: tega-teleop run SETTINGS.toml
+    --person ID.
+
+    With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
+    """
+    from tega.calibration.folder import CalibrationFolder
+    from tega.calibration.records import utc_now
+    from tega.calibration.refresh import refresh as refresh_all
+    from tega.calibration.times import Times
+    from tega.calibration.wizard import Calibrating, parts_of
+    from tega.cli.guide import guide_for
+    from tega.cli.options import echo_json
+
+    config, kept = _settings(settings, person, folder, sets)
+    parts = parts_of(config, only)
+    times = Times(pause_s=pause_s).scaled(time_scale)
+    guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
+    home = CalibrationFolder(kept)
+    home.person(person)
+    told: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
+    work = Calibrating(
+        config,
+        person,
+        home,
+        guide,
+        times=times,
+        now=utc_now,
+        ceiling_percent=ceiling,
+        each_motor=each_motor,
+        each_step=each_step,
+        seed=sum(person.encode()),
+    )
+    where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
+    same = [word for name in only for word in ("--only", name)] + [w for s in sets for w in ("--set", s)]
+    again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
+    try:
+        if refresh:
+            files = refresh_all(config, person, parts, home, guide, times=times, now=utc_now())
+        else:
+            work.run(parts, restart=restart)
+            files = work.files
+    except BaseException:
+        _close(guide)
+        if work.left:
+            done = ", ".join(work.done) or "nothing yet"
+            guide.say(
+                f"Done and kept: {done}. Left: {', '.join(work.left)}. Go on with: {again}", tone="warn"
+            )
+        if as_json:
+            echo_json(
+                {
+                    **told,
+                    "finished": False,
+                    "done": list(work.done),
+                    "left": work.left,
+                    "files": _told(work.files),
+                }
+            )
+        raise
+    _close(guide)
+    then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
+    guide.say(f"Finished. {then}", tone="good")
+    if as_json:
+        echo_json({**told, "finished": True, "done": list(work.done), "left": [], "files": _told(files)})
+
+
+def _settings(
+    settings: Path, person: str, folder: Path | None, sets: tuple[str, ...]
+) -> tuple[SessionConfig, Path]:
+    """Load the settings without the person's calibration, which is about to be made."""
+    from tega.config import load_config
+
+    config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
+    kept = folder or config.calibration.folder or settings.absolute().parent / "calibrations"
+    return config, kept
+
+
+def _close(guide: Any) -> None:
+    if hasattr(guide, "close"):
+        guide.close()
+
+
+def _told(files: list[Path]) -> list[dict[str, Any]]:
+    import tomllib
+
+    told = []
+    for file in files:
+        record = file if file.suffix == ".toml" else file.with_suffix(".toml")
+        tree = tomllib.loads(record.read_text(encoding="utf-8"))
+        plain = {k: v.isoformat() if hasattr(v, "isoformat") else v for k, v in tree.items()}
+        told.append({"file": str(record), "record": plain})
+    return told

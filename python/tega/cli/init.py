@@ -1,0 +1,91 @@
+"""``tega-teleop init``: a settings file with what is plugged in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tega.cli.devices import could_not_look
+from tega.cli.options import debug_option, json_option
+
+__all__ = ["init"]
+
+
+@click.command(epilog="Example: tega-teleop init --out lab.toml")
+@click.option(
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=Path("lab.toml"),
+    show_default=True,
+    help="The file to write.",
+)
+@click.option("--force", is_flag=True, help="Overwrite the file if it is there.")
+@click.option(
+    "--emulated",
+    is_flag=True,
+    help="Start emulated devices, write settings that reach them, and keep them up.",
+)
+@json_option
+@debug_option
+def init(*, out: Path, force: bool, emulated: bool, as_json: bool) -> None:
+    """Write a settings file: devices that are plugged in filled in, the others as comments that say what to set.
+
+    Opens no device. With --emulated two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
+    a baseline and a calibration made for them, so that another terminal can try `doctor` and `run` on the file.
+
+    With --json: {"file", "found", "could_not"}, found and could_not by driver.
+    """
+    from tega.cli.options import echo_json
+    from tega.config import load_config
+    from tega.doctor import lab_settings, look_for
+    from tega.errors import ConfigError
+
+    if out.exists() and not force:
+        raise ConfigError(
+            f"{out} is there already; nothing was written", "--force overwrites it, --out names another"
+        )
+    if not out.parent.is_dir():
+        raise ConfigError(
+            f"there is no folder {out.parent}", "make it first, or name another file with --out"
+        )
+    if emulated:
+        _emulate(out, as_json=as_json)
+        return
+    looked = look_for()
+    out.write_text(lab_settings(looked, name=out.name), encoding="utf-8")
+    load_config(out, environ={})  # what is written can be read
+    found = {name: [one.label for one in there.found] for name, there in looked.items() if there.found}
+    if as_json:
+        could_not = {name: there.could_not for name, there in looked.items() if there.could_not}
+        echo_json({"file": str(out), "found": found, "could_not": could_not})
+        return
+    for name, labels in found.items():
+        for label in labels:
+            click.echo(f"found  {name}: {label}")
+    for line in could_not_look(looked):
+        click.echo(line)
+    if not found:
+        click.echo("Nothing is plugged in that could be found; every device stands in the file as a comment.")
+    click.echo(f"Wrote {out}. Read it through, then: tega-teleop doctor {out}")
+
+
+def _emulate(out: Path, *, as_json: bool) -> None:
+    import time
+
+    from tega.cli.options import Stop, echo_json
+    from tega.testing.emulated_bench import EmulatedBench
+
+    if not as_json:
+        click.echo("Starting emulated devices …", err=True)
+    with EmulatedBench() as bench, Stop() as stop:
+        bench.write_settings(out)
+        found = {name: [one.label for one in there.found] for name, there in bench.looked.items()}
+        if as_json:
+            echo_json({"file": str(out), "found": found, "could_not": {}})
+        else:
+            click.echo(f"Wrote {out}. The emulated devices run until Ctrl-C; in another terminal:")
+            click.echo(f"  tega-teleop doctor {out}")
+            click.echo(f"  tega-teleop run {out}")
+        while not stop():
+            time.sleep(0.1)

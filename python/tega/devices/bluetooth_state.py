@@ -1,0 +1,32 @@
+"""Why Bluetooth is of no use on this machine, as the kernel tells it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tega.devices.sysfs import attribute
+
+__all__ = ["bluetooth_trouble"]
+
+SYSFS = Path("/sys/class")
+
+
+def bluetooth_trouble(sysfs: Path = SYSFS) -> tuple[str, str]:
+    """Say what is wrong with this machine's Bluetooth and what to do; two empty texts where nothing is seen.
+
+    Args:
+        sysfs: Where the kernel lists its classes of devices; where there is none, nothing is said.
+    """
+    for switch in sorted((sysfs / "rfkill").glob("*")):
+        if attribute(switch / "type") != "bluetooth":
+            continue
+        if attribute(switch / "hard") == "1":
+            return "Bluetooth is switched off by a switch or key of this machine", "switch it on there"
+        if attribute(switch / "soft") == "1":
+            return "Bluetooth is switched off", "switch it on:\nrfkill unblock bluetooth"
+    if sysfs.is_dir() and not any((sysfs / "bluetooth").glob("hci*")):
+        return (
+            "this machine has no Bluetooth adapter",
+            "plug a Bluetooth adapter in (others use the TP-Link UB500 or the Asus BT400)",
+        )
+    return "", ""

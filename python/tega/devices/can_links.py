@@ -1,0 +1,115 @@
+"""CAN buses of this machine: which there are, whether they are up, and at what rate."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tega.devices.sysfs import attribute
+
+__all__ = ["CanLink", "can_links", "link_trouble"]
+
+SYSFS = Path("/sys/class/net")
+_ARPHRD_CAN = "280"
+_IFF_UP = 1
+_IP_TIMEOUT_S = 2.0
+
+
+class CanLink(NamedTuple):
+    """One bus.
+
+    Attributes:
+        name: Such as ``can0``.
+        is_up: Whether it is switched on.
+        bitrate: Bits per second; ``None`` where it is not set or not known.
+        state: The controller's, such as ``ERROR-ACTIVE`` or ``BUS-OFF``; ``""`` where it is not known.
+        is_virtual: Whether no adapter is behind it.
+    """
+
+    name: str
+    is_up: bool
+    bitrate: int | None
+    state: str
+    is_virtual: bool
+
+
+def can_links(*, sysfs: Path = SYSFS, describe: Callable[[str], str] | None = None) -> list[CanLink]:
+    """List the buses that the kernel knows; empty where it is not Linux.
+
+    Args:
+        sysfs: Where the kernel lists network interfaces.
+        describe: Returns what ``ip -details -json link show NAME`` prints; asks it when ``None``.
+    """
+    links = []
+    for entry in sorted(sysfs.glob("*")):
+        if attribute(entry / "type") != _ARPHRD_CAN:
+            continue
+        about = _details((describe or _ask_ip)(entry.name))
+        data: dict[str, Any] = about.get("info_data") or {}
+        bitrate = (data.get("bittiming") or {}).get("bitrate")
+        links.append(
+            CanLink(
+                entry.name,
+                bool(int(attribute(entry / "flags") or "0", 16) & _IFF_UP),
+                bitrate if isinstance(bitrate, int) else None,
+                str(data.get("state", "")),
+                about.get("info_kind") in {"vcan", "vxcan"} or entry.name.startswith("vcan"),
+            )
+        )
+    return links
+
+
+def link_trouble(link: CanLink, *, bitrate: int) -> tuple[str, str]:
+    """Say what is wrong with a bus and what to do; two empty texts where nothing is.
+
+    Args:
+        link: The bus.
+        bitrate: What the device on it needs, bits per second.
+    """
+    up = f"sudo ip link set {link.name} up type can bitrate {bitrate} restart-ms 100"
+    again = f"sudo ip link set {link.name} down && {up}"
+    if not link.is_up:
+        start = f"sudo ip link set {link.name} up" if link.is_virtual else up
+        return f"the bus {link.name} is down", f"switch it on:\n{start}"
+    if link.bitrate is not None and link.bitrate != bitrate:
+        return (
+            f"the bus {link.name} runs at {link.bitrate} bits per second, the device at {bitrate}",
+            f"set it up anew:\n{again}",
+        )
+    if link.state == "BUS-OFF":
+        return (
+            f"the bus {link.name} has switched itself off after too many errors (bus-off)",
+            f"check power, CAN H and L, and 120 Ω at both ends; then:\n{again}",
+        )
+    if link.state == "ERROR-PASSIVE":
+        return (
+            f"nobody on the bus {link.name} confirms what is sent (error-passive)",
+            "check the hand's power, CAN H and L swapped, 120 Ω at both ends",
+        )
+    return "", ""
+
+
+def _ask_ip(name: str) -> str:
+    try:
+        asked = subprocess.run(
+            ["ip", "-details", "-json", "link", "show", name],
+            capture_output=True,
+            text=True,
+            timeout=_IP_TIMEOUT_S,
+            check=False,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return asked.stdout
+
+
+def _details(said: str) -> dict[str, Any]:
+    try:
+        (link,) = json.loads(said)
+        about = link["linkinfo"]
+    except (ValueError, KeyError, TypeError):
+        return {}
+    return about if isinstance(about, dict) else {}

@@ -1,0 +1,80 @@
+"""Buttons without their bounces: a press counts once it has held, a release at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Set
+from typing import NamedTuple
+
+__all__ = ["Debounce", "Edge"]
+
+
+class Edge(NamedTuple):
+    """A button that went down or up.
+
+    Attributes:
+        t_ns: When: of a press, its first contact.
+        button: Its name.
+        pressed: Whether it went down.
+    """
+
+    t_ns: int
+    button: str
+    pressed: bool
+
+
+class Debounce:
+    """Follows the contacts of some buttons; time is an argument.
+
+    A dead-man switch must let go at the first sign of it, so a release counts at once and a contact that chatters
+    counts as released. A press counts once the contact has held for ``hold_ns``, and then from its first moment.
+    Both together give one press for one step on a pedal whose contact bounces for less than that.
+
+    Args:
+        hold_ns: How long a contact has to hold; 0 takes every press.
+
+    Attributes:
+        held: Buttons that are down.
+        n_bounces: Contacts that were too short.
+    """
+
+    def __init__(self, hold_ns: int) -> None:
+        self._hold_ns = hold_ns
+        self._since: dict[str, int] = {}
+        self.held: frozenset[str] = frozenset()
+        self.n_bounces = 0
+
+    def take(self, t_ns: int, down: Set[str]) -> Iterator[Edge]:
+        """Take what a report says.
+
+        Args:
+            t_ns: When it came.
+            down: The buttons whose contact is closed.
+
+        Yields:
+            What has become certain, in time.
+        """
+        yield from self.settle(t_ns)
+        for button in sorted(self._since.keys() - down):
+            del self._since[button]
+            if button in self.held:
+                self.held -= {button}
+                yield Edge(t_ns, button, pressed=False)
+            else:
+                self.n_bounces += 1
+        for button in sorted(down - self._since.keys()):
+            self._since[button] = t_ns
+        yield from self.settle(t_ns)
+
+    def settle(self, t_ns: int) -> Iterator[Edge]:
+        """Let time pass.
+
+        Args:
+            t_ns: Now.
+
+        Yields:
+            The presses that have held long enough.
+        """
+        for button, since_ns in sorted(self._since.items()):
+            if button not in self.held and t_ns - since_ns >= self._hold_ns:
+                self.held |= {button}
+                yield Edge(since_ns, button, pressed=True)

@@ -1,0 +1,34 @@
+"""The package hidapi, by the name under which it goes through the operating system's own driver."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from tega.devices.lifecycle import require
+from tega.errors import DeviceUnavailableError
+
+__all__ = ["hid_module"]
+
+
+def hid_module(driver: str) -> Any:
+    """Import hidapi.
+
+    Args:
+        driver: Who needs it, for the message.
+
+    Returns:
+        The module with ``enumerate`` and ``device``.
+
+    Raises:
+        MissingExtraError: It is not installed.
+        DeviceUnavailableError: Another package of the same module name hides it.
+    """
+    # On Linux only the wheel's second module goes through the kernel's own driver for such devices.
+    hid = require("hidraw" if sys.platform == "linux" else "hid", driver=driver, extra="lab")
+    if not hasattr(hid, "device"):
+        raise DeviceUnavailableError(
+            "the package 'hid' hides 'hidapi', which installs a module of the same name",
+            "pip uninstall hid, then pip install --force-reinstall hidapi",
+        )
+    return hid

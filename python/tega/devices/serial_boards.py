@@ -1,0 +1,84 @@
+"""USB serial ports that may have an EMG amplifier behind them, told by the USB numbers of the adapter."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+from tega.devices.base import Found
+from tega.devices.lifecycle import require
+
+__all__ = ["find_boards", "is_dongle"]
+
+# Adapters and boards by USB vendor. None of these numbers says which program runs on the board.
+_BOARDS = {
+    0x0403: "FTDI adapter",
+    0x10C4: "CP210x adapter",
+    0x1A86: "CH340 adapter",
+    0x16C0: "Teensy",
+    0x2341: "Arduino",
+    0x2A03: "Arduino",
+    0x239A: "Adafruit board",
+    0x2E8A: "Raspberry Pi Pico",
+    0x303A: "ESP32",
+}
+_DONGLE = (0x0403, 0x6015)
+_BY_ID = Path("/dev/serial/by-id")
+
+
+class _Port(NamedTuple):
+    device: str
+    vendor: int
+    product: int
+    says: str
+    serial: str
+
+
+def is_dongle(port: _Port) -> bool:
+    """Tell whether a port can be a Cyton's dongle: an FT231X adapter."""
+    return (port.vendor, port.product) == _DONGLE
+
+
+def find_boards(driver: str, *, dongles: bool) -> list[Found]:
+    """List the ports of a kind.
+
+    Args:
+        driver: For which driver.
+        dongles: The adapters that a Cyton's dongle has, or all others.
+
+    Raises:
+        MissingExtraError: pyserial is not installed.
+    """
+    list_ports = require("serial.tools.list_ports", driver=driver, extra="lab")
+    found = []
+    for info in list_ports.comports():
+        if info.vid is None:
+            continue
+        port = _Port(info.device, info.vid, info.pid or 0, info.product or "", info.serial_number or "")
+        if is_dongle(port) is not dongles:
+            continue
+        board = port.says or _BOARDS.get(port.vendor, f"USB {port.vendor:04x}:{port.product:04x}")
+        denied = not os.access(port.device, os.R_OK | os.W_OK) if os.name == "posix" else False
+        found.append(
+            Found(
+                driver=driver,
+                label=f"{port.device} ({board}{f', {port.serial}' if port.serial else ''})",
+                options={"port": _lasting_name(port.device)},
+                problem=f"your user may not open {port.device}" if denied else "",
+                hint="join the group that owns it (sudo usermod -aG dialout $USER) and log in again"
+                if denied
+                else "",
+                note="which program runs on it cannot be told from outside",
+                may_open=False,
+            )
+        )
+    return found
+
+
+def _lasting_name(device: str) -> str:
+    """Return the name that stays when ports are plugged in another order, where there is one."""
+    for link in sorted(_BY_ID.glob("*")) if _BY_ID.is_dir() else []:
+        if link.resolve() == Path(device).resolve():
+            return str(link)
+    return device

@@ -1,0 +1,61 @@
+"""What an examination says: one record per finding, in the order of the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+
+__all__ = ["Examination", "Finding", "Status"]
+
+Status = Literal["fine", "doubt", "wrong", "missing"]
+"""``fine``; ``doubt``: works, but look at it; ``wrong``: there, but of no use as it is; ``missing``: not there."""
+
+_MISSING = 3
+
+
+class Finding(msgspec.Struct, frozen=True, kw_only=True):
+    """One thing that was found out.
+
+    Attributes:
+        check: What was examined: ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, or a part of the settings
+            such as ``tactile.thumb``.
+        status: How it is.
+        finding: What was found, one sentence.
+        why: Why that is so, as far as it is known.
+        todo: What to do, one step each.
+        driver: Name of the driver concerned.
+        device: What the device is called: serial number, port, bus.
+        measured: Numbers that were measured, by a name that ends with the unit.
+    """
+
+    check: str
+    status: Status
+    finding: str
+    why: str = ""
+    todo: tuple[str, ...] = ()
+    driver: str = ""
+    device: str = ""
+    measured: dict[str, float] = {}
+
+
+class Examination(msgspec.Struct, frozen=True, kw_only=True):
+    """All findings.
+
+    Attributes:
+        settings: Base name of the settings file; ``""`` where none was given.
+        findings: In the order of the loop: touch, muscles, vest, hand.
+    """
+
+    settings: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """0 where everything that was examined can be used, doubts included; else 3."""
+        return _MISSING if {f.status for f in self.findings} & {"wrong", "missing"} else 0
+
+    def count(self, statuses: Sequence[Status]) -> int:
+        """Return how many findings have one of the statuses."""
+        return sum(f.status in statuses for f in self.findings)

@@ -1,0 +1,172 @@
+"""A settings file with what is plugged in filled in, and what is not as comments that say what to set."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from tega.config import FINGERS
+from tega.devices import Found
+from tega.doctor.bench import Looked
+
+__all__ = ["lab_settings"]
+
+_HEAD = """\
+# A session on real devices. Lines that begin with # are switched off; take the # away to switch one on.
+# Check it:            tega-teleop config check {name}
+# Try the devices:     tega-teleop doctor {name}
+# Run it:              tega-teleop run {name}
+# Relative paths are relative to this file. Every key: docs/config.md
+
+[session]
+preset = "live"               # paper: the printed law; live: for people
+out_dir = "results"           # where the tables go
+"""
+
+_CALIBRATION = """
+# What counts as full effort and full touch, for one person and these devices. A run on live devices needs it.
+{off}[calibration]
+{off}file = {file}
+"""
+
+_NO_FINGER = """
+# {table:<28}  # no sensor was found for it
+# driver = "digit"                # docs/device-digit.md
+# options = {{ serial = "D00000" }}   # the number printed on the sensor; source = "/dev/video0" for any camera
+"""
+
+_NO_EMG = """
+# [emg]                           # no amplifier was found
+# driver = "cyton"                # cyton, chords, serial-emg, lsl-emg: docs/device-emg.md
+# kind = "raw"                    # what it sends: raw, rectified, envelope
+# options = { port = "/dev/ttyUSB0" }
+"""
+
+_NO_VEST = """
+[vest]
+layout = "x40"                # paper32, x40, x16
+# driver = "bhaptics-player"      # no vest was found; without a driver the frames are only recorded
+# options = { host = "127.0.0.1", limit = 60 }   # limit: the highest percent ever sent
+# threshold = 15                  # the least percent that this person feels: docs/device-vest.md
+"""
+
+_NO_HAND = """
+[hand]
+# driver = "allegro"              # no CAN bus was found; without a driver the frames are only recorded
+# options = { interface = "socketcan", channel = "can0", side = "right", torque_share = 0.3 }
+"""
+
+# What a driver cannot find out by itself, and where to start.
+_MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
+    "serial-emg": {
+        "rate_hz": (500.0, "lines a second that the board prints; measured, and refused if it is not so"),
+        "columns": (3, "numbers on a line"),
+        "bits": (10, "of the board's converter: 10, 12, 14; so that saturation is seen"),
+    },
+    "bhaptics-player": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
+    "bhaptics-ble": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
+    "hid-vest": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
+    "allegro": {
+        "side": ("right", "right or left; the other one is refused"),
+        "torque_share": (0.3, "share of the torque limits; raise it when all is well"),
+    },
+}
+# Which of several drivers that found something is the likelier one.
+_PREFERRED = ("lsl-emg", "cyton", "bhaptics-player", "bhaptics-ble")
+
+
+def lab_settings(
+    looked: Mapping[str, Looked],
+    *,
+    name: str,
+    calibration: Path | None = None,
+    baselines: Mapping[str, Path] | None = None,
+) -> str:
+    """Return the text of a settings file.
+
+    Args:
+        looked: What :func:`tega.doctor.look_for` found.
+        name: Of the file, for the commands in it.
+        calibration: A calibration to name, relative to the file.
+        baselines: Pictures of the untouched gels to name, by finger, likewise.
+
+    Returns:
+        TOML that ``tega-teleop config check`` accepts.
+    """
+    file = _toml(str(calibration or "calibration.toml"))
+    text = _HEAD.format(name=name) + _CALIBRATION.format(off="" if calibration else "# ", file=file)
+    sensors = _found(looked, "tactile")
+    if sensors:
+        text += "\n# Which sensor is on which finger is a guess, in the order of their numbers: touch each and swap.\n"
+    for finger, sensor in zip(FINGERS, [*sensors[: len(FINGERS)], *[None] * len(FINGERS)], strict=False):
+        if sensor is None:
+            text += _NO_FINGER.format(table=f"[tactile.{finger}]")
+            continue
+        picture = (baselines or {}).get(finger)
+        untouched = f"baseline = {_toml(str(picture))}" if picture else f'# baseline = "{finger}.png"'
+        text += _section(f"tactile.{finger}", sensor, f"{untouched:<28}  # picture of the untouched gel\n")
+    text += _left_over(sensors[len(FINGERS) :])
+    amplifiers = _found(looked, "emg")
+    kind = 'kind = "raw"                  # what it sends: raw, rectified, envelope\n'
+    text += _section("emg", amplifiers[0], kind) if amplifiers else _NO_EMG
+    text += _left_over(amplifiers[1:])
+    vests = _found(looked, "vest")
+    layout = 'layout = "x40"                # paper32, x40, x16\n'
+    text += _section("vest", vests[0], layout) if vests else _NO_VEST
+    text += _left_over(vests[1:])
+    hands = _found(looked, "hand")
+    text += _section("hand", hands[0], "") if hands else _NO_HAND
+    return text + _left_over(hands[1:])
+
+
+def _found(looked: Mapping[str, Looked], kind: str) -> list[Found]:
+    """Return what was found of a kind, the likelier drivers and what can be opened first."""
+    found = [one for there in looked.values() if there.kind == kind for one in there.found if one.options]
+    found += [
+        one for there in looked.values() if there.kind == kind for one in there.found if not one.options
+    ]
+    return sorted(found, key=lambda one: (bool(one.problem), _rank(one.driver)))
+
+
+def _rank(driver: str) -> int:
+    return _PREFERRED.index(driver) if driver in _PREFERRED else len(_PREFERRED)
+
+
+def _section(table: str, found: Found, more: str) -> str:
+    """Return a table with a device filled in."""
+    text = "\n" + _comment(f"{found.label}{f': {found.note}' if found.note else ''}")
+    if found.problem:
+        text += _comment(f"Not usable yet: {found.problem}. {found.hint}")
+    text += f"[{table}]\ndriver = {_toml(found.driver)}\n{more}"
+    extra = {key: told for key, told in _MORE.get(found.driver, {}).items() if key not in found.options}
+    if not found.options and not extra:
+        return text
+    text += f"\n[{table}.options]\n"
+    lines = [f"{key} = {_toml(value)}\n" for key, value in found.options.items()]
+    lines += [f"{f'{key} = {_toml(value)}':<28}  # {told}\n" for key, (value, told) in extra.items()]
+    return text + "".join(lines)
+
+
+def _left_over(found: Iterable[Found]) -> str:
+    """Name what was found besides, to choose from."""
+    return "".join(
+        _comment(f"also found: {one.label}: driver = {_toml(one.driver)}, options = {_toml(one.options)}")
+        for one in found
+    )
+
+
+def _comment(text: str) -> str:
+    """Return a text as comment lines; what a device calls itself may hold anything."""
+    lines = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
+    return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return (
+            f"{{ {', '.join(f'{key} = {_toml(item)}' for key, item in value.items())} }}" if value else "{}"
+        )
+    # A JSON string is a TOML string, but for this one character.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,90 @@
+"""Trying exactly what a settings file names."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Final
+
+from tega.config import SessionConfig
+from tega.doctor.bench import try_all
+from tega.doctor.case import Case
+from tega.doctor.findings import Examination, Finding
+
+__all__ = ["DEADLINE_S", "cases_of", "examine"]
+
+DEADLINE_S: Final = 30.0
+"""Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
+
+# Options that say which device is meant; two parts of a session with the same ones mean one device.
+_IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
+
+
+def examine(config: SessionConfig, *, name: str, deadline_s: float = DEADLINE_S) -> Examination:
+    """Open every device that the settings name, read it for a moment, close it.
+
+    A hand's motors stay off, a vest gets zeros, and what would overwrite a file is not opened.
+
+    Args:
+        config: The settings.
+        name: Base name of their file.
+        deadline_s: How long all devices together may take, side by side.
+    """
+    cases = cases_of(config)
+    if not cases:
+        nothing = Finding(
+            check="settings",
+            status="doubt",
+            finding="the settings name no device",
+            todo=("tega-teleop init writes settings with what it finds",),
+        )
+        return Examination(settings=name, findings=(nothing,))
+    twice = _same_device(cases)
+    # Opened twice at once, a device would only complain about that.
+    left = {id(case) for case, _ in twice}
+    findings = try_all([case for case in cases if id(case) not in left], deadline_s)
+    return Examination(settings=name, findings=(*findings, *(finding for _, finding in twice)))
+
+
+def cases_of(config: SessionConfig) -> list[Case]:
+    """Return the devices that a session's settings name."""
+    cases = [
+        Case(f"tactile.{finger}", "tactile", section.driver, section.options, section.baseline)
+        for finger, section in config.tactile.in_use().items()
+    ]
+    if config.emg is not None:
+        cases.append(Case("emg", "emg", config.emg.driver, config.emg.options))
+    if config.vest.driver is not None:
+        cases.append(Case("vest", "vest", config.vest.driver, config.vest.options))
+    if config.hand.driver is not None:
+        cases.append(Case("hand", "hand", config.hand.driver, config.hand.options))
+    return cases
+
+
+def _same_device(cases: list[Case]) -> list[tuple[Case, Finding]]:
+    """Find parts of the settings that name the device of an earlier part."""
+    users: defaultdict[str, list[Case]] = defaultdict(list)
+    for case in cases:
+        for key in _IDENTITY:
+            value = getattr(case.options, key, None)
+            if not value:
+                continue
+            # A port is a port, whoever opens it; anything else is its driver's own business.
+            users[str(value) if str(value).startswith("/dev/") else f"{case.driver} {key} {value}"].append(
+                case
+            )
+    return [
+        (
+            case,
+            Finding(
+                check=case.check,
+                status="wrong",
+                finding=f"{case.check} and {sharing[0].check} name the same device: {name}",
+                why="one device cannot be two",
+                todo=("look at the numbers printed on the devices and correct the settings",),
+                driver=case.driver,
+                device=name,
+            ),
+        )
+        for name, sharing in users.items()
+        for case in sharing[1:]
+    ]

@@ -1,0 +1,35 @@
+"""The vest: can it be reached, and what does it say of itself. It is never sent anything but zeros."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tega.devices import HarmlessDevice, driver_class
+from tega.devices.bluetooth_state import bluetooth_trouble
+from tega.doctor.case import Case, failed
+from tega.doctor.findings import Finding
+from tega.errors import MissingExtraError, TegaError
+
+__all__ = ["try_vest"]
+
+
+def try_vest(case: Case) -> list[Finding]:
+    """Open a vest, which begins with zeros, hear what it says of itself, close it."""
+    driver = driver_class(case.driver, "vest")
+    options = case.options
+    if isinstance(driver, HarmlessDevice):
+        options = driver.harmless(options)
+    vest: Any = driver(case.options if options is None else options)
+    label = vest.info.label
+    if options is None:
+        return [case.told(label, "fine", f"{case.driver} needs no device; it was not opened")]
+    try:
+        with vest:
+            info = vest.info
+    except TegaError as error:
+        why, hint = bluetooth_trouble() if case.driver == "bhaptics-ble" else ("", "")
+        if isinstance(error, MissingExtraError):
+            why, hint = "", ""
+        return [failed(case, error, device=label, why=why, todo=(hint,))]
+    said = f"{case.driver}, {label}: the vest answers; it was sent zeros only"
+    return [case.told(label, "fine", said), *(case.told(label, "doubt", note) for note in info.notes)]

@@ -1,0 +1,236 @@
+"""The pure parts of a calibration: the ladder, presses, gels, records, the practice curve."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tega.calibration.gel import compare_gels, judge_rest
+from tega.calibration.person import felt_by
+from tega.calibration.practice import Curve, score
+from tega.calibration.presses import PRESSES, PressMeter
+from tega.calibration.records import EmgRecord, VestRecord, read_record, write_record
+from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
+from tega.calibration.wearing import SITES, judge_wearing
+from tega.haptics import FeltMap, vest_frame
+from tega.tactile import ContactMetrics
+from tega.wire import vest_levels
+
+LEVELS = st.integers(1, TOP_LEVEL)
+# Up to the ceiling two at a time, down from two above, up from two below, and one question about nothing.
+MOST_QUESTIONS = 8 + 16 + 16 + 1
+
+
+@given(ceiling=LEVELS, answers=st.lists(st.booleans(), min_size=MOST_QUESTIONS, max_size=MOST_QUESTIONS))
+def test_the_ladder_ends_and_never_asks_above_its_ceiling(ceiling: int, answers: list[bool]) -> None:
+    ladder = Ladder(ceiling)
+    asked = []
+    for felt in answers:
+        if ladder.level is None:
+            break
+        asked.append(ladder.level)
+        ladder.answer(felt=felt)
+    assert ladder.level is None
+    assert 0 <= min(asked) <= max(asked) <= ceiling
+    assert asked.count(0) <= 1
+    found = ladder.result()
+    assert found.n_trials == len(asked)
+    assert found.level is None or 1 <= found.level <= ceiling
+
+
+@given(ceiling=LEVELS, threshold=st.integers(1, TOP_LEVEL + 1))
+def test_the_ladder_finds_a_sure_person_s_threshold(ceiling: int, threshold: int) -> None:
+    ladder = Ladder(ceiling)
+    while (level := ladder.level) is not None:
+        ladder.answer(felt=level >= threshold)
+    assert ladder.result().level == (threshold if threshold <= ceiling else None)
+    assert ladder.result().n_false == 0
+
+
+@given(st.integers(0, 100))
+def test_percentages_are_those_of_the_motors_levels(percent: int) -> None:
+    level = highest_level(percent)
+    assert LEVEL_PERCENT[level] <= percent
+    assert level == TOP_LEVEL or LEVEL_PERCENT[level + 1] > percent
+    assert vest_levels([LEVEL_PERCENT[level]] * 40).tolist() == [level] * 40
+
+
+def metrics(eda: int) -> ContactMetrics:
+    peak = eda / 100
+    return ContactMetrics(
+        1.0, (9.0, 9.0), 3.0, 1.0, eda, peak / max(eda, 1) ** 0.5, peak, (9, 9), in_contact=eda > 0
+    )
+
+
+@given(
+    st.lists(st.integers(2000, 12000), min_size=PRESSES, max_size=PRESSES),
+    st.integers(-1, PRESSES - 1),
+    st.integers(0, 2),
+)
+def test_maxima_are_of_the_firm_presses_and_no_spike_decides(
+    sizes: list[int], spiked: int, weak: int
+) -> None:
+    meter, t_ns = PressMeter(76_800), 0
+    for n, size in enumerate([500] * weak + sizes):
+        for k in range(120):
+            # One frame is ten times too large.
+            found = metrics(10 * size if n - weak == spiked and k == 50 else size)
+            meter.take(t_ns, {"live": found, "paper": found})
+            t_ns += 16_000_000
+        for _ in range(20):
+            meter.take(t_ns, {"live": metrics(0), "paper": metrics(0)})
+            t_ns += 16_000_000
+    assert len(meter.presses) == PRESSES + weak
+    assert 500 not in [p.eda_px for p in meter.firm]
+    middle = float(np.median(sizes))
+    assert len(meter.firm) == sum(size >= middle / 2 for size in sizes)
+    assert bool(meter.problems()) == (len(meter.firm) < PRESSES)
+    maximum = meter.maxima("live").eda_max
+    assert maximum is not None
+    assert min(sizes) <= maximum <= max(sizes)
+
+
+@given(seed=st.integers(0, 2**16), shift=st.integers(-30, 30), side=st.integers(0, 20))
+def test_a_gel_s_shift_and_its_dark_spot_are_told_apart(seed: int, shift: int, side: int) -> None:
+    random = np.random.default_rng(seed)
+    then = random.integers(100, 140, (120, 160, 3)).astype(np.uint8)
+    now = (then.astype(int) + shift).astype(np.uint8)
+    now[40 : 40 + side, 60 : 60 + side] -= 50
+    change = compare_gels(now, then, noise_now=3.0, noise_then=3.0, when="then")
+    assert change.shift == (shift, shift, shift)
+    assert change.bright_px == 0
+    assert abs(change.dark_px - side**2) <= 4 * side + 4
+    if side > 7:
+        assert change.dark_xy is not None
+        assert 60 <= change.dark_xy[0] < 60 + side
+        assert any("dark spot" in words for words in change.words)
+    assert any("counts" in words for words in change.words) == (abs(shift) > 6)
+
+
+@given(seed=st.integers(0, 2**16), noise=st.floats(1.5, 4.0), drift=st.floats(-10, 10))
+def test_noise_is_measured_and_a_light_that_changes_is_told(seed: int, noise: float, drift: float) -> None:
+    random = np.random.default_rng(seed)
+    pictures = [
+        np.clip(110 + drift * k / 29 + random.normal(0, noise, (60, 80, 3)), 0, 255).round().astype(np.uint8)
+        for k in range(30)
+    ]
+    rest = judge_rest(pictures)
+    assert abs(max(rest.noise) - noise) < 0.25
+    if abs(drift) < 2.5:
+        assert not rest.problems
+    if abs(drift) > 4:
+        assert any("light still changes" in said for said in rest.problems)
+
+
+@given(st.permutations(SITES), st.sets(st.sampled_from(SITES), max_size=3))
+def test_judging_places_takes_any_answer(answers: list[str], unfelt: set[str]) -> None:
+    said = {shown: "n" if shown in unfelt else a for shown, a in zip(SITES, answers, strict=True)}
+    wearing = judge_wearing(said)
+    assert wearing.n_asked == 8
+    assert wearing.n_right == sum(shown == a for shown, a in said.items())
+    assert any("not felt at all" in p for p in wearing.problems) == bool(unfelt)
+
+
+def test_places_named_right_or_by_a_neighbour_are_no_problem() -> None:
+    assert not judge_wearing({s: s for s in SITES}).problems
+    assert not judge_wearing({**{s: s for s in SITES}, "f2": "f1", "b3": "b4"}).problems
+    mirrored = {s: f"{s[0]}{5 - int(s[1])}" for s in SITES}
+    assert judge_wearing(mirrored).problems == ('front and back felt mirrored: set vest.mirror = "all"',)
+    exchanged = {s: f"{'fb'[s[0] == 'f']}{s[1]}" for s in SITES}
+    assert judge_wearing(exchanged).problems == (
+        "front and back are felt exchanged: is the vest on the right way round?",
+    )
+
+
+PERCENT = st.floats(0.1, 60) | st.just(-1.0)
+MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+
+
+@given(st.lists(PERCENT, min_size=8, max_size=8), st.lists(PERCENT, min_size=8, max_size=8), TEXT)
+def test_a_vest_record_is_read_as_written_and_makes_a_map(
+    threshold: list[float], step: list[float], note: str
+) -> None:
+    record = VestRecord(
+        person="p01",
+        device="v",
+        driver="d",
+        made=MADE,
+        notes=(note,),
+        layout="x40",
+        ceiling_percent=60,
+        sites=SITES,
+        threshold_percent=tuple(threshold),
+        step_percent=tuple(step),
+        named_right=8,
+        named=8,
+        false_alarms=0,
+    )
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "vest.toml"
+        write_record(record, path)
+        assert read_record(path, VestRecord) == record
+        assert list(Path(folder).iterdir()) == [path]
+    if max(threshold) < 0:
+        return
+    thresholds, steps = felt_by(record)
+    felt = FeltMap(threshold=thresholds, step=steps).apply(vest_frame([1] * 4, [1] * 4, layout="x40"))
+    for k, t in enumerate(threshold[:4]):
+        if t > 0:
+            assert felt.intensities[k] >= round(t) - 1
+
+
+@given(
+    st.lists(st.floats(1e-6, 1e6), min_size=3, max_size=3),
+    TEXT,
+    st.none() | st.just(MADE),
+)
+def test_an_emg_record_is_read_as_written(
+    numbers: list[float], text: str, refreshed: datetime | None
+) -> None:
+    values = tuple(numbers)
+    record = EmgRecord(
+        person="p01",
+        device="d",
+        driver="cyton",
+        made=MADE,
+        kind="raw",
+        rate_hz=250.0,
+        tau_samples=25,
+        settings=text,
+        unit="µV",
+        channels=("ch1", "ch2", "ch3"),
+        muscles=("ECR", "FCU", text),
+        offset=values,
+        rest=values,
+        live_max=values,
+        paper_max=values,
+        answers=(values, values, values),
+        refreshed=refreshed,
+    )
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "emg.toml"
+        write_record(record, path)
+        assert read_record(path, EmgRecord) == record
+
+
+@given(st.floats(10, 120), st.integers(0, 1000), st.integers(0, 9))
+def test_a_perfect_follower_scores_full_and_a_late_one_is_as_late_as_they_were(
+    duration_s: float, seed: int, late: int
+) -> None:
+    curve = Curve(duration_s, seed=seed)
+    t_s = [k / 10 for k in range(int(duration_s * 10))]
+    asked = [curve.at(t) for t in t_s]
+    assert 1 <= min(asked) <= max(asked) <= 5
+    on_time = score(t_s, [round(a) for a in asked], curve)
+    assert on_time.in_target == 1.0
+    assert on_time.rms_error_levels < 0.5
+    delayed = score(t_s, [round(curve.at(t - late / 10)) for t in t_s], curve)
+    assert delayed.delay_s is not None
+    assert abs(delayed.delay_s - late / 10) <= 0.1001
+    assert score(t_s, [1] * len(t_s), curve).delay_s is None

@@ -1,0 +1,362 @@
+"""``tega-teleop calibrate`` against emulators in other processes: what it keeps, refuses, warns of, goes on with."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import threading
+import tomllib
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from reference.waiting import until
+from reference.wizard import Wearer, Wizard, presses, records
+from tega.calibration.folder import CalibrationFolder
+from tega.calibration.records import EmgRecord, utc_now, write_record
+from tega.cli.main import main
+from tega.testing.emulators.digit import DigitProcess
+from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.vests import EmulatedVest
+
+RESTING, WORKING = 0.04, 1.0
+
+
+def lab(path: Path, *parts: str) -> Path:
+    file = path / "lab.toml"
+    file.write_text("\n".join(parts))
+    return file
+
+
+def thumb(sensor: DigitProcess, serial: str = "D20641") -> str:
+    return (
+        '[tactile.thumb]\ndriver = "digit"\n'
+        f'options = {{ source = "{sensor.source}/{serial}", warm_up_s = 0.1 }}\n'
+    )
+
+
+def muscles(board: Emulator, more: str = "") -> str:
+    return (
+        '[emg]\ndriver = "serial-emg"\nkind = "raw"\n'
+        f'options = {{ port = "{board.port}", rate_hz = 500.0, bits = 10, measure_s = 0.5{more} }}\n'
+    )
+
+
+def teleop(*words: str) -> int:
+    with pytest.raises(SystemExit) as done:
+        main(list(words))
+    code: int = done.value.code  # type: ignore[assignment]
+    return code
+
+
+class Presser:
+    """Does with a fingertip what the wizard asks for."""
+
+    def __init__(self, sensor: DigitProcess, firmness: list[float] | None = None) -> None:
+        self._sensor = sensor
+        self._firmness = [0.8, 0.9, 1.0, 0.9, 0.8] if firmness is None else firmness
+
+    def __call__(self, prompt: str) -> str | None:
+        if "press firmly" in prompt:
+            presses(self._sensor.command, self._firmness)
+        return "q" if prompt.startswith("?") else ""
+
+
+class Mover:
+    """Does with muscles what the wizard asks for; ``wired`` says which muscle each channel really sits on."""
+
+    def __init__(self, board: Emulator, wired: tuple[int, ...] = (1, 2, 3)) -> None:
+        self._board = board
+        self._wired = wired
+        self.full = WORKING
+
+    def __call__(self, prompt: str) -> str | None:
+        self._board.say(f"effort {RESTING}")
+        if "fist" in prompt:
+            self._board.say(f"effort {self.full}")
+        for k, channel in enumerate(self._wired):
+            if f"ch{k + 1} sits on" in prompt:
+                self._board.say(f"effort 0.5 {channel}")
+        return "q" if prompt.startswith("?") else ""
+
+
+def calibrate(file: Path, answer: Any, *more: str) -> Wizard:
+    words = [
+        "calibrate",
+        str(file),
+        "--person",
+        "p01",
+        "--json",
+        "--time-scale",
+        "0.2",
+        "--pause-s",
+        "0",
+        *more,
+    ]
+    wizard = Wizard(words, answer)
+    wizard.run()
+    return wizard
+
+
+def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with DigitProcess() as sensor:
+        file = lab(tmp_path, thumb(sensor))
+        assert teleop("run", str(file), "--set", "session.duration_s=1") == 1
+        assert f"hint: tega-teleop calibrate {file} --person ID" in capsys.readouterr().err
+        wizard = calibrate(file, Presser(sensor))
+        assert wizard.code == 0, wizard.said
+        kept = list(records(tmp_path / "calibrations"))
+        assert [name.split("/")[0] for name in kept] == ["gels", "gels", "people"]
+        assert kept[-1] == "people/p01/touch-D20641.toml"
+        tree = tomllib.loads((tmp_path / "calibrations" / kept[-1]).read_text())
+        assert (tree["person"], tree["finger"], tree["n_presses"]) == ("p01", "thumb", 5)
+        assert tree["live"]["eda_max"] > 4000
+        assert tree["live"]["cci_max"] > 10 * tree["paper"]["cci_max"] > 0
+        assert wizard.told["files"][0]["record"]["device"] == "D20641"
+        sensor.command("press 1")
+        assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
+        summary = json.loads(capsys.readouterr().out)
+        assert summary["tactile"]["thumb"]["eda_max"] == tree["live"]["eda_max"]
+        assert summary["calibration"]["file"] == "calibration of p01"
+        assert not summary["calibration"]["self_calibrated"]
+        assert not [note for note in summary["notes"] if "old" in note]
+        # Another person, another sensor, an old record.
+        assert teleop("run", str(file), "--person", "p02") == 1
+        said = capsys.readouterr().err
+        assert "p02 has no calibration on D20641 (there is one of p01)" in said
+        assert f"hint: tega-teleop calibrate {file} --person p02 --only tactile" in said
+        other = lab(tmp_path, thumb(sensor, "D99999"))
+        assert teleop("run", str(other), "--person", "p01") == 1
+        assert "no calibration on D99999 (p01 was calibrated on D20641)" in capsys.readouterr().err
+
+
+def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Emulator("ascii_board", "--signal", "emg") as board:
+        file = lab(tmp_path, muscles(board))
+        wizard = calibrate(file, Mover(board))
+        assert wizard.code == 0, wizard.said
+        (found,) = wizard.told["files"]
+        record = found["record"]
+        assert record["channels"] == ["ch1", "ch2", "ch3"]
+        assert all(m > 3 * r > 0 for m, r in zip(record["live_max"], record["rest"], strict=True))
+        assert all(p >= m for p, m in zip(record["paper_max"], record["live_max"], strict=True))
+        assert record["answers"][1][1] == max(record["answers"][1])
+        assert 500 < min(record["offset"]) < 525
+        assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
+        assert json.loads(capsys.readouterr().out)["emg"]["maxima"] == record["live_max"]
+        paper = ("--set", "session.preset=paper", "--set", "session.duration_s=1", "--json")
+        assert teleop("run", str(file), "--person", "p01", *paper) == 0
+        assert json.loads(capsys.readouterr().out)["emg"]["maxima"] == record["paper_max"]
+        command = f"hint: tega-teleop calibrate {file} --person p01 --only emg"
+        for change, said in (
+            ("emg.options.channels=[1,2]", "with channels = ch1, ch2, ch3, the run has ch1, ch2"),
+            ("emg.kind=rectified", "with kind = raw, the run has rectified"),
+            ("emg.options.bits=12", "settings = bits=10, columns=3, leading=0, the run has"),
+        ):
+            assert teleop("run", str(file), "--person", "p01", "--set", change) == 1
+            err = capsys.readouterr().err
+            assert said in err
+            assert command in err
+        made = utc_now() - timedelta(hours=30)
+        folder = CalibrationFolder(tmp_path / "calibrations")
+        path = Path(found["file"])
+        old = folder.record("p01", EmgRecord, path.stem.removeprefix("emg-"))
+        assert old is not None
+        write_record(msgspec.structs.replace(old, made=made), path)
+        assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
+        came = capsys.readouterr()
+        (note,) = [n for n in json.loads(came.out)["notes"] if "old" in n]
+        assert note == (
+            f"EMG: 30 hours old, warned of after 12 hours: tega-teleop calibrate {file} --person p01 --refresh"
+        )
+
+
+def vest(peer: EmulatedVest, *more: str) -> str:
+    options = f"options = {{ port = {peer.address['port']}, limit = 40 }}"
+    return "\n".join(['[vest]\ndriver = "bhaptics-player"', options, *more])
+
+
+THRESHOLD = {"f1": 9, "f2": 9, "f3": 15, "f4": 9, "b1": 9, "b2": 9, "b3": 200, "b4": 9}
+
+
+def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with EmulatedVest("bhaptics_player") as peer:
+        file = lab(tmp_path, vest(peer))
+        wearer = Wearer(peer, THRESHOLD)
+        words = [
+            "calibrate",
+            str(file),
+            "--person",
+            "p01",
+            "--json",
+            "--time-scale",
+            "0.2",
+            "--ceiling",
+            "90",
+        ]
+
+        def interrupted(line: str) -> None:
+            if "ok front, column 3" in line:
+                first.interrupt()
+
+        first = Wizard(words, wearer, interrupted)
+        assert first.run() == 130
+        assert not any(peer.report().motors)
+        assert f"Go on with: tega-teleop calibrate {file} --person p01" in first.said
+        assert first.told["finished"] is False
+        assert first.told["done"] == ["vest.places", "vest.threshold"]
+        assert "vest: 8 of 8 places named right" in first.said
+        wearer.asked.clear()
+        second = Wizard(words, wearer)
+        assert second.run() == 0, second.said
+        assert "done: vest.places, vest.threshold" in second.said
+        assert "f1" not in wearer.asked[: wearer.asked.index("b4")]
+        assert not any(peer.report().motors)
+        # 40 percent is the driver's limit; level 6 is the highest below it.
+        assert wearer.loudest == 37
+        assert not peer.report().errors
+        record = second.told["files"][0]["record"]
+        by_site = dict(zip(record["sites"], record["threshold_percent"], strict=True))
+        assert by_site == {s: {9: 10.0, 15: 17.0, 200: -1.0}[t] for s, t in THRESHOLD.items()}
+        assert record["step_percent"][0] == pytest.approx(200 / 15, abs=0.01)
+        assert record["step_percent"][6] == -1
+        assert record["step_sites"] == ["f4", "b2"]
+        assert teleop("config", "show", str(file), "--set", "calibration.person=p01") == 0
+        (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("vest.threshold")]
+        assert "10.0, 10.0, 17.0, 10.0" in line
+        assert line.endswith(f"people/p01/vest-127.0.0.1_{peer.address['port']}.toml")
+        explicit = lab(tmp_path, vest(peer, "threshold = 5"))
+        assert teleop("config", "show", str(explicit), "--set", "calibration.person=p01") == 0
+        (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("vest.threshold")]
+        assert " 5.0 " in line
+        assert re.search(r"lab\.toml.* \(wins over people/p01/vest-", line)
+
+
+def test_a_mirrored_back_is_told_and_the_vest_rests_after_sigterm(tmp_path: Path) -> None:
+    with EmulatedVest("bhaptics_player") as peer:
+        file = lab(tmp_path, vest(peer))
+        wizard = calibrate(file, Wearer(peer, THRESHOLD, mirrored=True))
+        assert wizard.code == 130
+        assert 'back felt mirrored: set vest.mirror = "back"' in wizard.said
+
+        def while_it_vibrates() -> None:
+            until(lambda: any(peer.report().motors))
+            again.terminate()
+
+        def begins(prompt: str) -> str:
+            assert "Something will vibrate" in prompt
+            threading.Thread(target=while_it_vibrates).start()
+            return ""
+
+        again = Wizard(["calibrate", str(file), "--person", "p02", "--time-scale", "4"], begins)
+        assert again.run() == 128 + signal.SIGTERM
+        assert not any(peer.report().motors)
+        wizard = calibrate(file, Wearer(peer, THRESHOLD), "--yes")
+        assert wizard.code == 1
+        assert "its questions need a person to answer them" in wizard.said
+
+
+def test_too_few_presses_are_told_and_gone_on_with(tmp_path: Path) -> None:
+    with DigitProcess() as sensor:
+        file = lab(tmp_path, thumb(sensor))
+        wizard = calibrate(file, Presser(sensor, [0.9, 0.9]), "--time-scale", "0.05")
+        assert wizard.code == 130
+        assert "only 2 of 5 firm presses were seen" in wizard.said
+        assert "Left: tactile.thumb" in wizard.said
+        # The baseline is kept, and not asked for again.
+        again = calibrate(file, Presser(sensor))
+        assert again.code == 0, again.said
+        assert "done: tactile.thumb.baseline" in again.said
+        assert not [line for line in again.lines if "take everything off" in line]
+
+
+def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: Path) -> None:
+    with DigitProcess() as sensor:
+        file = lab(tmp_path, thumb(sensor))
+        sensor.command("press 0.9")
+        refused = calibrate(file, Presser(sensor), "--yes")
+        assert refused.code == 1
+        assert "does something touch the gel?" in refused.said
+        assert not (tmp_path / "calibrations" / "gels").exists()
+        asked: list[str] = []
+
+        def lets_go(prompt: str) -> str | None:
+            if "what now" in prompt:
+                asked.append(prompt)
+                sensor.command("press 0")
+                return "a"
+            return presser(prompt)
+
+        presser = Presser(sensor)
+        wizard = calibrate(file, lets_go)
+        assert wizard.code == 0, wizard.said
+        assert len(asked) == 1
+        sensor.command("wear dimmer")
+        sensor.command("wear dark-spot")
+        keeps = calibrate(file, lambda prompt: "k" if "what now" in prompt else presser(prompt), "--refresh")
+        assert keeps.code == 0, keeps.said
+        assert "counts darker than on 2" in keeps.said
+        assert "a dark spot of " in keeps.said
+        record = keeps.told["files"][0]["record"]
+        assert record["dark_px"] > 40
+        assert max(record["shift_counts"]) < -5
+
+
+def test_exchanged_electrodes_and_half_hearted_squeezes_are_told(tmp_path: Path) -> None:
+    with Emulator("ascii_board", "--signal", "emg") as board:
+        file = lab(tmp_path, muscles(board))
+        wizard = calibrate(file, Mover(board, wired=(2, 1, 3)))
+        assert wizard.code == 130
+        assert "ch1 and ch2 look swapped: each rises with the muscle of the other" in wizard.said
+        assert wizard.told["done"] == ["emg.rest", "emg.squeezes"]
+        weak = Mover(board)
+        weak.full = 2 * RESTING
+        wizard = calibrate(file, weak, "--restart")
+        assert wizard.code == 130
+        assert "a strong squeeze is only" in wizard.said
+        board.say("signal hum 2")
+        wizard = calibrate(file, Mover(board), "--restart", "--time-scale", "0.6", "--yes")
+        assert wizard.code == 1
+        assert "ch2: mostly 50 Hz mains: electrode or reference loose, or lifted off" in wizard.said
+
+
+def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(tmp_path: Path) -> None:
+    with Emulator("ascii_board", "--signal", "emg") as board:
+        file = lab(tmp_path, muscles(board))
+        nothing = calibrate(file, Mover(board), "--refresh")
+        assert nothing.code == 1
+        assert "p01 has no calibration on" in nothing.said
+        first = calibrate(file, Mover(board))
+        assert first.code == 0, first.said
+        today = Mover(board)
+        today.full = 1.5
+        wizard = calibrate(file, today, "--refresh")
+        assert wizard.code == 0, wizard.said
+        before, after = (w.told["files"][0]["record"] for w in (first, wizard))
+        assert 1.15 < after["scale"] < 1.95
+        assert after["made"] == before["made"]
+        assert "refreshed" in after
+        assert after["live_max"][0] > 1.05 * before["live_max"][0]
+        assert len(list((tmp_path / "calibrations/people/p01/before").iterdir())) == 1
+        today.full = 0.4
+        changed = calibrate(file, today, "--refresh")
+        assert changed.code == 1
+        assert "times what it gave at the calibration" in changed.said
+        board.say(f"effort {RESTING}")
+        tracked = Wizard(
+            ["practice", str(file), "--person", "p01", "--seconds", "10", "--json"], lambda _prompt: ""
+        )
+        assert tracked.run() == 0, tracked.said
+        # Hand at rest all the time: right only while the curve asks for level 1.
+        assert 20 < tracked.told["in_target_percent"] < 70
+        assert tracked.told["rms_error_levels"] > 0.5
+        assert tracked.told["delay_s"] is None
+        assert Path(tracked.told["file"]).is_file()

@@ -1,0 +1,221 @@
+"""Parts of the calibration with examples: muscles, real gels, records that must not be used."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tega.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
+from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
+from tega.calibration.gel import judge_rest, suspect_contact
+from tega.calibration.presses import PressMeter
+from tega.calibration.records import TouchRecord, VestRecord, read_record
+from tega.calibration.store import TouchMaxima
+from tega.calibration.times import Times
+from tega.calibration.wizard import Calibrating, parts_of
+from tega.cli.guide import LineGuide
+from tega.config import load_config
+from tega.devices.base import DeviceInfo, EmgChunk
+from tega.devices.opencv import read_image
+from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError
+from tega.tactile import ContactMetrics
+
+CHAIN = Chain(500.0, 50, "raw", ("ch1", "ch2", "ch3"))
+NOW = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
+
+
+def emg(*efforts: float, seconds: float = 4.0, seed: int = 0) -> list[EmgChunk]:
+    random = np.random.default_rng(seed)
+    n = round(500 * seconds)
+    return [EmgChunk(0, 0, 512 + random.normal(0, 60, (n, 3)) * np.array(efforts))]
+
+
+def test_muscles_in_order_have_no_problem() -> None:
+    quiet = judge_quiet(emg(0.04, 0.04, 0.04, seconds=5), CHAIN)
+    assert not quiet.problems
+    np.testing.assert_allclose(quiet.offset, 512, atol=0.5)
+    found = judge_squeezes([emg(1, 1, 1, seed=k) for k in range(3)], quiet.rest, CHAIN)
+    assert not found.problems
+    assert (found.paper >= found.live).all()
+    # A tenth of a second of rectified noise of 60 has a mean of about 48.
+    assert (found.live > 48).all()
+    assert (found.live < 80).all()
+    drives, problems = judge_muscles(
+        [emg(0.5, 0.1, 0.1), emg(0.1, 0.5, 0.1), emg(0.1, 0.1, 0.5)], quiet.rest, found.live, CHAIN
+    )
+    assert not problems
+    assert (drives.argmax(axis=1) == [0, 1, 2]).all()
+
+
+def test_what_is_wrong_with_muscles_is_said_by_channel() -> None:
+    restless = emg(0.04, 0.04, 0.04, seconds=5)
+    restless[0].samples[1000:1250, 1] += np.random.default_rng(1).normal(0, 60, 250)
+    assert judge_quiet(restless, CHAIN).problems == (
+        "ch2: not at rest all the time: let the arm lie, hand open",
+    )
+    rest = judge_quiet(emg(0.04, 0.5, 0.04), CHAIN).rest
+    squeezes = [emg(1, 1, 1, seed=1), emg(0.3, 0.3, 0.3, seed=2), emg(1, 1, 1, seed=3)]
+    said = judge_squeezes(squeezes, rest, CHAIN).problems
+    assert any(s.startswith("ch2: a strong squeeze is only ") for s in said)
+    assert any(s.startswith("squeeze 2 reached 3") for s in said)
+    bridged = emg(1, 1, 1)
+    bridged[0].samples[:, 1] = bridged[0].samples[:, 0]
+    said = judge_squeezes([bridged] * 3, np.ones(3), CHAIN).problems
+    assert "ch1 and ch2: the same signal: electrodes bridged by gel or sweat" in said
+    _, said = judge_muscles([emg(0.05, 0.05, 0.05)] * 3, np.full(3, 2.0), np.full(3, 60.0), CHAIN)
+    assert sum("no channel answered" in s for s in said) == 3
+    with pytest.raises(CalibrationError, match="no EMG sample came"):
+        judge_quiet([], CHAIN)
+
+
+def test_real_gels_at_rest_and_pressed(recordings: Path) -> None:
+    folder = recordings / "digit" / "digit_ball_D20641"
+    background = read_image(folder / "background.png", driver="test")
+    assert suspect_contact(background, None) == ""
+    presses = [read_image(path, driver="test") for path in sorted(folder.rglob("frame_*.png"))]
+    assert len(presses) > 25
+    # The first baseline of a sensor is compared with a surface fitted to itself, every later one with the last.
+    assert all("does something touch the gel?" in suspect_contact(p, None) for p in presses)
+    against = [suspect_contact(p, background) for p in presses]
+    assert sum("that the last baseline does not have" in said for said in against) >= len(presses) - 1
+
+
+def test_pictures_that_make_no_baseline() -> None:
+    with pytest.raises(CalibrationError, match="0 pictures of no size make no baseline"):
+        judge_rest([])
+    flat = np.full((60, 80, 3), 90, np.uint8)
+    with pytest.raises(CalibrationError, match=r"80×60 and 90×60"):
+        judge_rest([flat, np.full((60, 90, 3), 90, np.uint8)])
+    assert "only 3 good pictures came, 20 are needed" in judge_rest([flat] * 3).problems
+
+
+def touch(**more: object) -> TouchRecord:
+    fields: dict[str, object] = {
+        "person": "p01",
+        "device": "D1",
+        "driver": "digit",
+        "made": NOW,
+        "finger": "thumb",
+        "baseline": "gels/D1/x.png",
+        "baseline_made": NOW,
+        "width_px": 240,
+        "height_px": 320,
+        "n_presses": 5,
+        "live": TouchMaxima(cci_max=1.0, eda_max=9000.0),
+        "paper": TouchMaxima(eda_max=9000.0),
+    }
+    return TouchRecord(**(fields | more))  # type: ignore[arg-type]
+
+
+def test_records_that_must_not_be_used(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    path = folder.keep(touch())
+    assert folder.record("p01", TouchRecord, "D1") == touch()
+    # A copied file is another person's.
+    theirs = folder.file("p02", "touch", "D1")
+    theirs.parent.mkdir()
+    theirs.write_bytes(path.read_bytes())
+    with pytest.raises(CalibrationError, match="was made for p01 on D1, not for p02 on D1"):
+        folder.record("p02", TouchRecord, "D1")
+    good = path.read_text()
+    for change, said in (
+        (("version = 1", "version = 2"), "version 2 of the format is not known here"),
+        (("eda_max = 9000.0", "eda_max = -1.0"), "live.eda_max = -1.0"),
+        (('person = "p01"', 'person = "p01"\nowner = "x"'), "owner: unknown key"),
+        (("n_presses", "n presses"), "damaged"),
+    ):
+        path.write_text(good.replace(*change))
+        with pytest.raises(CalibrationError, match=said):
+            folder.record("p01", TouchRecord, "D1")
+    path.write_text(good)
+    with pytest.raises(CalibrationError):
+        read_record(path, VestRecord)
+    assert folder.record("p01", TouchRecord, "D2") is None
+    assert folder.others("p03", "touch", "D1") == "there is one of p01, p02"
+
+
+def test_a_person_s_code_cannot_leave_the_folder(tmp_path: Path) -> None:
+    for code in ("../p01", "", "a b", ".hidden", "x" * 65):
+        with pytest.raises(InvalidValueError, match="only letters"):
+            CalibrationFolder(tmp_path).person(code)
+    info = DeviceInfo(driver="d", kind="vest", label="../../etc: x", live=True)
+    assert "/" not in device_name(info)
+    assert not device_name(info).startswith(".")
+
+
+def test_an_interrupted_calibration_is_too_old_after_four_hours(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    folder.keep_unfinished("p01", Unfinished(started=NOW, steps={"emg.rest": {"rest": [1.0]}}))
+    found = folder.unfinished("p01", NOW + timedelta(hours=3))
+    assert found is not None
+    assert found.steps == {"emg.rest": {"rest": [1.0]}}
+    assert folder.unfinished("p01", NOW + timedelta(hours=5)) is None
+    (tmp_path / "people/p01/unfinished.json").write_text("{")
+    assert folder.unfinished("p01", NOW) is None
+
+
+def test_a_person_s_thresholds_are_no_part_of_the_paper_preset(tmp_path: Path) -> None:
+    sets = ["vest.driver=bhaptics-player", "calibration.person=p01", f"calibration.folder={tmp_path}"]
+    record = VestRecord(
+        person="p01",
+        device="127.0.0.1_15881",
+        driver="bhaptics-player",
+        made=NOW,
+        layout="x40",
+        ceiling_percent=60,
+        sites=("f1", "b4"),
+        threshold_percent=(20.0, -1.0),
+        step_percent=(7.0, -1.0),
+        named_right=8,
+        named=8,
+        false_alarms=0,
+    )
+    CalibrationFolder(tmp_path).keep(record)
+    live = load_config(None, environ={}, sets=sets)
+    assert live.config.vest.threshold == (20.0,) * 40
+    assert live.values["vest.step"].origin == "people/p01/vest-127.0.0.1_15881.toml"
+    paper = load_config(None, environ={}, sets=[*sets, "session.preset=paper"])
+    assert paper.config.vest.threshold == 0.0
+    nobody = load_config(None, environ={}, sets=[*sets, "calibration.person=p02"])
+    assert nobody.config.vest.threshold == 0.0
+
+
+def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    steps = {"tactile.thumb": "people/p01/touch-D1.toml", "tactile.thumb.baseline": {}, "emg.rest": {}}
+    devices = {"tactile.thumb": "D1", "emg": "ttyUSB0"}
+    folder.keep_unfinished("p01", Unfinished(started=NOW, devices=devices, steps=steps))
+    sets = ["tactile.thumb.driver=digit", "tactile.thumb.options.source=http://127.0.0.1:9/D2"]
+    config = load_config(None, environ={}, sets=sets).config
+    guide = LineGuide(yes=True, get_ready_s=0.0)
+    work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
+    with pytest.raises(DeviceUnavailableError, match="does not open"):
+        work.run(parts_of(config))
+    assert work.left == ["tactile.thumb"]
+    assert work.done == ("emg.rest",)
+    with pytest.raises(ConfigError, match=r"--only vest: the settings have no \[vest\] device"):
+        parts_of(config, ["vest"])
+
+
+def test_a_weak_press_and_an_accident_do_not_count() -> None:
+    meter, t_ns = PressMeter(76_800), 0
+    judged = []
+    for eda, seconds in ((9000, 0.6), (800, 0.6), (8000, 0.1), (9500, 0.6), (3000, 0.6)):
+        for found, n in ((eda, round(60 * seconds)), (0, 20)):
+            for _ in range(n):
+                live = ContactMetrics(
+                    1.0, (9.0, 9.0), 3.0, 1.0, found, 0.5, 9.0, (9, 9), in_contact=found > 0
+                )
+                if (press := meter.take(t_ns, {"live": live, "paper": live})) is not None:
+                    judged.append(meter.judge(press))
+                t_ns += 16_666_667
+    assert judged == [
+        "",
+        "too weak: it dented 1.0% of the picture, 1.5% are needed; press harder",
+        "",
+        "much weaker than the others; it does not count",
+    ]
+    assert meter.problems() == ("2 of 5 firm presses; 2 were too weak",)

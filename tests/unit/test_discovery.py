@@ -1,0 +1,131 @@
+"""What the kernel tells of cameras, CAN buses and Bluetooth, from made-up trees of its files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tega.devices.bluetooth_state import bluetooth_trouble
+from tega.devices.can_links import CanLink, can_links, link_trouble
+from tega.devices.digit_search import find_digits
+
+
+def camera(root: Path, number: int, *, serial: str, usb_id: str = "2833:0209") -> None:
+    """Make what the kernel shows of one camera: a node that hangs on an interface of a USB device."""
+    usb = root / "devices" / f"1-{number}"
+    interface = usb / f"1-{number}:1.0"
+    interface.mkdir(parents=True)
+    vendor, product = usb_id.split(":")
+    for name, value in {
+        "serial": serial,
+        "bcdDevice": "0200",
+        "idVendor": vendor,
+        "idProduct": product,
+        "busnum": "1",
+    }.items():
+        (usb / name).write_text(f"{value}\n")
+    node = root / "video4linux" / f"video{number}"
+    node.mkdir(parents=True)
+    (node / "index").write_text("0\n")
+    (node / "name").write_text("DIGIT: DIGIT\n" if vendor == "2833" else "Webcam\n")
+    (node / "device").symlink_to(interface)
+
+
+def test_a_digit_is_found_by_its_numbers_and_a_webcam_is_none(tmp_path: Path) -> None:
+    camera(tmp_path, 90, serial="D20641")
+    camera(tmp_path, 91, serial="W1", usb_id="046d:0825")
+    (found,) = find_digits(sysfs=tmp_path / "video4linux", usb=tmp_path / "devices")
+    assert (found.label, found.options) == ("D20641", {"serial": "D20641"})
+    assert found.note == "/dev/video90, firmware 2.00, USB bus 1"
+    # No such file on this machine, as in a container without the camera.
+    assert "it is not there" in found.problem
+
+
+def test_two_with_one_serial_number_are_told(tmp_path: Path) -> None:
+    for number in (90, 91):
+        camera(tmp_path, number, serial="D20641")
+    found = find_digits(sysfs=tmp_path / "video4linux", usb=tmp_path / "devices")
+    assert [f.problem for f in found] == ["two cameras have the serial number D20641"] * 2
+
+
+@pytest.mark.parametrize(
+    ("usb_id", "said"), [("0403:0fde", "is starting"), ("2833:0209", "the kernel made no camera of it")]
+)
+def test_a_digit_that_is_no_camera_is_told(tmp_path: Path, usb_id: str, said: str) -> None:
+    device = tmp_path / "devices" / "1-4"
+    device.mkdir(parents=True)
+    vendor, product = usb_id.split(":")
+    (device / "idVendor").write_text(vendor)
+    (device / "idProduct").write_text(product)
+    (device / "serial").write_text("D20641")
+    (found,) = find_digits(sysfs=tmp_path / "none", usb=tmp_path / "devices")
+    assert said in found.problem
+    assert found.hint
+
+
+def interface(root: Path, name: str, *, kind: str, flags: str) -> None:
+    folder = root / name
+    folder.mkdir()
+    (folder / "type").write_text(f"{kind}\n")
+    (folder / "flags").write_text(f"{flags}\n")
+
+
+def test_can_buses_with_what_ip_says_of_them(tmp_path: Path) -> None:
+    interface(tmp_path, "eth0", kind="1", flags="0x1003")
+    interface(tmp_path, "can0", kind="280", flags="0x40081")
+    interface(tmp_path, "can1", kind="280", flags="0x40080")
+    said = {
+        "can0": json.dumps(
+            [
+                {
+                    "linkinfo": {
+                        "info_kind": "can",
+                        "info_data": {"state": "ERROR-ACTIVE", "bittiming": {"bitrate": 500000}},
+                    }
+                }
+            ]
+        ),
+        "can1": "",
+    }
+    links = can_links(sysfs=tmp_path, describe=lambda name: said[name])
+    assert links == [
+        CanLink("can0", is_up=True, bitrate=500000, state="ERROR-ACTIVE", is_virtual=False),
+        CanLink("can1", is_up=False, bitrate=None, state="", is_virtual=False),
+    ]
+    assert can_links(sysfs=tmp_path / "none") == []
+
+
+@pytest.mark.parametrize(
+    ("link", "said", "todo"),
+    [
+        (CanLink("can0", True, 1_000_000, "ERROR-ACTIVE", False), "", ""),
+        (CanLink("can0", True, None, "", False), "", ""),
+        (CanLink("can0", False, None, "STOPPED", False), "is down", "up type can bitrate 1000000"),
+        (CanLink("can0", True, 500_000, "ERROR-ACTIVE", False), "runs at 500000", "can0 down && "),
+        (CanLink("can0", True, 1_000_000, "BUS-OFF", False), "bus-off", "120 Ω"),
+        (CanLink("can0", True, 1_000_000, "ERROR-PASSIVE", False), "confirms", "power"),
+        (CanLink("vcan0", False, None, "", True), "is down", "sudo ip link set vcan0 up"),
+    ],
+)
+def test_what_is_wrong_with_a_bus(link: CanLink, said: str, todo: str) -> None:
+    trouble, step = link_trouble(link, bitrate=1_000_000)
+    assert said in trouble
+    assert bool(trouble) is bool(said)
+    assert todo in step
+
+
+def test_bluetooth_that_is_off_or_not_there(tmp_path: Path) -> None:
+    assert bluetooth_trouble(tmp_path / "none") == ("", "")
+    assert "no Bluetooth adapter" in bluetooth_trouble(tmp_path)[0]
+    (tmp_path / "bluetooth" / "hci0").mkdir(parents=True)
+    switch = tmp_path / "rfkill" / "rfkill0"
+    switch.mkdir(parents=True)
+    for name, value in {"type": "bluetooth", "soft": "0", "hard": "0"}.items():
+        (switch / name).write_text(value)
+    assert bluetooth_trouble(tmp_path) == ("", "")
+    (switch / "soft").write_text("1")
+    assert "rfkill unblock bluetooth" in bluetooth_trouble(tmp_path)[1]
+    (switch / "hard").write_text("1")
+    assert "switch or key" in bluetooth_trouble(tmp_path)[0]

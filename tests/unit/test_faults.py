@@ -1,0 +1,71 @@
+"""The table of faults: complete, and a few of its cells run again with what they have to come to."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tega.devices import driver_class
+from tega.testing.benches import BENCHES
+from tega.testing.faults import FAULTS, Outcome, all_trials
+from tega.testing.faults.page import page
+
+PROJECT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+
+
+def test_every_driver_with_an_emulator_meets_every_fault_or_says_why_it_cannot() -> None:
+    trials, cannot = all_trials()
+    cells = [(t.driver, t.fault) for t in trials]
+    assert len(set(cells)) == len(cells)
+    drivers = {driver for driver, _ in cells}
+    emulated = {name for name, bench in BENCHES.items() if "another process" in bench.summary}
+    assert {d.split(" ")[0] for d in drivers} == emulated
+    for driver in drivers:
+        assert driver_class(driver.split(" ")[0])
+        for fault in FAULTS:
+            assert ((driver, fault) in cells) != ((driver, fault) in cannot), (driver, fault)
+
+
+def run(*words: str) -> dict[str, object]:
+    words = (sys.executable, "-m", "tega.testing.faults", "--json", *words)
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    (line,) = done.stdout.splitlines()
+    outcome: dict[str, object] = json.loads(line)
+    return outcome
+
+
+CELLS = [
+    ("serial-emg", "unplug", "ends", "was lost"),
+    ("hid-vest", "wrong version", "refused", "format version is 0x2"),
+    ("spacemouse", "freeze", "falls silent", "watchdog"),
+    ("spacemouse", "duplicate", "goes on", "changes nothing"),
+    ("digit", "half packet", "falls silent", "torn"),
+    ("allegro", "wrong version", "refused", "not 4"),
+]
+
+
+@pytest.mark.parametrize(("driver", "fault", "effect", "said"), CELLS)
+def test_a_cell_is_made_by_running_into_the_fault(driver: str, fault: str, effect: str, said: str) -> None:
+    outcome = run("--only", driver, "--fault", fault)
+    assert outcome["effect"] == effect
+    assert said in str(outcome["said"])
+
+
+def test_the_page_has_a_row_for_every_cell() -> None:
+    trials, cannot = all_trials()
+    made = page([(t, Outcome(effect="goes on", said="told | so")) for t in trials], cannot)
+    assert made.count("told \\| so") == len(trials)
+    for reason in cannot.values():
+        assert reason in made
+    published = (PROJECT / "docs" / "faults.md").read_text(encoding="utf-8")
+
+    def rows(text: str) -> list[str]:
+        return re.findall(r"^\| (`[^|]*) \| ([^|]*) \|", text, re.MULTILINE)
+
+    assert len(rows(published)) == len(rows(made))
