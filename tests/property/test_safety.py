@@ -21,15 +21,27 @@ from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.safety.states import RunStates, Transition
 
 MS = 1_000_000
-NAMES = st.sets(st.sampled_from(["emg", "thumb", "vest", "calibration"]))
+# Mostly nothing is wrong: else hardly any sequence gets far.
+NAMES = st.one_of(
+    st.just(frozenset[str]()),
+    st.just(frozenset[str]()),
+    st.frozensets(st.sampled_from(["emg", "thumb", "vest", "calibration"])),
+)
 # A moment: time since the one before it, what is wrong, what holds, whether to go, whether to stop.
 MOMENTS = st.lists(
-    st.tuples(st.integers(0, 500), NAMES, NAMES, st.booleans(), st.integers(0, 9).map(lambda n: n == 0)),
+    st.tuples(
+        st.integers(0, 500),
+        NAMES,
+        NAMES,
+        st.sampled_from([True, True, False]),
+        st.integers(0, 9).map(lambda n: n == 9),
+    ),
     max_size=40,
 )
 
 
-@given(moments=MOMENTS, settle_ms=st.integers(0, 300), give_up_ms=st.none() | st.integers(0, 1000))
+@settings(max_examples=300)
+@given(moments=MOMENTS, settle_ms=st.sampled_from([0, 0, 200]), give_up_ms=st.none() | st.integers(0, 1000))
 def test_no_sequence_of_events_leads_to_active_without_every_condition(
     moments: list[Any], settle_ms: int, give_up_ms: int | None
 ) -> None:
@@ -88,19 +100,20 @@ drives = st.lists(
     st.tuples(
         st.floats(0, 30),
         st.one_of(st.just(100), st.integers(0, 100)) | hnp.arrays(np.uint8, 40, elements=st.integers(0, 255)),
+        st.sampled_from([1, 1, 40]),
     ),
     min_size=1,
-    max_size=60,
+    max_size=40,
 )
 
 
-@given(drive=drives, limit=st.integers(1, 100), heat=st.floats(0.01, 1), dose_s=st.floats(10, 60))
+@given(drive=drives, limit=st.integers(1, 100), heat=st.floats(0.01, 1), dose_s=st.floats(10, 20))
 def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(
     drive: list[Any], limit: int, heat: float, dose_s: float
 ) -> None:
     budget = MotorBudget(limit=limit, heat_share=heat, dose_s=dose_s)
     t_s = 0.0
-    for wait_s, wanted in drive:
+    for wait_s, wanted in [(wait_s, wanted) for wait_s, wanted, n in drive for _ in range(n)]:
         t_s += wait_s
         asked = np.full(40, wanted, np.uint8) if isinstance(wanted, int) else wanted
         shown = budget.allow(round(t_s * 1e9), asked)

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Guard", "Watched"]
 
-# Looked at this often; a loop that is late, always.
+# Looked at this often, and less where nothing is live; a loop that is late, always.
 _LOOK_NS = 10_000_000
+_LOOK_AT_RECORDINGS_NS = 100_000_000
 # Rates are counted over the last second, from half a second on.
 _WINDOW_NS = 1_000_000_000
 _FIRST_WINDOW_NS = 400_000_000
@@ -87,6 +88,7 @@ class Guard:
         )
         self._late_ns = round(s.late_ms * 1e6)
         self._next_ns = 0
+        self._look_ns = _LOOK_NS if live else _LOOK_AT_RECORDINGS_NS
         self._level = _OPEN
         self._counted: deque[tuple[int, dict[str, int]]] = deque()
         self.n_held = 0
@@ -132,7 +134,7 @@ class Guard:
             self.alerts.pop(name, None)
 
     def due(self, t_ns: int, late_ns: int) -> bool:
-        """Tell whether it is time to look again: ten milliseconds after the last time, at once if the loop is late."""
+        """Tell whether it is time to look again: soon after the last time, at once if the loop is late."""
         return t_ns >= self._next_ns or self._too_late(late_ns)
 
     def look(
@@ -156,7 +158,7 @@ class Guard:
             released: Why the dead-man does not count as held; ``""`` while it is, or where there is none.
         """
         late = self._too_late(late_ns)
-        self._next_ns = t_ns + _LOOK_NS
+        self._next_ns = t_ns + self._look_ns
         self._count(t_ns, counts)
         s = self._settings
         wrong: dict[str, str] = {}
