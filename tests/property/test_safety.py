@@ -216,8 +216,8 @@ received = st.one_of(
     steps=st.lists(
         st.tuples(st.lists(received, max_size=5), st.integers(0, 40), st.integers(1, 5)), max_size=60
     ),
-    steady=st.sampled_from([0, 30, 150, 300]),
-    share=st.floats(0.05, 1),
+    steady=st.sampled_from([0, 30, 600, 1500]),
+    share=st.sampled_from([0.02, 0.2, 1.0]),
 )
 def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
     steps: list[Any], steady: int, share: float
@@ -225,11 +225,18 @@ def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
     link = HandLink(HandController(torque_limits=TORQUE_LIMITS * share))
     limits = np.round(np.minimum(TORQUE_LIMITS * share, 1.0) * 1200) + 1
     t_ns, pushed = 0, False
-    still = [Received(0x80 + 4 * finger, struct.pack("<4h", 0, 2000, 2000, 2000)) for finger in range(3)]
-    still.append(Received(0x8C, struct.pack("<4h", 9000, 1000, 2000, 2000)))
     hello = Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))
+
+    def stuck_half_open(k: int) -> list[Received]:
+        # Something in its way, and the noise of its encoders: so the torque rises to what is allowed.
+        noise = k % 3
+        fingers = [
+            Received(0x80 + 4 * f, struct.pack("<4h", noise, 2000, 2000, 2000 + noise)) for f in range(3)
+        ]
+        return [*fingers, Received(0x8C, struct.pack("<4h", 9000, 1000 + noise, 2000, 2000))]
+
     # First a hand as it should be, so that torques come at all; then anything.
-    begin = [([hello] if k == 20 else still if k > 20 else [], 3, 1 + k % 5) for k in range(steady)]
+    begin = [([hello] if k == 20 else stuck_half_open(k) if k > 20 else [], 3, 5) for k in range(steady)]
     for frames, wait_ms, level in [*begin, *steps]:
         t_ns += wait_ms * MS
         for frame in link.exchange(frames, t_ns, level):
@@ -238,7 +245,7 @@ def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
                 duties = np.array(struct.unpack("<4h", frame.data))
                 assert (np.abs(duties) <= limits[4 * finger : 4 * finger + 4]).all()
                 pushed = pushed or bool(duties.any())
-    assert pushed or steady < 150
+    assert pushed or steady < 600
     assert (np.abs(link.torques) <= TORQUE_LIMITS * share + 1e-12).all()
     for frame in link.abandon():
         assert not any(frame.data[:8]) or frame.id >> 2 not in range(0x60, 0x64)

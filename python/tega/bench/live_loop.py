@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import resource
 import tempfile
 import threading
+import time
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +78,7 @@ def bench_loop(*, seconds: float, record: bool) -> LoopBench:
 
             def progress(what: str, _done: int, _total: int) -> None:
                 if what == "running":
-                    cpu_s.append(_cpu_s())
+                    cpu_s.append(time.process_time())
 
             over = threading.Event()
             presses = threading.Thread(target=_press, args=(lab, over), daemon=True)
@@ -86,7 +86,7 @@ def bench_loop(*, seconds: float, record: bool) -> LoopBench:
             summary = run_session(config, progress=progress)
             over.set()
             presses.join()
-            used_s = _cpu_s() - cpu_s[0]
+            used_s = time.process_time() - cpu_s[0]
     wall_s = summary["duration_s"]
     return LoopBench(
         machine=describe_machine(),
@@ -108,8 +108,3 @@ def _press(lab: EmulatedLab, over: threading.Event) -> None:
             sensor.command(f"press {firmness}")
         if over.wait(_PRESS_S):
             return
-
-
-def _cpu_s() -> float:
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return used.ru_utime + used.ru_stime
