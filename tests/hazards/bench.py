@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -29,6 +30,7 @@ class Lab:
         changes: What the newest run's state did.
         views: The newest moment of it.
         summary: Of the newest run.
+        running: Programs that are ended with the lab.
     """
 
     def __init__(self, folder: Path, devices: EmulatedLab) -> None:
@@ -39,6 +41,7 @@ class Lab:
         self.views: list[LoopView] = []
         self.summary: dict[str, Any] = {}
         self.stop = Stop()
+        self.running: list[subprocess.Popen[bytes]] = []
 
     @property
     def emg(self) -> Any:
@@ -168,4 +171,12 @@ def lab(
         made.tree["safety"] = {"late_ms": 2000.0}
         for name, table in tables.items():
             made.tree.setdefault(name, {}).update(table)
-        yield made
+        try:
+            yield made
+        finally:
+            for process in made.running:
+                process.kill()
+                process.wait()
+                for pipe in (process.stdout, process.stderr):
+                    if pipe is not None:
+                        pipe.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import pytest
 from hazards.bench import Lab, lab
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD
+from tega.testing.emulators.hid_port import HidBoard, HidPort
+from tega.testing.emulators.process import Emulator
 
 OPEN, TIGHT = CLOSURE_POSES_RAD[0], CLOSURE_POSES_RAD[4]
 
@@ -102,6 +105,7 @@ def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: s
             made.until(lambda: "thumb: no picture for" in made.said())
             assert made.state == "active"
             made.sensors["thumb"].command("clear")
+            made.sensors["thumb"].command("press 0.7")
             made.until(lambda: column(made, 0))
             made.until(lambda: "thumb" not in made.said())
 
@@ -124,7 +128,32 @@ def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path) 
             made.until(lambda: made.state == "hold")
             assert "thumb: no picture" in made.changes[-1].reason
             made.sensors["thumb"].command("clear")
+            made.sensors["thumb"].command("press 0.7")
             made.until(lambda: made.state == "active")
+
+        made.run(script)
+        assert made.limp()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
+@pytest.mark.parametrize("how", ["lift 0", "unplug"])
+def test_a_released_dead_man_holds(tmp_path: Path, how: str) -> None:
+    with (
+        Emulator("hid_input", "--device", "pedal-keyboard") as foot,
+        HidPort(HidBoard(foot.port, 0x0C45, 0x7403)).installed(),
+        lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 60_000.0}) as made,
+    ):
+        made.tree["input"] = {"dead_man": {"driver": "pedal"}}
+
+        def script() -> None:
+            made.until(lambda: "dead-man: released" in made.said())
+            assert made.state == "idle"
+            foot.say("press 0")
+            made.until(lambda: made.state == "active" and closed(made))
+            foot.say(how)
+            made.until(lambda: made.state == "hold")
+            assert "dead-man" in made.changes[-1].reason
+            assert closed(made)
 
         made.run(script)
         assert made.limp()

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -22,10 +21,19 @@ from hazards.test_lost import closed, column
 RUN = [sys.executable, "-m", "tega.cli", "run"]
 
 
-def start(made: Lab, **how: Any) -> subprocess.Popen[bytes]:
+def start(made: Lab, *, largest_file: int = resource.RLIM_INFINITY) -> subprocess.Popen[bytes]:
     """Start ``tega-teleop run`` and wait until the hand is closed and the touch is felt."""
-    words = [*RUN, str(made.write_settings()), "--json"]
-    running = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **how)
+    # Tests may themselves run under nohup; a file larger than its limit is refused by the kernel, as by a full disk.
+    first = (
+        "import resource, signal, sys\n"
+        "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({largest_file}, {largest_file}))\n"
+        "from tega.cli.main import main\n"
+        "main(sys.argv[1:])\n"
+    )
+    words = [sys.executable, "-c", first, "run", str(made.write_settings()), "--json"]
+    running = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    made.running.append(running)
     made.until(lambda: running.poll() is not None or (column(made, 0) and closed(made)))
     assert running.poll() is None, running.communicate()
     return running
@@ -68,6 +76,7 @@ def test_a_key_stops(tmp_path: Path) -> None:
         master, slave = pty.openpty()
         words = [*RUN, str(made.write_settings())]
         running = subprocess.Popen(words, stdin=slave, stderr=slave, stdout=subprocess.PIPE)
+        made.running.append(running)
         os.set_blocking(master, False)
         shown: list[bytes] = []
 
@@ -132,15 +141,9 @@ def test_a_killed_or_frozen_run_leaves_all_safe(tmp_path: Path, how: signal.Sign
         running.send_signal(how)
         made.until(made.at_rest)
         made.until(made.limp)
-        running.kill()
-        running.communicate()
 
 
 def test_a_full_disk_ends_the_tables_and_not_the_run(tmp_path: Path) -> None:
-    def little_disk() -> None:
-        # The kernel refuses what goes beyond, as a full disk does.
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-
     with lab(
         tmp_path,
         emg=True,
@@ -149,7 +152,7 @@ def test_a_full_disk_ends_the_tables_and_not_the_run(tmp_path: Path) -> None:
         fingers=("thumb",),
         session={"out_dir": str(tmp_path / "out")},
     ) as made:
-        running = start(made, preexec_fn=little_disk)
+        running = start(made, largest_file=100_000)
         table = tmp_path / "out" / "can.csv"
         made.until(lambda: table.stat().st_size >= 100_000)
         time.sleep(0.5)

@@ -21,15 +21,27 @@ from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.safety.states import RunStates, Transition
 
 MS = 1_000_000
-NAMES = st.sets(st.sampled_from(["emg", "thumb", "vest", "calibration"]))
+# Mostly nothing is wrong: else hardly any sequence gets far.
+NAMES = st.one_of(
+    st.just(frozenset[str]()),
+    st.just(frozenset[str]()),
+    st.frozensets(st.sampled_from(["emg", "thumb", "vest", "calibration"])),
+)
 # A moment: time since the one before it, what is wrong, what holds, whether to go, whether to stop.
 MOMENTS = st.lists(
-    st.tuples(st.integers(0, 500), NAMES, NAMES, st.booleans(), st.integers(0, 9).map(lambda n: n == 0)),
+    st.tuples(
+        st.integers(0, 500),
+        NAMES,
+        NAMES,
+        st.sampled_from([True, True, False]),
+        st.integers(0, 9).map(lambda n: n == 9),
+    ),
     max_size=40,
 )
 
 
-@given(moments=MOMENTS, settle_ms=st.integers(0, 300), give_up_ms=st.none() | st.integers(0, 1000))
+@settings(max_examples=300)
+@given(moments=MOMENTS, settle_ms=st.sampled_from([0, 0, 200]), give_up_ms=st.none() | st.integers(0, 1000))
 def test_no_sequence_of_events_leads_to_active_without_every_condition(
     moments: list[Any], settle_ms: int, give_up_ms: int | None
 ) -> None:
@@ -88,19 +100,20 @@ drives = st.lists(
     st.tuples(
         st.floats(0, 30),
         st.one_of(st.just(100), st.integers(0, 100)) | hnp.arrays(np.uint8, 40, elements=st.integers(0, 255)),
+        st.sampled_from([1, 1, 40]),
     ),
     min_size=1,
-    max_size=60,
+    max_size=40,
 )
 
 
-@given(drive=drives, limit=st.integers(1, 100), heat=st.floats(0.01, 1), dose_s=st.floats(10, 60))
+@given(drive=drives, limit=st.integers(1, 100), heat=st.floats(0.01, 1), dose_s=st.floats(10, 20))
 def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(
     drive: list[Any], limit: int, heat: float, dose_s: float
 ) -> None:
     budget = MotorBudget(limit=limit, heat_share=heat, dose_s=dose_s)
     t_s = 0.0
-    for wait_s, wanted in drive:
+    for wait_s, wanted in [(wait_s, wanted) for wait_s, wanted, n in drive for _ in range(n)]:
         t_s += wait_s
         asked = np.full(40, wanted, np.uint8) if isinstance(wanted, int) else wanted
         shown = budget.allow(round(t_s * 1e9), asked)
@@ -203,8 +216,8 @@ received = st.one_of(
     steps=st.lists(
         st.tuples(st.lists(received, max_size=5), st.integers(0, 40), st.integers(1, 5)), max_size=60
     ),
-    steady=st.sampled_from([0, 30, 150, 300]),
-    share=st.floats(0.05, 1),
+    steady=st.sampled_from([0, 30, 600, 1500]),
+    share=st.sampled_from([0.02, 0.2, 1.0]),
 )
 def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
     steps: list[Any], steady: int, share: float
@@ -212,11 +225,18 @@ def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
     link = HandLink(HandController(torque_limits=TORQUE_LIMITS * share))
     limits = np.round(np.minimum(TORQUE_LIMITS * share, 1.0) * 1200) + 1
     t_ns, pushed = 0, False
-    still = [Received(0x80 + 4 * finger, struct.pack("<4h", 0, 2000, 2000, 2000)) for finger in range(3)]
-    still.append(Received(0x8C, struct.pack("<4h", 9000, 1000, 2000, 2000)))
     hello = Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))
+
+    def stuck_half_open(k: int) -> list[Received]:
+        # Something in its way, and the noise of its encoders: so the torque rises to what is allowed.
+        noise = k % 3
+        fingers = [
+            Received(0x80 + 4 * f, struct.pack("<4h", noise, 2000, 2000, 2000 + noise)) for f in range(3)
+        ]
+        return [*fingers, Received(0x8C, struct.pack("<4h", 9000, 1000 + noise, 2000, 2000))]
+
     # First a hand as it should be, so that torques come at all; then anything.
-    begin = [([hello] if k == 20 else still if k > 20 else [], 3, 1 + k % 5) for k in range(steady)]
+    begin = [([hello] if k == 20 else stuck_half_open(k) if k > 20 else [], 3, 5) for k in range(steady)]
     for frames, wait_ms, level in [*begin, *steps]:
         t_ns += wait_ms * MS
         for frame in link.exchange(frames, t_ns, level):
@@ -225,7 +245,7 @@ def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
                 duties = np.array(struct.unpack("<4h", frame.data))
                 assert (np.abs(duties) <= limits[4 * finger : 4 * finger + 4]).all()
                 pushed = pushed or bool(duties.any())
-    assert pushed or steady < 150
+    assert pushed or steady < 600
     assert (np.abs(link.torques) <= TORQUE_LIMITS * share + 1e-12).all()
     for frame in link.abandon():
         assert not any(frame.data[:8]) or frame.id >> 2 not in range(0x60, 0x64)

@@ -18,7 +18,8 @@ from tega.testing.emulators.allegro_process import AllegroProcess
 def steering(hand: AllegroProcess) -> Iterator[subprocess.Popen[bytes]]:
     """Run a program that closes the hand and never lets go of it by itself."""
     program = (
-        "import time\n"
+        "import signal, time\n"
+        "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # tests may themselves run under nohup
         "from tega.devices.allegro import Allegro, AllegroOptions\n"
         f"options = dict({hand.options!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0)\n"
         "hand = Allegro(AllegroOptions(**options))\n"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import random
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +13,7 @@ import numpy as np
 import pytest
 
 from tega.config import check_tree
-from tega.teleop.latency import FrameLatency, LatencyTrace, Spread
+from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, FrameLatency, LatencyTrace, Spread
 from tega.teleop.session import run_session
 from tega.testing.lab import emulated_lab
 
@@ -127,3 +130,12 @@ def test_a_run_traces_both_ways(tmp_path: Path) -> None:
         assert all(0 <= s["p50"] <= s["p95"] <= s["p99"] <= s["worst"] for s in parts)
         assert stages["own"]["worst"] <= stages["whole"]["worst"]
     assert set(summary["latency_ms"]) == {"touch", "intent"}
+
+
+def test_bench_loop_tells_every_stage() -> None:
+    words = [sys.executable, "-m", "tega.cli", "bench", "loop", "--seconds", "3", "--json"]
+    said = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    assert set(said["latency_ms"]["touch"]) == set(TOUCH_STAGES)
+    assert set(said["latency_ms"]["intent"]) == set(INTENT_STAGES)
+    assert said["frames_hz"] > 0
+    assert said["cpu_cores"] > 0

@@ -104,7 +104,8 @@ class Stop(AnyStop):
         """Take over the signals."""
         # The last one comes when the terminal is closed or the connection to it is lost; Windows has none.
         for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
-            if number in self._old:
+            # Who starts it with nohup wants it to go on.
+            if number in self._old or signal.getsignal(number) == signal.SIG_IGN:
                 continue
             self._old[number] = signal.signal(number, self._on_signal)
         return self

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import threading
 import time
@@ -205,7 +206,7 @@ class Allegro(Opened):
             reconnects=o.reconnects,
         )
         # A bus inside this process ends with it.
-        if o.guard and o.torque and o.interface != "virtual":
+        if o.guard and o.torque and o.interface != "virtual" and os.name == "posix":
             frames = [*limp_frames(o.device_id), allegro_set_period(0, device_id=o.device_id)]
             self._guard = Guard(self._bus_settings(), frames)
         self._thread = threading.Thread(target=self._run, args=(self._link,), name="allegro", daemon=True)

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Guard", "Watched"]
 
-# Looked at this often; a loop that is late, always.
+# Looked at this often, and less where nothing is live; a loop that is late, always.
 _LOOK_NS = 10_000_000
+_LOOK_AT_RECORDINGS_NS = 100_000_000
 # Rates are counted over the last second, from half a second on.
 _WINDOW_NS = 1_000_000_000
 _FIRST_WINDOW_NS = 400_000_000
@@ -89,6 +90,7 @@ class Guard:
         )
         self._late_ns = round(s.late_ms * 1e6)
         self._next_ns = 0
+        self._look_ns = _LOOK_NS if live else _LOOK_AT_RECORDINGS_NS
         self._level = _OPEN
         self._counted: deque[tuple[int, dict[str, int]]] = deque()
         self.n_held = 0
@@ -141,7 +143,7 @@ class Guard:
                 observer(name, said)
 
     def due(self, t_ns: int, late_ns: int) -> bool:
-        """Tell whether it is time to look again: ten milliseconds after the last time, at once if the loop is late."""
+        """Tell whether it is time to look again: soon after the last time, at once if the loop is late."""
         return t_ns >= self._next_ns or self._too_late(late_ns)
 
     def look(
@@ -152,6 +154,7 @@ class Guard:
         stamps: Mapping[str, int],
         counts: Mapping[str, int],
         good_emg: bool = True,
+        released: str = "",
     ) -> None:
         """Look at everything.
 
@@ -161,9 +164,10 @@ class Guard:
             stamps: Time of the newest item of each stream that has given one.
             counts: Items of each stream so far.
             good_emg: Whether any channel of the newest block is to be believed.
+            released: Why the dead-man does not count as held; ``""`` while it is, or where there is none.
         """
         late = self._too_late(late_ns)
-        self._next_ns = t_ns + _LOOK_NS
+        self._next_ns = t_ns + self._look_ns
         self._count(t_ns, counts)
         s = self._settings
         wrong: dict[str, str] = {}
@@ -182,6 +186,8 @@ class Guard:
                 wrong[name] = f"{name}: not reached, so touch is not felt"
                 if s.vest_lost == "hold":
                     holding[name] = wrong[name]
+        if released:
+            holding["dead_man"] = released
         if late:
             holding["loop"] = f"the loop was {late_ns / 1e6:.0f} ms late"
         for name in [stream.name for stream in self._streams] + list(self._vests):

@@ -260,14 +260,15 @@ def _run(
         trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
     if recording is not None:
         recording.follow(guard, trace)
+    flows = stack.enter_context(ExitStack())
     loop = DualLoop(
         pacer=parts.pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
         contacts={
-            name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
+            name: _contacts(flows, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
             for name, finger in prepared.fingers.items()
         },
-        levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns, trace=trace),
+        levels=None if muscles is None else _levels(flows, muscles, start_ns=start_ns, trace=trace),
         hand=parts.hand,
         vests=parts.vests,
         hands=parts.hands,
@@ -282,6 +283,7 @@ def _run(
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
+        flows.close()  # a source is not asked how it was while its thread reads on
         state = RunState(
             config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace
         )

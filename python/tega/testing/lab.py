@@ -131,6 +131,6 @@ def _fingertip(sensor: DigitProcess, baseline: Path) -> dict[str, Any]:
     if frame is None:
         raise DeviceUnavailableError("the emulated sensor gave no picture", "try again")
     np.save(baseline, frame.image)
-    sensor.command("press 1")
+    sensor.command("press 0.7")
     options = {"source": sensor.source, "warm_up_s": 0.1}
     return {"driver": "digit", "baseline": str(baseline), "options": options}
