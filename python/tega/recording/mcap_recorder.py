@@ -103,6 +103,7 @@ class McapRecorder:
         # The time of day is looked at once: a step of that clock while recording moves nothing.
         epoch_ns = self._file.epoch_ns = time.time_ns() - (now_ns - start_ns)
         self._file.metadata("tega", {"epoch_ns": str(epoch_ns), "start_ns": str(start_ns)})
+        self._file.flush()
         self._handler.start_ns = time.monotonic_ns() - (now_ns - start_ns)
         logging.getLogger("tega").addHandler(self._handler)
         self._thread.start()

@@ -197,8 +197,9 @@ def _begun(session: Path, run: subprocess.Popen[str]) -> tuple[Path, int]:
     while time.monotonic() < end_s and run.poll() is None:
         for part in session.glob("*.mcap.part"):
             reader = McapReader(part)
-            if next(reader.messages(), None) is not None:
-                return part, int(reader.metadata["tega"]["epoch_ns"])
+            next(reader.messages(), None)  # the head comes first; of records none need be there yet
+            if epoch_ns := reader.metadata.get("tega", {}).get("epoch_ns"):
+                return part, int(epoch_ns)
         time.sleep(0.01)
     run.kill()
     said = "" if run.stderr is None else run.stderr.read()
