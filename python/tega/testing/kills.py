@@ -281,10 +281,8 @@ def main(arguments: list[str] | None = None) -> None:
 def _print(k: int, kills: list[Kill]) -> None:
     kill = kills[-1]
     if k == 0:
-        print(
-            "| killed at s | messages | recovered | lost s | worst stream s | stood s | dropped | replay differs |"
-        )
-        print("|---|---|---|---|---|---|---|---|")  # noqa: T201
+        names = ("killed at s", "messages", "recovered", "lost s", "worst stream s", "stood s", "dropped")
+        print(f"| {' | '.join(names)} | replay differs |\n{'|---' * 8}|")  # noqa: T201
     row = (
         kill.messages,
         kill.recovered,
