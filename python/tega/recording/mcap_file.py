@@ -192,11 +192,15 @@ class McapFile:
         else:
             self._message(item.topic, item.kind, item.value, log_ns)
 
-    def flush(self, *, to_disk: bool = False) -> None:
-        """Hand everything to the operating system, which outlives this process; ``to_disk`` outlives the power too."""
+    def flush(self) -> None:
+        """Hand everything to the operating system, which outlives this process."""
         self._writer.flush()
-        if to_disk and self._disk.error is None:
-            with contextlib.suppress(OSError):
+
+    def sync(self) -> None:
+        """Wait until all that was flushed is on the disk, which outlives the power; any thread may."""
+        if self._disk.error is None:
+            # A pipe cannot be waited for, nor a file that was closed meanwhile.
+            with contextlib.suppress(OSError, ValueError):
                 os.fsync(self._raw.fileno())
 
     def close(self) -> None:

@@ -22,7 +22,7 @@ _LOG = logging.getLogger(__name__)
 
 # A kill loses what waits in the queue and what came since the last flush: half a second is promised.
 FLUSH_NS = 200_000_000
-SYNC_NS = 1_000_000_000
+SYNC_S = 1.0
 STATUS_NS = 500_000_000
 _IDLE_S = 0.01
 # How long the end of a run waits for a slow disk.
@@ -90,7 +90,8 @@ class McapRecorder:
             self._file.metadata(name, table)
         for name, (media_type, data) in files.items():
             self._file.attach(name, media_type, data)
-        self._file.flush(to_disk=True)
+        self._file.flush()
+        self._file.sync()
         self._folder.note(self.path.name, {"state": "recording", "lossless": self._settings.lossless})
 
     def begin(self, start_ns: int, now_ns: int) -> None:
@@ -103,9 +104,11 @@ class McapRecorder:
         # The time of day is looked at once: a step of that clock while recording moves nothing.
         epoch_ns = self._file.epoch_ns = time.time_ns() - (now_ns - start_ns)
         self._file.metadata("tega", {"epoch_ns": str(epoch_ns), "start_ns": str(start_ns)})
+        self._file.flush()
         self._handler.start_ns = time.monotonic_ns() - (now_ns - start_ns)
         logging.getLogger("tega").addHandler(self._handler)
         self._thread.start()
+        threading.Thread(target=self._sync, name="tega-recorder-sync", daemon=True).start()
 
     def put(self, topic: str, t_ns: int, kind: str, value: Any, n_bytes: int = 0) -> None:
         """Hand something over; see :class:`~tega.recording.mcap_queue.Item`."""
@@ -175,10 +178,15 @@ class McapRecorder:
         except OSError as error:  # a full disk has no room for the index either
             _LOG.warning("recording: the index could not be written: %s", error.strerror or error)
 
+    def _sync(self) -> None:
+        """Bring the file to the disk now and then; a slow disk must not hold up the thread that writes."""
+        while not self._closing.wait(SYNC_S):
+            self._file.sync()
+
     def _work(self) -> None:
         """Write until told to close, then what is left."""
         now_ns = time.monotonic_ns()
-        flush_ns = sync_ns = now_ns
+        flush_ns = now_ns
         status_ns = now_ns - STATUS_NS
         while True:
             item = self._queue.take()
@@ -196,11 +204,9 @@ class McapRecorder:
                 status_ns = now_ns
                 self._status()
             if now_ns - flush_ns >= FLUSH_NS:
-                to_disk = now_ns - sync_ns >= SYNC_NS
-                sync_ns = now_ns if to_disk else sync_ns
                 if sum(self._queue.dropped.values()) != self._told_dropped:
                     self._status()
-                self._file.flush(to_disk=to_disk)
+                self._file.flush()
                 flush_ns = time.monotonic_ns()
             if (error := self._file.error) is not None:
                 self._stop(f"the disk took no more: {error.strerror or error}")

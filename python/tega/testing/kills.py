@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import mmap
 import random
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -47,8 +49,10 @@ class Kill(msgspec.Struct, frozen=True):
         at_s: When it came, seconds after the session began.
         messages: What the public reader found in the file as it was left.
         ending: What that reader said where the file breaks off.
-        lost_s: From the newest frame of the loop to the kill.
-        stream_lost_s: The same for the stream that lost most, of those that had come at least ten times.
+        lost_s: Of what the loop had done by then: from the newest frame of it in the file to the newest vest tick that
+            the run itself had come to, as it noted in memory that outlives it.
+        stood_s: From that tick to the kill. More than a tick or two is a process that the machine did not let run.
+        stream_lost_s: Like ``lost_s``, for the stream that lost most, of those that had come at least ten times.
         recovered: Messages in the file once it was finished; the public seeking reader opens it.
         dropped: Records that the queue had no room for.
         differ: Rows in which a replay differs.
@@ -59,6 +63,7 @@ class Kill(msgspec.Struct, frozen=True):
     messages: int
     ending: str
     lost_s: float
+    stood_s: float
     stream_lost_s: float
     recovered: int
     dropped: int
@@ -143,7 +148,7 @@ def kill_one(path: Path, after_s: float) -> Kill:
         RuntimeError: The run did not begin.
     """
     session = path.parent / "session"
-    words = [sys.executable, "-m", "tega.cli", "run", str(path), "--json"]
+    words = [sys.executable, "-m", "tega.testing.kills", "--run", str(path)]
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
         part, epoch_ns = _begun(session, run)
         time.sleep(max(0.0, after_s - (time.time_ns() - epoch_ns) / 1e9))
@@ -151,12 +156,14 @@ def kill_one(path: Path, after_s: float) -> Kill:
         run.send_signal(signal.SIGKILL)
         run.wait()
     newest, counts, ending = _public_reader(part)
+    (tick_ns,) = struct.unpack("<q", path.with_suffix(".tick").read_bytes())
+    alive_ns = epoch_ns + tick_ns
     # A made-up source is read ahead of its time: the loop's own frames tell how far it had come.
     told = [newest.get(topic, epoch_ns) for topic in ("/hand/frames", "/vest/frame")]
-    lost_s = (killed_ns - max(told)) / 1e9
+    lost_s = max(0, alive_ns - max(told)) / 1e9
     stream_lost_s = max(
         (
-            (killed_ns - t_ns) / 1e9
+            max(0, alive_ns - t_ns) / 1e9
             for topic, t_ns in newest.items()
             if _steady(topic) and counts[topic] >= 10
         ),
@@ -178,6 +185,7 @@ def kill_one(path: Path, after_s: float) -> Kill:
         messages=n_messages,
         ending=ending,
         lost_s=lost_s,
+        stood_s=(killed_ns - alive_ns) / 1e9,
         stream_lost_s=stream_lost_s,
         recovered=n_recovered,
         dropped=dropped,
@@ -197,8 +205,9 @@ def _begun(session: Path, run: subprocess.Popen[str]) -> tuple[Path, int]:
     while time.monotonic() < end_s and run.poll() is None:
         for part in session.glob("*.mcap.part"):
             reader = McapReader(part)
-            if next(reader.messages(), None) is not None:
-                return part, int(reader.metadata["tega"]["epoch_ns"])
+            next(reader.messages(), None)  # the head comes first; of records none need be there yet
+            if epoch_ns := reader.metadata.get("tega", {}).get("epoch_ns"):
+                return part, int(epoch_ns)
         time.sleep(0.01)
     run.kill()
     said = "" if run.stderr is None else run.stderr.read()
@@ -222,6 +231,20 @@ def _public_reader(path: Path) -> tuple[dict[str, int], dict[str, int], str]:
     return newest, counts, ending
 
 
+def _run(path: Path) -> None:
+    """Run a session and note how far it has come where a kill does not reach."""
+    from tega.config import load_config
+    from tega.teleop import run_session
+
+    note = path.with_suffix(".tick")
+    note.write_bytes(bytes(8))
+    with note.open("r+b") as file, mmap.mmap(file.fileno(), 8) as tick:
+        sys.setswitchinterval(0.0005)
+        run_session(
+            load_config(path).config, observer=lambda view: struct.pack_into("<q", tick, 0, view.t_ns)
+        )
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Kill, look, print, and exit."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -231,7 +254,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--synthetic", action="store_true")
     parser.add_argument("--jpeg", action="store_true")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--run", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
+    if given.run is not None:
+        _run(given.run)
+        return
     instants = random.Random(given.seed)
     kills = []
     for k in range(given.instants):
@@ -254,9 +281,16 @@ def main(arguments: list[str] | None = None) -> None:
 def _print(k: int, kills: list[Kill]) -> None:
     kill = kills[-1]
     if k == 0:
-        print("| killed at s | messages | recovered | lost s | worst stream s | dropped | replay differs |")  # noqa: T201
-        print("|---|---|---|---|---|---|---|")  # noqa: T201
-    row = (kill.messages, kill.recovered, f"{kill.lost_s:.3f}", f"{kill.stream_lost_s:.3f}", kill.dropped)
+        names = ("killed at s", "messages", "recovered", "lost s", "worst stream s", "stood s", "dropped")
+        print(f"| {' | '.join(names)} | replay differs |\n{'|---' * 8}|")  # noqa: T201
+    row = (
+        kill.messages,
+        kill.recovered,
+        f"{kill.lost_s:.3f}",
+        f"{kill.stream_lost_s:.3f}",
+        f"{kill.stood_s:.3f}",
+        kill.dropped,
+    )
     print(f"| {kill.at_s:.2f} | {' | '.join(map(str, row))} | {kill.differ} rows |", flush=True)  # noqa: T201
 
 
