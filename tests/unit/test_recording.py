@@ -441,7 +441,7 @@ def test_a_pedal_marks_the_recording_and_a_watched_run_that_is_stopped_replays(t
     found = inspect_file(path)
     assert [marker.text for marker in found.markers] == ["b"]
     assert found.ended == "stopped"
-    assert found.states[-1].text == "stopped: stopped"
+    assert found.states[-1].text == "stopped: asked to"
     assert replay_file(path).same
 
 

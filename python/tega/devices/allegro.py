@@ -354,9 +354,13 @@ class Allegro(Opened):
                     self._tell(t_ns, 0, (), (), "release")
                     leave_ns = t_ns + round(_LEAVE_S * 1e9)
                 level = self._level
+                before = link.phase
                 out = link.exchange(frames, t_ns, level)
                 if out:
                     self._send(out)
+                if link.phase == "silent" != before:
+                    # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
+                    self._drop_bus()
                     if len(out) >= 4 and link.phase == "running":
                         now_ns = time.monotonic_ns()
                         self._cycles.append((now_ns, now_ns - t_ns))

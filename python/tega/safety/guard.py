@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -26,6 +27,7 @@ _STALE_PICTURE_NS = 100_000_000
 # The hand's most open pose.
 _OPEN = 1
 _KEPT_CHANGES = 1000
+_NUMBERS = re.compile(r"[\d.]+")
 
 
 class Watched(NamedTuple):
@@ -132,12 +134,12 @@ class Guard:
         """Tell what is wrong without changing the state; ``""`` takes it back."""
         if said == self.alerts.get(name, ""):
             return
-        news = name not in self.alerts or not said
+        # Numbers in it, such as how long a signal is missing, go on changing; that is no news.
+        news = _NUMBERS.sub("", said) != _NUMBERS.sub("", self.alerts.get(name, ""))
         if said:
             self.alerts[name] = self._alerted[name] = said
         else:
             del self.alerts[name]
-        # Numbers in it, such as how long a signal is missing, go on changing; that is no news.
         if news:
             for observer in self.alert_observers:
                 observer(name, said)

@@ -82,7 +82,8 @@ def _settings(lab: EmulatedLab, folder: Path) -> Path:
     lab.vest.limit(VEST_LIMIT, heat_share=HEAT_SHARE + _HEAT_SLACK)
     lab.hand.command("limit " + " ".join(str(v) for v in (SLEW, *(TORQUE_LIMITS * TORQUE_SHARE))))
     tree["vest"]["options"] |= {"limit": VEST_LIMIT, "heat_share": HEAT_SHARE}
-    tree["hand"]["options"] |= {"torque_share": TORQUE_SHARE, "reconnects": 20}
+    # A machine that is shared holds an emulated hand up now and then; that is not what is tried here.
+    tree["hand"]["options"] |= {"torque_share": TORQUE_SHARE, "reconnects": 20, "lowest_rate_hz": 0.0}
     # udev gives a board the same name wherever it is plugged in.
     port = folder / "board"
     _link(port, lab)
