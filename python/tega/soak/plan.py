@@ -64,6 +64,7 @@ KINDS: Final[tuple[Kind, ...]] = (
     Kind("wrong data", "vest", "no-vest", ("vest",)),
     Kind("clock step", "computer", "clock", ("clock",), lasts_s=(0.5, 1.0)),
     Kind("disk full", "computer", "disk", ("recording",), "restarts"),
+    Kind("late", "program", "stop", ("the loop", "hand"), lasts_s=(1.2, 1.8)),
     Kind("kill -9", "program", "kill", ("guard",), "restarts"),
 )
 """Every fault that a soak makes."""

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
-__all__ = ["Standstills"]
+__all__ = ["Standstills", "within_ns"]
 
 _STEP_S = 0.02
 _LEAST_S = 0.25
+
+
+def within_ns(found: Sequence[tuple[int, int]], since_ns: int, till_ns: int) -> int:
+    """Return how much of the time between two moments lies within those found."""
+    return sum(max(0, min(till, till_ns) - max(since, since_ns)) for since, till in found)
 
 
 class Standstills:
@@ -40,7 +46,7 @@ class Standstills:
 
     def within_ns(self, since_ns: int, till_ns: int) -> int:
         """Return for how long it stood still between two times of day, all in ns."""
-        return sum(max(0, min(till, till_ns) - max(since, since_ns)) for since, till in self._found)
+        return within_ns(self._found, since_ns, till_ns)
 
     def _watch(self) -> None:
         last_ns = time.time_ns()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import resource
+import signal
 import subprocess
 import sys
 import threading
@@ -65,16 +66,15 @@ class Supervisor:
         return self._process is not None and self._process.poll() is None
 
     @property
-    def newest(self) -> dict[str, Any]:
+    def newest(self) -> Line:
         """The newest line that tells the state and the alerts."""
-        return next((line.said for line in reversed(self.lines) if "alerts" in line.said), {})
+        return next((line for line in reversed(self.lines) if "alerts" in line.said), Line(0.0, {}))
 
-    @property
-    def well(self) -> bool:
-        """Whether it runs, is active, and nothing is wrong but that the machine is slow."""
-        said = self.newest
+    def well(self, since_s: float = 0.0) -> bool:
+        """Tell whether it runs, has been heard since then, is active, and nothing but latency is wrong."""
+        at_s, said = self.newest
         wrong = [alert for alert in said.get("alerts", ()) if not alert.startswith("latency")]
-        return self.alive and said.get("state") == "active" and not wrong
+        return self.alive and at_s > since_s and said.get("state") == "active" and not wrong
 
     def start(self) -> None:
         """Start it."""
@@ -101,6 +101,11 @@ class Supervisor:
         if self._process is not None:
             hard = resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE)[1]
             resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE, (0 if full else hard, hard))
+
+    def hold_up(self, *, on: bool) -> None:
+        """Give it no time at all, or time again."""
+        if self._process is not None:
+            self._process.send_signal(signal.SIGSTOP if on else signal.SIGCONT)
 
     def kill(self) -> int:
         """Kill it and return the time of day, ns, just before."""

@@ -15,7 +15,7 @@ from tega.recording.mcap_folder import SessionFolder
 from tega.soak.lost import Kept, look
 from tega.soak.plan import KINDS, Kind, Planned, plan
 from tega.soak.report import NOT_JUDGED, Fault, SoakReport
-from tega.soak.standstill import Standstills
+from tega.soak.standstill import Standstills, within_ns
 from tega.soak.supervisor import Line, Supervisor
 from tega.testing.lab import EmulatedLab, emulated_lab
 
@@ -31,6 +31,7 @@ _HEAT_SLACK = 0.02
 _READY_S = 40.0
 _TELL_S = 8.0
 _LIMP_S = 3.0
+_STAYS_S = 1.0
 _STEP_S = 0.005
 _CLOCK_S = 3600.0
 # A fault is only begun where there is time to see the end of it.
@@ -110,12 +111,13 @@ class _Soak:
         self._report = SoakReport()
         self._began_s = 0.0
         self._looked: set[str] = set()
+        self._held: list[tuple[int, int]] = []
 
     def run(self, seconds: float, planned: Sequence[Planned], seed: int, progress: Progress) -> SoakReport:
         report, program = self._report, self._program
         report.seed = seed
         program.start()
-        if not self._until(lambda: program.well or not program.alive, _READY_S) or not program.alive:
+        if not self._until(lambda: program.well() or not program.alive, _READY_S) or not program.alive:
             report.failures.append(f"the run did not begin: {self._last_words()}")
             return report
         self._began_s = time.monotonic()
@@ -126,12 +128,12 @@ class _Soak:
                 break
             progress(f"{k + 1}: {each.fault.kind} of {each.fault.device}", self._elapsed(), round(seconds))
             self._until(lambda: False, each.wait_s)
-            self._until(lambda: program.well or not program.alive, _READY_S)
+            self._until(lambda: program.well() or not program.alive, _READY_S)
             if not program.alive:
                 if not self._still.within_ns(quiet_ns, time.time_ns()):
                     report.failures.append(f"the run ended by itself: {self._last_words()}")
                 self._restart()
-                self._until(lambda: program.well or not program.alive, _READY_S)
+                self._until(lambda: program.well() or not program.alive, _READY_S)
             began_ns = time.time_ns()
             fault = self._one(each)
             quiet_ns = time.time_ns()
@@ -186,6 +188,9 @@ class _Soak:
                 lab.hand.command(kind.how)
             case "vest":
                 lab.vest.fault(kind.how)
+            case "program":
+                program.hold_up(on=True)
+                self._held.append((time.time_ns(), 0))
             case "computer" if kind.how == "disk":
                 program.fill_disk(full=True)
             case "computer":
@@ -206,6 +211,9 @@ class _Soak:
                 lab.hand.command("clear")
             case "vest":
                 lab.vest.fault("")
+            case "program":
+                program.hold_up(on=False)
+                self._held[-1] = (self._held[-1][0], time.time_ns())
             case "computer" if kind.how == "disk":
                 program.fill_disk(full=False)
             case "computer":
@@ -247,20 +255,34 @@ class _Soak:
 
     def _recover(self, fault: Fault, kind: Kind | None) -> None:
         program = self._program
-        well = self._until(lambda: program.well or not program.alive, _READY_S) and program.alive
-        if well:
-            fault.recovered_s = self._now()
+        well_s = self._well_again()
+        if well_s is not None:
+            fault.recovered_s = well_s - self._began_s
         elif not program.alive:
             fault.outcome = f"the program ended: {self._last_words()}"
             self._restart()
             return
         else:
-            fault.outcome = f"not well again: {program.newest}"
+            fault.outcome = f"not well again: {program.newest.said}"
             return
         restarted = kind is None or kind.then == "restarts"
         fault.outcome = "restarted" if restarted else "recovered"
         if fault.detected_s is None:
             fault.outcome = "not told"
+
+    def _well_again(self) -> float | None:
+        """Wait until all is well and stays so for a while; return since when."""
+        program, began_s = self._program, time.monotonic()
+        since_s: float | None = None
+        while time.monotonic() < began_s + _READY_S and program.alive:
+            if not program.well(began_s):
+                since_s = None
+            elif since_s is None:
+                since_s = time.monotonic()
+            elif time.monotonic() > since_s + _STAYS_S:
+                return since_s
+            time.sleep(_STEP_S)
+        return None
 
     def _restart(self) -> None:
         self._program.end()
@@ -310,7 +332,11 @@ class _Soak:
         if kept.cut:
             report.failures.append(f"{path.name} is cut: {kept.cut}")
         at_end_s = 0.0 if end_ns is None else max(0.0, (end_ns - kept.newest_ns) / 1e9)
-        gaps_s = [(till - since - self._still.within_ns(since, till)) / 1e9 for since, till in kept.gaps]
+        # Of a time in which the program could do nothing there is nothing to record.
+        gaps_s = [
+            (till - since - max(self._still.within_ns(since, till), within_ns(self._held, since, till))) / 1e9
+            for since, till in kept.gaps
+        ]
         report.lost_s = max([report.lost_s, at_end_s, kept.dropped_s, *gaps_s])
         if not self._keep:
             path.unlink()
