@@ -32,6 +32,7 @@ _READY_S = 40.0
 _TELL_S = 8.0
 _LIMP_S = 3.0
 _STAYS_S = 1.0
+_STARTS = 3
 _STEP_S = 0.005
 _CLOCK_S = 3600.0
 # A fault is only begun where there is time to see the end of it.
@@ -116,8 +117,7 @@ class _Soak:
     def run(self, seconds: float, planned: Sequence[Planned], seed: int, progress: Progress) -> SoakReport:
         report, program = self._report, self._program
         report.seed = seed
-        program.start()
-        if not self._until(lambda: program.well() or not program.alive, _READY_S) or not program.alive:
+        if not self._start():
             report.failures.append(f"the run did not begin: {self._last_words()}")
             return report
         self._began_s = time.monotonic()
@@ -133,7 +133,6 @@ class _Soak:
                 if not self._still.within_ns(quiet_ns, time.time_ns()):
                     report.failures.append(f"the run ended by itself: {self._last_words()}")
                 self._restart()
-                self._until(lambda: program.well() or not program.alive, _READY_S)
             began_ns = time.time_ns()
             fault = self._one(each)
             quiet_ns = time.time_ns()
@@ -288,7 +287,17 @@ class _Soak:
         self._program.end()
         self._look_through()
         self._report.restarts += 1
-        self._program.start()
+        self._start()
+
+    def _start(self) -> bool:
+        """Start the program until it is well, again where a device did not answer in time; tell whether it is."""
+        program = self._program
+        for _ in range(_STARTS):
+            program.end()
+            program.start()
+            if self._until(lambda: program.well() or not program.alive, _READY_S) and program.alive:
+                return True
+        return False
 
     def _finish(self) -> None:
         report, program, lab = self._report, self._program, self._lab
