@@ -32,6 +32,8 @@ _READY_S = 40.0
 _TELL_S = 8.0
 _LIMP_S = 3.0
 _STAYS_S = 1.0
+# Of these a picture still comes often enough.
+_FRESH = frozenset({"slow"})
 _STARTS = 3
 _STEP_S = 0.005
 _CLOCK_S = 3600.0
@@ -166,6 +168,7 @@ class _Soak:
                 break
         # A fault that is over before it could be seen may be told a moment later.
         self._until(lambda: time.monotonic() >= over_s, each.lasts_s + 1)
+        still_felt = kind.device in FINGERS and kind.how not in _FRESH and self._felt(kind.device)
         self._unmake(kind)
         fault.ended_s = self._now()
         if told is None:
@@ -176,7 +179,13 @@ class _Soak:
         if kind.then == "restarts" or not program.alive:
             self._look_after(fault, kind, at_ns)
         self._recover(fault, kind)
+        if still_felt:
+            fault.outcome = "its last picture was still felt"
         return fault
+
+    def _felt(self, finger: str) -> bool:
+        """Tell whether the emulated vest still shows a finger."""
+        return bool(self._lab.vest.report().motors[FINGERS.index(finger)])
 
     def _make(self, kind: Kind) -> None:
         lab, program = self._lab, self._program
