@@ -24,7 +24,7 @@ __all__ = ["soak"]
 FINGERS = ("thumb", "index")
 VEST_LIMIT = 60
 HEAT_SHARE = 0.3
-TORQUE_SHARE = 0.5
+TORQUE_SHARE = 0.2
 SLEW = 0.05
 # The emulated vest's sum of heat is taken in other steps than the driver's.
 _HEAT_SLACK = 0.02
