@@ -14,18 +14,19 @@ from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateErro
 from tega.hand import CLOSURE_POSES_RAD
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.vests import seen_by
 
 OPEN, TIGHT = CLOSURE_POSES_RAD[0], CLOSURE_POSES_RAD[4]
 
 
 def closed(made: Lab) -> bool:
     """Whether the emulated fingers really are in the tight pose."""
-    return bool(np.abs(np.array(made.hand.command()["angles_rad"]) - TIGHT).max() < 0.15)
+    return bool(np.abs(np.array(made.hand.say("look")["angles_rad"]) - TIGHT).max() < 0.15)
 
 
 def opened(made: Lab) -> bool:
     """Whether they really are in the open one."""
-    return bool(np.abs(np.array(made.hand.command()["angles_rad"]) - OPEN).max() < 0.15)
+    return bool(np.abs(np.array(made.hand.say("look")["angles_rad"]) - OPEN).max() < 0.15)
 
 
 def states(made: Lab) -> list[str]:
@@ -35,7 +36,7 @@ def states(made: Lab) -> list[str]:
 
 def column(made: Lab, finger: int) -> int:
     """What a finger's column of the emulated vest does."""
-    return int(made.vest.report().motors[finger])
+    return int(seen_by(made.vest).motors[finger])
 
 
 def test_emg_unplugged_holds_the_level_then_opens_the_hand(tmp_path: Path) -> None:
@@ -99,13 +100,13 @@ def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: s
 
         def script() -> None:
             made.until(lambda: made.state == "active" and column(made, 0) and column(made, 1))
-            made.sensors["thumb"].command(fault)
+            made.sensors["thumb"].say(fault)
             made.until(lambda: not column(made, 0))
             assert column(made, 1)
             made.until(lambda: "thumb: no picture for" in made.said())
             assert made.state == "active"
-            made.sensors["thumb"].command("clear")
-            made.sensors["thumb"].command("press 0.7")
+            made.sensors["thumb"].say("clear")
+            made.sensors["thumb"].say("press 0.7")
             made.until(lambda: column(made, 0))
             made.until(lambda: "thumb" not in made.said())
 
@@ -124,11 +125,11 @@ def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path) 
 
         def script() -> None:
             made.until(lambda: made.state == "active" and closed(made))
-            made.sensors["thumb"].command("pause")
+            made.sensors["thumb"].say("pause")
             made.until(lambda: made.state == "hold")
             assert "thumb: no picture" in made.changes[-1].reason
-            made.sensors["thumb"].command("clear")
-            made.sensors["thumb"].command("press 0.7")
+            made.sensors["thumb"].say("clear")
+            made.sensors["thumb"].say("press 0.7")
             made.until(lambda: made.state == "active")
 
         made.run(script)
@@ -168,7 +169,7 @@ def test_a_hand_in_trouble_is_let_go_and_the_vest_rests(tmp_path: Path, fault: s
 
         def script() -> None:
             made.until(lambda: made.state == "active" and closed(made) and column(made, 0))
-            made.hand.command(fault)
+            made.hand.say(fault)
             made.until(lambda: made.state == "stopped")
             assert words in made.changes[-1].reason
 
@@ -183,7 +184,7 @@ def test_a_silent_hand_ends_the_run(tmp_path: Path) -> None:
 
         def script() -> None:
             made.until(lambda: made.state == "active" and closed(made))
-            made.hand.command("silence")
+            made.hand.say("silence")
             made.until(lambda: made.state == "stopped")
 
         with pytest.raises(DeviceUnavailableError, match="silent"):
@@ -196,11 +197,11 @@ def test_a_lost_vest_is_told_and_the_run_goes_on(tmp_path: Path) -> None:
 
         def script() -> None:
             made.until(lambda: made.state == "active" and column(made, 0))
-            made.vest.fault("refuse")
+            made.vest.say("refuse")
             made.until(lambda: "vest: not reached" in made.said())
             made.until(lambda: closed(made))
             assert made.state == "active"
-            made.vest.fault("")
+            made.vest.say("clear")
             made.until(lambda: column(made, 0))
             made.until(lambda: "vest" not in made.said())
 
@@ -214,7 +215,7 @@ def test_a_lost_vest_holds_the_hand_where_the_settings_say_so(tmp_path: Path) ->
 
         def script() -> None:
             made.until(lambda: made.state == "active")
-            made.vest.fault("refuse")
+            made.vest.say("refuse")
             made.until(lambda: made.state == "hold")
             assert "vest: not reached" in made.changes[-1].reason
 

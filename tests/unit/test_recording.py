@@ -37,7 +37,6 @@ from tega.replay import Replay, replay_file
 from tega.tactile import read_contact
 from tega.teleop import run_session
 from tega.teleop.loop import LoopView
-from tega.testing.emulators.allegro_process import AllegroProcess
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.testing.kills import kill_one, settings
@@ -202,12 +201,12 @@ def test_jpeg_replays_what_was_computed_exactly_and_tells_the_error_of_the_pictu
 
 
 def test_a_hand_that_closes_its_own_loop_is_held_the_same_conversation(tmp_path: Path) -> None:
-    with AllegroProcess() as hand:
+    with Emulator("allegro_port") as hand:
         session = tree(tmp_path / "session")
         session["session"] = {"pace": "real"}
         session["hand"] = {
             "driver": "allegro",
-            "options": {**hand.options, "silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0},
+            "options": {**hand.address, "silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0},
         }
         summary = run_session(check_tree(session, {}, base=tmp_path).config)
     replay = replay_file(tmp_path / "session" / summary["recording"]["file"])

@@ -105,6 +105,6 @@ def _press(lab: EmulatedLab, over: threading.Event) -> None:
     """Press now more and now less, so that there is something new to feel."""
     for firmness in cycle((0.5, 0.6, 0.7, 0.8, 0.9)):
         for sensor in lab.sensors.values():
-            sensor.command(f"press {firmness}")
+            sensor.say(f"press {firmness}")
         if over.wait(_PRESS_S):
             return

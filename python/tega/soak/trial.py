@@ -17,6 +17,7 @@ from tega.soak.plan import KINDS, Kind, Planned, plan
 from tega.soak.report import NOT_JUDGED, Fault, SoakReport
 from tega.soak.standstill import Standstills, within_ns
 from tega.soak.supervisor import Line, Supervisor
+from tega.testing.emulators.vests import seen_by
 from tega.testing.lab import EmulatedLab, emulated_lab
 
 __all__ = ["soak"]
@@ -83,8 +84,8 @@ def soak(
 def _settings(lab: EmulatedLab, folder: Path) -> Path:
     """Set limits that a run without them would break, and tell the emulators what to count."""
     tree = lab.tree
-    lab.vest.limit(VEST_LIMIT, heat_share=HEAT_SHARE + _HEAT_SLACK)
-    lab.hand.command("limit " + " ".join(str(v) for v in (SLEW, *(TORQUE_LIMITS * TORQUE_SHARE))))
+    lab.vest.say(f"limit {VEST_LIMIT} {HEAT_SHARE + _HEAT_SLACK}")
+    lab.hand.say("limit " + " ".join(str(v) for v in (SLEW, *(TORQUE_LIMITS * TORQUE_SHARE))))
     tree["vest"]["options"] |= {"limit": VEST_LIMIT, "heat_share": HEAT_SHARE}
     # A machine that is shared holds an emulated hand up now and then; that is not what is tried here.
     tree["hand"]["options"] |= {"torque_share": TORQUE_SHARE, "reconnects": 20, "lowest_rate_hz": 0.0}
@@ -185,7 +186,7 @@ class _Soak:
 
     def _felt(self, finger: str) -> bool:
         """Tell whether the emulated vest still shows a finger."""
-        return bool(self._lab.vest.report().motors[FINGERS.index(finger)])
+        return bool(seen_by(self._lab.vest).motors[FINGERS.index(finger)])
 
     def _make(self, kind: Kind) -> None:
         lab, program = self._lab, self._program
@@ -193,9 +194,9 @@ class _Soak:
             case "emg":
                 lab.emg.say(kind.how)
             case "hand":
-                lab.hand.command(kind.how)
+                lab.hand.say(kind.how)
             case "vest":
-                lab.vest.fault(kind.how)
+                lab.vest.say(kind.how)
             case "program":
                 program.hold_up(on=True)
                 self._held.append((time.time_ns(), 0))
@@ -204,7 +205,7 @@ class _Soak:
             case "computer":
                 program.tell(f"clock {_CLOCK_S}")
             case finger:
-                lab.sensors[finger].command(kind.how)
+                lab.sensors[finger].say(kind.how)
 
     def _unmake(self, kind: Kind) -> None:
         lab, program = self._lab, self._program
@@ -216,9 +217,9 @@ class _Soak:
                 lab.emg.say("clear")
                 lab.emg.say("signal emg")
             case "hand":
-                lab.hand.command("clear")
+                lab.hand.say("clear")
             case "vest":
-                lab.vest.fault("")
+                lab.vest.say("clear")
             case "program":
                 program.hold_up(on=False)
                 self._held[-1] = (self._held[-1][0], time.time_ns())
@@ -227,8 +228,8 @@ class _Soak:
             case "computer":
                 program.tell(f"clock -{_CLOCK_S}")
             case finger:
-                lab.sensors[finger].command("clear")
-                lab.sensors[finger].command("press 1")
+                lab.sensors[finger].say("clear")
+                lab.sensors[finger].say("press 1")
 
     def _told(self, kind: Kind, seen: int) -> Line | None:
         return next((line for line in self._program.lines[seen:] if _words(line, kind)), None)
@@ -316,7 +317,7 @@ class _Soak:
         if not self._until(lambda: lab.limp() and lab.at_rest(), _LIMP_S):
             report.failures.append("at the end hand or vest were not at rest")
         self._look_through()
-        vest, hand = lab.vest.report(), lab.hand.command()
+        vest, hand = seen_by(lab.vest), lab.hand.say("look")
         report.over_limit = {"vest": vest.over, "hand": hand["over"]}
         report.commands = {"vest": vest.received, "hand": hand["torques"]}
         report.failures += [f"the vest was sent {error}" for error in dict.fromkeys(vest.errors)]

@@ -99,19 +99,17 @@ def settings(folder: Path, *, synthetic: bool, lossless: bool) -> Iterator[Path]
 
 
 def _emulated(folder: Path, stack: ExitStack) -> dict[str, Any]:
-    from tega.testing.emulators.allegro_process import AllegroProcess
-    from tega.testing.emulators.digit import DigitProcess
     from tega.testing.emulators.process import Emulator
     from tega.testing.vest_bench import vest_bench
 
     tree: dict[str, Any] = {"tactile": {}}
     for k, finger in enumerate(("thumb", "index")):
-        sensor = stack.enter_context(DigitProcess("--seed", str(k)))
+        sensor = stack.enter_context(Emulator("digit", "--seed", str(k)))
         # The emulated light as it is sent, without noise, turned as the driver turns it.
         rows, columns = np.mgrid[:240, :320]
         light = np.stack([90 + 0.2 * rows, 110 - 0.1 * columns, 80 + 0.15 * columns], axis=2)
         np.save(folder / f"{finger}.npy", np.rot90(light).astype(np.uint8))
-        options = {"source": sensor.source, "warm_up_s": 0.1}
+        options = {"source": sensor.address["source"], "warm_up_s": 0.1}
         tree["tactile"][finger] = {
             "driver": "digit",
             "baseline": str(folder / f"{finger}.npy"),
@@ -119,10 +117,10 @@ def _emulated(folder: Path, stack: ExitStack) -> dict[str, Any]:
         }
     board = stack.enter_context(Emulator("cyton", "--signal", "emg"))
     tree["emg"] = {"driver": "cyton", "kind": "raw", "options": {"port": board.port, "measure_s": 0.25}}
-    hand = stack.enter_context(AllegroProcess())
+    hand = stack.enter_context(Emulator("allegro_port"))
     # A loaded machine is late now and then; that is not what is tried here.
     patient = {"silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0}
-    tree["hand"] = {"driver": "allegro", "options": {**hand.options, **patient}}
+    tree["hand"] = {"driver": "allegro", "options": {**hand.address, **patient}}
     player = stack.enter_context(vest_bench("bhaptics-player")).peer
     tree["vest"] = {"driver": "bhaptics-player", "options": {"port": player.address["port"]}}
     full = TouchMaxima(cci_max=1.0, eda_max=500.0)

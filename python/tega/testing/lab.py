@@ -12,10 +12,8 @@ import numpy as np
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
-from tega.testing.emulators.allegro_process import AllegroProcess
-from tega.testing.emulators.digit import DigitProcess
 from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.emulators.vests import seen_by
 
 __all__ = ["EmulatedLab", "emulated_lab"]
 
@@ -34,21 +32,21 @@ class EmulatedLab:
     """
 
     emg: Emulator
-    hand: AllegroProcess
-    vest: EmulatedVest
+    hand: Emulator
+    vest: Emulator
 
     def __init__(self) -> None:
         self.tree: dict[str, Any] = {}
-        self.sensors: dict[str, DigitProcess] = {}
+        self.sensors: dict[str, Emulator] = {}
 
     def limp(self) -> bool:
         """Whether no motor of the hand pushes."""
-        state = self.hand.command()
+        state = self.hand.say("look")
         return not state["servo_on"] and not any(state["duties"])
 
     def at_rest(self) -> bool:
         """Whether no motor of the vest turns."""
-        return not any(self.vest.report().motors)
+        return not any(seen_by(self.vest).motors)
 
 
 @contextmanager
@@ -92,16 +90,16 @@ def emulated_lab(
                 maxima=(1.0, 1.0, 1.0),
             )
         if hand:
-            lab.hand = stack.enter_context(AllegroProcess())
+            lab.hand = stack.enter_context(Emulator("allegro_port"))
             # The emulated hand shares a busy machine with everything else.
             patient = {"silent_after_ms": 1000.0, "lowest_rate_hz": 10.0, "reconnects": 0}
-            tree["hand"] = {"driver": "allegro", "options": {**lab.hand.options, **patient}}
+            tree["hand"] = {"driver": "allegro", "options": {**lab.hand.address, **patient}}
         if vest:
-            lab.vest = stack.enter_context(EmulatedVest("bhaptics_player"))
+            lab.vest = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
             options = {"port": lab.vest.address["port"]}
             tree["vest"] = {"driver": "bhaptics-player", "layout": "x40", "options": options}
         for seed, finger in enumerate(fingers):
-            sensor = DigitProcess("--rate-hz", str(camera_hz), "--seed", str(seed))
+            sensor = Emulator("digit", "--rate-hz", str(camera_hz), "--seed", str(seed))
             lab.sensors[finger] = stack.enter_context(sensor)
             tree.setdefault("tactile", {})[finger] = _fingertip(sensor, folder / f"{finger}.npy")
         full = touch or TouchMaxima(cci_max=0.01, eda_max=500.0)
@@ -126,13 +124,13 @@ def _amplifier(stack: ExitStack, rate_hz: float) -> tuple[Emulator, dict[str, An
     return board, {"driver": "chords", "kind": "raw", "options": options}
 
 
-def _fingertip(sensor: DigitProcess, baseline: Path) -> dict[str, Any]:
+def _fingertip(sensor: Emulator, baseline: Path) -> dict[str, Any]:
     """Take a sensor's untouched picture, press something into it, and return its settings."""
-    with Digit(DigitOptions(source=sensor.source, warm_up_s=0.1)) as camera:
+    with Digit(DigitOptions(source=sensor.address["source"], warm_up_s=0.1)) as camera:
         frame = camera.read(5.0)
     if frame is None:
         raise DeviceUnavailableError("the emulated sensor gave no picture", "try again")
     np.save(baseline, frame.image)
-    sensor.command("press 0.7")
-    options = {"source": sensor.source, "warm_up_s": 0.1}
+    sensor.say("press 0.7")
+    options = {"source": sensor.address["source"], "warm_up_s": 0.1}
     return {"driver": "digit", "baseline": str(baseline), "options": options}
