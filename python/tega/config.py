@@ -26,6 +26,7 @@ from tega.config_lines import value_lines
 from tega.devices.base import Kind, Options
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.safety.settings import SafetySection
 
 if TYPE_CHECKING:
     from tega.haptics import Layout
@@ -39,6 +40,7 @@ __all__ = [
     "InputConfig",
     "InputSection",
     "LoadedConfig",
+    "RecordingSection",
     "SessionConfig",
     "SessionSection",
     "TactileConfig",
@@ -225,6 +227,26 @@ class InputSection(_Section, frozen=True):
         return {seat: c for seat in self.__struct_fields__ if (c := getattr(self, seat)) is not None}
 
 
+class RecordingSection(_Section, frozen=True):
+    """The recording of a run; needs the extra ``record``.
+
+    Attributes:
+        dir: Folder of the session, to which every run adds a file; none means nothing is recorded.
+        lossless: Pictures as they are, so that a replay computes the same bits; otherwise as JPEG.
+        jpeg_quality: 1 to 100.
+        queue_mib: What may wait for the disk; beyond it pictures are dropped and counted.
+        warn_free_mib: A disk with less room than this is warned of.
+        stop_free_mib: With less room than this the recording is finished, and the run goes on without.
+    """
+
+    dir: Path | None = None
+    lossless: bool = False
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=100)] = 95
+    queue_mib: Annotated[float, msgspec.Meta(gt=0, le=65536)] = 128.0
+    warn_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 2048.0
+    stop_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 256.0
+
+
 class SessionConfig(_Section, frozen=True):
     """Everything a session needs to know, checked, with absolute paths and typed driver options."""
 
@@ -235,6 +257,8 @@ class SessionConfig(_Section, frozen=True):
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()
     input: InputSection = InputSection()
+    recording: RecordingSection = RecordingSection()
+    safety: SafetySection = SafetySection()
 
 
 class Value(NamedTuple):

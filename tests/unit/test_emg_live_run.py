@@ -71,7 +71,7 @@ def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> Non
     notes = " ".join(summary["notes"])
     assert "emg: lost: cyton: " in notes
     assert "was lost" in notes
-    assert "its last level held to the end" in notes
+    assert "its last level held for 2 s, then the hand opens" in notes
     assert "Cyton firmware v3.1.2, gain 24" in notes
     assert summary["emg"]["samples"] > 100
     assert (tmp_path / "out" / "can.csv").read_text().splitlines()[-1].endswith("104,")

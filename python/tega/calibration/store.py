@@ -38,7 +38,9 @@ __all__ = [
     "EmgMaxima",
     "FingerMaxima",
     "TouchMaxima",
+    "calibration_text",
     "load_calibration",
+    "parse_calibration",
     "save_calibration",
     "toml_text",
 ]
@@ -157,19 +159,36 @@ def load_calibration(path: Path) -> Calibration:
         CalibrationError: It is missing, is not TOML, or a value in it is unknown, of a wrong type or out of range.
     """
     try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise CalibrationError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
         ) from error
     except ValueError as error:
         raise CalibrationError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
+    return parse_calibration(text, path.name)
+
+
+def parse_calibration(text: str, name: str) -> Calibration:
+    """Read a calibration from the text of its file.
+
+    Args:
+        text: TOML.
+        name: What to call it in an error.
+
+    Raises:
+        CalibrationError: It is not TOML, or a value in it is unknown, of a wrong type or out of range.
+    """
+    try:
+        tree = tomllib.loads(text)
+    except ValueError as error:
+        raise CalibrationError(f"{name}: not valid TOML: {error}", "see https://toml.io") from error
     try:
         return msgspec.convert(tree, Calibration)
     except msgspec.ValidationError as error:
         said: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
         message = said.message.removeprefix("settings: ")
-        raise CalibrationError(f"{path.name}: {message}", said.hint or "calibrate again") from None
+        raise CalibrationError(f"{name}: {message}", said.hint or "calibrate again") from None
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
@@ -179,6 +198,11 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         calibration: What to write.
         path: The file; it is replaced.
     """
+    path.write_text(calibration_text(calibration), encoding="utf-8", newline="\n")
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return what :func:`save_calibration` writes."""
     lines = [
         f'format = "{calibration.format}"',
         f"version = {calibration.version}",
@@ -204,7 +228,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
             f"channels = [{', '.join(toml_text(c) for c in emg.channels)}]",
             f"maxima = [{', '.join(repr(m) for m in emg.maxima)}]",
         ]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    return "\n".join(lines) + "\n"
 
 
 def toml_text(value: str) -> str:

@@ -100,6 +100,57 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
         _print_simulation(report)
 
 
+@bench.command(epilog="Example: tega-teleop bench loop --seconds 20")
+@click.option("--seconds", type=click.FloatRange(3, 3600), default=20, show_default=True, help="How long.")
+@click.option(
+    "--record", is_flag=True, help="Write the tables of the run as well, into a folder that is removed."
+)
+@json_option
+@debug_option
+def loop(*, seconds: float, record: bool, as_json: bool) -> None:
+    """Run the whole loop in real time on emulated devices and measure how long each stage takes.
+
+    Four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand at 333 Hz and a vest, each emulated in a process of its own on
+    this machine, so the loop has only what they leave of it.
+
+    \b
+    --json prints one object:
+      machine, seconds
+      latency_ms  {touch|intent: {stage: {n, p50, p95, p99, worst}}}; "own" is our part: without the camera's way
+                  and without the wait for the next tick
+      pacing      {ticks, overruns, skipped, worst_late_ms}
+      frames_hz, samples_hz, hand_hz, cpu_cores, held_ticks
+    """  # noqa: D301  # click keeps the lines after \b as they are
+    import sys
+
+    import msgspec
+
+    from tega.bench.live_loop import bench_loop
+    from tega.cli.options import echo_json
+    from tega.cli.report import latency_tables
+
+    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
+    sys.setswitchinterval(0.0005)
+    report = bench_loop(seconds=seconds, record=record)
+    if as_json:
+        echo_json(msgspec.to_builtins(report))
+        return
+    from rich.console import Console
+
+    out = Console(highlight=False, width=100)
+    for table in latency_tables(report.latency_ms):
+        out.print(table)
+    pacing = report.pacing
+    out.print(
+        f"{report.frames_hz:.0f} pictures, {report.samples_hz:.0f} EMG samples and {report.hand_hz:.0f} ticks "
+        f"of the hand a second; {report.cpu_cores:.2f} cores for our process"
+    )
+    out.print(
+        f"{pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
+        f"(worst {pacing['worst_late_ms']:.1f} ms), {pacing['skipped']} left out"
+    )
+
+
 def _print_simulation(report: SimReport) -> None:
     from rich.box import SIMPLE
     from rich.console import Console

@@ -29,7 +29,12 @@ class _Verb(NamedTuple):
 _VERBS = {
     "demo": _Verb("Run", "tega.cli.demo", "demo", "See the loop work on input made up here; needs nothing."),
     "run": _Verb("Run", "tega.cli.run", "run", "Run a session from its settings."),
-    "replay": _Verb("Run", "tega.cli.replay", "replay", "Run the loop on recordings and write tables."),
+    "replay": _Verb(
+        "Run", "tega.cli.replay", "replay", "Run the loop on recordings, and compare or write tables."
+    ),
+    "inspect": _Verb("Run", "tega.cli.inspect", "inspect", "Print what a recording holds."),
+    "soak": _Verb("Measure", "tega.cli.soak", "soak", "Run everything emulated, with faults at random."),
+    "export": _Verb("Run", "tega.cli.export", "export", "Write a recording as tables and pictures."),
     "sim-trials": _Verb(
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
     ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -12,7 +13,20 @@ from typing import Any, TypeVar
 
 import click
 
-__all__ = ["ChannelList", "NameList", "Stop", "debug_option", "echo_json", "json_option", "progress_bar"]
+from tega.safety.stop import Stop as AnyStop
+
+__all__ = [
+    "ChannelList",
+    "NameList",
+    "Stop",
+    "debug_option",
+    "echo_json",
+    "json_option",
+    "progress_bar",
+    "stop_keys",
+]
+
+_PATIENCE_S = 1.0
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -65,28 +79,34 @@ def echo_json(value: Any) -> None:
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
-class Stop:
+class Stop(AnyStop):
     """Turns the first Ctrl-C (or a request to terminate) into a question the loop asks; the second one interrupts.
 
-    The loop then ends by itself, which leaves vest and hand silent.
+    The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further ones do
+    nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
     """
 
     def __init__(self) -> None:
-        self.asked = False
+        super().__init__()
         self._old: dict[int, Any] = {}
+        self._asked_s = 0.0
+        self._interrupted = False
 
-    def __call__(self) -> bool:
-        """Tell whether the run should end."""
-        return self.asked
-
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        if self.asked:
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if not self.asked:
+            self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
+            self._asked_s = time.monotonic()
+        elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:
+            self._interrupted = True
             raise KeyboardInterrupt
-        self.asked = True
 
     def __enter__(self) -> Stop:
         """Take over the signals."""
-        for number in (signal.SIGINT, signal.SIGTERM):
+        # The last one comes when the terminal is closed or the connection to it is lost; Windows has none.
+        for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+            # Who starts it with nohup wants it to go on.
+            if number in self._old or signal.getsignal(number) == signal.SIG_IGN:
+                continue
             self._old[number] = signal.signal(number, self._on_signal)
         return self
 
@@ -94,6 +114,25 @@ class Stop:
         """Give the signals back."""
         for number, handler in self._old.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def stop_keys(stop: AnyStop, *, enabled: bool = True) -> Iterator[None]:
+    """Let the space bar and q ask for the end, where there is a terminal to press them on."""
+    if not enabled or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        yield
+        return
+    from tega.sim.operator.keys import Keys
+
+    def pressed() -> str:
+        for key in keys.read():
+            if key in {" ", "q", "Q"}:
+                return "the space bar" if key == " " else "the key q"
+        return ""
+
+    with Keys() as keys:
+        stop.also(pressed)
+        yield
 
 
 @contextmanager

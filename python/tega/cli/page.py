@@ -88,12 +88,16 @@ def run_viewed(
     from contextlib import closing
 
     from tega.clock import PausableClock
+    from tega.safety.stop import Stop
     from tega.teleop import run_session
     from tega.view.browser import Controls
     from tega.view.browser.feed import SessionFeed
     from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
 
     controls = Controls(can_pause=can_pause, can_mute=True)
+    ends = Stop()
+    ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
+    ends.also(lambda: "the page's button" if controls.stopped else "")
     with (
         closing(SessionFeed(config, {"preset": config.session.preset})) as feed,
         browser_observer(
@@ -110,7 +114,7 @@ def run_viewed(
             config,
             clock=PausableClock(lambda: controls.paused and not stop()) if can_pause else None,
             observer=observe,
-            stop=lambda: stop() or controls.stopped,
+            stop=ends,
             on_prepared=feed.watch,
             haptics=lambda: controls.haptics,
             **options,

@@ -13,6 +13,9 @@ from tega.cli.page import view_options
 __all__ = ["replay"]
 
 
+_LOOSE = ("tactile", "baseline", "emg", "calibration", "out")
+
+
 class _Finger(click.ParamType[tuple[str, Path]]):
     """FINGER=PATH."""
 
@@ -31,7 +34,11 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 
 @click.command(
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --emg squeeze.csv --emg-rate-hz 1000 "
-    "--emg-kind raw --emg-channels 1,2,3 --preset live --out results"
+    "--emg-kind raw --emg-channels 1,2,3 --preset live --out results; or: tega-teleop replay sessions/monday"
+)
+@click.argument("session", type=click.Path(path_type=Path), required=False)
+@click.option(
+    "--config", type=click.Path(path_type=Path), help="Of a SESSION: run it through these settings instead."
 )
 @click.option(
     "--tactile", type=_Finger(), multiple=True, help="Recording of a finger: a folder of pictures or a video."
@@ -61,16 +68,21 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    required=True,
     help="Folder for the tables: new, empty, or an earlier run's.",
 )
 @view_options
 @json_option
 @debug_option
-def replay(*, view: bool, view_port: int, as_json: bool, **flags: Any) -> None:
-    """Run the loop on recordings as fast as possible and write tables.
+def replay(
+    *, session: Path | None, config: Path | None, view: bool, view_port: int, as_json: bool, **flags: Any
+) -> int | None:
+    """Run the loop on recordings as fast as possible, and compare or write tables.
 
-    With --view it runs in real time instead, on a page that can pause it.
+    SESSION is a recording made with run --record, or a session's folder: it is computed again, tick by tick as it
+    ran, and compared with what was recorded. Exit code 1 if anything differs. --config runs it through other
+    settings and says what then differs. With --json: a list of objects, one per recording.
+
+    Without SESSION the recordings are loose files. With --view they run in real time, on a page that can pause.
 
     Writes contacts.csv, levels.csv, vest.csv, can.csv, summary.json and calibration.toml. The same input gives the
     same bytes. With --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
@@ -79,23 +91,31 @@ def replay(*, view: bool, view_port: int, as_json: bool, **flags: Any) -> None:
 
     from tega.cli.options import Stop, echo_json, progress_bar
     from tega.cli.page import run_viewed
+    from tega.cli.replay_session import check_flags, replay_session
     from tega.cli.report import print_summary
     from tega.config import check_tree
     from tega.teleop import run_session
 
+    if session is not None:
+        check_flags({"view": view, **{name: flags[name] for name in _LOOSE}})
+        return 0 if replay_session(session, config=config, as_json=as_json) else 1
+    if config is not None:
+        raise click.UsageError("--config is for a SESSION; run takes settings with their own recordings")
+    if flags["out"] is None:
+        raise click.UsageError("Missing option '--out', or a SESSION to compute again.")
     tree = _tree(flags)
     if view:
         tree["session"]["pace"] = "real"
-    config = check_tree(tree, {}, base=Path.cwd()).config
+    settings = check_tree(tree, {}, base=Path.cwd()).config
     started = time.perf_counter()
     with Stop() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
-                config, title="TEGA · replay", port=view_port, observer=None, progress=progress, stop=stop,
+                settings, title="TEGA · replay", port=view_port, observer=None, progress=progress, stop=stop,
                 can_pause=True,
             )  # fmt: skip
         else:
-            summary = run_session(config, progress=progress, stop=stop)
+            summary = run_session(settings, progress=progress, stop=stop)
     wall_s = time.perf_counter() - started
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     if as_json:
@@ -104,6 +124,7 @@ def replay(*, view: bool, view_port: int, as_json: bool, **flags: Any) -> None:
         print_summary(summary, measured=measured)
     if summary["ended"] == "stopped":
         raise KeyboardInterrupt
+    return None
 
 
 def _tree(flags: dict[str, Any]) -> dict[str, Any]:

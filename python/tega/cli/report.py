@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["print_summary"]
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+__all__ = ["latency_tables", "print_summary"]
 
 
 def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
@@ -57,8 +62,11 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
     for name, said in summary.get("inputs", {}).items():
         away = f", no data {100 * said['no_data_share']:.0f} % of the time" if said["no_data_share"] else ""
         out.print(f"{name.replace('_', ' ')}: {said['source']}, {said['presses']} presses{away}")
+    _print_safety(out, summary)
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)
+    if (recording := summary.get("recording")) is not None:
+        out.print(_recorded(recording), markup=False, soft_wrap=True)
     if (pacing := summary.get("pacing")) is not None:
         out.print(
             f"paced by the clock: {pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
@@ -66,6 +74,52 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         )
     else:
         out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
+
+
+def _recorded(recording: dict[str, Any]) -> str:
+    """Say what became of a recording."""
+    n_dropped = sum(recording["dropped"].values())
+    lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
+    said = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
+    if recording["state"] == "complete":
+        return said
+    return f"recording stopped after {recording['duration_s']:.1f} s: {recording['reason']}; {said}"
+
+
+def _print_safety(out: Console, summary: dict[str, Any]) -> None:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    changes = summary["safety"]["changes"]
+    # A run that was active from the first moment to its end has nothing to tell.
+    if len(changes) > 3 or (changes and changes[0]["t_s"] > 0):
+        table = Table(title="states", title_justify="left", box=SIMPLE)
+        for name in ("s", "state", "why"):
+            table.add_column(name, justify="right" if name == "s" else "left")
+        for change in changes:
+            table.add_row(f"{change['t_s']:.2f}", change["state"], change["reason"])
+        out.print(table)
+    for table in latency_tables(summary.get("latency_ms", {})):
+        out.print(table)
+
+
+def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
+    """Make a table of every path's stages.
+
+    Args:
+        latency_ms: As in the summary.
+    """
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms"}
+    for path, stages in latency_ms.items():
+        table = Table(title=titles[path], title_justify="left", box=SIMPLE)
+        for name in ("stage", "p50", "p95", "p99", "worst"):
+            table.add_column(name, justify="left" if name == "stage" else "right")
+        for stage, spread in stages.items():
+            table.add_row(stage, *(f"{spread[name]:.2f}" for name in ("p50", "p95", "p99", "worst")))
+        yield table
 
 
 def _short(value: float | None) -> str:

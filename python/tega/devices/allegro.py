@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.can_links import can_links, link_trouble
+from tega.devices.hand_guard import Guard
 from tega.devices.lifecycle import Opened, require
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
@@ -62,6 +64,7 @@ class AllegroOptions(Options, frozen=True):
         silent_after_ms: Without a set of positions for so long the motors go off.
         lowest_rate_hz: Sets of positions a second that are needed; the hand sends 333.
         reconnects: How often a silent hand is looked for again, once a second.
+        guard: Have a second process let go of the hand if this one is killed or stands still.
     """
 
     interface: str
@@ -78,6 +81,7 @@ class AllegroOptions(Options, frozen=True):
     silent_after_ms: Annotated[float, msgspec.Meta(ge=10, le=10_000)] = 30.0
     lowest_rate_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 250.0
     reconnects: Annotated[int, msgspec.Meta(ge=0, le=100)] = 5
+    guard: bool = True
 
 
 class Allegro(Opened):
@@ -85,7 +89,8 @@ class Allegro(Opened):
 
     Opening it checks version and side before any torque, switches the motors on and holds the pose the hand is in
     until :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO
-    OFF are sent three times; a hand whose bus is gone keeps its last torque as far as is known, so mount a switch.
+    OFF are sent three times; a second process sends them if this one is killed. A hand whose bus is gone keeps its
+    last torque as far as is known, so mount a switch.
 
     Args:
         options: The settings.
@@ -110,9 +115,15 @@ class Allegro(Opened):
         self._level = 1
         self._reopen_ns = 0
         self._trouble = ""
+        self._guard: Guard | None = None
         self._switch_s = 0.0
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
+        self.on_exchange: Callable[[int, int, Sequence[Received], Sequence[CanFrame], str], None] | None = (
+            None
+        )
+        """Told in the hand's thread of every exchange: time, level, frames received and to be sent, and ``exchange``,
+        ``release`` or ``abandon``. From these the same conversation can be held again."""
         self.n_garbled = 0
         """Pieces of the adapter's stream that were no frame."""
         self.n_unsent = 0
@@ -165,6 +176,8 @@ class Allegro(Opened):
         from tega.hand import TORQUE_LIMITS, HandController
         from tega.hand_link import HandLink
         from tega.hand_poses import load_poses
+        from tega.teleop.hand import limp_frames
+        from tega.wire import allegro_set_period
 
         o = self._options
         self.close()
@@ -192,6 +205,10 @@ class Allegro(Opened):
             lowest_rate_hz=o.lowest_rate_hz,
             reconnects=o.reconnects,
         )
+        # A bus inside this process ends with it.
+        if o.guard and o.torque and o.interface != "virtual" and os.name == "posix":
+            frames = [*limp_frames(o.device_id), allegro_set_period(0, device_id=o.device_id)]
+            self._guard = Guard(self._bus_settings(), frames)
         self._thread = threading.Thread(target=self._run, args=(self._link,), name="allegro", daemon=True)
         self._thread.start()
         # A program that ends without closing must not leave the fingers pushing.
@@ -207,9 +224,16 @@ class Allegro(Opened):
         thread, self._thread = self._thread, None
         if thread is not None:
             self._leaving.set()
-            thread.join(_LEAVE_S + _START_S)
-            release(self.close)
-            sys.setswitchinterval(self._switch_s)
+            try:
+                thread.join(_LEAVE_S + _START_S)
+            finally:
+                # An impatient Ctrl-C does not cut the letting go short.
+                thread.join(_LEAVE_S)
+                release(self.close)
+                sys.setswitchinterval(self._switch_s)
+                guard, self._guard = self._guard, None
+                if guard is not None:
+                    guard.dismiss()
         self._link = None
 
     def step(self, level: int) -> list[CanFrame]:
@@ -262,6 +286,16 @@ class Allegro(Opened):
         """Of the last 16,384 cycles, when its torques were sent and how long after their frames, both in ns."""
         return list(self._cycles)
 
+    def answered_ns(self, since_ns: int) -> int | None:
+        """Return when torques first left at or after a monotonic time; ``None`` if none have yet."""
+        found = None
+        for k in range(1, len(self._cycles) + 1):
+            sent_ns = self._cycles[-k][0]
+            if sent_ns < since_ns:
+                break
+            found = sent_ns
+        return found
+
     @property
     def cpu_s(self) -> float:
         """Processor time of the hand's thread so far, seconds; 0 when closed."""
@@ -291,10 +325,14 @@ class Allegro(Opened):
                 "try again; then check the adapter",
             )
 
+    def _bus_settings(self) -> dict[str, Any]:
+        o = self._options
+        return {"interface": o.interface, "channel": o.channel, "bitrate": o.bitrate, **o.bus}
+
     def _open_bus(self) -> Any:
         o = self._options
         try:
-            return self._can.Bus(interface=o.interface, channel=o.channel, bitrate=o.bitrate, **o.bus)
+            return self._can.Bus(**self._bus_settings())
         except (self._can.CanError, OSError, ValueError, TypeError, ImportError) as error:
             raise DeviceUnavailableError(
                 f"allegro: interface {o.interface!r} did not open {self.info.label.split()[-1]!r}: {error}",
@@ -313,23 +351,40 @@ class Allegro(Opened):
                 t_ns = time.monotonic_ns()
                 if self._leaving.is_set() and not leave_ns:
                     link.release(t_ns)
+                    self._tell(t_ns, 0, (), (), "release")
                     leave_ns = t_ns + round(_LEAVE_S * 1e9)
-                out = link.exchange(frames, t_ns, self._level)
+                level = self._level
+                before = link.phase
+                out = link.exchange(frames, t_ns, level)
                 if out:
                     self._send(out)
                     if len(out) >= 4 and link.phase == "running":
                         now_ns = time.monotonic_ns()
                         self._cycles.append((now_ns, now_ns - t_ns))
+                if link.phase == "silent" != before:
+                    # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
+                    self._drop_bus()
+                self._tell(t_ns, level, frames, out, "exchange")
                 if link.phase in {"running", "faulted"}:
                     self._ready.set()
+                if self._guard is not None and self._ready.is_set():
+                    self._guard.beat()
         except Exception as error:  # told by the next step, in the thread that can act on it
             self._trouble = f" ({type(error).__name__}: {error})"
         finally:
             # Whatever was sent before: a hand that hears this is without force.
-            self._send(link.abandon())
+            last = link.abandon()
+            self._send(last)
+            self._tell(time.monotonic_ns(), 0, (), last, "abandon")
             self._ready.set()
             with contextlib.suppress(Exception):
                 self._drop_bus()
+
+    def _tell(
+        self, t_ns: int, level: int, received: Sequence[Received], sent: Sequence[CanFrame], action: str
+    ) -> None:
+        if self.on_exchange is not None:
+            self.on_exchange(t_ns, level, received, sent, action)
 
     def _receive(self) -> list[Received]:
         from tega.hand_link import Received

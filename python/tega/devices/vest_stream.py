@@ -19,6 +19,7 @@ import contextlib
 import random
 import threading
 import time
+from collections import deque
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Protocol
 
 import msgspec
@@ -30,6 +31,7 @@ from tega.devices.lifecycle import Opened
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame
+from tega.safety.motor_budget import DOSE_S, HEAT_SHARE, MotorBudget
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,6 +48,7 @@ _POLL_S = 0.05
 _STALLED_S = 1.0  # a link that takes no frame for this long counts as lost
 _RETRY_S = (0.5, 5.0)
 _JOIN_S = 2.0
+_KEPT = 256
 _ZEROS: Final[NDArray[np.uint8]] = np.zeros(40, np.uint8)
 
 
@@ -54,10 +57,14 @@ class VestOptions(Options, frozen=True):
 
     Attributes:
         limit: The highest intensity that is ever sent, percent.
+        heat_share: How warm a motor may get, as a share of what full drive for ever would make it.
+        dose_s: Seconds of full drive that a motor may give in all; see docs/safety.md.
         open_timeout_s: How long opening may take.
     """
 
     limit: Annotated[int, msgspec.Meta(ge=1, le=100)] = 100
+    heat_share: Annotated[float, msgspec.Meta(ge=0.01, le=1)] = HEAT_SHARE
+    dose_s: Annotated[float, msgspec.Meta(ge=10, le=86_400)] = DOSE_S
     open_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0
 
 
@@ -133,7 +140,8 @@ class StreamedVest(Opened):
     name: ClassVar[str]
 
     def __init__(self, options: VestOptions) -> None:
-        self._limit = options.limit
+        self.budget = MotorBudget(limit=options.limit, heat_share=options.heat_share, dose_s=options.dose_s)
+        """What the motors may still do; kept over reconnections and openings."""
         self._open_timeout_s = options.open_timeout_s
         self.counters = VestCounters()
         self._link: VestLink | None = None
@@ -143,6 +151,8 @@ class StreamedVest(Opened):
         self._stopping = False
         self._slot = _ZEROS
         self._slot_is_new = False
+        self._slot_t_ns = 0
+        self._handed: deque[tuple[int, int]] = deque(maxlen=_KEPT)
         self._written_s = 0.0
         self._up = threading.Event()
         self._failure: DeviceUnavailableError | None = None
@@ -161,11 +171,18 @@ class StreamedVest(Opened):
         """Where the vest is, and what went wrong with it since it was opened."""
         link, counters = self._link, self.counters
         notes = () if link is None else link.notes
+        notes = (*notes, *self.budget.words())
         if counters.lost:
             notes = (*notes, f"the link was lost {counters.lost} times, at last: {counters.problem}")
         return DeviceInfo(
             driver=self.name, kind="vest", label=self._label, live=True, unit="0 to 100", notes=notes
         )
+
+    @property
+    def reached(self) -> bool:
+        """Whether the link stands and reports a vest at its other end."""
+        link = self._link
+        return self._up.is_set() and link is not None and link.present
 
     def open(self) -> None:
         """Connect and send zeros.
@@ -213,29 +230,31 @@ class StreamedVest(Opened):
             thread.join(_JOIN_S)
         release(self.close)
 
-    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:  # noqa: ARG002  # a vest shows the present
+    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
         """Hand a frame over; returns at once.
 
         Returns:
-            The frame within the limit; all zeros while the link is down or reports no vest.
+            The frame within the limits; all zeros while the link is down or reports no vest.
 
         Raises:
             DeviceUnavailableError: The vest is not open.
         """
         if self._thread is None:
             raise DeviceUnavailableError(f"{self.name} is not open", "open it first")
-        taken = frame
-        if self._limit < 100:
-            taken = VestFrame(frame.layout, np.minimum(frame.intensities, np.uint8(self._limit)))
         with self._changed:
+            # The last place before the device: nothing reaches a link but what is allowed here, and zeros.
+            allowed = self.budget.allow(time.monotonic_ns(), frame.x40())
             self.counters.written += 1
             self.counters.superseded += self._slot_is_new
-            self._slot, self._slot_is_new, self._written_s = taken.x40(), True, time.monotonic()
+            self._slot, self._slot_is_new, self._written_s = allowed, True, time.monotonic()
+            self._slot_t_ns = t_ns
             self._changed.notify()
-        link = self._link
-        if self._up.is_set() and link is not None and link.present:
-            return taken
-        return VestFrame(frame.layout, np.zeros_like(frame.intensities))
+        shown = allowed if self.reached else _ZEROS
+        return VestFrame(frame.layout, shown[frame.motors])
+
+    def handed_over(self) -> list[tuple[int, int]]:
+        """Return, since the last call, the ``t_ns`` a frame was written with and the monotonic time, ns, it left at."""
+        return [self._handed.popleft() for _ in range(len(self._handed))]
 
     def _run(self, connected: threading.Event) -> None:
         retry_s = _RETRY_S[0]
@@ -277,7 +296,8 @@ class StreamedVest(Opened):
                     raise DeviceUnavailableError(f"{self.name}: takes no frames, for {_STALLED_S:g} s now")
                 continue
             with self._changed:
-                wanted, self._slot_is_new = self._slot, False
+                wanted, is_new, t_ns = self._slot, self._slot_is_new, self._slot_t_ns
+                self._slot_is_new = False
                 now = time.monotonic()
                 if now - self._written_s > WATCHDOG_S:
                     self.counters.silenced += bool(wanted.any())
@@ -288,6 +308,8 @@ class StreamedVest(Opened):
                 link.send(wanted)
                 shown, shown_s = wanted, now
                 self.counters.sent += 1
+            if is_new:
+                self._handed.append((t_ns, time.monotonic_ns()))
 
 
 def _said(error: Exception) -> DeviceUnavailableError:

@@ -2,8 +2,8 @@
 
 A ``with`` block closes its devices when it is left, by an exception too. Two ways out pass it by: a program that
 forgets it, and SIGTERM, which ends Python at once unless somebody handles it. While a device is registered here,
-``close`` is called when the interpreter exits, and SIGTERM raises ``SystemExit`` in the main thread, unless the
-program has a handler of its own. Nothing runs on SIGKILL or a power cut.
+``close`` is called when the interpreter exits, and SIGTERM or SIGHUP (the terminal is closed) raises ``SystemExit`` in
+the main thread, unless the program has a handler of its own. Nothing runs on SIGKILL or a power cut.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from types import FrameType
 
 __all__ = ["closes_on_exit", "release"]
 
+# Windows has no SIGHUP.
+_ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+
 _open: list[Callable[[], None]] = []
 
 
@@ -27,20 +30,22 @@ def closes_on_exit(close: Callable[[], None]) -> None:
     """
     _open.append(close)
     atexit.register(close)
-    in_main = threading.current_thread() is threading.main_thread()
-    if in_main and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, _leave)
+    if threading.current_thread() is threading.main_thread():
+        for number in _ENDING:
+            if signal.getsignal(number) == signal.SIG_DFL:
+                signal.signal(number, _leave)
 
 
 def release(close: Callable[[], None]) -> None:
-    """Take a function back; with the last one, SIGTERM ends the program at once again."""
+    """Take a function back; with the last one, those signals end the program at once again."""
     if close not in _open:
         return
     _open.remove(close)
     atexit.unregister(close)
-    in_main = threading.current_thread() is threading.main_thread()
-    if not _open and in_main and signal.getsignal(signal.SIGTERM) is _leave:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if not _open and threading.current_thread() is threading.main_thread():
+        for number in _ENDING:
+            if signal.getsignal(number) is _leave:
+                signal.signal(number, signal.SIG_DFL)
 
 
 def _leave(number: int, _frame: FrameType | None) -> None:

@@ -50,7 +50,11 @@ class CsvWriter:
 
     def close(self) -> None:
         """Write what is left and close the file; closing twice does nothing."""
-        if self._file is not None:
+        file = self._file
+        if file is None:
+            return
+        try:
             self.flush()
-            self._file.close()
+        finally:
             self._file = None
+            file.close()

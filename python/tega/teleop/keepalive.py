@@ -31,6 +31,11 @@ class KeepAlive:
         self._last: VestFrame | None = None
         self._last_ns = 0
 
+    @property
+    def reached(self) -> bool:
+        """Whether the vest can be reached, as far as its driver knows."""
+        return bool(getattr(self.sink, "reached", True))
+
     def offer(self, t_ns: int, frame: VestFrame) -> bool:
         """Send a frame if it has to be sent.
 

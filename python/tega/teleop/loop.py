@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import msgspec
 
+from tega.errors import TegaError
 from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.inputs import Inputs, Seen
 from tega.teleop.keepalive import KeepAlive
@@ -22,7 +23,9 @@ from tega.teleop.touch import STALE_NS, Felt, TouchLoop
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
+    from tega.safety.guard import Guard
     from tega.tactile import ContactMetrics
+    from tega.teleop.latency import LatencyTrace
     from tega.wire import CanFrame
 
 __all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder", "Sink"]
@@ -34,6 +37,8 @@ FIRST_LEVEL = 1
 
 # Without EMG there is no need to wake every 3 ms; sources and the wish to stop are still looked at this often.
 IDLE_NS = 100_000_000
+
+_ENDED = {"complete": "every source has ended", "duration": "the set time is over", "stopped": "stopped: "}
 
 
 class Sink(Protocol[Sent_contra]):
@@ -68,6 +73,9 @@ class LoopView(NamedTuple):
         angles_rad: The hand's 16 joint angles; ``None`` without a hand.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
         inputs: What the operator's input devices say, by what they are for.
+        state: Of the run, and why; ``""`` without a guard.
+        alerts: What is wrong, one sentence each.
+        latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
     """
 
     t_ns: int
@@ -78,6 +86,10 @@ class LoopView(NamedTuple):
     angles_rad: Sequence[float] | None
     counts: Mapping[str, int]
     inputs: Mapping[str, Seen] = {}
+    state: str = ""
+    reason: str = ""
+    alerts: Sequence[str] = ()
+    latency: str = ""
 
 
 class LoopReport(msgspec.Struct, kw_only=True):
@@ -131,6 +143,8 @@ class DualLoop:
         observer: Called once per vest tick with what a display may show.
         haptics: Asked once per vest tick; every motor rests while it says no.
         inputs: The operator's input devices, looked at in every turn.
+        guard: Knows the run's state; without one it is as if always active.
+        trace: Follows frames and blocks through the loop.
     """
 
     def __init__(
@@ -149,6 +163,8 @@ class DualLoop:
         observer: Callable[[LoopView], None] | None = None,
         haptics: Callable[[], bool] = lambda: True,
         inputs: Inputs | None = None,
+        guard: Guard | None = None,
+        trace: LatencyTrace | None = None,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -166,6 +182,8 @@ class DualLoop:
         self._observer = observer
         self._haptics = haptics
         self._inputs = Inputs({}) if inputs is None else inputs
+        self._guard = guard
+        self._trace = trace
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._due_ns = 0
@@ -186,7 +204,7 @@ class DualLoop:
         Returns:
             What was done; also in :attr:`report` when an exception ends the run.
         """
-        report, last_ns = self.report, 0
+        report, last_ns, why = self.report, 0, ""
         with_hand = self._levels is not None
         with_vest = bool(self._contacts) or self._observer is not None
         step_ns = HAND_TICK_NS if with_hand else IDLE_NS
@@ -197,7 +215,7 @@ class DualLoop:
                 vest_at_ns = round(k_vest * 1_000_000_000 / self._vest_rate_hz) if with_vest else NEVER_NS
                 t_ns = min(step_at_ns, vest_at_ns)
                 if stop():
-                    report.ended = "stopped"
+                    report.ended, why = "stopped", getattr(stop, "reason", "") or "asked to"
                     break
                 if duration_ns is not None and t_ns >= duration_ns:
                     self._pacer.wait(duration_ns)
@@ -212,6 +230,7 @@ class DualLoop:
                 if t_ns >= self._end_ns:
                     last_ns, report.ended = self._end_ns, "complete"
                     break
+                self._look(t_ns)
                 if step_at_ns == t_ns:
                     k_step += 1
                     if in_time and with_hand:
@@ -222,13 +241,29 @@ class DualLoop:
                         self._tick_vest(t_ns)
         except BaseException as error:
             report.end_ns = last_ns
-            for problem in self._leave(last_ns):
+            for problem in self._leave(last_ns, _told(error)):
                 error.add_note(f"on the way out: {problem}")
             raise
         report.end_ns = last_ns
-        for problem in self._leave(last_ns):
+        for problem in self._leave(last_ns, f"{_ENDED[report.ended]}{why}"):
             raise problem
         return report
+
+    def _look(self, t_ns: int) -> None:
+        """Have the guard look at what came in."""
+        guard, late_ns = self._guard, self._pacer.late_ns
+        if guard is None or not guard.due(t_ns, late_ns):
+            return
+        stamps = {finger: contact[0] for finger, contact in self._newest.items()}
+        counts = dict(self.report.n_contacts)
+        good = True
+        if self._block is not None:
+            stamps["emg"], good = self._block[0], any(self._block[1])
+            counts["emg"] = self.report.n_blocks
+        released = ""
+        if (dead_man := self._inputs.seen.get("dead_man")) is not None and not dead_man.held:
+            released = f"dead-man: {dead_man.words('dead_man')}"
+        guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, good_emg=good, released=released)
 
     def _last_look(self, duration_ns: int) -> tuple[int, str]:
         """Take in what came before a set time was over, and tell when and how the run ended."""
@@ -253,6 +288,8 @@ class DualLoop:
             while (block := self._levels.next_until(t_ns)) is not None:
                 self._block = block
                 self.report.n_blocks += 1
+                if self._trace is not None:
+                    self._trace.taken("emg", block[0])
                 if self._recorder is not None:
                     self._recorder.levels(*block)
         self._look_ahead()
@@ -272,26 +309,41 @@ class DualLoop:
         felt = self._touch.update(finger, t_ns, metrics)
         self._newest[finger] = contact
         self.report.n_contacts[finger] += 1
+        if self._trace is not None:
+            self._trace.taken(finger, t_ns)
         if self._recorder is not None:
             self._recorder.contact(t_ns, finger, metrics, felt)
 
     def _tick_hand(self, t_ns: int) -> None:
         level = FIRST_LEVEL if self._block is None else self._block[2]
+        if self._guard is not None:
+            level = self._guard.level(level)
         frames = self._hand.step(level)
         for sink in self._hands:
             sink.write(t_ns, frames)
+        if self._trace is not None:
+            self._trace.commanded()
         self.report.n_hand_ticks += 1
         self.report.level_ticks[level] += 1
 
     def _tick_vest(self, t_ns: int) -> None:
         frame = None
         if self._contacts:
+            trace = self._trace
+            began_ns = 0 if trace is None else trace.now_ns()
             frame = self._touch.frame(t_ns) if self._haptics() else self._touch.silence()
+            made_ns = 0 if trace is None else trace.now_ns()
+            sent = False
             for kept in self._kept:
                 if kept.offer(t_ns, frame):
+                    sent = True
                     self.report.n_vest_sent += 1
                 else:
                     self.report.n_vest_skipped += 1
+            if trace is not None:
+                trace.vest(t_ns, began_ns, made_ns, sent=sent)
+                if self._guard is not None:
+                    self._guard.alert("latency", trace.warning)
             for sink in self._vests:
                 sink.write(t_ns, frame)
             self.report.n_vest_ticks += 1
@@ -302,10 +354,16 @@ class DualLoop:
         if self._observer is not None:
             angles = None if self._levels is None else self._hand.angles_rad.tolist()
             felt = self._touch.fresh(t_ns)
-            inputs = self._inputs.seen
-            self._observer(
-                LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts(), inputs)
-            )
+            view = LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
+            view = view._replace(inputs=self._inputs.seen)
+            if (guard := self._guard) is not None:
+                view = view._replace(
+                    state=guard.state,
+                    reason=guard.reason,
+                    alerts=tuple(guard.alerts.values()),
+                    latency="" if self._trace is None else self._trace.line,
+                )
+            self._observer(view)
 
     def _counts(self) -> dict[str, int]:
         report = self.report
@@ -317,7 +375,7 @@ class DualLoop:
             "vest": report.n_vest_ticks,
         }
 
-    def _leave(self, t_ns: int) -> list[Exception]:
+    def _leave(self, t_ns: int, reason: str) -> list[Exception]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""
         problems: list[Exception] = []
         for hand in self._hands:
@@ -331,4 +389,14 @@ class DualLoop:
                 vest.write(t_ns, self._touch.silence())
             except Exception as error:  # reported by the caller
                 problems.append(error)
+        if self._guard is not None:
+            try:
+                self._guard.stop(t_ns, reason)
+            except Exception as error:  # of an observer; reported by the caller
+                problems.append(error)
         return problems
+
+
+def _told(error: BaseException) -> str:
+    said = error.message if isinstance(error, TegaError) else str(error)
+    return f"stopped: {said or type(error).__name__}"

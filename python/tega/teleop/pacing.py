@@ -34,6 +34,9 @@ class Pacer:
     Args:
         clock: The clock.
         overrun_ns: From which lateness on a tick counts as an overrun.
+
+    Attributes:
+        late_ns: How late the newest tick was.
     """
 
     def __init__(self, clock: Clock, *, overrun_ns: int = 3_000_000) -> None:
@@ -42,6 +45,7 @@ class Pacer:
         self._start_ns = clock.now_ns()
         self._n_ticks = self._n_overruns = self._n_skipped = 0
         self._worst_ns = 0
+        self.late_ns = 0
 
     def start(self) -> int:
         """Begin counting now, and return the clock's time of this moment in nanoseconds."""
@@ -62,7 +66,7 @@ class Pacer:
             Whether the tick should be carried out; false when it is too late for it to make sense.
         """
         self._clock.sleep_until(self._start_ns + t_ns)
-        late_ns = self.elapsed_ns() - t_ns
+        self.late_ns = late_ns = self.elapsed_ns() - t_ns
         if late_ns > CATCH_UP_NS:
             self._n_skipped += 1
             self._worst_ns = max(self._worst_ns, late_ns)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from tega.calibration import TouchMaxima, save_calibration
+from tega.calibration import Calibration, TouchMaxima, save_calibration
 from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
@@ -17,10 +17,16 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.haptics import FeltMap
 from tega.recording import RunRecorder, prepare_folder
-from tega.teleop.hand import ModelledAllegro
+from tega.recording.spared import Disk, Spared
+from tega.safety.clock_step import ClockStep
+from tega.safety.guard import Guard, Watched
+from tega.safety.hand_alert import HandAlert
+from tega.safety.states import Transition
+from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
-from tega.teleop.loop import DualLoop, LoopReport, LoopView
+from tega.teleop.latency import LatencyTrace
+from tega.teleop.loop import DualLoop, LoopReport, LoopView, Recorder, Sink
 from tega.teleop.pacing import Pacer, PacingReport
 from tega.teleop.prepare import Finger, Muscles, Prepared, Progress, prepare
 from tega.teleop.sources import Block, Contact, grasp_blocks, measured_contacts
@@ -29,9 +35,11 @@ from tega.teleop.summary import summarise, write_summary
 from tega.teleop.touch import TouchLoop
 
 if TYPE_CHECKING:
-    from tega.haptics import Layout
+    from tega.haptics import Layout, VestFrame
+    from tega.recording.session import Recording
+    from tega.wire import CanFrame
 
-__all__ = ["RunState", "Sinks", "run_session"]
+__all__ = ["DEFAULT_LAYOUT", "LoopParts", "RunState", "Sinks", "run_session", "touch_loop"]
 
 
 class Sinks(NamedTuple):
@@ -52,6 +60,18 @@ class Sinks(NamedTuple):
     recorder: RunRecorder | None
 
 
+class LoopParts(NamedTuple):
+    """What the loop is made of, as far as a recording looks at it."""
+
+    pacer: Pacer
+    hand: Hand
+    vests: Sequence[Sink[VestFrame]]
+    hands: Sequence[Sink[Sequence[CanFrame]]]
+    recorder: Recorder | None
+    haptics: Callable[[], bool]
+    inputs: Inputs
+
+
 class RunState(NamedTuple):
     """Everything a summary is made of."""
 
@@ -62,6 +82,8 @@ class RunState(NamedTuple):
     layout: Layout
     loop: LoopReport
     pacing: PacingReport
+    guard: Guard
+    trace: LatencyTrace | None
 
 
 def run_session(
@@ -74,6 +96,8 @@ def run_session(
     on_prepared: Callable[[Prepared], Prepared] = lambda prepared: prepared,
     haptics: Callable[[], bool] = lambda: True,
     settings: str = "SETTINGS.toml",
+    go: Callable[[], bool] = lambda: True,
+    on_state: Callable[[Transition], None] = lambda _change: None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -87,6 +111,8 @@ def run_session(
             there, or puts others in front of them that let it see what is read.
         haptics: Asked at every vest tick; every motor rests while it says no.
         settings: How the settings file is named in the commands that an error suggests.
+        go: Asked all the time whether an armed run may become active.
+        on_state: Told of every change of the run's state, in the loop's thread.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -106,6 +132,7 @@ def run_session(
     if session.out_dir is not None:
         prepare_folder(session.out_dir)
     with ExitStack() as stack:
+        recording = _recording(stack, config)
         sources: dict[str, TactileSource] = {
             finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
             for finger, c in fingers.items()
@@ -120,12 +147,78 @@ def run_session(
                         f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
                     )
         prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
-        sinks = _sinks(stack, config, prepared)
+        if recording is not None:
+            prepared = recording.watch(prepared)
+        disk = Disk()
+        sinks = _sinks(stack, config, prepared, recording, disk)
         inputs = _inputs(stack, config)
         progress("running", 0, 0)
+        guard = _guard(config, prepared, sinks, disk, recording, go=go)
+        guard.observers.append(on_state)
         return _run(
-            stack, config, prepared, sinks, inputs, clock=clock, observer=observer, stop=stop, haptics=haptics
+            stack,
+            config,
+            prepared,
+            sinks,
+            inputs,
+            guard=guard,
+            clock=clock,
+            observer=observer,
+            stop=stop,
+            haptics=haptics,
+            recording=recording,
         )
+
+
+def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
+    """Make the recording, if one is asked for, before any device is touched."""
+    if config.recording.dir is None:
+        return None
+    from tega.recording.session import Recording
+
+    recording = Recording(config, config.recording.dir)
+    stack.callback(recording.abandon)
+    return recording
+
+
+def _guard(
+    config: SessionConfig,
+    prepared: Prepared,
+    sinks: Sinks,
+    disk: Disk,
+    recording: Recording | None,
+    *,
+    go: Callable[[], bool],
+) -> Guard:
+    """Make what watches over the live devices; recordings are not lost and need nobody."""
+    alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
+    streams = [
+        Watched(name, "tactile", finger.source.info.rate_hz, finger.report)
+        for name, finger in prepared.fingers.items()
+        if finger.source.info.live
+    ]
+    if (m := prepared.muscles) is not None and m.source.info.live:
+        streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
+        alerts["signal"] = partial(_signal, m.source)
+
+    kept = sinks.kept
+    vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
+    if recording is not None:
+        alerts["recording"] = recording.problem
+    if config.session.pace == "real":
+        alerts["clock"] = ClockStep()
+    if sinks.steered is not None:
+        from tega.devices.allegro import Allegro
+
+        if isinstance(sinks.steered, Allegro):
+            alerts["hand"] = HandAlert(sinks.steered)
+    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts)
+
+
+def _signal(source: Any) -> str:
+    """Say what is wrong with the newest second of a live amplifier's signal, as far as its driver looks."""
+    health = getattr(source, "health", None)
+    return f"emg: {'; '.join(health.now)}" if health is not None and health.now else ""
 
 
 def _run(
@@ -135,44 +228,74 @@ def _run(
     sinks: Sinks,
     inputs: Inputs,
     *,
+    guard: Guard,
     clock: Clock,
     observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
     haptics: Callable[[], bool],
+    recording: Recording | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
-    pacer = Pacer(clock)
-    start_ns = pacer.start()
-    maxima = {finger: prepared.calibration.touch(finger) or TouchMaxima() for finger in prepared.fingers}
-    vest = config.vest
-    felt = None
-    if (vest.threshold, vest.step) != (0.0, 1.0):
-        felt = FeltMap(threshold=vest.threshold, step=vest.step)
+    hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
+
+    def may_feel() -> bool:
+        return haptics() and guard.felt
+
+    parts = LoopParts(Pacer(clock), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, inputs)
+    if recording is None:
+        start_ns = parts.pacer.start()
+    else:
+        parts, start_ns = recording.begin(
+            parts,
+            clock,
+            layout=layout,
+            kept=sinks.kept,
+            steered=sinks.steered is not None,
+            observed=observer is not None,
+        )
+    trace = None
+    if isinstance(clock, SystemClock):
+        budget_ms = config.safety.latency_budget_ms
+        trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
+    if recording is not None:
+        recording.follow(guard, trace)
+    flows = stack.enter_context(ExitStack())
     loop = DualLoop(
-        pacer=pacer,
-        touch=TouchLoop(maxima, layout=layout, mirror=config.vest.mirror, felt=felt),
+        pacer=parts.pacer,
+        touch=touch_loop(config, prepared.calibration, prepared.fingers),
         contacts={
-            name: _contacts(stack, name, finger, reading=session.preset, start_ns=start_ns)
+            name: _contacts(flows, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
             for name, finger in prepared.fingers.items()
         },
-        levels=None if muscles is None else _levels(stack, muscles, start_ns=start_ns),
-        hand=sinks.steered or ModelledAllegro(device_id=config.hand.device_id),
-        vests=sinks.vests,
-        hands=sinks.hands,
-        recorder=sinks.recorder,
+        levels=None if muscles is None else _levels(flows, muscles, start_ns=start_ns, trace=trace),
+        hand=parts.hand,
+        vests=parts.vests,
+        hands=parts.hands,
+        recorder=parts.recorder,
         kept=sinks.kept,
         vest_rate_hz=config.vest.rate_hz,
         observer=observer,
-        haptics=haptics,
-        inputs=inputs,
+        haptics=parts.haptics,
+        inputs=parts.inputs,
+        guard=guard,
+        trace=trace,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
-        state = RunState(config, prepared, sinks, inputs, layout, loop.report, pacer.report())
+        flows.close()  # a source is not asked how it was while its thread reads on
+        state = RunState(
+            config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace
+        )
         summary = summarise(state, error=error)
+        try:
+            if session.out_dir is not None or recording is not None:
+                stack.pop_all().close()  # the tables are complete before the summary says so
+        finally:
+            if recording is not None:
+                recording.ended(loop.report)
+                summary["recording"] = recording.finish(summary)
         if session.out_dir is not None:
-            stack.pop_all().close()  # the tables are complete before the summary says so
             write_summary(summary, session.out_dir / "summary.json")
         return summary
 
@@ -185,16 +308,52 @@ def _run(
     return conclude(None)
 
 
+def _trace(
+    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float
+) -> LatencyTrace | None:
+    """Make what follows frames and blocks through the loop, where there is something live to follow."""
+    sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
+    if prepared.muscles is not None:
+        sources.append(prepared.muscles.source)
+    if not any(source.info.live for source in sources):
+        return None
+    vests: list[Any] = [kept.sink for kept in sinks.kept]
+    return LatencyTrace(
+        now_ns=pacer.elapsed_ns,
+        start_ns=start_ns,
+        budget_ms=budget_ms,
+        # Asked by name: a vest whose frames are recorded stands behind another object.
+        vests=[vest for vest in vests if hasattr(vest, "handed_over")],
+        answered_ns=getattr(sinks.steered, "answered_ns", None),
+    )
+
+
 def _contacts(
-    stack: ExitStack, name: str, finger: Finger, *, reading: Literal["paper", "live"], start_ns: int
+    stack: ExitStack,
+    name: str,
+    finger: Finger,
+    *,
+    reading: Literal["paper", "live"],
+    start_ns: int,
+    trace: LatencyTrace | None,
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
     if finger.measured is not None:
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
+    stamps: dict[str, Any] = {}
+    if trace is not None and finger.source.info.live:
+        stamps["stamp"] = trace.source(name)
+
     def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
         return measured_contacts(
-            finger.source, finger.baseline, reading, finger.report, start_ns=start_ns, stopped=stopped
+            finger.source,
+            finger.baseline,
+            reading,
+            finger.report,
+            start_ns=start_ns,
+            stopped=stopped,
+            **stamps,
         )
 
     stream: ThreadedStream[Contact] = ThreadedStream(
@@ -204,7 +363,9 @@ def _contacts(
     return stream
 
 
-def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Block]:
+def _levels(
+    stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
+) -> Stream[Block]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
     produce = partial(
         grasp_blocks,
@@ -217,11 +378,24 @@ def _levels(stack: ExitStack, muscles: Muscles, *, start_ns: int) -> Stream[Bloc
     )
     if not muscles.source.info.live:
         return PulledStream(produce())
+    if trace is not None:
+        produce = partial(produce, stamp=trace.source("emg"))
     stream: ThreadedStream[Block] = ThreadedStream(
         "emg", lambda stopped: produce(stopped=stopped), live=True, on_loss=muscles.report.drop
     )
     stack.callback(stream.close)
     return stream
+
+
+def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:
+    """Make the back loop that settings and a calibration ask for."""
+    vest = config.vest
+    maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
+    felt = None
+    if (vest.threshold, vest.step) != (0.0, 1.0):
+        felt = FeltMap(threshold=vest.threshold, step=vest.step)
+    layout = vest.layout or DEFAULT_LAYOUT[config.session.preset]
+    return TouchLoop(maxima, layout=layout, mirror=vest.mirror, felt=felt)
 
 
 def _inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
@@ -237,7 +411,9 @@ def _inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
     return Inputs(seats)
 
 
-def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks:
+def _sinks(
+    stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None, disk: Disk
+) -> Sinks:
     """Open what is written to: the devices of the settings, then the tables of the output folder."""
     kept: list[KeepAlive] = []
     vests: list[VestSink] = []
@@ -246,6 +422,8 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
     if config.vest.driver is not None:
         vest = stack.enter_context(driver_class(config.vest.driver, "vest")(config.vest.options))
         if vest.info.live:
+            if recording is not None:
+                vest = recording.vest(vest)
             kept.append(
                 KeepAlive(
                     vest,
@@ -257,6 +435,8 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
             vests.append(vest)
     if config.hand.driver is not None:
         hand: HandDriver | SteeredHand = driver_class(config.hand.driver, "hand")(config.hand.options)
+        if recording is not None:
+            recording.listen(hand)
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
             if config.session.pace == "fast":
@@ -269,9 +449,18 @@ def _sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared) -> Sinks
     folder = config.session.out_dir
     if folder is None:
         return Sinks(kept, vests, hands, steered, None)
-    vests.append(stack.enter_context(VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))))
-    hands.append(stack.enter_context(CanRecorder(CanRecorderOptions(file=folder / "can.csv"))))
+    vest_table = VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))
+    hand_table = CanRecorder(CanRecorderOptions(file=folder / "can.csv"))
+    vest_table.open()
+    hand_table.open()
     recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
-    stack.callback(recorder.close)
+    tables: list[Any] = [vest_table, hand_table, recorder]
+    if config.session.pace == "real":
+        # Somebody may be steering a hand; a computation in a hurry had better end with an error.
+        tables = [Spared(table, disk) for table in tables]
+    for table in tables:
+        stack.callback(table.close)
+    vests.append(tables[0])
+    hands.append(tables[1])
     save_calibration(prepared.calibration, folder / "calibration.toml")
-    return Sinks(kept, vests, hands, steered, recorder)
+    return Sinks(kept, vests, hands, steered, tables[2])

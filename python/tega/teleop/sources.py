@@ -32,6 +32,9 @@ __all__ = [
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
 
+# Between two tries to open a live source that went away.
+REOPEN_S = 1.0
+
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
 
@@ -58,7 +61,9 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_duplicate: Frames delivered again under the number they had before; neither measured nor used.
         n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
         n_stuck: Of those, from a live source, the third and later in a row: not used either.
-        lost: Why the source went away, if it did.
+        lost: Why the source went away; ``""`` while it is there.
+        n_lost: How often it went away.
+        last_lost: Why it did last.
         end_ns: When the source ended, once it has.
     """
 
@@ -69,11 +74,18 @@ class SourceReport(msgspec.Struct, kw_only=True):
     n_identical: int = 0
     n_stuck: int = 0
     lost: str = ""
+    n_lost: int = 0
+    last_lost: str = ""
     end_ns: int | None = None
 
     def drop(self) -> None:
         """Count an item that was not used."""
         self.n_dropped += 1
+
+    def lose(self, why: str) -> None:
+        """Note that the source went away."""
+        self.n_lost += 1
+        self.lost = self.last_lost = why
 
 
 class FrameMeter:
@@ -149,6 +161,7 @@ def measured_contacts(
     *,
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
 ) -> Generator[Contact, None, int]:
     """Measure the frames of a source.
 
@@ -166,6 +179,7 @@ def measured_contacts(
         report: Counted up along the way.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Tells when to give up.
+        stamp: Told of each measured frame: its time, and the monotonic time it was received at.
 
     Yields:
         Time and metrics of each frame.
@@ -183,13 +197,14 @@ def measured_contacts(
             frame = source.read(READ_TIMEOUT_S)
             if frame is None:
                 continue
+            received_ns = time.monotonic_ns()
             if live and frame.seq == meter.seq:
                 time.sleep(SEEN_REST_S)
             contact = meter.take(frame)
         except DeviceUnavailableError as error:
             if not live:
                 raise
-            report.lost = error.message
+            report.lose(error.message)
             break
         except TegaError:
             if not live:
@@ -198,6 +213,7 @@ def measured_contacts(
             continue
         end_ns = frame.t_ns - start_ns if live else frame.t_ns
         if contact is not None:
+            stamp(contact[0], received_ns)
             yield contact
     rate_hz = source.info.rate_hz
     if not live and rate_hz:
@@ -255,6 +271,10 @@ class BlockMeter:
         self._n_blocks = self._next_index = 0
         self.end_ns = 0
 
+    def restart(self) -> None:
+        """Begin again with a source that was away: what it missed is a gap, whatever number it counts from."""
+        self._next_index = -round(MOST_GAP_S * self._rate_hz)
+
     def take(self, chunk: EmgChunk) -> list[Block]:
         """Take the next samples.
 
@@ -294,6 +314,22 @@ class BlockMeter:
         return blocks
 
 
+def _came_back(source: EmgSource, stopped: Callable[[], bool]) -> bool:
+    """Open a live source again, as often as it takes; return whether it is there."""
+    while not stopped():
+        time.sleep(READ_TIMEOUT_S)
+        try:
+            source.open()
+        except TegaError:
+            for _ in range(round(REOPEN_S / READ_TIMEOUT_S)):
+                if stopped():
+                    break
+                time.sleep(READ_TIMEOUT_S)
+        else:
+            return True
+    return False
+
+
 def grasp_blocks(
     source: EmgSource,
     intent: GraspIntent,
@@ -303,11 +339,14 @@ def grasp_blocks(
     tau: int,
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
 ) -> Generator[Block, None, int]:
     """Turn the samples of a source into levels, one per block.
 
     A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
     samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed it.
+
+    A live source that goes away is opened again, once a second until that works or the run is over.
 
     Args:
         source: An open source.
@@ -317,6 +356,7 @@ def grasp_blocks(
         tau: Samples per block.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Tells when to give up.
+        stamp: Told of each block: its time, and the monotonic time at which its last samples were received.
 
     Yields:
         Time, level of each channel and fused level of each block.
@@ -331,17 +371,24 @@ def grasp_blocks(
             chunk = source.read(READ_TIMEOUT_S)
             if chunk is None:
                 continue
+            received_ns = time.monotonic_ns()
             blocks = meter.take(chunk)
         except DeviceUnavailableError as error:
             if not live:
                 raise
-            report.lost = error.message
-            break
+            report.lose(error.message)
+            if not _came_back(source, stopped):
+                break
+            report.lost = ""
+            meter.restart()
+            continue
         except ShapeError:
             if not live:
                 raise
             report.drop()
             continue
-        yield from blocks
+        for block in blocks:
+            stamp(block[0], received_ns)
+            yield block
     report.end_ns = meter.end_ns
     return meter.end_ns

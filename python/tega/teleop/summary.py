@@ -79,6 +79,9 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
             "skipped": pacing.n_skipped,
             "worst_late_ms": pacing.worst_late_ms,
         }
+    summary["safety"] = state.guard.summary()
+    if state.trace is not None:
+        summary["latency_ms"] = state.trace.summary()
     summary["notes"] = _notes(state)
     return summary
 
@@ -153,10 +156,19 @@ def _notes(state: RunState) -> list[str]:
                 notes.append(
                     f"emg: {name}: {n_held} samples were missing or no numbers; the one before was held"
                 )
-        notes += _ending("emg", muscles.report, end_ns, "its last level held to the end")
+        notes += _ending("emg", muscles.report, end_ns, _lost_emg(state))
+    if state.trace is not None and state.trace.last_warning:
+        notes.append(state.trace.last_warning)
     notes += [f"vest: {note}" for vest in state.sinks.kept for note in vest.sink.info.notes]
     notes += state.inputs.notes()
     return notes
+
+
+def _lost_emg(state: RunState) -> str:
+    safety, muscles = state.config.safety, state.prepared.muscles
+    if muscles is None or not muscles.source.info.live or safety.then == "keep":
+        return "its last level held to the end"
+    return f"its last level held for {safety.hold_ms / 1e3:g} s, then the hand opens"
 
 
 def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
@@ -181,6 +193,8 @@ def _ending(name: str, report: SourceReport, run_end_ns: int, then: str) -> list
     """Say that a source went away or ended before the run did."""
     if report.lost:
         return [f"{name}: lost: {report.lost}; {then}"]
+    if report.n_lost:
+        return [f"{name}: lost {report.n_lost} times and found again, at last: {report.last_lost}"]
     if report.end_ns is not None and report.end_ns < run_end_ns:
         return [f"{name}: ended at {report.end_ns / 1e9:.3f} s, {then}"]
     return []

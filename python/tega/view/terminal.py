@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tega.haptics import CONTACT_RULES, FINGERS, contact_type
+from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
@@ -24,6 +25,13 @@ __all__ = ["TerminalView", "render"]
 
 _BAR_WIDTH = 18
 _REFRESH_S = 0.1
+_STATES = {
+    "idle": ("IDLE", "the hand is open, the vest rests", "black on yellow"),
+    "armed": ("ARMED", "ready; waiting for the start", "black on cyan"),
+    "active": ("ACTIVE", "the muscles steer the hand", "black on green"),
+    "hold": ("HOLD", "the hand keeps its level", "black on dark_orange"),
+    "stopped": ("STOPPED", "", "white on red"),
+}
 _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _CONTACT_COLOURS = {"none": "grey50", "focal": "bold yellow", "broad": "bold cyan", "mixed": "white"}
 _SHADES = " ·░▒▓█"
@@ -42,7 +50,11 @@ def _touch(view: LoopView) -> Table:
         if finger not in view.contacts:
             table.add_row(finger, Text("no sensor", style="grey50"))
             continue
-        contact = view.contacts[finger][1]
+        t_ns, contact = view.contacts[finger]
+        if view.t_ns - t_ns > STALE_NS:
+            # Never the last value: nobody knows what is so now.
+            table.add_row(finger, Text("no data", style="bold yellow"))
+            continue
         kind = contact_type(felt.cci_norm, felt.eda_norm) if contact.in_contact else "none"
         table.add_row(
             finger,
@@ -115,6 +127,18 @@ def _task(rows: Mapping[str, str]) -> Text:
     return text
 
 
+def _state(view: LoopView) -> Text:
+    """Draw the run's state, why it is so where that is no good news, and what is wrong."""
+    name, meaning, style = _STATES[view.state]
+    text = Text.assemble((f" {name} ", f"bold {style}"), f" {meaning}")
+    if view.state != "active":
+        text.append(f"\n{view.reason}", "bold yellow")
+    for alert in view.alerts:
+        if view.state == "active" or alert not in view.reason:
+            text.append(f"\n! {alert}", "yellow")
+    return text
+
+
 def render(
     view: LoopView, *, title: str, rates_hz: Mapping[str, float], rows: Mapping[str, str] = {}
 ) -> RenderableType:
@@ -128,6 +152,7 @@ def render(
     """
     rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
     body = Group(
+        *([_state(view)] if view.state else []),
         *([_task(rows)] if rows else []),
         _touch(view),
         Text(f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}", style="grey50"),
@@ -136,6 +161,7 @@ def render(
         _closure(view.angles_rad),
         *([_inputs(view)] if view.inputs else []),
         Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
+        *([Text(view.latency, style="grey70")] if view.latency else []),
     )
     return Panel(body, title=title, title_align="left", width=78)
 

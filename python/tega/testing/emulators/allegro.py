@@ -12,6 +12,7 @@ import struct
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ["FAULTS", "AllegroNode"]
 
@@ -43,6 +44,9 @@ _REST: Final = np.array([0.02, 0.15, 0.2, 0.15] * 3 + [0.7, 0.1, 0.15, 0.2])
 _ROOM_C: Final = 25.0
 _WARM_C: Final = 36.0
 _OFF_S: Final = 0.5
+_COUNT: Final = 1 / 1200
+_CYCLE_S: Final = 0.003
+_MOST_CYCLES: Final = 10
 
 
 class AllegroNode:
@@ -75,6 +79,16 @@ class AllegroNode:
         self._back_s = -1.0
         self._n_frames = 0
         self._frozen: list[Frame] | None = None
+        self.torque_limits: NDArray[np.float64] | None = None
+        """What no torque is to be above, (16,), vendor's units; ``None`` not to look."""
+        self.slew_limit = math.inf
+        """By how much none is to grow in 3 ms."""
+        self._allowed = np.zeros((4, 4))
+        self._heard_s = np.zeros(4)
+        self.n_over = 0
+        """Torque frames that were above either."""
+        self.n_torques = 0
+        """Torque frames heard."""
         self.faults: set[str] = set()
         """Faults that are on now; see :data:`FAULTS`."""
         self._switch_on()
@@ -121,7 +135,10 @@ class AllegroNode:
             self.servo_on = False
         elif 0x60 <= message <= 0x63 and len(data) == 8:
             first = 4 * (message - 0x60)
-            self.duties[first : first + 4] = np.array(struct.unpack("<4h", data)) / 1200
+            duties = np.array(struct.unpack("<4h", data)) / 1200
+            self.n_torques += 1
+            self._check(first, duties, t_s)
+            self.duties[first : first + 4] = duties
         elif message == 0x81 and len(data) in {6, 8}:
             position_ms, _, temperature_ms = struct.unpack_from("<3H", data)
             self._position_s = 1e-3 * (position_ms and (self._forced_ms or position_ms))
@@ -157,6 +174,20 @@ class AllegroNode:
         if out and "foreign" in self.faults:
             out.append((0x180 | self._device, bytes(8)))
         return [frame for frame in out for _ in range(2)] if "duplicate" in self.faults else out
+
+    def _check(self, first: int, duties: NDArray[np.float64], t_s: float) -> None:
+        if self.torque_limits is None:
+            return
+        sizes, before = np.abs(duties), np.abs(self.duties[first : first + 4])
+        # The allowance grows with time, whatever comes late and then at once, and does not grow for ever.
+        share = self._allowed[first // 4] + self.slew_limit * (t_s - self._heard_s[first // 4]) / _CYCLE_S
+        share = np.minimum(share, _MOST_CYCLES * self.slew_limit)
+        rise = np.maximum(sizes - before, 0.0)
+        over = (sizes > self.torque_limits[first : first + 4] + _COUNT) | (
+            rise > share + self.slew_limit + 2 * _COUNT
+        )
+        self._allowed[first // 4], self._heard_s[first // 4] = np.maximum(share - rise, 0.0), t_s
+        self.n_over += bool(over.any())
 
     def next_s(self) -> float:
         """Return when something is due again; infinity before a period is set."""

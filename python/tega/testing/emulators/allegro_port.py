@@ -1,8 +1,9 @@
 """The emulated Allegro Hand as a program: behind a serial CAN adapter (SLCAN on a pseudo-terminal), or on a CAN bus.
 
 ``python -m tega.testing.emulators.allegro_port`` prints the options of the ``allegro`` driver that reach it and then
-obeys lines on its standard input: the name of a fault, ``clear``, or ``look``; it answers each with the hand's state
-(``servo_on``, ``duties`` and ``angles_rad`` of the 16 joints, ``reports``: whether it sends positions).
+obeys lines on its standard input: the name of a fault, ``clear``, ``limit SLEW`` and 16 torques (what to count as too
+much), or ``look``; it answers each with the hand's state (``servo_on``, ``duties`` and ``angles_rad`` of the 16 joints,
+``torques``: frames heard, ``over``: those beyond a limit, ``reports``: whether it sends positions).
 
 Options: ``--hardware 0x0500``, ``--side left``, ``--device-id``, ``--seed``, ``--position-ms``, and
 ``--interface udp_multicast --channel 239.74.163.2`` for a bus of python-can's instead of a terminal.
@@ -17,6 +18,8 @@ import sys
 import time
 from functools import partial
 from typing import Any
+
+import numpy as np
 
 from tega.testing.emulators.allegro import AllegroNode, Frame
 from tega.testing.emulators.pipe import obey, tell
@@ -178,11 +181,16 @@ def _act(node: AllegroNode, port: SlcanPort | BusPort, line: list[str]) -> dict[
     words = " ".join(line)
     if words == "garbage":
         port.garbage = True
+    elif words.startswith("limit "):
+        node.slew_limit, *limits = map(float, words.split()[1:])
+        node.torque_limits = np.array(limits)
     elif words != "look":
         port.garbage = port.garbage and words != "clear"
         node.command(words)
     return {
         "servo_on": node.servo_on,
+        "over": node.n_over,
+        "torques": node.n_torques,
         "duties": [float(duty) for duty in node.duties],
         "angles_rad": node.angles_rad,
         "reports": node.next_s() < float("inf"),

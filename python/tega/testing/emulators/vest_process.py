@@ -1,12 +1,14 @@
 """What the emulated vests share: what their motors do, and the pipe through which a test talks to them.
 
 This runs in the emulator's process and knows nothing of TEGA's packets. A line is the name of a fault, which ends
-every other one, ``clear`` for none, or ``look``, answered by everything that was seen.
+every other one, ``clear`` for none, ``limit 80 0.5`` (what to count as too much: intensity, and
+heat as a share of what full drive for ever would make it), or ``look``, answered by everything that was seen.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 import sys
 import time
 from typing import Any, ClassVar, Protocol
@@ -16,17 +18,35 @@ from tega.testing.emulators.pipe import obey, tell
 __all__ = ["Motors", "Vest", "serve"]
 
 _KEPT = 5000
+_WARM_S = 60.0
 
 
 class Motors:
-    """Forty motors, 0 to 100, in the wearer's order, with everything they have done."""
+    """Forty motors, 0 to 100, in the wearer's order, with everything they have done.
+
+    Attributes:
+        limit: What no motor is to be driven above.
+        heat_limit: How warm none may get, as a share of what full drive for ever would make it.
+        n_over: How often one was.
+    """
 
     def __init__(self) -> None:
+        self.limit = 100
+        self.heat_limit = 1.0
+        self.n_over = 0
+        self._heat = [0.0] * 40
+        self._heat_s = time.monotonic()
         self.now = [0] * 40
         self.history: list[tuple[float, list[int]]] = [(time.monotonic(), self.now)]
 
     def set(self, values: list[int]) -> None:
         """Drive them; a change is kept with its time on the machine's monotonic clock."""
+        now_s = time.monotonic()
+        # Warms with the square of the drive, within a minute; written down here anew, and not asked of the program.
+        share = 1 - math.exp((self._heat_s - now_s) / _WARM_S)
+        self._heat_s = now_s
+        self._heat = [h + ((v / 100) ** 2 - h) * share for h, v in zip(self._heat, self.now, strict=True)]
+        self.n_over += max(values) > self.limit or max(self._heat) > self.heat_limit
         if values != self.now and len(self.history) < _KEPT:
             self.history.append((time.monotonic(), values))
         self.now = values
@@ -58,6 +78,9 @@ async def serve(vest: Vest) -> None:
     )
 
     def act(words: list[str]) -> dict[str, Any]:
+        if words[:1] == ["limit"]:
+            vest.motors.limit, vest.motors.heat_limit = int(words[1]), float(words[2])
+            return {}
         if " ".join(words) not in known:
             raise ValueError(f"there are {', '.join(known)}")
         return _seen(vest) if words == ["look"] else {}
@@ -75,6 +98,7 @@ def _seen(vest: Vest) -> dict[str, Any]:
     return {
         "motors": vest.motors.now,
         "history": vest.motors.history,
+        "over": vest.motors.n_over,
         "errors": vest.errors,
         "received": vest.received,
         "connections": vest.connections,

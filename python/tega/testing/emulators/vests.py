@@ -23,6 +23,7 @@ class VestReport(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         motors: What its 40 motors do now, 0 to 100, in the wearer's order.
         history: Every change with its time in seconds on the machine's monotonic clock.
+        over: How often a motor was driven above what was given to its command ``limit``.
         errors: What it was sent and should not have been.
         received: Messages received.
         connections: Connections it has taken.
@@ -31,6 +32,7 @@ class VestReport(msgspec.Struct, frozen=True, kw_only=True):
 
     motors: list[int]
     history: list[tuple[float, list[int]]]
+    over: int
     errors: list[str]
     received: int
     connections: int

@@ -1,0 +1,110 @@
+"""The whole loop in real time on emulated devices, each in a process of its own: how long our part of it takes."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from itertools import cycle
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from tega.bench.machine import Machine, describe_machine
+from tega.calibration import TouchMaxima
+from tega.config import FINGERS, check_tree
+
+if TYPE_CHECKING:
+    from tega.testing.lab import EmulatedLab
+
+__all__ = ["LoopBench", "bench_loop"]
+
+EMG_HZ = 1000.0
+_PRESS_S = 0.1
+
+
+class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
+    """What a run gave.
+
+    Attributes:
+        machine: Where; the emulators ran on the same one.
+        seconds: How long the run was.
+        latency_ms: Percentiles of every stage by path; see :mod:`tega.teleop.latency`.
+        pacing: Ticks, and how late they were.
+        frames_hz: Pictures a second used, all fingers together.
+        samples_hz: EMG samples a second used.
+        hand_hz: Ticks of the loop for the hand a second; 333 are due.
+        cpu_cores: Processor time of our process per second.
+        held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
+    """
+
+    machine: Machine
+    seconds: float
+    latency_ms: dict[str, Any]
+    pacing: dict[str, Any]
+    frames_hz: float
+    samples_hz: float
+    hand_hz: float
+    cpu_cores: float
+    held_ticks: int
+
+
+def bench_loop(*, seconds: float, record: bool) -> LoopBench:
+    """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
+
+    Args:
+        seconds: How long.
+        record: Whether to write the tables as well.
+
+    Returns:
+        What was measured.
+
+    Raises:
+        MissingExtraError: A package of the extra ``lab`` is not installed.
+    """
+    from tega.teleop.session import run_session
+    from tega.testing.lab import emulated_lab
+
+    touch = TouchMaxima(cci_max=7.0, eda_max=4200.0)
+    with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
+        folder = Path(name)
+        with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=touch) as lab:
+            lab.tree["session"] = {"duration_s": seconds}
+            if record:
+                lab.tree["session"]["out_dir"] = str(folder / "out")
+            config = check_tree(lab.tree, {}, base=folder).config
+            cpu_s: list[float] = []
+
+            def progress(what: str, _done: int, _total: int) -> None:
+                if what == "running":
+                    cpu_s.append(time.process_time())
+
+            over = threading.Event()
+            presses = threading.Thread(target=_press, args=(lab, over), daemon=True)
+            presses.start()
+            summary = run_session(config, progress=progress)
+            over.set()
+            presses.join()
+            used_s = time.process_time() - cpu_s[0]
+    wall_s = summary["duration_s"]
+    return LoopBench(
+        machine=describe_machine(),
+        seconds=wall_s,
+        latency_ms=summary["latency_ms"],
+        pacing=summary["pacing"],
+        frames_hz=sum(f["frames"] for f in summary["tactile"].values()) / wall_s,
+        samples_hz=summary["emg"]["samples"] / wall_s,
+        hand_hz=summary["hand"]["ticks"] / wall_s,
+        cpu_cores=used_s / wall_s,
+        held_ticks=summary["safety"]["held_ticks"],
+    )
+
+
+def _press(lab: EmulatedLab, over: threading.Event) -> None:
+    """Press now more and now less, so that there is something new to feel."""
+    for firmness in cycle((0.5, 0.6, 0.7, 0.8, 0.9)):
+        for sensor in lab.sensors.values():
+            sensor.say(f"press {firmness}")
+        if over.wait(_PRESS_S):
+            return

@@ -1,0 +1,102 @@
+"""``tega-teleop replay SESSION``: a recorded session computed again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from tega.replay import Replay
+
+__all__ = ["replay_session"]
+
+
+def replay_session(session: Path, *, config: Path | None, as_json: bool) -> bool:
+    """Compute every recording of a session again, and tell what differs.
+
+    Args:
+        session: A recording, or the folder of a session.
+        config: Other settings to run it through.
+        as_json: Print JSON instead of tables.
+
+    Returns:
+        Whether nothing differs.
+    """
+    import msgspec
+
+    from tega.cli.options import echo_json
+    from tega.recording.mcap_folder import session_files
+    from tega.replay import replay_file
+
+    replays = []
+    for path in session_files(session):
+        replays.append(replay_file(path, config=config))
+        if not as_json:
+            _show(replays[-1])
+    if as_json:
+        echo_json(msgspec.to_builtins(replays))
+    return all(replay.same for replay in replays)
+
+
+def _show(replay: Replay) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, width=None if Console().is_terminal else 160)
+    how = (
+        "from the raw pictures and samples"
+        if replay.lossless
+        else "from the contacts and samples as recorded"
+    )
+    console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s computed again {how}")
+    for change in replay.changed:
+        console.print(f"  changed: {change}", markup=False)
+    if not replay.complete:
+        console.print("  the recording was cut; compared as far as it goes")
+    for topic, count in replay.dropped.items():
+        console.print(f"  {topic}: {count} records were dropped while recording and cannot be compared")
+    table = Table(box=None, pad_edge=True)
+    for column in ("stream", "recorded", "replayed", "differ", "where", "what"):
+        right = column in {"recorded", "replayed", "differ"}
+        table.add_column(column, justify="right" if right else "left", no_wrap=column == "stream")
+    for s in replay.streams:
+        where = what = ""
+        if s.first and s.last_t_s is not None:
+            where = f"{s.first[0].t_s:.3f} to {s.last_t_s:.3f} s"
+            what = ", ".join(f"{field} {count}" for field, count in list(s.fields.items())[:4])
+            what += f" and {len(s.fields) - 4} more" if len(s.fields) > 4 else ""
+        table.add_row(s.stream, str(s.recorded), str(s.replayed), str(s.differ), where, what)
+    console.print(table)
+    for s in replay.streams:
+        for d in s.first[:3]:
+            said = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
+            console.print(f"  {said}", markup=False)
+    for p in replay.pictures:
+        console.print(
+            f"  {p.finger}: pictures are approximate (JPEG): over {p.compared} frames the area is off by "
+            f"{p.eda_mean_px:.2f} px (at most {p.eda_max_px:.0f}), the concentration by {p.cci_mean:.4f} "
+            f"(at most {p.cci_max:.4f}), contact differs in {p.contact_changed}",
+            soft_wrap=True,
+        )
+    exact = (
+        "the same, bit for bit" if replay.lossless else "everything but the pictures is the same, bit for bit"
+    )
+    verdict = f"[green]{exact}[/]" if replay.same else "[red]not the same[/]"
+    console.print(f"  {verdict}")
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def check_flags(given: dict[str, object]) -> None:
+    """Refuse the flags for loose files beside a session.
+
+    Raises:
+        UsageError: One is given.
+    """
+    for name, value in given.items():
+        if value:
+            raise click.UsageError(f"--{name.replace('_', '-')} is for loose files, not for a session")

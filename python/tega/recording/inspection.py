@@ -1,0 +1,287 @@
+"""What is in a recording: streams, their true rates, gaps, losses, latency."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from tega.recording.mcap_reader import McapReader, Message
+from tega.teleop.latency import FrameLatency
+
+__all__ = ["Inspection", "Latency", "Marked", "StreamFacts", "inspect_file"]
+
+# Two and a half periods without an item are a gap: one was lost, and not only late.
+_GAP_PERIODS = 2.5
+_PATHS = {"touch": "camera to vest", "intent": "muscle to hand"}
+
+
+class StreamFacts(msgspec.Struct, frozen=True):
+    """One stream.
+
+    Attributes:
+        topic: Its name.
+        schema: Name of its messages' schema.
+        messages: How many.
+        rate_hz: Of messages between the first and the last stamp; of EMG, of samples; ``None`` where there are too few.
+        median_ms: The usual distance of two stamps.
+        longest_ms: The longest.
+        gaps: Distances longer than two and a half times the usual one.
+        missing: Items that never came, by the gaps in their numbers.
+        dropped: Items that were not recorded, since the disk did not keep up.
+        mib: Size before the file's compression.
+    """
+
+    topic: str
+    schema: str
+    messages: int
+    rate_hz: float | None
+    median_ms: float | None
+    longest_ms: float | None
+    gaps: int | None
+    missing: int
+    dropped: int
+    mib: float
+
+
+class Latency(msgspec.Struct, frozen=True):
+    """How long one stage takes, milliseconds."""
+
+    stage: str
+    n: int
+    p50_ms: float
+    p95_ms: float
+    p99_ms: float
+    worst_ms: float
+
+
+class Marked(msgspec.Struct, frozen=True):
+    """A marker or a change of the run's state."""
+
+    t_s: float
+    text: str
+
+
+class Inspection(msgspec.Struct, frozen=True):
+    """What is in a recording.
+
+    Attributes:
+        file: Its name.
+        complete: Whether the run that made it finished it.
+        cut: Why reading ended early, in a word; ``""`` where it did not.
+        lossless: Whether the pictures are as they were.
+        start: Time of day at the start of the session, nanoseconds since 1970.
+        duration_s: From the start to the newest stamp.
+        ended: How the run ended; ``""`` where that was not recorded.
+        mib: Size of the file.
+        config_sha256: Of the settings' text.
+        versions: Of everything the results may depend on.
+        sources: What the inputs called themselves.
+        streams: By topic.
+        latency: By stage; empty where the run's time was not the world's, and without stages that a
+            recorded source does not have.
+        markers: In order.
+        states: Changes of the run's state and alerts, in order.
+        log: Lines of the program.
+    """
+
+    file: str
+    complete: bool
+    cut: str
+    lossless: bool
+    start: int
+    duration_s: float
+    ended: str
+    mib: float
+    config_sha256: str
+    versions: dict[str, str]
+    sources: dict[str, str]
+    streams: list[StreamFacts]
+    latency: list[Latency]
+    markers: list[Marked]
+    states: list[Marked]
+    log: list[Marked]
+
+
+class _Topic:
+    def __init__(self, schema: str) -> None:
+        self.schema = schema
+        self.stamps: list[int] = []
+        self.numbers: list[tuple[int, int]] = []
+        self.n_bytes = 0
+
+
+def inspect_file(path: Path) -> Inspection:
+    """Look through a recording; pictures are counted, not decoded.
+
+    Raises:
+        RecordingError: It cannot be read.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    reader, seen = McapReader(path), _Seen()
+    for message in reader.messages(lambda topic: not topic.endswith("/image")):
+        if not seen.epoch_ns:
+            seen.epoch_ns = int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
+        seen.take(message)
+    dropped = seen.dropped | {name: int(n) for name, n in reader.metadata.get("dropped", {}).items()}
+    facts = reader.metadata.get("tega", {})
+    sources = {
+        name: f"{info['driver']}: {info['label']}"
+        for name, text in reader.metadata.get("sources", {}).items()
+        if (info := msgspec.json.decode(text))
+    }
+    paced = b'pace = "real"' in reader.files.get("session.toml", b"")
+    return Inspection(
+        file=path.name,
+        complete=not reader.cut and "end" in reader.metadata,
+        cut=reader.cut,
+        lossless=facts.get("lossless") == "true",
+        start=seen.epoch_ns,
+        duration_s=seen.newest_ns / 1e9,
+        ended=seen.ended,
+        mib=path.stat().st_size / 2**20,
+        config_sha256=facts.get("config_sha256", ""),
+        versions=reader.metadata.get("versions", {}),
+        sources=sources,
+        streams=[_facts(name, topic, dropped.get(name, 0)) for name, topic in sorted(seen.topics.items())],
+        latency=[_latency(stage, times) for stage, times in seen.stages.items() if any(times) and paced],
+        markers=seen.markers,
+        states=seen.states,
+        log=seen.log,
+    )
+
+
+class _Seen:
+    """What the messages so far have told."""
+
+    def __init__(self) -> None:
+        self.topics: dict[str, _Topic] = {}
+        self.stages: dict[str, list[int]] = defaultdict(list)
+        self.dropped: dict[str, int] = {}
+        self.markers: list[Marked] = []
+        self.states: list[Marked] = []
+        self.log: list[Marked] = []
+        self.ended = ""
+        self.newest_ns = self.epoch_ns = 0
+        self._pictures = _Stages(self.stages)
+
+    def take(self, message: Message) -> None:
+        value, t_ns = message.value, message.log_ns - self.epoch_ns
+        topic = self.topics.setdefault(message.topic, _Topic(message.schema))
+        topic.n_bytes += message.n_bytes
+        # The exchange with a hand is stamped with the machine's clock, as the link was told it.
+        stamped = message.schema != "tega.HandExchange"
+        topic.stamps.append(getattr(value, "t_ns", t_ns) if stamped else t_ns)
+        self.newest_ns = max(self.newest_ns, t_ns)
+        if message.schema == "foxglove.Log":
+            self.log.append(Marked(t_ns / 1e9, value.message))
+        elif message.topic.startswith(("/tactile/", "/emg/", "/vest/")):
+            self._signal(message, topic)
+        else:
+            self._event(message.schema, value)
+
+    def _signal(self, message: Message, topic: _Topic) -> None:
+        value, stages = message.value, self.stages
+        match message.schema:
+            case "tega.Frame":
+                topic.numbers.append((value.seq, 1))
+                self._pictures.frame(message.topic.split("/")[2], value)
+            case "tega.Contact":
+                self._pictures.contact(message.topic.split("/")[2], value)
+            case "tega.EmgSamples":
+                topic.numbers.append((value.first_index, len(value.samples) // max(value.n_channels, 1)))
+                stages["EMG samples: captured to received"].append(value.received_ns - value.t_ns)
+            case "tega.Levels":
+                stages["EMG block: captured to taken in"].append(value.taken_ns - value.t_ns)
+            case "tega.VestFrame" if message.topic == "/vest/frame":
+                self._pictures.vest(value)
+            case _:
+                pass
+
+    def _event(self, schema: str, value: Any) -> None:
+        match schema:
+            case "tega.Marker":
+                self.markers.append(Marked(value.t_ns / 1e9, value.text))
+            case "tega.State":
+                said = f"{value.state}: {value.reason}" if value.reason else value.state
+                if value.reason.startswith(f"{value.state}:"):
+                    said = value.reason
+                self.states.append(Marked(value.t_ns / 1e9, said))
+            case "tega.Alert":
+                what = value.said or f"{value.name}: well again"
+                self.states.append(Marked(value.t_ns / 1e9, what))
+            case "tega.Latency":
+                way = FrameLatency(value.path, value.source, tuple(value.stamps_ns))
+                for stage, ns in way.stages_ns().items():
+                    self.stages[f"{_PATHS[value.path]}: {stage}"].append(ns)
+            case "tega.Value":
+                self.stages[value.name].append(round(value.value * 1e6))
+            case "tega.End":
+                self.ended = value.ended
+            case "tega.Status":
+                self.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
+            case _:
+                pass
+
+
+class _Stages:
+    """Follows each picture to the first vest frame made with it."""
+
+    def __init__(self, stages: dict[str, list[int]]) -> None:
+        self._stages = stages
+        self._received: dict[tuple[str, int], int] = {}
+        self._waiting: list[tuple[int, int]] = []
+
+    def frame(self, finger: str, value: Any) -> None:
+        self._received[finger, value.t_ns] = value.received_ns
+        self._stages["picture: captured to received"].append(value.received_ns - value.t_ns)
+
+    def contact(self, finger: str, value: Any) -> None:
+        received_ns = self._received.pop((finger, value.t_ns), None)
+        if received_ns is None:
+            return
+        self._stages["picture: received to taken in"].append(value.known_ns - received_ns)
+        self._waiting.append((value.t_ns, received_ns))
+
+    def vest(self, value: Any) -> None:
+        self._stages["vest frame: deadline to handed over"].append(value.handed_ns - value.t_ns)
+        for captured_ns, received_ns in self._waiting:
+            self._stages["picture received to vest frame handed over"].append(value.handed_ns - received_ns)
+            self._stages["picture captured to vest frame handed over"].append(value.handed_ns - captured_ns)
+        self._waiting.clear()
+
+
+def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
+    stamps = np.array(sorted(topic.stamps), np.int64)
+    steps = np.diff(stamps)
+    span_s = int(stamps[-1] - stamps[0]) / 1e9 if len(stamps) else 0.0
+    n_items, missing = len(stamps), 0
+    if topic.numbers:
+        missing = sum(
+            max(0, after - (before + n))
+            for (before, n), (after, _) in zip(topic.numbers, topic.numbers[1:], strict=False)
+        )
+    if topic.schema == "tega.EmgSamples":
+        n_items = sum(n for _, n in topic.numbers[1:]) + 1
+    regular = len(steps) > 1 and span_s > 0
+    median_ns = float(np.median(steps)) if regular else 0.0
+    return StreamFacts(
+        topic=name,
+        schema=topic.schema,
+        messages=len(stamps),
+        rate_hz=(n_items - 1) / span_s if regular else None,
+        median_ms=median_ns / 1e6 if regular else None,
+        longest_ms=float(steps.max()) / 1e6 if regular else None,
+        gaps=int((steps > _GAP_PERIODS * median_ns).sum()) if regular and median_ns > 0 else None,
+        missing=missing,
+        dropped=dropped,
+        mib=topic.n_bytes / 2**20,
+    )
+
+
+def _latency(stage: str, times_ns: list[int]) -> Latency:
+    p50, p95, p99, worst = (float(v) / 1e6 for v in np.percentile(times_ns, (50, 95, 99, 100)))
+    return Latency(stage, len(times_ns), p50, p95, p99, worst)

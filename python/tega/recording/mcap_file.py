@@ -1,0 +1,274 @@
+"""One MCAP file, written through foxglove-sdk by one thread."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from tega.devices.lifecycle import require
+from tega.errors import RecordingError
+from tega.hand import JOINT_NAMES
+from tega.recording.mcap_schemas import MESSAGES, PACKAGE, message_class, schema_bytes
+
+if TYPE_CHECKING:
+    from tega.recording.mcap_queue import Item
+
+__all__ = ["McapFile", "lock"]
+
+_CHUNK_BYTES = 4 * 1024 * 1024
+# Of zstd: the noise of a camera hardly yields to more effort.
+_LEVEL = 1
+_LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
+
+
+def _can(frame: Any) -> dict[str, Any]:
+    flags = getattr(frame, "extended", False) + 2 * getattr(frame, "error", False)
+    return {"id": frame.id, "data": bytes(frame.data), "remote": frame.remote, "flags": flags}
+
+
+def _with_frames(*names: str) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
+    """Let the writer's thread turn CAN frames into messages, so that the loop need not."""
+    return lambda fields: {**fields, **{name: [_can(f) for f in fields[name]] for name in names}}
+
+
+_CONVERT = {"CanFrames": _with_frames("frames"), "HandExchange": _with_frames("received", "sent")}
+
+
+def lock(file: BinaryIO) -> bool:
+    """Mark an open file as being written, for as long as it is open; return whether nobody else has.
+
+    The mark dies with the process. Where the system has no such marks the answer is yes.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+class _Disk:
+    """The file under the writer. After the first error it takes everything and keeps nothing.
+
+    The writer of the SDK would otherwise try again with every message; whoever owns this looks at :attr:`error`.
+    """
+
+    def __init__(self, raw: BinaryIO) -> None:
+        self._raw = raw
+        self._at = self._end = 0
+        self.error: OSError | None = None
+
+    @property
+    def n_bytes(self) -> int:
+        return self._end
+
+    def write(self, data: bytes) -> int:
+        if self.error is None:
+            try:
+                left = memoryview(data)
+                while left:
+                    left = left[self._raw.write(left) :]
+            except OSError as error:
+                self.error = error
+        self._at += len(data)
+        self._end = max(self._end, self._at)
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        at = (0, self._at, self._end)[whence] + offset
+        if self.error is None and at != self._at:
+            self._raw.seek(at)
+        self._at = at
+        return at
+
+    def flush(self) -> None:
+        pass
+
+
+class McapFile:
+    """A file that grows by items.
+
+    Args:
+        path: The file; it must not exist.
+        lossless: Pictures as they are; else as JPEG.
+        jpeg_quality: 1 to 100.
+        raw: Something else to write to, opened for writing without a buffer; the file at ``path`` when ``None``.
+
+    Attributes:
+        epoch_ns: Time of day at the start of the session, ns: what viewers show is this plus the session's time.
+
+    Raises:
+        MissingExtraError: A package of the extra ``record`` is not installed.
+        RecordingError: The file cannot be made.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        lossless: bool,
+        jpeg_quality: int = 95,
+        raw: BinaryIO | None = None,
+    ) -> None:
+        foxglove = require("foxglove", driver="recording", extra="record")
+        self._channels_of = require("foxglove.channels", driver="recording", extra="record")
+        self._messages = require("foxglove.messages", driver="recording", extra="record")
+        options = require("foxglove.mcap", driver="recording", extra="record")
+        for kind in MESSAGES:  # now, so that no class is built while the loop runs
+            message_class(kind)
+        self._cv2: Any = None
+        if not lossless:
+            self._cv2 = require("cv2", driver="recording", extra="record")
+            self._quality = [self._cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
+        self._foxglove = foxglove
+        self.epoch_ns = 0
+        self._lossless = lossless
+        try:
+            self._raw = path.open("xb", buffering=0) if raw is None else raw
+        except OSError as error:
+            raise RecordingError(
+                f"{path.name}: cannot be made: {error.strerror}", f"looked at {path.parent}"
+            ) from error
+        lock(self._raw)
+        self._disk = _Disk(self._raw)
+        self._context = foxglove.Context()
+        # A thread of its own for compression would only wait for the one that writes.
+        self._writer = foxglove.open_mcap(
+            self._disk,
+            context=self._context,
+            writer_options=options.MCAPWriteOptions(
+                chunk_size=_CHUNK_BYTES,
+                compression_level=_LEVEL,
+                compression_threads=0,
+                disable_seeking=not self._raw.seekable(),
+            ),
+        )
+        self._channels: dict[str, Any] = {}
+        self.n_items = 0
+
+    @property
+    def n_bytes(self) -> int:
+        """Bytes written so far."""
+        return self._disk.n_bytes
+
+    @property
+    def error(self) -> OSError | None:
+        """Why the file cannot be written any more."""
+        return self._disk.error
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add a table of names and texts."""
+        self._writer.write_metadata(name, dict(values))
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Add a file."""
+        self._writer.attach(
+            log_time=self.epoch_ns,
+            create_time=self.epoch_ns,
+            name=name,
+            media_type=media_type,
+            data=data,
+        )
+
+    def write(self, item: Item) -> None:
+        """Encode an item and add it."""
+        log_ns = self.epoch_ns + item.t_ns
+        self.n_items += 1
+        if item.kind == "image":
+            self._image(item, log_ns)
+        elif item.kind == "joints":
+            self._joints(item, log_ns)
+        elif item.kind == "log":
+            self._log(item, log_ns)
+        else:
+            self._message(item.topic, item.kind, item.value, log_ns)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system, which outlives this process."""
+        self._writer.flush()
+
+    def sync(self) -> None:
+        """Wait until all that was flushed is on the disk, which outlives the power; any thread may."""
+        if self._disk.error is None:
+            # A pipe cannot be waited for, nor a file that was closed meanwhile.
+            with contextlib.suppress(OSError, ValueError):
+                os.fsync(self._raw.fileno())
+
+    def close(self) -> None:
+        """Write the index and close the file."""
+        try:
+            self._writer.close()
+        finally:
+            with contextlib.suppress(OSError):
+                self._raw.close()
+
+    def _channel(self, topic: str, make: Any, **how: Any) -> Any:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = make(topic, context=self._context, **how)
+        return channel
+
+    def _message(self, topic: str, kind: str, fields: Mapping[str, Any], log_ns: int) -> None:
+        schema = None
+        if topic not in self._channels:
+            schema = self._foxglove.Schema(name=f"{PACKAGE}.{kind}", encoding="protobuf", data=schema_bytes())
+        if convert := _CONVERT.get(kind):
+            fields = convert(fields)
+        channel = self._channel(topic, self._foxglove.Channel, message_encoding="protobuf", schema=schema)
+        channel.log(message_class(kind)(**fields).SerializeToString(), log_time=log_ns)
+
+    def _stamp(self, t_ns: int) -> Any:
+        return self._messages.Timestamp(*divmod(self.epoch_ns + t_ns, 1_000_000_000))
+
+    def _image(self, item: Item, log_ns: int) -> None:
+        """Write a picture, then its number and exact times beside it."""
+        finger, image, frame = item.value
+        height, width = image.shape[:2]
+        stamp = self._stamp(frame["t_ns"])
+        pixels = image.tobytes()
+        if self._lossless:
+            channel = self._channel(item.topic, self._channels_of.RawImageChannel)
+            message = self._messages.RawImage(
+                timestamp=stamp,
+                frame_id=finger,
+                width=width,
+                height=height,
+                encoding="bgr8",
+                step=3 * width,
+                data=pixels,
+            )
+        else:
+            channel = self._channel(item.topic, self._channels_of.CompressedImageChannel)
+            whole = np.frombuffer(pixels, np.uint8).reshape(image.shape)
+            _, data = self._cv2.imencode(".jpg", whole, self._quality)
+            message = self._messages.CompressedImage(
+                timestamp=stamp, frame_id=finger, data=data.tobytes(), format="jpeg"
+            )
+        channel.log(message, log_time=log_ns)
+        numbers = {**frame, "pixels_crc32": zlib.crc32(pixels)}
+        self._message(f"{item.topic.rsplit('/', 1)[0]}/frame", "Frame", numbers, log_ns)
+
+    def _joints(self, item: Item, log_ns: int) -> None:
+        angles: Sequence[float] = item.value
+        make = self._messages.JointState
+        states = [make(name=name, position=angle) for name, angle in zip(JOINT_NAMES, angles, strict=True)]
+        channel = self._channel(item.topic, self._channels_of.JointStatesChannel)
+        channel.log(
+            self._messages.JointStates(timestamp=self._stamp(item.t_ns), joints=states), log_time=log_ns
+        )
+
+    def _log(self, item: Item, log_ns: int) -> None:
+        level, name, text = item.value
+        channel = self._channel(item.topic, self._channels_of.LogChannel)
+        level = getattr(self._messages.LogLevel, _LOG_LEVELS.get(level // 10 * 10, "Unknown"))
+        message = self._messages.Log(timestamp=self._stamp(item.t_ns), level=level, message=text, name=name)
+        channel.log(message, log_time=log_ns)

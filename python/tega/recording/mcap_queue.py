@@ -1,0 +1,95 @@
+"""What stands between those who record and the thread that writes: bounded, and honest about what did not fit."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter, deque
+from typing import Any, NamedTuple
+
+__all__ = ["BoundedQueue", "Item"]
+
+# Small records still find room when pictures have filled the queue: without them nothing could be replayed.
+RESERVE_BYTES = 16 * 1024 * 1024
+_WAIT_S = 0.002
+
+
+class Item(NamedTuple):
+    """Something to be written.
+
+    Attributes:
+        topic: Where it belongs.
+        t_ns: When it came, nanoseconds since the start of the session.
+        kind: ``image``, ``joints``, ``log``, or one of :data:`tega.recording.mcap_schemas.MESSAGES`.
+        value: Its content, not yet encoded.
+        n_bytes: What it takes in memory, about.
+    """
+
+    topic: str
+    t_ns: int
+    kind: str
+    value: Any
+    n_bytes: int
+
+
+class BoundedQueue:
+    """First in, first out, up to so many bytes.
+
+    Args:
+        most_bytes: Pictures are dropped and counted beyond this, everything else 16 MiB later.
+        wait: Let the giver wait instead, for runs whose time is not the world's.
+    """
+
+    def __init__(self, *, most_bytes: int, wait: bool = False) -> None:
+        self._most_bytes = most_bytes
+        self._wait = wait
+        self._items: deque[Item] = deque()
+        self._lock = threading.Lock()
+        self._closed = False
+        self.n_bytes = 0
+        self.dropped: Counter[str] = Counter()
+
+    def __len__(self) -> int:
+        """Return how many wait."""
+        return len(self._items)
+
+    def put(self, item: Item) -> bool:
+        """Add an item; returns at once (unless told to wait) whether there was room."""
+        limit = self._most_bytes if item.kind == "image" else self._most_bytes + RESERVE_BYTES
+        while True:
+            with self._lock:
+                if self._closed:
+                    self.dropped[item.topic] += 1
+                    return False
+                # One item always fits, however large it is.
+                if self.n_bytes == 0 or self.n_bytes + item.n_bytes <= limit:
+                    self._items.append(item)
+                    self.n_bytes += item.n_bytes
+                    return True
+                if not self._wait:
+                    self.dropped[item.topic] += 1
+                    return False
+            time.sleep(_WAIT_S)
+
+    def take(self) -> Item | None:
+        """Return the oldest item, ``None`` when there is none; its bytes count until :meth:`done`."""
+        with self._lock:
+            return self._items.popleft() if self._items else None
+
+    def done(self, item: Item) -> None:
+        """Give an item's room back."""
+        with self._lock:
+            self.n_bytes -= item.n_bytes
+
+    def close(self) -> None:
+        """Take nothing more; what comes is counted as dropped, what waits can still be taken."""
+        with self._lock:
+            self._closed = True
+
+    def discard(self) -> None:
+        """Count everything that waits as dropped."""
+        with self._lock:
+            for item in self._items:
+                self.dropped[item.topic] += 1
+                self.n_bytes -= item.n_bytes
+            self._items.clear()

@@ -1,0 +1,103 @@
+"""Reads a recording from its beginning to its end, or to where it was cut."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tega.devices.lifecycle import require
+from tega.errors import RecordingError
+from tega.recording.mcap_schemas import decoder
+
+__all__ = ["McapReader", "Message"]
+
+
+class Message(NamedTuple):
+    """A message of a recording.
+
+    Attributes:
+        topic: Its channel.
+        schema: Name of its schema, such as ``tega.Contact``.
+        log_ns: When it came, nanoseconds since 1970.
+        n_bytes: Its size in the file before compression.
+        value: Decoded; ``None`` where the caller did not want it.
+    """
+
+    topic: str
+    schema: str
+    log_ns: int
+    n_bytes: int
+    value: Any
+
+
+class McapReader:
+    """One pass over a file. Needs no index, so that a cut file is read as far as it goes.
+
+    Args:
+        path: The file.
+
+    Attributes:
+        metadata: Tables of names and texts, as far as the pass has come.
+        files: Attachments, likewise.
+        cut: Why the file ends early; ``""`` while it has not, and in one that is complete.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.files: dict[str, bytes] = {}
+        self.cut = ""
+
+    def messages(self, wanted: Callable[[str], bool] = lambda _topic: True) -> Iterator[Message]:
+        """Return the messages in the order in which they were written.
+
+        Args:
+            wanted: Asked per topic whether to decode.
+
+        Raises:
+            RecordingError: The file cannot be opened, or is no MCAP.
+            MissingExtraError: A package of the extra ``record`` is not installed.
+        """
+        reading = require("mcap.stream_reader", driver="replay", extra="record")
+        records = require("mcap.records", driver="replay", extra="record")
+        faults = require("mcap.exceptions", driver="replay", extra="record")
+        schemas: dict[int, Any] = {}
+        channels: dict[int, Any] = {}
+        try:
+            file = self.path.open("rb")
+        except OSError as error:
+            raise RecordingError(f"{self.path.name}: cannot be read: {error.strerror}") from error
+        with file:
+            source = iter(reading.StreamReader(file).records)
+            while True:
+                try:
+                    record = next(source, None)
+                except faults.InvalidMagic:
+                    if not channels and not self.metadata:
+                        raise RecordingError(
+                            f"{self.path.name}: no MCAP file", "name a recording made with --record"
+                        ) from None
+                    self.cut = "InvalidMagic"
+                    return
+                except Exception as error:  # whatever damage makes the reader say: all before it is good
+                    self.cut = type(error).__name__
+                    return
+                if record is None:
+                    return
+                if isinstance(record, records.Message):
+                    channel = channels[record.channel_id]
+                    schema = schemas.get(channel.schema_id)
+                    value = None
+                    if schema is not None and schema.encoding == "protobuf" and wanted(channel.topic):
+                        value = decoder(schema.name, schema.data).FromString(record.data)
+                    name = "" if schema is None else schema.name
+                    yield Message(channel.topic, name, record.log_time, len(record.data), value)
+                elif isinstance(record, records.Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, records.Channel):
+                    channels[record.id] = record
+                elif isinstance(record, records.Metadata):
+                    self.metadata.setdefault(record.name, {}).update(record.metadata)
+                elif isinstance(record, records.Attachment):
+                    self.files[record.name] = record.data

@@ -1,0 +1,290 @@
+"""Records a session: takes what others hand over, at once; one thread encodes and writes it."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import threading
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from tega.recording.mcap_file import McapFile
+from tega.recording.mcap_queue import BoundedQueue, Item
+
+if TYPE_CHECKING:
+    from tega.config import RecordingSection
+    from tega.recording.mcap_folder import SessionFolder
+
+__all__ = ["McapRecorder"]
+
+_LOG = logging.getLogger(__name__)
+
+# A kill loses what waits in the queue and what came since the last flush: half a second is promised.
+FLUSH_NS = 200_000_000
+SYNC_S = 1.0
+STATUS_NS = 500_000_000
+_IDLE_S = 0.01
+# How long the end of a run waits for a slow disk.
+_DRAIN_S = 10.0
+_MIB = 1024 * 1024
+# A record costs this in memory besides its numbers.
+_ITEM_BYTES = 512
+
+
+class McapRecorder:
+    """Writes one trial of a session.
+
+    Whoever gives it something never waits for the disk (unless ``wait``) and never encodes. What does not fit into
+    the queue is dropped and counted, by topic. When the disk is full, or nearly so, it stops and says so; the run
+    goes on.
+
+    Args:
+        folder: The session's folder.
+        settings: How to record.
+        wait: Let the giver wait for room instead of dropping, for runs whose time is not the world's.
+        raw: Something else to write to than a file in the folder.
+
+    Attributes:
+        state: ``recording``, ``stopped`` or ``complete``.
+        reason: Why it stopped.
+        path: The file, when it is complete.
+    """
+
+    def __init__(
+        self,
+        folder: SessionFolder,
+        settings: RecordingSection,
+        *,
+        wait: bool = False,
+        raw: BinaryIO | None = None,
+    ) -> None:
+        self._folder = folder
+        self._settings = settings
+        self.path = folder.new_trial()
+        self._part = self.path.with_name(f"{self.path.name}.part")
+        self._file = McapFile(
+            self._part,
+            lossless=settings.lossless,
+            jpeg_quality=settings.jpeg_quality,
+            raw=raw,
+        )
+        self._queue = BoundedQueue(most_bytes=round(settings.queue_mib * _MIB), wait=wait)
+        self.state, self.reason = "recording", ""
+        self.written: dict[str, int] = {}
+        self._newest_ns = 0
+        self._warned = False
+        self._told_dropped = 0
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="tega-recorder", daemon=True)
+        self._handler = _LogHandler(self)
+
+    def head(self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]]) -> None:
+        """Write what a reader has to know first; takes its time, so it comes before the session's start.
+
+        Args:
+            facts: Tables of names and texts, by name.
+            files: Media type and content, by name.
+        """
+        for name, table in facts.items():
+            self._file.metadata(name, table)
+        for name, (media_type, data) in files.items():
+            self._file.attach(name, media_type, data)
+        self._file.flush()
+        self._file.sync()
+        self._folder.note(self.path.name, {"state": "recording", "lossless": self._settings.lossless})
+
+    def begin(self, start_ns: int, now_ns: int) -> None:
+        """Begin to take records.
+
+        Args:
+            start_ns: The session's clock at its start.
+            now_ns: The same clock now.
+        """
+        # The time of day is looked at once: a step of that clock while recording moves nothing.
+        epoch_ns = self._file.epoch_ns = time.time_ns() - (now_ns - start_ns)
+        self._file.metadata("tega", {"epoch_ns": str(epoch_ns), "start_ns": str(start_ns)})
+        self._file.flush()
+        self._handler.start_ns = time.monotonic_ns() - (now_ns - start_ns)
+        logging.getLogger("tega").addHandler(self._handler)
+        self._thread.start()
+        threading.Thread(target=self._sync, name="tega-recorder-sync", daemon=True).start()
+
+    def put(self, topic: str, t_ns: int, kind: str, value: Any, n_bytes: int = 0) -> None:
+        """Hand something over; see :class:`~tega.recording.mcap_queue.Item`."""
+        self._queue.put(Item(topic, t_ns, kind, value, n_bytes + _ITEM_BYTES))
+
+    def marker(self, t_ns: int, text: str, *, source: str = "") -> None:
+        """Mark a moment, such as a trial's beginning or a pressed pedal."""
+        self.put("/run/marker", t_ns, "Marker", {"t_ns": t_ns, "text": text, "source": source})
+
+    def run_state(self, t_ns: int, state: str, reason: str = "") -> None:
+        """Say what the run is doing from now on."""
+        self.put("/run/state", t_ns, "State", {"t_ns": t_ns, "state": state, "reason": reason})
+
+    def value(self, t_ns: int, name: str, value: float) -> None:
+        """Record a stage's latency, milliseconds, of a name that has no stream of its own."""
+        self.put(f"/value/{name}", t_ns, "Value", {"t_ns": t_ns, "name": name, "value": value})
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Records that did not fit, by topic."""
+        return dict(self._queue.dropped)
+
+    def finish(self, summary: bytes = b"") -> dict[str, Any]:
+        """Write what waits, the index and the summary; close the file and give it its name.
+
+        Args:
+            summary: The run's summary as JSON.
+
+        Returns:
+            What became of the recording, for people and machines.
+        """
+        logging.getLogger("tega").removeHandler(self._handler)
+        self._queue.close()
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(_DRAIN_S)
+        if self._thread.is_alive():
+            self._queue.discard()
+            self._stop(f"the disk did not take what waited within {_DRAIN_S:g} s")
+        elif self.state == "recording":
+            self._close_file(summary)
+        facts = self.facts()
+        name = self.path.name if self.state == "complete" or self.path.exists() else self._part.name
+        self._folder_note(name, facts)
+        return {"file": name, **facts}
+
+    def abandon(self) -> None:
+        """Take the file away; for a recording that has not begun."""
+        self._file.close()
+        self._part.unlink(missing_ok=True)
+
+    def facts(self) -> dict[str, Any]:
+        """Return state, sizes and counts."""
+        return {
+            "state": self.state,
+            "reason": self.reason,
+            "lossless": self._settings.lossless,
+            "duration_s": self._newest_ns / 1e9,
+            "bytes": self._file.n_bytes,
+            "written": dict(sorted(self.written.items())),
+            "dropped": dict(sorted(self._queue.dropped.items())),
+        }
+
+    def _folder_note(self, name: str, facts: Mapping[str, Any]) -> None:
+        try:
+            self._folder.note(self.path.name, {**facts, "path": name})
+        except OSError as error:  # a full disk has no room for the index either
+            _LOG.warning("recording: the index could not be written: %s", error.strerror or error)
+
+    def _sync(self) -> None:
+        """Bring the file to the disk now and then; a slow disk must not hold up the thread that writes."""
+        while not self._closing.wait(SYNC_S):
+            self._file.sync()
+
+    def _work(self) -> None:
+        """Write until told to close, then what is left."""
+        now_ns = time.monotonic_ns()
+        flush_ns = now_ns
+        status_ns = now_ns - STATUS_NS
+        while True:
+            item = self._queue.take()
+            if item is None:
+                if self._closing.is_set():
+                    return
+                time.sleep(_IDLE_S)
+            else:
+                self._write(item)
+                self._queue.done(item)
+            now_ns = time.monotonic_ns()
+            if self.state != "recording":
+                continue
+            if now_ns - status_ns >= STATUS_NS:
+                status_ns = now_ns
+                self._status()
+            if now_ns - flush_ns >= FLUSH_NS:
+                if sum(self._queue.dropped.values()) != self._told_dropped:
+                    self._status()
+                self._file.flush()
+                flush_ns = time.monotonic_ns()
+            if (error := self._file.error) is not None:
+                self._stop(f"the disk took no more: {error.strerror or error}")
+
+    def _write(self, item: Item) -> None:
+        if self.state != "recording":
+            self._queue.dropped[item.topic] += 1
+            return
+        try:
+            self._file.write(item)
+        except Exception as error:  # a recorder must never take a run with it
+            self._stop(f"{item.topic} could not be written: {type(error).__name__}: {error}")
+            return
+        self.written[item.topic] = self.written.get(item.topic, 0) + 1
+        self._newest_ns = max(self._newest_ns, item.t_ns)
+
+    def _status(self) -> None:
+        """Watch the disk, and record how the recording goes."""
+        free = shutil.disk_usage(self._folder.path).free
+        dropped = dict(self._queue.dropped)
+        self._told_dropped = sum(dropped.values())
+        t_ns = self._newest_ns
+        status = {
+            "t_ns": t_ns,
+            "queued": len(self._queue),
+            "queued_bytes": self._queue.n_bytes,
+            "written_bytes": self._file.n_bytes,
+            "free_bytes": free,
+            "dropped_topics": list(dropped),
+            "dropped_counts": list(dropped.values()),
+        }
+        self._file.write(Item("/recorder/status", t_ns, "Status", status, 0))
+        settings = self._settings
+        if free < settings.stop_free_mib * _MIB:
+            self._close_file(b"")
+            left = "left on the disk, recording.stop_free_mib is"
+            self._stop(f"{free / _MIB:.0f} MiB {left} {settings.stop_free_mib:g}")
+        elif free < settings.warn_free_mib * _MIB and not self._warned:
+            self._warned = True
+            _LOG.warning("recording: only %.0f MiB left on the disk", free / _MIB)
+
+    def _close_file(self, summary: bytes) -> None:
+        """Finish the file properly, if the disk lets us."""
+        dropped = {topic: str(n) for topic, n in self._queue.dropped.items()}
+        try:
+            if summary:
+                self._file.attach("summary.json", "application/json", summary)
+            self._file.metadata("dropped", dropped)
+            self._file.metadata("end", {"state": "complete"})
+            self._file.close()
+        except Exception as error:  # told; the file is finished at the next start
+            self._stop(f"the file could not be finished: {type(error).__name__}: {error}")
+            return
+        if (failed := self._file.error) is not None:
+            self._stop(f"the disk took no more: {failed.strerror or failed}")
+            return
+        if self._part.exists():
+            self._part.replace(self.path)
+        self.state = "complete"
+
+    def _stop(self, reason: str) -> None:
+        self.state, self.reason = "stopped", reason
+        _LOG.warning("recording stopped: %s; the run goes on", reason)
+
+
+class _LogHandler(logging.Handler):
+    """Hands the program's own log lines to the recorder."""
+
+    def __init__(self, recorder: McapRecorder) -> None:
+        super().__init__(logging.INFO)
+        self._recorder = recorder
+        # A logger with this handler only would no longer warn people where nobody has set logging up.
+        self._last = None if logging.getLogger("tega").hasHandlers() else logging.lastResort
+        self.start_ns = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        t_ns = time.monotonic_ns() - self.start_ns
+        if self._last is not None and record.levelno >= self._last.level:
+            self._last.handle(record)
+        line = (record.levelno, record.name, record.getMessage())
+        self._recorder.put("/log", t_ns, "log", line, len(line[2]))

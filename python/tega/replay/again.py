@@ -1,0 +1,458 @@
+"""Runs the loop again on what a recording holds, tick by tick as it ran, and compares.
+
+The loop takes in at each tick what it took in then, so that the replay of a live run does not depend on how the threads
+happened to be scheduled. Of a lossless recording everything is computed from the raw pictures and samples; of one with
+JPEG pictures from the contacts as recorded, and the pictures are measured beside them to tell the error.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import msgspec
+import numpy as np
+
+from tega.calibration import load_calibration
+from tega.clock import ManualClock
+from tega.config import load_config
+from tega.emg import GraspIntent
+from tega.errors import TegaError
+from tega.replay.compare import Comparison, compare
+from tega.replay.exchanges import compare_exchanges
+from tega.replay.recorded import Head, Recorded, read_recorded
+from tega.tactile import ContactMetrics
+from tega.teleop.hand import ModelledAllegro
+from tega.teleop.keepalive import KeepAlive
+from tega.teleop.loop import DualLoop
+from tega.teleop.pacing import Pacer
+from tega.teleop.session import touch_loop
+from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter, SourceReport
+
+if TYPE_CHECKING:
+    from tega.calibration import Calibration
+    from tega.config import SessionConfig
+    from tega.devices.base import EmgChunk, TactileFrame
+    from tega.haptics import VestFrame
+    from tega.teleop.loop import LoopReport
+    from tega.teleop.touch import Felt
+    from tega.wire import CanFrame
+
+__all__ = ["PictureError", "Replay", "replay_file"]
+
+Item = TypeVar("Item", bound=tuple[Any, ...])
+
+
+class PictureError(msgspec.Struct, frozen=True):
+    """How far the contacts measured in JPEG pictures are from those recorded from the pictures themselves.
+
+    Attributes:
+        finger: Whose pictures.
+        compared: Frames compared.
+        contact_changed: Frames in which contact is seen in one of them only.
+        eda_mean_px: Mean error of the area over all frames, pixels.
+        eda_max_px: The largest.
+        cci_mean: Mean error of the concentration.
+        cci_max: The largest.
+    """
+
+    finger: str
+    compared: int
+    contact_changed: int
+    eda_mean_px: float
+    eda_max_px: float
+    cci_mean: float
+    cci_max: float
+
+
+class Replay(msgspec.Struct, frozen=True):
+    """What a replay found.
+
+    Attributes:
+        file: The recording.
+        lossless: Whether it was computed from the raw streams.
+        complete: Whether the recording was finished by the run that made it.
+        changed: What of the settings is not the run's own, in words.
+        duration_s: How long the loop ran.
+        streams: Each one compared.
+        pictures: Of JPEG pictures, how approximate they are.
+        dropped: Records lost, by topic; what was lost cannot be computed again.
+        same: Whether nothing differs.
+    """
+
+    file: str
+    lossless: bool
+    complete: bool
+    changed: list[str]
+    duration_s: float
+    streams: list[Comparison]
+    pictures: list[PictureError]
+    dropped: dict[str, int]
+    same: bool
+
+
+def replay_file(path: Path, *, config: Path | None = None) -> Replay:
+    """Compute a recorded run again and compare.
+
+    Args:
+        path: The recording.
+        config: Other settings to run it through: preset, vest, calibration, kind of EMG; its devices are not used.
+
+    Returns:
+        What was found.
+
+    Raises:
+        RecordingError: The recording cannot be read.
+        ConfigError: The other settings cannot be used.
+    """
+    measured = _Measured(config)
+    recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
+    again = _run(recorded, measured)
+    cut_ns = None if recorded.end is not None else recorded.last_tick_ns
+    streams = _compare_pixels(measured) if recorded.head.lossless else []
+    streams += _compare(recorded, again, cut_ns)
+    streams += compare_exchanges(recorded)
+    return Replay(
+        file=path.name,
+        lossless=recorded.head.lossless,
+        complete=recorded.complete,
+        changed=measured.changed,
+        duration_s=again.end_ns / 1e9,
+        streams=streams,
+        pictures=[] if recorded.head.lossless else _picture_errors(recorded, measured),
+        dropped=recorded.dropped,
+        same=not any(stream.differ for stream in streams),
+    )
+
+
+class _Measured:
+    """What the raw streams give when they are measured again."""
+
+    def __init__(self, other: Path | None) -> None:
+        self._other = other
+        self.config: SessionConfig
+        self.calibration: Calibration
+        self.contacts: dict[str, list[Contact]] = {}
+        self.blocks: list[Block] = []
+        self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
+        self.changed: list[str] = []
+        self._meters: dict[str, FrameMeter] = {}
+        self._muscles: BlockMeter | None = None
+
+    def begin(self, head: Head) -> None:
+        self.config, self.calibration = head.config, head.calibration
+        kind = head.tree.get("emg", {}).get("kind", "raw")
+        if self._other is not None:
+            kind = self._change(head, kind)
+        for finger, baseline in head.baselines.items():
+            # A picture out of a JPEG has no bits of its own to compare with the one before.
+            live = head.sources[finger].live and head.lossless
+            preset = self.config.session.preset
+            self._meters[finger] = FrameMeter(baseline, preset, SourceReport(), live=live)
+            self.contacts[finger], self.pixels[finger] = [], []
+        emg = self.calibration.emg
+        if "emg" in head.sources and emg is not None:
+            intent = GraspIntent(
+                emg.rate_hz, emg.maxima, tau=emg.tau, kind=kind, preset=self.config.session.preset
+            )
+            self._muscles = BlockMeter(
+                intent, SourceReport(), rate_hz=emg.rate_hz, tau=emg.tau, live=head.sources["emg"].live
+            )
+
+    def _change(self, head: Head, kind: str) -> Any:
+        """Take over what other settings say of the computation, and note it."""
+        other = load_config(self._other).config
+        if other.calibration.file is not None:
+            self.calibration = load_calibration(other.calibration.file)
+            if self.calibration != head.calibration:
+                self.changed.append(f"calibration: {other.calibration.file.name}")
+        vest = msgspec.structs.replace(other.vest, driver=None, options={})
+        hand = msgspec.structs.replace(other.hand, driver=None, options={})
+        for name, old, new in (
+            ("session.preset", head.config.session.preset, other.session.preset),
+            ("emg.kind", kind, kind if other.emg is None else other.emg.kind),
+            *((f"vest.{f}", getattr(head.config.vest, f), getattr(vest, f)) for f in vest.__struct_fields__),
+            *((f"hand.{f}", getattr(head.config.hand, f), getattr(hand, f)) for f in hand.__struct_fields__),
+        ):
+            if old != new:
+                self.changed.append(f"{name}: {old} -> {new}")
+        session = msgspec.structs.replace(head.config.session, preset=other.session.preset)
+        self.config = msgspec.structs.replace(head.config, session=session, vest=vest, hand=hand)
+        return kind if other.emg is None else other.emg.kind
+
+    def frame(self, finger: str, frame: TactileFrame, pixels_crc32: int) -> None:
+        now = zlib.crc32(frame.image.tobytes())
+        self.pixels[finger].append((frame.t_ns, {"pixels_crc32": pixels_crc32}, {"pixels_crc32": now}))
+        try:
+            contact = self._meters[finger].take(frame)
+        except TegaError:  # a bad picture of a live sensor, dropped then as now
+            return
+        if contact is not None:
+            self.contacts[finger].append(contact)
+
+    def chunk(self, chunk: EmgChunk) -> None:
+        if self._muscles is None:
+            return
+        try:
+            self.blocks += self._muscles.take(chunk)
+        except TegaError:
+            return
+
+
+class _Again(msgspec.Struct):
+    """What the second run gave."""
+
+    contacts: dict[str, list[tuple[int, ContactMetrics, Any]]] = {}
+    levels: list[tuple[int, tuple[int, ...], int]] = []
+    vest: list[tuple[int, str, bytes]] = []
+    vest_sent: list[int] = []
+    hand: list[tuple[int, int, list[Any]]] = []
+    end_ns: int = 0
+
+
+def _run(recorded: Recorded, measured: _Measured) -> _Again:
+    head, config = recorded.head, measured.config
+    again = _Again({finger: [] for finger in recorded.contacts})
+    pacer = _RecordedPacer(recorded)
+    hand = _Hand(recorded, pacer, config.hand.device_id)
+    with_emg = "emg" in head.sources
+    asked = 0
+    on = dict(recorded.haptics)
+    state = True
+
+    def haptics() -> bool:
+        nonlocal asked, state
+        state = on.get(asked, state)
+        asked += 1
+        return state
+
+    kept = []
+    if head.live_vest:
+        sink = _Sink(lambda t_ns, _frame: again.vest_sent.append(t_ns))
+        vest = config.vest
+        kept.append(
+            KeepAlive(
+                sink,  # type: ignore[arg-type]
+                keep_alive_ns=round(vest.keep_alive_s * 1e9),
+                period_ns=round(1e9 / vest.rate_hz),
+            )
+        )
+
+    def vest_frame(t_ns: int, frame: VestFrame) -> None:
+        again.vest.append((t_ns, frame.layout, frame.intensities.tobytes()))
+
+    def can_frames(t_ns: int, frames: Sequence[CanFrame]) -> None:
+        again.hand.append((t_ns, hand.level, list(frames)))
+
+    contacts = {
+        finger: _TakenStream(_contact_items(recorded, measured, finger), pacer, recorded)
+        for finger in recorded.contacts
+    }
+    levels = _TakenStream(_level_items(recorded, measured), pacer, recorded) if with_emg else None
+    loop = DualLoop(
+        pacer=pacer,
+        touch=touch_loop(config, measured.calibration, recorded.contacts),
+        contacts=contacts,
+        levels=levels,
+        hand=hand,
+        vests=[_Sink(vest_frame)],
+        hands=[_Sink(can_frames)],
+        recorder=_Keeper(again),
+        kept=kept,
+        vest_rate_hz=config.vest.rate_hz,
+        observer=(lambda _view: None) if head.facts["observed"] == "true" else None,
+        haptics=haptics,
+    )
+    ended = "" if recorded.end is None else recorded.end[1]
+    duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None
+    report: LoopReport = loop.run(duration_ns=duration_ns, stop=pacer.over)
+    again.end_ns = report.end_ns
+    return again
+
+
+def _contact_items(recorded: Recorded, measured: _Measured, finger: str) -> list[tuple[int, Contact]]:
+    """Pair every frame the loop took in with what is measured in it now."""
+    if not recorded.head.lossless:
+        return [(taken, (t_ns, metrics)) for t_ns, taken, metrics, _ in recorded.contacts[finger]]
+    again = dict(measured.contacts[finger])
+    taken = [(taken, t_ns) for t_ns, taken, _, _ in recorded.contacts[finger]]
+    return [(at, (t_ns, again[t_ns])) for at, t_ns in taken if t_ns in again]
+
+
+def _level_items(recorded: Recorded, measured: _Measured) -> list[tuple[int, Block]]:
+    """Pair every block that the loop took in with what the samples say now."""
+    items, blocks = [], iter(measured.blocks)
+    for t_ns, taken, _, _ in recorded.levels:
+        for block in blocks:  # those between were lost on the way to the loop
+            if block[0] == t_ns:
+                items.append((taken, block))
+                break
+    return items
+
+
+class _TakenStream(Generic[Item]):
+    """A stream that gives its items at the ticks at which they were taken in.
+
+    Where every source had ended, it ends with the last tick of the run.
+    """
+
+    def __init__(self, items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> None:
+        self._items = items
+        self._next = 0
+        self._pacer = pacer
+        end_ns, ended, _ = recorded.end or (0, "", 0)
+        self._completes = ended == "complete"
+        self.end_ns = end_ns
+        self.ended = False
+        self.due_ns = 0
+
+    def next_until(self, t_ns: int) -> Item | None:  # noqa: ARG002  # the tick says more than the time
+        self.ended = self._completes and self._pacer.over()
+        if self._next >= len(self._items) or self._items[self._next][0] > self._pacer.tick_ns:
+            return None
+        item = self._items[self._next][1]
+        self._next += 1
+        return item
+
+    def close(self) -> None:
+        self._next = len(self._items)
+
+
+class _RecordedPacer(Pacer):
+    """Leaves out the deadlines that were left out, and knows when the run was over."""
+
+    def __init__(self, recorded: Recorded) -> None:
+        super().__init__(ManualClock())
+        self._skipped = recorded.skipped
+        self._last_ns = recorded.last_tick_ns
+        self._n_most = None if recorded.end is None else recorded.end[2]
+        self.tick_ns = -1
+        self.n_waits = 0
+
+    def wait(self, t_ns: int) -> bool:
+        self.tick_ns = t_ns
+        self.n_waits += 1
+        return t_ns not in self._skipped
+
+    def over(self) -> bool:
+        if self._n_most is None:
+            return self.tick_ns >= self._last_ns and self.n_waits > 0
+        return self.n_waits >= self._n_most
+
+
+class _Hand:
+    """The modelled hand; where a real one closed its own loop, only the levels it was asked for."""
+
+    def __init__(self, recorded: Recorded, pacer: _RecordedPacer, device_id: int) -> None:
+        self._model = ModelledAllegro(device_id=device_id)
+        self._steered = recorded.head.facts["steered"] == "true"
+        self._pacer = pacer
+        self._imposed = dict(recorded.imposed)
+        self._level = self.level = 0
+
+    @property
+    def angles_rad(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        return self._model.angles_rad
+
+    def step(self, level: int) -> Sequence[CanFrame]:
+        self._level = self._imposed.get(self._pacer.tick_ns, self._level)
+        self.level = self._level or level
+        return [] if self._steered else self._model.step(self.level)
+
+    def limp(self) -> Sequence[CanFrame]:
+        self.level = 0
+        return [] if self._steered else self._model.limp()
+
+
+class _Sink:
+    def __init__(self, tell: Callable[[int, Any], None]) -> None:
+        self._tell = tell
+
+    def write(self, t_ns: int, sent: Any, /) -> object:
+        self._tell(t_ns, sent)
+        return sent
+
+
+class _Keeper:
+    def __init__(self, again: _Again) -> None:
+        self._again = again
+
+    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
+        self._again.contacts[finger].append((t_ns, metrics, felt))
+
+    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+        self._again.levels.append((t_ns, tuple(channels), fused))
+
+
+def _compare_pixels(measured: _Measured) -> list[Comparison]:
+    """Tell pictures whose pixels are not those that were taken, whether or not they change what is felt."""
+    return [
+        compare(f"/tactile/{finger}/image", [(t, a) for t, a, _ in rows], [(t, b) for t, _, b in rows])
+        for finger, rows in measured.pixels.items()
+    ]
+
+
+def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comparison]:
+    streams = []
+    for finger, contacts in recorded.contacts.items():
+        ours = [(t, _contact_row(m, f)) for t, _, m, f in contacts]
+        theirs = [(t, _contact_row(m, f)) for t, m, f in again.contacts[finger]]
+        streams.append(compare(f"/tactile/{finger}/contact", ours, theirs, until_ns=cut_ns))
+    if "emg" in recorded.head.sources:
+        ours = [(t, {"channels": c, "fused": f}) for t, _, c, f in recorded.levels]
+        theirs = [(t, {"channels": c, "fused": f}) for t, c, f in again.levels]
+        streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
+    streams.append(compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(again.vest), until_ns=cut_ns))
+    if recorded.head.live_vest:
+        ours = [(t, {"sent": True}) for t in recorded.vest_sent]
+        theirs = [(t, {"sent": True}) for t in again.vest_sent]
+        streams.append(compare("/vest/sent", ours, theirs, until_ns=cut_ns))
+    if "emg" in recorded.head.sources:
+        steered = recorded.head.facts["steered"] == "true"
+        ours, theirs = (
+            [
+                (t, {"level": level} | ({} if steered else {"frames": _hex(frames)}))
+                for t, level, frames in rows
+            ]
+            for rows in (recorded.hand, again.hand)
+        )
+        streams.append(compare("/hand/frames", ours, theirs, until_ns=cut_ns))
+    return streams
+
+
+def _contact_row(metrics: ContactMetrics, felt: Felt) -> dict[str, Any]:
+    row = metrics._asdict() | felt._asdict()
+    x, y = row.pop("centroid_xy")
+    return row | {"centroid_x": x, "centroid_y": y}
+
+
+def _vest_rows(rows: Sequence[tuple[int, str, bytes]]) -> list[tuple[int, dict[str, Any]]]:
+    return [(t, {"layout": layout, "intensities": list(levels)}) for t, layout, levels in rows]
+
+
+def _hex(frames: Sequence[CanFrame]) -> str:
+    return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)
+
+
+def _picture_errors(recorded: Recorded, measured: _Measured) -> list[PictureError]:
+    errors = []
+    for finger, contacts in recorded.contacts.items():
+        again = dict(measured.contacts[finger])
+        pairs = [(m, again[t]) for t, _, m, _ in contacts if t in again]
+        eda = np.array([float(abs(a.eda - b.eda)) for a, b in pairs] or [0.0])
+        cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0])
+        changed = sum(a.in_contact != b.in_contact for a, b in pairs)
+        errors.append(
+            PictureError(
+                finger,
+                len(pairs),
+                changed,
+                eda.mean().item(),
+                eda.max().item(),
+                cci.mean().item(),
+                cci.max().item(),
+            )
+        )
+    return errors

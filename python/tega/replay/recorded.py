@@ -1,0 +1,249 @@
+"""A recording as the loop needs it: what came in and when it was taken in, what went out."""
+
+from __future__ import annotations
+
+import io
+import json
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.calibration.store import Calibration, parse_calibration
+from tega.config import SessionConfig, check_tree
+from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
+from tega.errors import RecordingError
+from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.tap import FORMAT
+from tega.tactile import ContactMetrics
+from tega.teleop.touch import Felt
+from tega.wire import CanFrame
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Head", "Recorded", "read_recorded"]
+
+Taken = tuple[int, int, ContactMetrics, Felt]
+"""Stamp, the tick it was taken in at, what was measured, what it means to the wearer."""
+
+
+class Head(msgspec.Struct, frozen=True):
+    """What is known before the first message.
+
+    Attributes:
+        config: The settings of the run, without its devices.
+        tree: The same as it stands in the file, devices and all.
+        calibration: Its maxima.
+        baselines: Untouched pictures, by finger, uint8 (H, W, 3).
+        sources: What the inputs said of themselves.
+        facts: Format, times, and what was live.
+        files: Whatever else is attached.
+    """
+
+    config: SessionConfig
+    tree: dict[str, Any]
+    calibration: Calibration
+    baselines: dict[str, Any]
+    sources: dict[str, DeviceInfo]
+    facts: dict[str, str]
+    files: dict[str, bytes]
+
+    @property
+    def lossless(self) -> bool:
+        """Whether the pictures are as they were."""
+        return self.facts["lossless"] == "true"
+
+    @property
+    def live_vest(self) -> bool:
+        """Whether a real vest was worn, which is told only what changes."""
+        return self.facts["live_vest"] == "true"
+
+
+class Recorded(msgspec.Struct):
+    """What a recording says, pictures and samples left out.
+
+    Attributes:
+        head: What is known before the first message.
+        contacts: By finger, in order.
+        levels: Stamp, tick, levels of the channels, fused.
+        vest: Frames of the loop: time, layout, intensities.
+        vest_sent: Times at which a real vest was sent one.
+        hand: Per tick: time, level asked for, frames.
+        exchanges: What a real hand was told and said, in order, as recorded.
+        skipped: Deadlines that the loop left out.
+        haptics: When the motors were switched off or on: which asking, whether on.
+        imposed: When a level was set against the muscles: time, level (0 for no longer).
+        end: How the loop ended; ``None`` where the recording was cut.
+        dropped: Records lost, by topic.
+        complete: Whether the file was finished, or else recovered or cut.
+        n_frames: Pictures, by finger.
+    """
+
+    head: Head
+    contacts: dict[str, list[Taken]]
+    levels: list[tuple[int, int, tuple[int, ...], int]] = []
+    vest: list[tuple[int, str, bytes]] = []
+    vest_sent: list[int] = []
+    hand: list[tuple[int, int, list[CanFrame]]] = []
+    exchanges: list[Any] = []
+    skipped: set[int] = set()
+    haptics: list[tuple[int, bool]] = []
+    imposed: list[tuple[int, int]] = []
+    end: tuple[int, str, int] | None = None
+    dropped: dict[str, int] = {}
+    complete: bool = False
+    n_frames: dict[str, int] = {}
+
+    @property
+    def last_tick_ns(self) -> int:
+        """The newest tick that anything tells of."""
+        ticks = [taken[1] for contacts in self.contacts.values() for taken in contacts[-1:]]
+        ticks += [row[1] for row in self.levels[-1:]]
+        ticks += [row[0] for rows in (self.vest, self.hand) for row in rows[-1:]]
+        return max(ticks, default=0)
+
+
+def read_recorded(
+    path: Path,
+    *,
+    begin: Callable[[Head], None] = lambda _head: None,
+    frame: Callable[[str, TactileFrame, int], None] = lambda _finger, _frame, _crc32: None,
+    chunk: Callable[[EmgChunk], None] = lambda _chunk: None,
+) -> Recorded:
+    """Read a recording.
+
+    Args:
+        path: The file.
+        begin: Given what is known before the first message.
+        frame: Given every picture, one at a time (all together they do not fit into memory), and the checksum that its
+            pixels had when they were taken.
+        chunk: Given the EMG samples as they came.
+
+    Raises:
+        RecordingError: It is no recording of a session, or cut before anything was known.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    reader = McapReader(path)
+    pictures: dict[str, Message] = {}
+    recorded: Recorded | None = None
+    for message in reader.messages():
+        if recorded is None:
+            head = _head(reader)
+            recorded = Recorded(head, {finger: [] for finger in head.baselines})
+            begin(head)
+        value, topic = message.value, message.topic
+        match message.schema:
+            case "foxglove.RawImage" | "foxglove.CompressedImage":
+                pictures[topic.split("/")[2]] = message
+            case "tega.Frame":
+                finger = topic.split("/")[2]
+                picture = pictures.pop(finger, None)
+                if picture is not None:
+                    image = _image(picture)
+                    numbered = TactileFrame(value.t_ns, value.seq, image, value.name)
+                    frame(finger, numbered, value.pixels_crc32)
+                    recorded.n_frames[finger] = recorded.n_frames.get(finger, 0) + 1
+            case "tega.EmgSamples":
+                samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
+                chunk(EmgChunk(value.t_ns, value.first_index, samples))
+            case _:
+                _keep(recorded, message)
+    if recorded is None:
+        _head(reader)
+        raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
+    recorded.complete = not reader.cut and "end" in reader.metadata
+    for topic, count in reader.metadata.get("dropped", {}).items():
+        recorded.dropped[topic] = int(count)
+    return recorded
+
+
+def _keep(recorded: Recorded, message: Message) -> None:
+    value = message.value
+    match message.schema:
+        case "tega.Contact":
+            metrics = ContactMetrics(
+                mass=value.mass,
+                centroid_xy=(value.centroid_x, value.centroid_y),
+                spread=value.spread,
+                threshold=value.threshold,
+                eda=value.eda,
+                cci=value.cci,
+                peak=value.peak,
+                peak_xy=(value.peak_x, value.peak_y),
+                in_contact=value.in_contact,
+            )
+            felt = Felt(value.cci_norm, value.eda_norm, value.front, value.back)
+            finger = message.topic.split("/")[2]
+            recorded.contacts[finger].append((value.t_ns, value.taken_ns, metrics, felt))
+        case "tega.Levels":
+            recorded.levels.append((value.t_ns, value.taken_ns, tuple(value.channels), value.fused))
+        case "tega.VestFrame" if message.topic == "/vest/frame":
+            recorded.vest.append((value.t_ns, value.layout, bytes(value.intensities)))
+        case "tega.VestFrame":
+            recorded.vest_sent.append(value.t_ns)
+        case "tega.CanFrames":
+            frames = [CanFrame(f.id, f.data, f.remote) for f in value.frames]
+            recorded.hand.append((value.t_ns, value.level, frames))
+        case "tega.HandExchange":
+            recorded.exchanges.append(value)
+        case "tega.Skip":
+            recorded.skipped.add(value.t_ns)
+        case "tega.Haptics":
+            recorded.haptics.append((value.n_asked, value.on))
+        case "tega.Imposed":
+            recorded.imposed.append((value.t_ns, value.level))
+        case "tega.End":
+            recorded.end = (value.end_ns, value.ended, value.n_waits)
+        case "tega.Status":
+            recorded.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
+        case _:
+            pass
+
+
+def _image(message: Message) -> NDArray[np.uint8]:
+    value = message.value
+    if message.schema == "foxglove.RawImage":
+        return np.frombuffer(value.data, np.uint8).reshape(value.height, value.width, 3)
+    from tega.devices.opencv import load_cv2
+
+    cv2 = load_cv2("replay")
+    decoded: NDArray[np.uint8] = cv2.imdecode(np.frombuffer(value.data, np.uint8), cv2.IMREAD_COLOR)
+    return decoded
+
+
+def _head(reader: McapReader) -> Head:
+    facts = reader.metadata.get("tega", {})
+    if facts.get("format") != FORMAT:
+        raise RecordingError(
+            f"{reader.path.name}: no recording of a session", "name a file made with --record"
+        )
+    try:
+        tree = tomllib.loads(reader.files["session.toml"].decode())
+        calibration = parse_calibration(reader.files["calibration.toml"].decode(), "calibration.toml")
+        baselines = {
+            name.removeprefix("baseline-").removesuffix(".npy"): np.load(io.BytesIO(data))
+            for name, data in reader.files.items()
+            if name.startswith("baseline-")
+        }
+        sources = {
+            name: msgspec.convert(json.loads(text), DeviceInfo)
+            for name, text in reader.metadata["sources"].items()
+        }
+    except (KeyError, ValueError) as error:
+        raise RecordingError(
+            f"{reader.path.name}: its head is damaged: {error}", "read it with the public mcap reader"
+        ) from error
+    return Head(without_devices(tree), tree, calibration, baselines, sources, facts, dict(reader.files))
+
+
+def without_devices(tree: dict[str, Any]) -> SessionConfig:
+    """Check settings without the devices they name, which need not be installed to replay what they gave."""
+    kept: dict[str, Any] = {"session": {k: v for k, v in tree.get("session", {}).items() if k != "out_dir"}}
+    for name in ("vest", "hand"):
+        section = tree.get(name, {})
+        kept[name] = {k: v for k, v in section.items() if k not in {"driver", "options"}}
+    return check_tree(kept, {}, base=Path.cwd()).config

@@ -1,0 +1,261 @@
+"""Watches a run from inside its loop: what is lost, stale, slow or late, and what state that means."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from tega.safety.settings import SafetySection
+from tega.safety.states import RunStates, State, Transition
+
+if TYPE_CHECKING:
+    from tega.teleop.sources import SourceReport
+
+__all__ = ["Guard", "Watched"]
+
+# Looked at this often, and less where nothing is live; a loop that is late, always.
+_LOOK_NS = 10_000_000
+_LOOK_AT_RECORDINGS_NS = 100_000_000
+# Rates are counted over the last second, from half a second on.
+_WINDOW_NS = 1_000_000_000
+_FIRST_WINDOW_NS = 400_000_000
+_COUNT_NS = 100_000_000
+# Pictures of a finger older than this are not shown either; see tega.teleop.touch.
+_STALE_PICTURE_NS = 100_000_000
+# The hand's most open pose.
+_OPEN = 1
+_KEPT_CHANGES = 1000
+_NUMBERS = re.compile(r"[\d.]+")
+
+
+class Watched(NamedTuple):
+    """A live stream that the run needs.
+
+    Attributes:
+        name: ``emg`` or the finger.
+        kind: What it is.
+        rate_hz: Blocks or pictures a second; ``None`` where that is not known.
+        report: What has become of it.
+    """
+
+    name: str
+    kind: Literal["tactile", "emg"]
+    rate_hz: float | None
+    report: SourceReport
+
+
+class Guard:
+    """Decides what the loop may do.
+
+    Args:
+        settings: The policies.
+        streams: The live streams that are needed; recordings need no guard.
+        vests: Tells of each live vest, by name, whether it can be reached.
+        calibration: Returns why what is there cannot be used, ``""`` when it can.
+        go: Whether an armed run may become active.
+        alerts: What else to tell without changing the state, by name: each returns it, ``""`` for nothing.
+
+    Attributes:
+        observers: Told of every change of state, in the loop's thread.
+        alert_observers: Told of every alert that begins, and with ``""`` of every one that ends.
+        changes: The changes so far, the newest 1000.
+        alerts: What is wrong now and does not change the state, by name.
+    """
+
+    def __init__(
+        self,
+        settings: SafetySection | None = None,
+        *,
+        streams: Sequence[Watched] = (),
+        vests: Mapping[str, Callable[[], bool]] = {},
+        calibration: Callable[[], str] = lambda: "",
+        go: Callable[[], bool] = lambda: True,
+        alerts: Mapping[str, Callable[[], str]] = {},
+    ) -> None:
+        self._settings = settings or SafetySection()
+        s = self._settings
+        self._streams, self._vests = list(streams), dict(vests)
+        self._calibration, self._go = calibration, go
+        self._alerts = dict(alerts)
+        self._alerted: dict[str, str] = {}
+        live = bool(streams or vests)
+        self.observers: list[Callable[[Transition], None]] = []
+        self.alert_observers: list[Callable[[str, str], None]] = []
+        self.changes: deque[Transition] = deque(maxlen=_KEPT_CHANGES)
+        self.alerts: dict[str, str] = {}
+        self._states = RunStates(
+            settle_ns=round(s.settle_ms * 1e6) if live else 0,
+            give_up_ns=round(s.hold_ms * 1e6) if s.then == "open" else None,
+            on_change=self._changed,
+        )
+        self._late_ns = round(s.late_ms * 1e6)
+        self._next_ns = 0
+        self._look_ns = _LOOK_NS if live else _LOOK_AT_RECORDINGS_NS
+        self._level = _OPEN
+        self._counted: deque[tuple[int, dict[str, int]]] = deque()
+        self.n_held = 0
+        """Hand ticks on which the level of the muscles was not passed on."""
+
+    @property
+    def state(self) -> State:
+        """The state now."""
+        return self._states.state
+
+    @property
+    def reason(self) -> str:
+        """Why it is so."""
+        return self._states.reason
+
+    @property
+    def felt(self) -> bool:
+        """Whether the vest may show touch."""
+        return self._states.state in {"active", "hold"}
+
+    def level(self, wanted: int) -> int:
+        """Return the closure level that the hand is to be told.
+
+        Args:
+            wanted: The muscles' level, 1 to 5.
+
+        Returns:
+            It while active, the last one in hold, else the open hand's.
+        """
+        state = self._states.state
+        if state == "active":
+            self._level = wanted
+        elif state != "hold":
+            self._level = _OPEN
+        self.n_held += self._level != wanted
+        return self._level
+
+    def alert(self, name: str, said: str) -> None:
+        """Tell what is wrong without changing the state; ``""`` takes it back."""
+        if said == self.alerts.get(name, ""):
+            return
+        # Numbers in it, such as how long a signal is missing, go on changing; that is no news.
+        news = _NUMBERS.sub("", said) != _NUMBERS.sub("", self.alerts.get(name, ""))
+        if said:
+            self.alerts[name] = self._alerted[name] = said
+        else:
+            del self.alerts[name]
+        if news:
+            for observer in self.alert_observers:
+                observer(name, said)
+
+    def due(self, t_ns: int, late_ns: int) -> bool:
+        """Tell whether it is time to look again: soon after the last time, at once if the loop is late."""
+        return t_ns >= self._next_ns or self._too_late(late_ns)
+
+    def look(
+        self,
+        t_ns: int,
+        *,
+        late_ns: int,
+        stamps: Mapping[str, int],
+        counts: Mapping[str, int],
+        good_emg: bool = True,
+        released: str = "",
+    ) -> None:
+        """Look at everything.
+
+        Args:
+            t_ns: Time since the start of the session.
+            late_ns: How late the loop is.
+            stamps: Time of the newest item of each stream that has given one.
+            counts: Items of each stream so far.
+            good_emg: Whether any channel of the newest block is to be believed.
+            released: Why the dead-man does not count as held; ``""`` while it is, or where there is none.
+        """
+        late = self._too_late(late_ns)
+        self._next_ns = t_ns + self._look_ns
+        self._count(t_ns, counts)
+        s = self._settings
+        wrong: dict[str, str] = {}
+        holding: dict[str, str] = {}
+        if said := self._calibration():
+            wrong["calibration"] = said
+        for stream in self._streams:
+            if said := self._missing(stream, t_ns, stamps.get(stream.name), good_emg=good_emg):
+                wrong[stream.name] = said
+                if stream.kind == "emg" or s.tactile_lost == "hold":
+                    holding[stream.name] = said
+            elif said := self._slow(stream):
+                wrong[stream.name] = said
+        for name, reached in self._vests.items():
+            if not reached():
+                wrong[name] = f"{name}: not reached, so touch is not felt"
+                if s.vest_lost == "hold":
+                    holding[name] = wrong[name]
+        if released:
+            holding["dead_man"] = released
+        if late:
+            holding["loop"] = f"the loop was {late_ns / 1e6:.0f} ms late"
+        for name in [stream.name for stream in self._streams] + list(self._vests):
+            self.alert(name, wrong.get(name, ""))
+        for name, tells in self._alerts.items():
+            self.alert(name, tells())
+        self._states.look(t_ns, wrong=wrong, holding=holding, go=self._go())
+
+    def stop(self, t_ns: int, reason: str) -> None:
+        """End the run."""
+        self._states.stop(t_ns, reason)
+
+    def summary(self) -> dict[str, Any]:
+        """Sum up: every change of state, hand ticks that were not the muscles' own, the last alert of each name."""
+        return {
+            "changes": [
+                {"t_s": change.t_ns / 1e9, "state": change.state, "reason": change.reason}
+                for change in self.changes
+            ],
+            "held_ticks": self.n_held,
+            "alerts": list(self._alerted.values()),
+        }
+
+    def _too_late(self, late_ns: int) -> bool:
+        # A run on recordings has nobody to be late for.
+        return late_ns > self._late_ns and bool(self._streams or self._vests)
+
+    def _changed(self, change: Transition) -> None:
+        self.changes.append(change)
+        for observer in self.observers:
+            observer(change)
+
+    def _missing(self, stream: Watched, t_ns: int, stamp_ns: int | None, *, good_emg: bool) -> str:
+        name, lost = stream.name, stream.report.lost
+        what = "signal" if stream.kind == "emg" else "picture"
+        if stamp_ns is None:
+            return f"{name}: {lost or f'no {what} yet'}"
+        stale_ns = _STALE_PICTURE_NS
+        if stream.kind == "emg":
+            period_ns = 0 if stream.rate_hz is None else round(1e9 / stream.rate_hz)
+            stale_ns = period_ns + round(self._settings.emg_lost_ms * 1e6)
+        age_ns = t_ns - stamp_ns
+        if age_ns > stale_ns:
+            return f"{name}: lost: {lost}" if lost else f"{name}: no {what} for {age_ns / 1e9:.1f} s"
+        if stream.kind == "emg" and not good_emg:
+            return f"{name}: no channel can be believed"
+        return ""
+
+    def _count(self, t_ns: int, counts: Mapping[str, int]) -> None:
+        counted = self._counted
+        if not counted or t_ns - counted[-1][0] >= _COUNT_NS:
+            counted.append((t_ns, dict(counts)))
+            while len(counted) > 2 and t_ns - counted[1][0] >= _WINDOW_NS:
+                counted.popleft()
+
+    def _slow(self, stream: Watched) -> str:
+        """Say that a stream comes at too low a rate, or that this is not known yet."""
+        share = self._settings.lowest_rate_share
+        if stream.rate_hz is None or share == 0:
+            return ""
+        (first_ns, first), (last_ns, last) = self._counted[0], self._counted[-1]
+        n = last.get(stream.name, 0) - first.get(stream.name, 0)
+        # Of a slow stream, such as blocks of EMG, the window has to hold a few.
+        if last_ns - first_ns < max(_FIRST_WINDOW_NS, 4e9 / stream.rate_hz / 2):
+            return f"{stream.name}: its rate is being measured"
+        rate_hz = n * 1e9 / (last_ns - first_ns)
+        if rate_hz >= share * stream.rate_hz:
+            return ""
+        return f"{stream.name}: {rate_hz:.1f} a second come, {stream.rate_hz:g} are expected"

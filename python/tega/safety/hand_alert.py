@@ -1,0 +1,67 @@
+"""Tells what a hand that is steered suffers from while it can still be steered, or may come back."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from tega.errors import DeviceUnavailableError
+
+if TYPE_CHECKING:
+    from tega.devices.allegro import Allegro
+
+__all__ = ["HandAlert"]
+
+_LOOK_S = 0.1
+_TOLD_S = 1.0
+# So many in a tenth of a second are a fault, and not a frame that a busy machine lost.
+_MANY = 3
+_WORDS = {
+    "jumps": "joints jump; those angles are not used",
+    "incomplete": "positions of a finger are missing",
+    "malformed": "messages have a wrong length",
+    "unknown": "unknown messages are on its bus",
+    "copies": "frames come twice",
+    "late": "its positions come late",
+}
+
+
+class HandAlert:
+    """Looks at a hand's own counts.
+
+    Args:
+        hand: The driver, open.
+    """
+
+    def __init__(self, hand: Allegro) -> None:
+        self._hand = hand
+        self._next_s = self._until_s = 0.0
+        self._counts: dict[str, int] = {}
+        self._said = ""
+
+    def __call__(self) -> str:
+        """Return what is wrong, for at least a second; ``""`` for nothing."""
+        now_s = time.monotonic()
+        if now_s < self._next_s:
+            return self._said
+        self._next_s = now_s + _LOOK_S
+        if said := self._look():
+            self._said, self._until_s = said, now_s + _TOLD_S
+        elif now_s >= self._until_s:
+            self._said = ""
+        return self._said
+
+    def _look(self) -> str:
+        try:
+            state = self._hand.state()
+        except DeviceUnavailableError:
+            return ""
+        if state.phase in {"silent", "listening", "identifying", "checking"}:
+            return "hand: silent, so its motors are off; it is looked for again"
+        counts = {name: getattr(state.counts, name) for name in _WORDS} | {"garbled": self._hand.n_garbled}
+        before, self._counts = self._counts, counts
+        more = {name: n - before.get(name, n) for name, n in counts.items()}
+        name = max(more, key=lambda name: more[name])
+        if more[name] < _MANY:
+            return ""
+        return f"hand: {_WORDS.get(name, 'its adapter sends noise')}"

@@ -1,0 +1,102 @@
+"""How much a vest's motors may vibrate: a ceiling on each, the heat of each, and the dose at its place on the skin.
+
+For a motor at share d of full drive (0 to 1):
+
+- heat: θ' = (d² - θ)/τ, θ being the case's temperature rise as a share of what full drive gives in the end. At most
+  ``heat_share`` is allowed: d² ≤ H + 5 (H - θ), so full drive from cold, then down to the drive that keeps H for ever;
+- dose: D = ∫ d² dt, in seconds of full drive. Above 80 % of the budget B the motor's ceiling sinks in proportion to
+  what is left, and is 0 at B: d ≤ (B - D)/(0.2 B).
+
+Neither can be passed, whatever is asked for. The numbers' origin is in docs/safety.md; none was measured on a vest.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["DOSE_S", "HEAT_SHARE", "HEAT_TAU_S", "MotorBudget"]
+
+HEAT_TAU_S: Final = 60.0
+"""Time constant of a coin motor's case in cloth, seconds."""
+
+HEAT_SHARE: Final = 0.5
+"""Allowed share of the temperature rise that full drive gives in the end: 10 of 20 K."""
+
+DOSE_S: Final = 1800.0
+"""Allowed seconds of full drive of one motor, for as long as its driver lives."""
+
+_EASE: Final = 5.0
+_TAPER: Final = 0.2
+_LONGEST_S: Final = 1.0
+
+
+class MotorBudget:
+    """Keeps 40 motors within their limits.
+
+    Args:
+        limit: The highest intensity, percent.
+        heat_share: See above.
+        dose_s: See above.
+
+    Attributes:
+        heat: θ of each motor, float64 (40,).
+        dose_s: D of each motor, float64 (40,), seconds of full drive.
+        n_lowered: Frames in which heat or dose took something off a motor.
+    """
+
+    def __init__(self, *, limit: int = 100, heat_share: float = HEAT_SHARE, dose_s: float = DOSE_S) -> None:
+        self._limit = min(limit, 100)
+        self._heat_share = heat_share
+        self._budget_s = dose_s
+        self._shown = np.zeros(40)
+        self._t_ns: int | None = None
+        self.heat = np.zeros(40)
+        self.dose_s = np.zeros(40)
+        self.n_lowered = 0
+
+    def allow(self, t_ns: int, wanted: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return what may be shown from now on.
+
+        Args:
+            t_ns: Now, on a clock that never goes back.
+            wanted: uint8 (40,), percent, in the wearer's order.
+
+        Returns:
+            uint8 (40,), nowhere above ``wanted``.
+        """
+        self._pass(t_ns)
+        squared = self._heat_share + _EASE * (self._heat_share - self.heat)
+        share = np.minimum(
+            np.sqrt(np.clip(squared, 0.0, 1.0)), (self._budget_s - self.dose_s) / (_TAPER * self._budget_s)
+        )
+        # Rounded down: a ceiling that is rounded up is none.
+        ceiling = np.floor(100.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
+        limited = np.minimum(wanted, np.uint8(self._limit))
+        allowed = np.minimum(limited, ceiling)
+        self.n_lowered += bool((allowed < limited).any())
+        self._shown = allowed / 100.0
+        return allowed
+
+    def words(self) -> tuple[str, ...]:
+        """Say what a reader of the results must know of it."""
+        if not self.n_lowered:
+            return ()
+        tired = int((self.dose_s > (1 - _TAPER) * self._budget_s).sum())
+        why = f"the vibration dose of {tired} motors is nearly used up" if tired else "motors were warm"
+        return (f"intensity was lowered in {self.n_lowered} frames: {why}",)
+
+    def _pass(self, t_ns: int) -> None:
+        """Let what was shown work until now, in steps short enough for the taper to hold."""
+        left_s = 0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)
+        self._t_ns = t_ns if self._t_ns is None else max(t_ns, self._t_ns)
+        power = self._shown**2
+        # A vest that hears nothing for longer falls silent by itself.
+        driven_s = min(left_s, _LONGEST_S)
+        self.heat = power + (self.heat - power) * np.exp(-driven_s / HEAT_TAU_S)
+        self.heat *= np.exp(-(left_s - driven_s) / HEAT_TAU_S)
+        self.dose_s += power * driven_s

@@ -1,0 +1,125 @@
+"""The states of a run, as a machine without a clock, a device or a thread.
+
+=========  ===================================================  ======================================
+state      hand and vest                                        left for
+=========  ===================================================  ======================================
+idle       the hand opens, the vest rests                       armed, when nothing keeps from arming
+armed      likewise                                             active when told to go; else back to idle
+active     the muscles steer the hand, touch is felt            hold, when something is lost
+hold       the hand keeps its level, touch is felt              active, when all is back; idle in the end
+stopped    the hand is without force, the vest rests            never
+=========  ===================================================  ======================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final, Literal, NamedTuple, get_args
+
+__all__ = ["STATES", "RunStates", "State", "Transition"]
+
+State = Literal["idle", "armed", "active", "hold", "stopped"]
+
+STATES: Final[tuple[State, ...]] = get_args(State)
+"""All states, in the order in which a run without trouble goes through them."""
+
+
+class Transition(NamedTuple):
+    """A change of state.
+
+    Attributes:
+        t_ns: When, counted from the start of the session.
+        state: The new state.
+        reason: Why, in words for the experimenter.
+    """
+
+    t_ns: int
+    state: State
+    reason: str
+
+
+class RunStates:
+    """The machine: it is shown what is wrong, and says what state that means.
+
+    Args:
+        settle_ns: So long nothing may be wrong before the run arms, or goes on after a hold.
+        give_up_ns: After so long in hold the run falls back to idle; ``None`` to hold for ever.
+        on_change: Told of every transition, in the caller's thread.
+
+    Attributes:
+        state: The state now.
+        reason: Why it is so.
+        since_ns: Since when.
+
+    Example:
+        >>> run = RunStates(settle_ns=0, give_up_ns=None)
+        >>> run.look(0, wrong={"emg": "emg: no signal yet"}), run.look(1, wrong={}), run.reason
+        ('idle', 'active', 'all is there')
+    """
+
+    def __init__(
+        self,
+        *,
+        settle_ns: int,
+        give_up_ns: int | None,
+        on_change: Callable[[Transition], None] = lambda _change: None,
+    ) -> None:
+        self._settle_ns = settle_ns
+        self._give_up_ns = give_up_ns
+        self._on_change = on_change
+        self._clear_ns: int | None = None
+        self.state: State = "idle"
+        self.reason = "not looked yet"
+        self.since_ns = 0
+
+    def look(
+        self, t_ns: int, *, wrong: Mapping[str, str], holding: Mapping[str, str] = {}, go: bool = True
+    ) -> State:
+        """Take in what is wrong now.
+
+        Args:
+            t_ns: Time since the start of the session; never less than before.
+            wrong: What keeps the run from becoming active, by name, each with its reason.
+            holding: What an active run cannot go on with; counted to ``wrong`` as well.
+            go: Whether an armed run may become active.
+
+        Returns:
+            The state.
+        """
+        every = {**wrong, **holding}
+        if every:
+            self._clear_ns = None
+        elif self._clear_ns is None:
+            self._clear_ns = t_ns
+        clear = self._clear_ns is not None and t_ns - self._clear_ns >= self._settle_ns
+        if self.state == "idle" and not clear and self.reason != (said := _said(every)):
+            self.reason = said
+        if self.state == "armed" and every:
+            self._enter(t_ns, "idle", _said(every))
+        elif self.state == "active" and holding:
+            self._enter(t_ns, "hold", _said(holding))
+        elif self.state == "hold" and not clear:
+            if holding:
+                self.reason = _said(holding)
+            if self._give_up_ns is not None and t_ns - self.since_ns >= self._give_up_ns:
+                self._enter(t_ns, "idle", f"{_said(every)}; held for {self._give_up_ns / 1e9:g} s")
+        elif self.state == "hold":
+            self._enter(t_ns, "active", "all is there again")
+        if self.state == "idle" and clear:
+            self._enter(t_ns, "armed", "all is there")
+        if self.state == "armed" and go:
+            self._enter(t_ns, "active", self.reason)
+        return self.state
+
+    def stop(self, t_ns: int, reason: str) -> None:
+        """End the run, whatever its state; a second time changes nothing."""
+        if self.state != "stopped":
+            self._enter(t_ns, "stopped", reason)
+
+    def _enter(self, t_ns: int, state: State, reason: str) -> None:
+        self.state, self.reason, self.since_ns = state, reason, t_ns
+        self._on_change(Transition(t_ns, state, reason))
+
+
+def _said(wrong: Mapping[str, str]) -> str:
+    return "; ".join(wrong.values()) or "waiting a moment to be sure"

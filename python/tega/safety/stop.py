@@ -1,0 +1,48 @@
+"""The wish to stop, from wherever it comes, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+__all__ = ["Stop"]
+
+
+class Stop:
+    """Asked all the time by a run whether to end; whoever wants that says so here, with a reason.
+
+    Attributes:
+        asked: Whether somebody has asked.
+        reason: Who asked first, such as ``Ctrl-C``.
+
+    Example:
+        >>> stop = Stop()
+        >>> stop(), stop.ask("the space bar"), stop(), stop.reason
+        (False, None, True, 'the space bar')
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.reason = ""
+        self._sources: list[Callable[[], str]] = []
+
+    def __call__(self) -> bool:
+        """Tell whether the run should end."""
+        if not self.asked:
+            for source in self._sources:
+                if said := source():
+                    self.ask(said)
+                    break
+        return self.asked
+
+    def ask(self, reason: str) -> None:
+        """Ask for the end; the first reason counts."""
+        if not self.asked:
+            self.asked, self.reason = True, reason
+
+    def also(self, source: Callable[[], str]) -> None:
+        """Look somewhere else as well, such as at a page's button or a pedal.
+
+        Args:
+            source: Returns the reason once it wants the run to end, ``""`` before; returns at once.
+        """
+        self._sources.append(source)

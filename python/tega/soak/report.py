@@ -1,0 +1,145 @@
+"""The result of a soak, for people and machines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["MOST_LOST_S", "Fault", "SoakReport", "memory_is_flat", "print_report"]
+
+MOST_LOST_S = 0.5
+NOT_JUDGED = "not judged"
+# What an interpreter with threads takes and gives back by itself.
+_SLACK_MIB = 16.0
+_SLACK_SHARE = 0.1
+
+
+class Fault(msgspec.Struct, kw_only=True):
+    """One fault.
+
+    Attributes:
+        kind: What was done.
+        device: To what.
+        how: In the emulator's own word.
+        injected_s: When, since the soak's beginning.
+        ended_s: When the soak took it away.
+        detected_s: When the program first told it; ``None`` if it never did.
+        recovered_s: When it was active again and nothing was wrong; ``None`` if it never was.
+        said: What it told.
+        outcome: ``recovered``, ``restarted``, or what went wrong.
+    """
+
+    kind: str
+    device: str
+    how: str
+    injected_s: float
+    ended_s: float | None = None
+    detected_s: float | None = None
+    recovered_s: float | None = None
+    said: str = ""
+    outcome: str = "the soak ended before"
+
+    @property
+    def good(self) -> bool:
+        """Whether it was told, and over afterwards; or cannot be judged."""
+        return self.outcome in {"recovered", "restarted"} or self.outcome.startswith(NOT_JUDGED)
+
+
+class SoakReport(msgspec.Struct, kw_only=True):
+    """What a soak showed.
+
+    Attributes:
+        passed: Whether all of it is as promised.
+        failures: Why not.
+        seconds: How long it took.
+        seed: The plan's.
+        faults: In order.
+        over_limit_commands: Commands above a limit that the emulated vest and hand really got.
+        over_limit: The same by device.
+        lost_s: The longest stretch that a recording lost at a kill, a full disk, or on the way.
+        rss_mib_start: Resident memory soon after the start of the longest process.
+        rss_mib_end: The same at its end.
+        restarts: How often the program was started again.
+        commands: Messages that vest and hand took in all.
+        stood_still_s: How long the whole machine, this program included, did nothing.
+        recordings: How many were looked through.
+        memory: Resident memory over time, of every process, as (seconds since the soak's beginning, MiB).
+    """
+
+    passed: bool = False
+    failures: list[str] = []
+    seconds: float = 0.0
+    seed: int = 0
+    faults: list[Fault] = []
+    over_limit_commands: int = 0
+    over_limit: dict[str, int] = {}
+    lost_s: float = 0.0
+    rss_mib_start: float = 0.0
+    rss_mib_end: float = 0.0
+    restarts: int = 0
+    commands: dict[str, int] = {}
+    stood_still_s: float = 0.0
+    recordings: int = 0
+    memory: list[list[tuple[float, float]]] = []
+
+    def judge(self) -> None:
+        """Set ``passed``, ``failures`` and ``over_limit_commands`` from everything else."""
+        failed = self.failures
+        failed += [f"{f.kind} of {f.device} ({f.how}): {f.outcome}" for f in self.faults if not f.good]
+        if not self.faults:
+            failed.append("no fault was made: the soak was too short")
+        self.over_limit_commands = sum(self.over_limit.values())
+        if self.over_limit_commands:
+            failed += [
+                f"{n} commands above a limit reached the {name}" for name, n in self.over_limit.items() if n
+            ]
+        if self.lost_s > MOST_LOST_S:
+            failed.append(f"{self.lost_s:.2f} s of a recording are lost, {MOST_LOST_S} s are allowed")
+        if not memory_is_flat(self.rss_mib_start, self.rss_mib_end):
+            failed.append(f"memory grew from {self.rss_mib_start:.0f} to {self.rss_mib_end:.0f} MiB")
+        self.passed = not failed
+
+
+def memory_is_flat(start_mib: float, end_mib: float) -> bool:
+    """Tell whether memory has grown by no more than an interpreter's own ups and downs."""
+    return end_mib <= start_mib * (1 + _SLACK_SHARE) + _SLACK_MIB
+
+
+def print_report(report: SoakReport, out: Console) -> None:
+    """Print a report as tables."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table(box=SIMPLE)
+    for name in ("at s", "fault", "device", "lasted s", "told after s", "well after s", "outcome"):
+        table.add_column(name, justify="right" if name.endswith(" s") else "left")
+    for f in report.faults:
+        table.add_row(
+            f"{f.injected_s:.1f}",
+            f"{f.kind} ({f.how})",
+            f.device,
+            _after(f.ended_s, f.injected_s),
+            _after(f.detected_s, f.injected_s),
+            _after(f.recovered_s, f.ended_s),
+            f.outcome,
+            style="" if f.good else "red",
+        )
+    out.print(table)
+    out.print(
+        f"{report.seconds:.0f} s, {len(report.faults)} faults, {sum(f.good for f in report.faults)} as they should be, "
+        f"{report.restarts} restarts; {report.over_limit_commands} commands above a limit of "
+        f"{sum(report.commands.values())}; at most {report.lost_s:.2f} s of a recording lost; "
+        f"memory {report.rss_mib_start:.0f} to {report.rss_mib_end:.0f} MiB",
+        highlight=False,
+    )
+    for failure in report.failures:
+        out.print(f"failed: {failure}", markup=False, highlight=False)
+    out.print("passed" if report.passed else "not passed", highlight=False)
+
+
+def _after(at_s: float | None, from_s: float | None) -> str:
+    return "–" if at_s is None or from_s is None else f"{at_s - from_s:.2f}"

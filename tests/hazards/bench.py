@@ -1,0 +1,182 @@
+"""A run on a lab of emulated devices that a test can disturb."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tega.config import check_tree
+from tega.safety.states import Transition
+from tega.safety.stop import Stop
+from tega.teleop.loop import LoopView
+from tega.teleop.session import run_session
+from tega.testing.lab import EmulatedLab, emulated_lab
+
+LONGEST_S = 20.0
+
+
+class Lab:
+    """A lab and the runs on it.
+
+    Attributes:
+        tree: The settings.
+        sensors: See :class:`tega.testing.lab.EmulatedLab`, here and below.
+        changes: What the newest run's state did.
+        views: The newest moment of it.
+        summary: Of the newest run.
+        running: Programs that are ended with the lab.
+    """
+
+    def __init__(self, folder: Path, devices: EmulatedLab) -> None:
+        self.folder = folder
+        self.devices = devices
+        self.tree, self.sensors = devices.tree, devices.sensors
+        self.changes: list[Transition] = []
+        self.views: list[LoopView] = []
+        self.summary: dict[str, Any] = {}
+        self.stop = Stop()
+        self.running: list[subprocess.Popen[bytes]] = []
+
+    @property
+    def emg(self) -> Any:
+        """The emulated amplifier."""
+        return self.devices.emg
+
+    @property
+    def hand(self) -> Any:
+        """The emulated hand."""
+        return self.devices.hand
+
+    @property
+    def vest(self) -> Any:
+        """The emulated vest."""
+        return self.devices.vest
+
+    def limp(self) -> bool:
+        """Whether no motor of the hand pushes."""
+        return self.devices.limp()
+
+    def at_rest(self) -> bool:
+        """Whether no motor of the vest turns."""
+        return self.devices.at_rest()
+
+    @property
+    def state(self) -> str:
+        """The run's state now."""
+        return self.changes[-1].state if self.changes else "idle"
+
+    def until(self, what: Callable[[], object], *, seconds: float = LONGEST_S) -> float:
+        """Wait until something is so and return how long that took; fail after a while."""
+        began = time.monotonic()
+        while not what():
+            if time.monotonic() - began > seconds:
+                raise AssertionError(f"not within {seconds} s; states: {self.changes}, {self.said()}")
+            time.sleep(0.002)
+        return time.monotonic() - began
+
+    def said(self) -> str:
+        """What the page says of state and alerts now."""
+        if not self.views:
+            return ""
+        view = self.views[0]
+        return f"{view.state}: {view.reason} {' '.join(view.alerts)}"
+
+    def run(self, script: Callable[[], None], *, observe: Callable[[LoopView], None] | None = None) -> None:
+        """Run a session, and a script beside it that disturbs it; the run ends with the script."""
+        self.changes, self.views, self.stop = [], [], Stop()
+        problems: list[BaseException] = []
+
+        def disturb() -> None:
+            try:
+                script()
+            except BaseException as error:
+                problems.append(error)
+            finally:
+                self.stop.ask("the script is over")
+
+        def look(view: LoopView) -> None:
+            self.views[:] = [view]
+            if observe is not None:
+                observe(view)
+
+        beside = threading.Thread(target=disturb, daemon=True)
+        began: list[bool] = []
+
+        def progress(what: str, _done: int, _total: int) -> None:
+            if what == "running" and not began:
+                began.append(True)
+                beside.start()
+
+        try:
+            self.summary = run_session(
+                check_tree(self.tree, {}, base=self.folder).config,
+                observer=look,
+                progress=progress,
+                stop=self.stop,
+                on_state=self.changes.append,
+            )
+        finally:
+            if began:
+                self.stop.ask("the run is over")
+                beside.join(LONGEST_S)
+            if problems:
+                raise problems[0]
+
+    def write_settings(self) -> Path:
+        """Write the settings as a file for the command line."""
+
+        def table(name: str, tree: dict[str, Any]) -> list[str]:
+            plain = {k: v for k, v in tree.items() if not isinstance(v, dict)}
+            lines = [f"[{name}]"] if plain else []
+            lines += [f"{key} = {json.dumps(value)}" for key, value in plain.items()]
+            for key, value in tree.items():
+                if isinstance(value, dict):
+                    lines += table(f"{name}.{key}", value)
+            return lines
+
+        path = self.folder / "lab.toml"
+        lines = [line for name, tree in self.tree.items() for line in table(name, tree)]
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+
+@contextmanager
+def lab(
+    folder: Path,
+    *,
+    emg: bool = False,
+    hand: bool = False,
+    vest: bool = False,
+    fingers: tuple[str, ...] = (),
+    camera_hz: float = 60.0,
+    **tables: dict[str, Any],
+) -> Iterator[Lab]:
+    """Start emulators; ``tables`` are further settings."""
+    with emulated_lab(
+        folder,
+        emg_hz=250.0 if emg else None,
+        hand=hand,
+        vest=vest,
+        fingers=fingers,
+        camera_hz=camera_hz,
+    ) as devices:
+        made = Lab(folder, devices)
+        # A busy machine must not matter, except where that is what is tried.
+        made.tree["safety"] = {"late_ms": 2000.0}
+        for name, table in tables.items():
+            made.tree.setdefault(name, {}).update(table)
+        try:
+            yield made
+        finally:
+            for process in made.running:
+                process.kill()
+                process.wait()
+                for pipe in (process.stdout, process.stderr):
+                    if pipe is not None:
+                        pipe.close()

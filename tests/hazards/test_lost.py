@@ -1,0 +1,274 @@
+"""Something is lost while a person is steering: each line of the hazard table, on emulated devices."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hazards.bench import Lab, lab
+from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
+from tega.hand import CLOSURE_POSES_RAD
+from tega.testing.emulators.hid_port import HidBoard, HidPort
+from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.vests import seen_by
+
+OPEN, TIGHT = CLOSURE_POSES_RAD[0], CLOSURE_POSES_RAD[4]
+
+
+def closed(made: Lab) -> bool:
+    """Whether the emulated fingers really are in the tight pose."""
+    return bool(np.abs(np.array(made.hand.say("look")["angles_rad"]) - TIGHT).max() < 0.15)
+
+
+def opened(made: Lab) -> bool:
+    """Whether they really are in the open one."""
+    return bool(np.abs(np.array(made.hand.say("look")["angles_rad"]) - OPEN).max() < 0.15)
+
+
+def states(made: Lab) -> list[str]:
+    """The states the run went through."""
+    return [change.state for change in made.changes]
+
+
+def column(made: Lab, finger: int) -> int:
+    """What a finger's column of the emulated vest does."""
+    return int(seen_by(made.vest).motors[finger])
+
+
+def test_emg_unplugged_holds_the_level_then_opens_the_hand(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 1500.0}) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made))
+            made.emg.say("unplug")
+            made.until(lambda: made.state == "hold")
+            assert "emg: " in made.changes[-1].reason
+            assert closed(made)
+            made.until(lambda: made.state == "idle")
+            assert "held for 1.5 s" in made.changes[-1].reason
+            made.until(lambda: opened(made))
+
+        made.run(script)
+        assert made.limp()
+    assert states(made) == ["armed", "active", "hold", "idle", "stopped"]
+    held_s = (made.changes[3].t_ns - made.changes[2].t_ns) / 1e9
+    assert held_s >= 1.5
+    assert any("then the hand opens" in note for note in made.summary["notes"])
+
+
+def test_emg_lost_keeps_the_level_where_the_settings_say_so(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 100.0, "then": "keep"}) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made))
+            made.emg.say("freeze 1")
+            made.until(lambda: made.state == "hold")
+            time.sleep(1.0)
+            assert made.state == "hold"
+            assert closed(made)
+
+        made.run(script)
+        assert made.limp()
+
+
+def test_emg_that_comes_back_steers_again(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 500.0}) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made))
+            # Longer than the driver waits: the board is opened anew.
+            made.emg.say("freeze 1")
+            made.until(lambda: made.state == "idle")
+            made.until(lambda: "no valid sample" in made.said())
+            made.emg.say("freeze 0")
+            made.until(lambda: made.state == "active")
+            made.until(lambda: closed(made))
+
+        made.run(script)
+        assert made.limp()
+    assert states(made) == ["armed", "active", "hold", "idle", "armed", "active", "stopped"]
+    assert any("lost 1 times and found again" in note for note in made.summary["notes"])
+
+
+@pytest.mark.parametrize("fault", ["pause", "freeze", "black", "cut"])
+def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: str) -> None:
+    with lab(tmp_path, vest=True, fingers=("thumb", "index")) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and column(made, 0) and column(made, 1))
+            made.sensors["thumb"].say(fault)
+            made.until(lambda: not column(made, 0))
+            assert column(made, 1)
+            made.until(lambda: "thumb: no picture for" in made.said())
+            assert made.state == "active"
+            made.sensors["thumb"].say("clear")
+            made.sensors["thumb"].say("press 0.7")
+            made.until(lambda: column(made, 0))
+            made.until(lambda: "thumb" not in made.said())
+
+        made.run(script)
+        made.until(made.at_rest)
+
+
+def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path) -> None:
+    with lab(
+        tmp_path,
+        emg=True,
+        hand=True,
+        fingers=("thumb",),
+        safety={"tactile_lost": "hold", "hold_ms": 60_000.0},
+    ) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made))
+            made.sensors["thumb"].say("pause")
+            made.until(lambda: made.state == "hold")
+            assert "thumb: no picture" in made.changes[-1].reason
+            made.sensors["thumb"].say("clear")
+            made.sensors["thumb"].say("press 0.7")
+            made.until(lambda: made.state == "active")
+
+        made.run(script)
+        assert made.limp()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
+@pytest.mark.parametrize("how", ["lift 0", "unplug"])
+def test_a_released_dead_man_holds(tmp_path: Path, how: str) -> None:
+    with (
+        Emulator("hid_input", "--device", "pedal-keyboard") as foot,
+        HidPort(HidBoard(foot.port, 0x0C45, 0x7403)).installed(),
+        lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 60_000.0}) as made,
+    ):
+        made.tree["input"] = {"dead_man": {"driver": "pedal"}}
+
+        def script() -> None:
+            made.until(lambda: "dead-man: released" in made.said())
+            assert made.state == "idle"
+            foot.say("press 0")
+            made.until(lambda: made.state == "active" and closed(made))
+            foot.say(how)
+            made.until(lambda: made.state == "hold")
+            assert "dead-man" in made.changes[-1].reason
+            assert closed(made)
+
+        made.run(script)
+        assert made.limp()
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [("hot", "85 °C"), ("overheated", "temperature fault"), ("foreign", "another program")],
+)
+def test_a_hand_in_trouble_is_let_go_and_the_vest_rests(tmp_path: Path, fault: str, words: str) -> None:
+    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made) and column(made, 0))
+            made.hand.say(fault)
+            made.until(lambda: made.state == "stopped")
+            assert words in made.changes[-1].reason
+
+        with pytest.raises(DeviceUnavailableError, match=words):
+            made.run(script)
+        assert made.limp()
+        made.until(made.at_rest)
+
+
+def test_a_silent_hand_ends_the_run(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made))
+            made.hand.say("silence")
+            made.until(lambda: made.state == "stopped")
+
+        with pytest.raises(DeviceUnavailableError, match="silent"):
+            made.run(script)
+        made.until(made.at_rest)
+
+
+def test_a_lost_vest_is_told_and_the_run_goes_on(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and column(made, 0))
+            made.vest.say("refuse")
+            made.until(lambda: "vest: not reached" in made.said())
+            made.until(lambda: closed(made))
+            assert made.state == "active"
+            made.vest.say("clear")
+            made.until(lambda: column(made, 0))
+            made.until(lambda: "vest" not in made.said())
+
+        made.run(script)
+        assert made.limp()
+        made.until(made.at_rest)
+
+
+def test_a_lost_vest_holds_the_hand_where_the_settings_say_so(tmp_path: Path) -> None:
+    with lab(tmp_path, vest=True, fingers=("thumb",), safety={"vest_lost": "hold"}) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active")
+            made.vest.say("refuse")
+            made.until(lambda: made.state == "hold")
+            assert "vest: not reached" in made.changes[-1].reason
+
+        made.run(script)
+        made.until(made.at_rest)
+
+
+def test_a_late_loop_holds_and_the_vest_rests_meanwhile(tmp_path: Path) -> None:
+    slept: list[float] = []
+    rested: list[bool] = []
+    with lab(tmp_path, vest=True, fingers=("thumb",), safety={"late_ms": 400.0}) as made:
+
+        def hang(_view: object) -> None:
+            if slept == [0.0]:
+                slept[:] = [1.0]
+                time.sleep(1.0)
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and column(made, 0))
+            slept[:] = [0.0]
+            made.until(lambda: not column(made, 0), seconds=0.9)
+            rested.append(slept == [1.0])
+            made.until(lambda: "hold" in states(made))
+            made.until(lambda: made.state == "active" and column(made, 0))
+
+        made.run(script, observe=hang)
+    assert rested == [True]
+    late = next(change for change in made.changes if change.state == "hold")
+    assert "ms late" in late.reason
+    assert made.summary["pacing"]["skipped"] > 0
+
+
+def test_a_slow_camera_does_not_arm(tmp_path: Path) -> None:
+    with lab(tmp_path, vest=True, fingers=("thumb",), camera_hz=20.0) as made:
+
+        def script() -> None:
+            made.until(lambda: "a second come, 60 are expected" in made.said())
+            assert made.at_rest()
+
+        made.run(script)
+    assert states(made) == ["stopped"]
+
+
+def test_a_slow_board_is_refused(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True) as made:
+        made.emg.say("slow 0.7")
+        with pytest.raises(SampleRateError):
+            made.run(lambda: None)
+
+
+def test_without_calibration_nothing_starts(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, hand=True) as made:
+        made.tree["calibration"] = {}
+        with pytest.raises(CalibrationError, match=r"calibration\.file|no calibration"):
+            made.run(lambda: None)
+        assert made.limp()

@@ -1,0 +1,251 @@
+"""What must hold whatever happens: states, motors of the vest, commands to the hand."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from tega.devices.vest_stream import StreamedVest, VestOptions
+from tega.hand import TORQUE_LIMITS, HandController
+from tega.hand_link import HandLink, Received
+from tega.haptics import LAYOUTS, VestFrame
+from tega.safety.guard import Guard
+from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
+from tega.safety.states import RunStates, Transition
+
+MS = 1_000_000
+# Mostly nothing is wrong: else hardly any sequence gets far.
+NAMES = st.one_of(
+    st.just(frozenset[str]()),
+    st.just(frozenset[str]()),
+    st.frozensets(st.sampled_from(["emg", "thumb", "vest", "calibration"])),
+)
+# A moment: time since the one before it, what is wrong, what holds, whether to go, whether to stop.
+MOMENTS = st.lists(
+    st.tuples(
+        st.integers(0, 500),
+        NAMES,
+        NAMES,
+        st.sampled_from([True, True, False]),
+        st.integers(0, 9).map(lambda n: n == 9),
+    ),
+    max_size=40,
+)
+
+
+@settings(max_examples=300)
+@given(moments=MOMENTS, settle_ms=st.sampled_from([0, 0, 200]), give_up_ms=st.none() | st.integers(0, 1000))
+def test_no_sequence_of_events_leads_to_active_without_every_condition(
+    moments: list[Any], settle_ms: int, give_up_ms: int | None
+) -> None:
+    changes: list[Transition] = []
+    give_up_ns = None if give_up_ms is None else give_up_ms * MS
+    run = RunStates(settle_ns=settle_ms * MS, give_up_ns=give_up_ns, on_change=changes.append)
+    t_ns, clear_since, stopped, armed = 0, None, False, False
+    for wait_ms, wrong, holding, go, stop in moments:
+        t_ns += wait_ms * MS
+        before, n_before = run.state, len(changes)
+        if stop:
+            run.stop(t_ns, "asked to")
+            stopped = True
+            assert run.state == "stopped"
+            continue
+        clear = not wrong and not holding
+        clear_since = (t_ns if clear_since is None else clear_since) if clear else None
+        settled = clear_since is not None and t_ns - clear_since >= settle_ms * MS
+        named = {name: name for name in wrong}
+        state = run.look(t_ns, wrong=named, holding={name: name for name in holding}, go=go)
+        armed = armed or "armed" in [change.state for change in changes]
+        assert (state == "stopped") == stopped
+        entered = [change.state for change in changes[n_before:]]
+        if "active" in entered:
+            assert settled or (before == "armed" and clear)
+            assert before == "hold" or (armed and go)
+        if state == "active":
+            assert not holding
+        if state == "hold" and before != "hold":
+            assert before == "active"
+        assert run.reason
+    for first, second in zip(["idle", *(c.state for c in changes)], changes, strict=False):
+        assert (first, second.state) in {
+            ("idle", "armed"), ("armed", "idle"), ("armed", "active"), ("active", "hold"), ("hold", "active"),
+            ("hold", "idle"), *((s, "stopped") for s in ("idle", "armed", "active", "hold")),
+        }  # fmt: skip
+
+
+@given(moments=MOMENTS, levels=st.lists(st.integers(1, 5), min_size=40, max_size=40))
+def test_only_an_active_run_passes_a_level_on(moments: list[Any], levels: list[int]) -> None:
+    guard = Guard()
+    states = guard._states
+    t_ns, last = 0, 1
+    for (wait_ms, wrong, holding, go, stop), level in zip(moments, levels, strict=False):
+        t_ns += wait_ms * MS
+        if stop:
+            guard.stop(t_ns, "asked to")
+        states.look(t_ns, wrong=dict.fromkeys(wrong, "x"), holding=dict.fromkeys(holding, "x"), go=go)
+        told = guard.level(level)
+        last = level if guard.state == "active" else last if guard.state == "hold" else 1
+        assert told == last
+        assert guard.felt == (guard.state in {"active", "hold"})
+
+
+drives = st.lists(
+    st.tuples(
+        st.floats(0, 30),
+        st.one_of(st.just(100), st.integers(0, 100)) | hnp.arrays(np.uint8, 40, elements=st.integers(0, 255)),
+        st.sampled_from([1, 1, 40]),
+    ),
+    min_size=1,
+    max_size=40,
+)
+
+
+@given(drive=drives, limit=st.integers(1, 100), heat=st.floats(0.01, 1), dose_s=st.floats(10, 20))
+def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(
+    drive: list[Any], limit: int, heat: float, dose_s: float
+) -> None:
+    budget = MotorBudget(limit=limit, heat_share=heat, dose_s=dose_s)
+    t_s = 0.0
+    for wait_s, wanted in [(wait_s, wanted) for wait_s, wanted, n in drive for _ in range(n)]:
+        t_s += wait_s
+        asked = np.full(40, wanted, np.uint8) if isinstance(wanted, int) else wanted
+        shown = budget.allow(round(t_s * 1e9), asked)
+        assert shown.dtype == np.uint8
+        assert (shown <= np.minimum(asked, limit)).all()
+        assert (budget.heat <= heat + 1e-12).all()
+        assert (budget.dose_s <= dose_s).all()
+
+
+def test_full_drive_from_cold_ends_at_what_can_be_kept_and_then_at_nothing() -> None:
+    budget = MotorBudget(heat_share=0.5, dose_s=100.0)
+    full = np.full(40, 100, np.uint8)
+    course = [int(budget.allow(round(k * 1e8), full)[0]) for k in range(4000)]
+    until_s = course.index(next(c for c in course if c < 100)) / 10
+    # θ reaches 0.4, from where the ceiling sinks, after -τ ln 0.6.
+    assert until_s == pytest.approx(-HEAT_TAU_S * np.log(0.6), abs=0.2)
+    assert budget.heat[0] < 0.5
+    assert course[-1] <= 10
+    assert 90 < budget.dose_s[0] <= 100
+    assert "dose of 40 motors" in budget.words()[0]
+
+
+_MOTORS = {"paper32": 32, "x40": 40, "x16": 16}
+
+
+class _Wire:
+    """What a link is told, in place of a radio."""
+
+    present, notes = True, ()
+
+    def __init__(self) -> None:
+        self.sent: list[NDArray[np.uint8]] = []
+
+    def connect(self) -> None: ...
+    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002
+        return True
+
+    def send(self, intensities: NDArray[np.uint8]) -> None:
+        self.sent.append(intensities.copy())
+
+    def poll(self) -> None: ...
+    def close(self) -> None: ...
+    def abort(self) -> None: ...
+
+
+class _Vest(StreamedVest):
+    name = "wire-vest"
+
+    def __init__(self, options: VestOptions) -> None:
+        super().__init__(options)
+        self.wire = _Wire()
+
+    def _new_link(self) -> _Wire:
+        return self.wire
+
+    @property
+    def _label(self) -> str:
+        return "wire"
+
+
+@settings(max_examples=15)
+@given(
+    frames=st.lists(
+        st.sampled_from(LAYOUTS).flatmap(
+            lambda layout: hnp.arrays(np.uint8, _MOTORS[layout], elements=st.integers(0, 100)).map(
+                lambda values: VestFrame(layout, values)
+            )
+        ),
+        max_size=8,
+    ),
+    limit=st.integers(1, 100),
+)
+def test_a_driver_s_link_is_never_told_more_than_the_limit(frames: list[VestFrame], limit: int) -> None:
+    vest = _Vest(VestOptions(limit=limit))
+    with vest:
+        for frame in frames:
+            shown = vest.write(0, frame)
+            assert shown.layout == frame.layout
+            assert (shown.intensities <= np.minimum(frame.intensities, limit)).all()
+    assert vest.wire.sent
+    assert all((sent <= limit).all() for sent in vest.wire.sent)
+    assert not vest.wire.sent[-1].any()
+
+
+received = st.one_of(
+    # Positions of a finger: any angle counts.
+    st.builds(
+        lambda finger, words: Received(0x80 + 4 * finger, struct.pack("<4h", *words)),
+        st.integers(0, 3),
+        st.tuples(*[st.integers(-32768, 32767)] * 4),
+    ),
+    st.builds(Received, st.integers(0, 0x7FF), st.binary(max_size=8), st.booleans()),
+    # What lets it begin: the answer to the request for its version.
+    st.just(Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))),
+)
+
+
+@settings(max_examples=60)
+@given(
+    steps=st.lists(
+        st.tuples(st.lists(received, max_size=5), st.integers(0, 40), st.integers(1, 5)), max_size=60
+    ),
+    steady=st.sampled_from([0, 30, 600, 1500]),
+    share=st.sampled_from([0.02, 0.2, 1.0]),
+)
+def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
+    steps: list[Any], steady: int, share: float
+) -> None:
+    link = HandLink(HandController(torque_limits=TORQUE_LIMITS * share))
+    limits = np.round(np.minimum(TORQUE_LIMITS * share, 1.0) * 1200) + 1
+    t_ns, pushed = 0, False
+    hello = Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))
+
+    def stuck_half_open(k: int) -> list[Received]:
+        # Something in its way, and the noise of its encoders: so the torque rises to what is allowed.
+        noise = k % 3
+        fingers = [
+            Received(0x80 + 4 * f, struct.pack("<4h", noise, 2000, 2000, 2000 + noise)) for f in range(3)
+        ]
+        return [*fingers, Received(0x8C, struct.pack("<4h", 9000, 1000 + noise, 2000, 2000))]
+
+    # First a hand as it should be, so that torques come at all; then anything.
+    begin = [([hello] if k == 20 else stuck_half_open(k) if k > 20 else [], 3, 5) for k in range(steady)]
+    for frames, wait_ms, level in [*begin, *steps]:
+        t_ns += wait_ms * MS
+        for frame in link.exchange(frames, t_ns, level):
+            if frame.id >> 2 in range(0x60, 0x64) and not frame.remote:
+                finger = (frame.id >> 2) - 0x60
+                duties = np.array(struct.unpack("<4h", frame.data))
+                assert (np.abs(duties) <= limits[4 * finger : 4 * finger + 4]).all()
+                pushed = pushed or bool(duties.any())
+    assert pushed or steady < 600
+    assert (np.abs(link.torques) <= TORQUE_LIMITS * share + 1e-12).all()
+    for frame in link.abandon():
+        assert not any(frame.data[:8]) or frame.id >> 2 not in range(0x60, 0x64)

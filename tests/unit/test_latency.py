@@ -1,0 +1,141 @@
+"""The latency trace on times that are made up, and on a run with emulated devices."""
+
+from __future__ import annotations
+
+import json
+import random
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.config import check_tree
+from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, FrameLatency, LatencyTrace, Spread
+from tega.teleop.session import run_session
+from tega.testing.lab import emulated_lab
+
+MS = 1_000_000
+
+
+def test_a_spread_is_right_within_two_percent() -> None:
+    rng = random.Random(4)
+    taken = [round(MS * rng.lognormvariate(0, 1)) for _ in range(5000)]
+    spread = Spread()
+    for ns in taken:
+        spread.add(ns)
+    for share in (0.5, 0.95, 0.99):
+        assert spread.at(share) == pytest.approx(np.quantile(taken, share, method="inverted_cdf"), rel=0.021)
+    assert spread.at(1.0) == spread.worst_ns == max(taken)
+    assert Spread().summary_ms() == {"n": 0, "worst": 0.0}
+
+
+class _Now:
+    ns = 0
+
+    def __call__(self) -> int:
+        return self.ns
+
+
+class _Link:
+    def __init__(self) -> None:
+        self.handed: list[tuple[int, int]] = []
+
+    def handed_over(self) -> list[tuple[int, int]]:
+        handed, self.handed = self.handed, []
+        return handed
+
+
+def _made(budget_ms: float = 5.0) -> tuple[LatencyTrace, _Now, _Link, list[FrameLatency]]:
+    now, link = _Now(), _Link()
+    told: list[FrameLatency] = []
+    # The session began when the monotonic clock showed 1000 ms.
+    trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=budget_ms, vests=[link])
+    trace.observers.append(told.append)
+    return trace, now, link, told
+
+
+def test_a_vest_frame_knows_its_camera_frames() -> None:
+    trace, now, link, told = _made()
+    thumb, index = trace.source("thumb"), trace.source("index")
+    for measured, captured, received, done in ((thumb, 10, 12, 13), (index, 11, 14, 16), (thumb, 26, 28, 30)):
+        now.ns = done * MS
+        measured(captured * MS, (1000 + received) * MS)
+    trace.taken("thumb", 10 * MS)
+    trace.taken("index", 11 * MS)
+    trace.taken("thumb", 26 * MS)  # newer than the first one, which is never felt
+    trace.vest(33 * MS, 33 * MS, 34 * MS, sent=True)
+    # A second vest frame of the same pictures, before the first was handed over.
+    trace.vest(66 * MS, 66 * MS, 67 * MS, sent=True)
+    link.handed = [(33 * MS, 1037 * MS), (66 * MS, 1069 * MS)]
+    trace.vest(99 * MS, 99 * MS, 99 * MS, sent=True)
+    stamps = {frame.source: tuple(ns // MS for ns in frame.stamps_ns) for frame in told}
+    assert stamps == {"thumb": (26, 28, 30, 33, 34, 37), "index": (11, 14, 16, 33, 34, 37)}
+    assert len(told) == 2
+    found = trace.summary()["touch"]
+    assert found["own"]["worst"] == 6.0
+    assert found["whole"]["worst"] == 26.0
+    assert found["wait"]["n"] == 2
+
+
+def test_what_the_vest_shows_already_does_not_count() -> None:
+    trace, now, link, told = _made()
+    measured = trace.source("thumb")
+    now.ns = 2 * MS
+    measured(0, 1001 * MS)
+    trace.taken("thumb", 0)
+    trace.vest(33 * MS, 33 * MS, 33 * MS, sent=False)
+    trace.vest(66 * MS, 66 * MS, 66 * MS, sent=True)
+    link.handed = [(66 * MS, 1067 * MS)]
+    trace.vest(99 * MS, 99 * MS, 99 * MS, sent=False)
+    assert told == []
+
+
+def test_beyond_the_budget_it_names_the_stage() -> None:
+    trace, now, link, _ = _made(budget_ms=4.0)
+    measured = trace.source("thumb")
+    for k in range(200):
+        now.ns = (33 * k + 1) * MS
+        measured(33 * k * MS, (1000 + 33 * k) * MS)
+        trace.taken("thumb", 33 * k * MS)
+        now.ns = (33 * k + 2) * MS
+        trace.vest(33 * k * MS, now.ns, now.ns, sent=True)
+        link.handed.append((33 * k * MS, 1000 * MS + now.ns + 5 * MS))
+    assert "6.1 ms" in trace.warning or "6.0 ms" in trace.warning
+    assert "4 ms are allowed; most in 'hand-over'" in trace.warning
+    assert "camera to vest" in trace.line
+
+
+def test_memory_stays_the_same_however_long_it_runs() -> None:
+    trace, now, link, _ = _made()
+    measured = trace.source("thumb")
+    for k in range(3000):
+        now.ns = k * MS
+        measured(k * MS, 1000 * MS + k * MS)  # nobody takes these in
+        trace.vest(k * MS, k * MS, k * MS, sent=True)
+    del link
+    assert len(trace._coming["thumb"]) < 100
+    assert len(trace._ticks) < 100
+
+
+def test_a_run_traces_both_ways(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",)) as lab:
+        lab.tree["session"] = {"duration_s": 3.0}
+        summary: dict[str, Any] = run_session(check_tree(lab.tree, {}, base=tmp_path).config)
+    for path, stages in summary["latency_ms"].items():
+        assert stages["whole"]["n"] > 5, path
+        parts = [s for name, s in stages.items() if name not in {"own", "whole"}]
+        assert all(0 <= s["p50"] <= s["p95"] <= s["p99"] <= s["worst"] for s in parts)
+        assert stages["own"]["worst"] <= stages["whole"]["worst"]
+    assert set(summary["latency_ms"]) == {"touch", "intent"}
+
+
+def test_bench_loop_tells_every_stage() -> None:
+    words = [sys.executable, "-m", "tega.cli", "bench", "loop", "--seconds", "3", "--json"]
+    said = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    assert set(said["latency_ms"]["touch"]) == set(TOUCH_STAGES)
+    assert set(said["latency_ms"]["intent"]) == set(INTENT_STAGES)
+    assert said["frames_hz"] > 0
+    assert said["cpu_cores"] > 0

@@ -1,0 +1,111 @@
+"""What the guard makes of what it is shown, with time as a number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tega.safety.guard import Guard, Watched
+from tega.safety.settings import SafetySection
+from tega.safety.states import Transition
+from tega.safety.stop import Stop
+from tega.teleop.sources import SourceReport
+
+MS = 1_000_000
+
+
+def active(**more: Any) -> tuple[Guard, SourceReport]:
+    """A guard of EMG at ten blocks a second that has become active after two seconds."""
+    report = SourceReport()
+    guard = Guard(SafetySection(), streams=[Watched("emg", "emg", 10.0, report)], **more)
+    for k in range(21):
+        show(guard, 100 * k)
+    return guard, report
+
+
+def show(guard: Guard, t_ms: int, *, block_ms: int | None = None, **more: Any) -> None:
+    """Show it a moment at which the newest block is so old."""
+    stamp = t_ms if block_ms is None else block_ms
+    guard.look(t_ms * MS, late_ns=0, stamps={"emg": stamp * MS}, counts={"emg": stamp // 100}, **more)
+
+
+def test_it_arms_once_the_rate_is_known_and_nothing_was_wrong_for_a_while() -> None:
+    guard, _ = active()
+    assert [change.state for change in guard.changes] == ["armed", "active"]
+    assert guard.changes[0].t_ns >= 600 * MS
+
+
+def test_emg_that_cannot_be_believed_holds_like_emg_that_is_lost() -> None:
+    guard, _ = active()
+    assert guard.level(4) == 4
+    show(guard, 2100, good_emg=False)
+    assert (guard.state, guard.reason) == ("hold", "emg: no channel can be believed")
+    assert guard.level(1) == 4
+
+
+def test_a_block_that_is_late_by_less_than_allowed_changes_nothing() -> None:
+    guard, _ = active()
+    show(guard, 2249, block_ms=2000)
+    assert guard.changes[-1].state == "active"
+    show(guard, 2251, block_ms=2000)
+    assert (guard.state, guard.reason) == ("hold", "emg: no signal for 0.3 s")
+
+
+def test_a_short_return_does_not_end_a_hold() -> None:
+    guard, _ = active()
+    show(guard, 2300, block_ms=2000)
+    show(guard, 2310)
+    show(guard, 2320, block_ms=2000)
+    show(guard, 2400)
+    show(guard, 2500)
+    show(guard, 2600)
+    # Two hundred milliseconds after the block that stayed.
+    assert [(c.t_ns // MS, c.state) for c in guard.changes][2:] == [(2300, "hold"), (2600, "active")]
+
+
+def test_other_alerts_are_told_and_kept_for_the_summary() -> None:
+    said = [""]
+    guard, _ = active(alerts={"disk": lambda: said[0]})
+    assert not guard.alerts
+    said[0] = "disk: full"
+    show(guard, 2100)
+    assert guard.alerts == {"disk": "disk: full"}
+    said[0] = ""
+    show(guard, 2200)
+    assert not guard.alerts
+    assert guard.summary()["alerts"][-1] == "disk: full"
+    assert guard.state == "active"
+
+
+def test_it_waits_for_the_start_where_one_is_asked_for() -> None:
+    go = [False]
+    guard, _ = active(go=lambda: go[0])
+    assert guard.state == "armed"
+    assert guard.level(5) == 1
+    assert not guard.felt
+    go[0] = True
+    show(guard, 2100)
+    assert guard.changes[-1].state == "active"
+
+
+def test_calibration_that_does_not_fit_keeps_it_from_arming() -> None:
+    guard, _ = active(calibration=lambda: "calibration: of another person")
+    assert (guard.state, guard.reason) == ("idle", "calibration: of another person")
+
+
+def test_an_observer_is_told_of_every_change() -> None:
+    guard, _ = active()
+    told: list[Transition] = []
+    guard.observers.append(told.append)
+    guard.stop(3 * MS, "stopped: the space bar")
+    guard.stop(4 * MS, "again")
+    assert told == [Transition(3 * MS, "stopped", "stopped: the space bar")]
+
+
+def test_the_first_reason_to_stop_counts() -> None:
+    stop, pedal = Stop(), [""]
+    stop.also(lambda: pedal[0])
+    assert not stop()
+    pedal[0] = "the pedal"
+    assert stop()
+    stop.ask("Ctrl-C")
+    assert stop.reason == "the pedal"

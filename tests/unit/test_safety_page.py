@@ -1,0 +1,61 @@
+"""What the page in the terminal says of a run's state."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from rich.console import Console
+
+from reference.scripted import MS, touching
+from tega.haptics import VestFrame
+from tega.safety.states import STATES
+from tega.teleop.loop import LoopView
+from tega.teleop.touch import Felt
+from tega.view.terminal import _STATES, render
+
+
+def screen(view: LoopView) -> str:
+    """Draw it on 80 columns without colours."""
+    console = Console(file=io.StringIO(), width=80, color_system=None)
+    console.print(render(view, title="test", rates_hz={}))
+    file = console.file
+    assert isinstance(file, io.StringIO)
+    return file.getvalue()
+
+
+NOTHING = [Felt(0.0, 0.0, 0.0, 0.0)] * 4
+VIEW = LoopView(
+    200 * MS,
+    {"thumb": (50 * MS, touching(50)), "index": (190 * MS, touching(50))},
+    NOTHING,
+    VestFrame("x40", np.zeros(40, np.uint8)),
+    None,
+    None,
+    {},
+)
+
+
+def test_a_finger_without_fresh_pictures_shows_no_data() -> None:
+    lines = {line.split()[1]: line for line in screen(VIEW).splitlines() if len(line.split()) > 2}
+    assert "no data" in lines["thumb"]
+    assert "no data" not in lines["index"]
+    assert "no sensor" in lines["ring"]
+
+
+def test_state_reason_and_alerts_stand_first() -> None:
+    assert set(_STATES) == set(STATES)
+    held = VIEW._replace(
+        state="hold",
+        reason="emg: no signal for 0.3 s",
+        alerts=("emg: no signal for 0.3 s", "vest: not reached, so touch is not felt"),
+        latency="camera to vest 9 ms",
+    )
+    lines = screen(held).splitlines()
+    assert "HOLD" in lines[1]
+    assert "emg: no signal" in lines[2]
+    assert "! vest: not reached" in lines[3]
+    assert "camera to vest 9 ms" in lines[-2]
+    going_on = screen(held._replace(state="active", reason="all is there"))
+    assert "all is there" not in going_on
+    assert "! emg: no signal" in going_on

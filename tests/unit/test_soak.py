@@ -1,0 +1,74 @@
+"""A short soak, and what its verdict depends on."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from tega.cli.main import main
+from tega.soak.plan import KINDS, plan
+from tega.soak.report import Fault, SoakReport
+
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="emulated devices need pseudo-terminals, limits Linux"
+)
+
+
+def test_a_short_soak_passes(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["soak", "--seconds", "30", "--seed", "1", "--json"])
+    report = json.loads(capsys.readouterr().out)
+    assert ended.value.code == 0, report["failures"]
+    assert report["passed"]
+    assert {"kill -9", "disk full"} <= {fault["kind"] for fault in report["faults"]}
+    for fault in report["faults"]:
+        assert (
+            fault["injected_s"] <= fault["detected_s"] <= fault["recovered_s"]
+            or "not judged" in fault["outcome"]
+        )
+    assert report["over_limit_commands"] == 0
+    assert report["commands"]["hand"] > 1000
+    assert report["lost_s"] <= 0.5
+    assert report["rss_mib_end"] > 10
+
+
+def test_a_plan_has_every_fault_once_before_any_comes_again() -> None:
+    faults = [each.fault for each in plan(5)]
+    assert plan(5) == plan(5) != plan(6)
+    assert set(faults[: len(KINDS)]) == set(KINDS)
+    assert {fault.how for fault in faults[:2]} == {"kill", "disk"}
+    for each in plan(5):
+        assert each.fault.lasts_s[0] <= each.lasts_s <= each.fault.lasts_s[1]
+
+
+def good() -> SoakReport:
+    """A report that passes."""
+    fault = Fault(kind="unplug", device="emg", how="unplug", injected_s=1.0, outcome="recovered")
+    return SoakReport(faults=[fault], rss_mib_start=100.0, rss_mib_end=101.0, lost_s=0.2)
+
+
+def test_a_good_report_passes() -> None:
+    report = good()
+    report.judge()
+    assert report.passed
+    assert not report.failures
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [
+        ("over_limit", {"hand": 1}, "above a limit"),
+        ("lost_s", 0.51, "recording are lost"),
+        ("rss_mib_end", 130.0, "memory grew"),
+        ("faults", [], "too short"),
+        ("faults", [Fault(kind="a", device="b", how="c", injected_s=0.0, outcome="not told")], "not told"),
+    ],
+)
+def test_each_thing_that_is_wrong_fails_a_soak(name: str, value: object, word: str) -> None:
+    report = good()
+    setattr(report, name, value)
+    report.judge()
+    assert not report.passed
+    assert word in report.failures[0]
