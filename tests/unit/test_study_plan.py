@@ -159,9 +159,10 @@ def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> N
         (folder / "courses" / person).mkdir(parents=True)
         (folder / "courses" / person / "x.csv").write_text("t_s\n")
     (folder / "report").mkdir()
+    (folder / "report.html").write_text("p01")
     other = events_path(folder, "p02").read_bytes()
     gone = withdraw(folder, "p01")
-    assert {path.relative_to(folder).as_posix() for path in gone} == {"sessions/p01", "courses/p01", "report"}
+    assert {path.relative_to(folder).as_posix() for path in gone} == {"sessions/p01", "courses/p01", "report", "report.html"}
     assert not list(folder.rglob("p01"))
     assert events_path(folder, "p02").read_bytes() == other
     assert withdrawn(folder) == {"p01"}

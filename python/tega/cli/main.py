@@ -30,6 +30,7 @@ _VERBS = {
     "demo": _Verb("Run", "tega.cli.demo", "demo", "See the loop work on input made up here; needs nothing."),
     "run": _Verb("Run", "tega.cli.run", "run", "Run a session from its settings."),
     "replay": _Verb("Run", "tega.cli.replay", "replay", "Run the loop on recordings and write tables."),
+    "study": _Verb("Study", "tega.cli.study", "study", "Plan a user study, keep its data, report it."),
     "sim-trials": _Verb(
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
     ),

@@ -22,7 +22,7 @@ from tega.study.state import events_path
 __all__ = ["export", "withdraw", "withdrawn"]
 
 _LIST = "withdrawn.txt"
-REPORT = "report"
+REPORTS = ("report", "report.html")
 COURSES = "courses"
 
 
@@ -52,7 +52,7 @@ def withdraw(folder: Path, participant: str) -> list[Path]:
         participant: Whose data.
 
     Returns:
-        The folders that were deleted.
+        What was deleted.
 
     Raises:
         InvalidValueError: Nobody in the plan has that id.
@@ -73,10 +73,13 @@ def withdraw(folder: Path, participant: str) -> list[Path]:
 
 def _delete(folder: Path, participant: str) -> list[Path]:
     found = sorted(path for path in folder.glob(f"*/{participant}") if path.is_dir())
-    if found and (folder / REPORT).is_dir():
-        found.append(folder / REPORT)
+    if found:
+        found += [folder / name for name in REPORTS if (folder / name).exists()]
     for path in found:
-        shutil.rmtree(path)
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
     return found
 
 
