@@ -26,7 +26,9 @@ def study() -> None:
 @study.command(epilog="Example: tega-teleop study plan --participants 12 --seed 7 --out my-study")
 @click.option("--participants", type=click.IntRange(1, 999), required=True, help="How many people.")
 @click.option("--out", type=_FOLDER, required=True, help="A new folder; nothing is ever overwritten.")
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Of all orders.")
+@click.option(
+    "--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Of all orders."
+)
 @click.option(
     "--objects", type=NameList(), default="bottle,container,bag", show_default=True, help="What is lifted."
 )
@@ -93,7 +95,9 @@ def plan(
         f"rests alone take {rests_s / 60:.0f} min a person; with 15 s a trial {rests_s / 60 + len(first) / 4:.0f} min"
     )
     if participants < 6:
-        click.echo(f"note: with {participants} people no test over people can reach p = 0.05; six can", err=True)
+        click.echo(
+            f"note: with {participants} people no test over people can reach p = 0.05; six can", err=True
+        )
 
 
 @study.command(epilog="Example: tega-teleop study status my-study")
@@ -202,7 +206,9 @@ def report(*, source: Path, out: Path | None, interim: bool, as_json: bool) -> N
 
     done = write_report(source, out, interim=interim)
     if as_json:
-        tests = [test for test in done.analysis.tests if f"{test.metric}:{test.object}" in done.analysis.family]
+        tests = [
+            test for test in done.analysis.tests if f"{test.metric}:{test.object}" in done.analysis.family
+        ]
         echo_json(
             {
                 "page": str(done.page),
@@ -243,8 +249,12 @@ def _print(analysis: Analysis) -> None:
 @click.option(
     "--alpha", type=click.FloatRange(0.0001, 0.5), default=0.05, show_default=True, help="Two-sided level."
 )
-@click.option("--tests", type=click.IntRange(1, 100), default=1, show_default=True, help="How many, for Holm.")
-@click.option("--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Of the simulation.")
+@click.option(
+    "--tests", type=click.IntRange(1, 100), default=1, show_default=True, help="How many, for Holm."
+)
+@click.option(
+    "--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Of the simulation."
+)
 @json_option
 @debug_option
 def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_json: bool) -> None:
@@ -276,7 +286,9 @@ def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_js
     if as_json:
         echo_json({"reference": reference, "mean": mean, "trials": trials, "alpha": level, "rows": rows})
         return
-    click.echo(f"{reference:g} against {mean:g} per trial, {trials} trials per condition, two-sided {level:.3g}")
+    click.echo(
+        f"{reference:g} against {mean:g} per trial, {trials} trials per condition, two-sided {level:.3g}"
+    )
     click.echo("people differ   for 80 %   power (paired t / sign-flip) with 6, 8, 10, 12 people")
     for row in rows:
         needed_text = "over 30" if row["people_for_80"] is None else str(row["people_for_80"])
@@ -284,3 +296,78 @@ def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_js
         text = "  ".join(f"{one['paired_t']:.2f}/{one['sign_flip']:.2f}" for one in powers.values())
         click.echo(f"{row['people_differ']:<14}  {needed_text:>8}   {text}")
     click.echo("effects seen in a small pilot are too large on average: plan for less")
+
+
+class _Shard(click.ParamType[tuple[int, int]]):
+    """Which part of how many."""
+
+    name = "i/n"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Read the part, or fail with a usage error."""
+        if isinstance(value, tuple):
+            return value
+        part, _, parts = str(value).partition("/")
+        if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+            self.fail(f"{value!r} is not i/n with i from 1 to n, such as 2/4", param, ctx)
+        return int(part), int(parts)
+
+
+@study.command(epilog="Example: tega-teleop study simulate --operators 10 --out in-silico")
+@click.option("--operators", type=click.IntRange(1, 999), required=True, help="How many simulated people.")
+@click.option("--out", type=_FOLDER, required=True, help="A new folder, or the same study's to go on.")
+@click.option("--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Of everything.")
+@click.option("--objects", type=NameList(), default="bottle,container,bag", show_default=True)
+@click.option("--conditions", type=NameList(), default="haptic,non-haptic", show_default=True)
+@click.option(
+    "--trials", type=click.IntRange(1, 1000), default=10, show_default=True, help="Per object and condition."
+)
+@click.option("--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores.")
+@click.option("--shard", type=_Shard(), default="1/1", help="Only the i-th of n parts, for many machines.")
+@json_option
+@debug_option
+def simulate(
+    *,
+    operators: int,
+    out: Path,
+    seed: int,
+    objects: list[str],
+    conditions: list[str],
+    trials: int,
+    jobs: int,
+    shard: tuple[int, int],
+    as_json: bool,
+) -> None:
+    """Run the whole study with simulated people, and report it once all sessions are there.
+
+    Each person goes through a whole session in the plan's order, with what was learned and tired from trial to trial.
+    The results are the same with any number of workers and shards. Run it again to go on where it was stopped; a session
+    that was cut short is run anew.
+    """
+    from tega.cli.options import progress_bar
+    from tega.study.report import write_report
+    from tega.study.simulate import simulate as run
+    from tega.study.simulate import unfinished
+
+    with progress_bar() as progress:
+        plan = run(
+            out,
+            operators=operators,
+            seed=seed,
+            objects=objects,
+            conditions=conditions,
+            trials=trials,
+            jobs=jobs,
+            shard=shard,
+            progress=progress,
+        )
+    left = unfinished(out, plan)
+    page = None if left else write_report(out).page
+    if as_json:
+        echo_json({"out": str(out), "operators": operators, "left": left, "report": page and str(page)})
+    elif left:
+        click.echo(f"{out}: {len(left)} of {operators} sessions are left to other shards")
+    else:
+        click.echo(f"{page}: simulated, {operators} people, {len(plan.trials)} trials")

@@ -87,6 +87,8 @@ def figure_7(analysis: Analysis) -> Figure:
                 None,
             )
             _bracket(ax, values[:2], p_text(p))
+            if metric == "slips":
+                ax.yaxis.get_major_locator().set_params(integer=True)
             if row == 0:
                 ax.set_title(name, fontsize=10)
             if column == 0:
@@ -133,12 +135,12 @@ def _spread(values: Sequence[float], place: float) -> list[float]:
 
 def _bracket(ax: Axes, values: Sequence[Sequence[float]], text: str) -> None:
     top = max((max(some) for some in values if some), default=1.0) or 1.0
-    low, high = ax.get_ylim()
-    reach = high - min(0.0, low)
-    y, tick = max(top, high - 0.02 * reach) + 0.04 * reach, 0.02 * reach
+    high = ax.get_ylim()[1]
+    reach = max(high, top)
+    y, tick = reach + 0.02 * reach, 0.02 * reach
     ax.plot([1, 1, 2, 2], [y, y + tick, y + tick, y], color="black", linewidth=0.8)
     ax.text(1.5, y + 1.3 * tick, text, ha="center", va="bottom", fontsize=8)
-    ax.set_ylim(0, y + 6 * tick)
+    ax.set_ylim(0, y + 7 * tick)
 
 
 def figure_8_trials(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[str, list[str]]:
