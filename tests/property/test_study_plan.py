@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tega.study import make_plan, read_plan, write_plan
-from tega.study.journal import Journal, read_events
+from tega.study.journal import read_events
 from tega.study.order import allocate, williams
 from tega.study.state import derive, events_path, resume
 
@@ -33,7 +35,7 @@ studies = st.fixed_dictionaries(
 def test_williams_has_every_neighbour_equally_often(n: int) -> None:
     rows = williams(n)
     places = Counter((place, value) for row in rows for place, value in enumerate(row))
-    neighbours = Counter(pair for row in rows for pair in zip(row, row[1:], strict=False))
+    neighbours = Counter(pair for row in rows for pair in itertools.pairwise(row))
     assert len(set(places.values())) == 1
     assert len(places) == n * n
     assert len(neighbours) == n * (n - 1)
@@ -56,7 +58,7 @@ def test_orders_are_balanced_after_every_group_and_every_round(
 
 
 @given(studies)
-def test_every_trial_comes_exactly_once_and_the_plan_reads_back(study: dict) -> None:
+def test_every_trial_comes_exactly_once_and_the_plan_reads_back(study: dict[str, Any]) -> None:
     plan = make_plan(**study)
     assert plan == make_plan(**study)
     trials = range(1, study["trials"] + 1)
@@ -91,7 +93,9 @@ def test_cut_at_any_byte_loses_no_complete_event_and_resumes_in_the_same_plan(da
         folder = Path(name) / "study"
         write_plan(plan, folder)
         path = events_path(folder, "p01")
-        kinds = st.sampled_from(["slip", "deformation", "note", "end", "abort", "crash"])
+        kinds: st.SearchStrategy[Any] = st.sampled_from(
+            ["slip", "deformation", "note", "end", "abort", "crash"]
+        )
         t_ns = 0
         while True:
             journal, state = resume(folder, plan, "p01", t_ns=t_ns)
@@ -108,7 +112,7 @@ def test_cut_at_any_byte_loses_no_complete_event_and_resumes_in_the_same_plan(da
                         kind = "end"
                     if kind == "crash":
                         break
-                    status = "done" if kind == "end" else "aborted_technical"
+                    status: Any = "done" if kind == "end" else "aborted_technical"
                     journal.add("trial_end", t_ns=t_ns, trial=trial, attempt=attempt, status=status)
                     state = derive(plan.of("p01"), journal.events)
             if state.next is None:

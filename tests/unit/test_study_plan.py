@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -77,7 +78,7 @@ def test_a_changed_plan_is_refused(folder: Path) -> None:
         ({"seed": -1}, "seed"),
     ],
 )
-def test_plans_that_cannot_be_made_say_why(fields: dict, message: str) -> None:
+def test_plans_that_cannot_be_made_say_why(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(InvalidValueError, match=message):
         make_plan(**{"participants": 2, **fields})
 
@@ -162,7 +163,12 @@ def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> N
     (folder / "report.html").write_text("p01")
     other = events_path(folder, "p02").read_bytes()
     gone = withdraw(folder, "p01")
-    assert {path.relative_to(folder).as_posix() for path in gone} == {"sessions/p01", "courses/p01", "report", "report.html"}
+    assert {path.relative_to(folder).as_posix() for path in gone} == {
+        "sessions/p01",
+        "courses/p01",
+        "report",
+        "report.html",
+    }
     assert not list(folder.rglob("p01"))
     assert events_path(folder, "p02").read_bytes() == other
     assert withdrawn(folder) == {"p01"}

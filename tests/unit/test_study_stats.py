@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,25 +11,29 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("statsmodels")
 
-from tega.study.coupling import correlate, effective_n, fisher_mean, lag_sweep, partial, response_slope
 from tega.study.counts import adjusted_ratio, clopper_pearson, dispersion, poisson_rates, shares
+from tega.study.coupling import correlate, effective_n, fisher_mean, lag_sweep, partial, response_slope
 from tega.study.figures import p_text
 from tega.study.paper import PAPER_P
 from tega.study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
 from tega.study.power import SPREADS, count_power, people_for, time_power
 from tega.study.rank import holm, mann_whitney, shift
 
-close = pytest.approx
+close: Any = pytest.approx
 
 # Four people, five trials each: slips without and with touch.
 WITHOUT = [[6, 5, 7, 4, 8], [3, 4, 2, 5, 3], [9, 7, 8, 6, 7], [4, 6, 5, 5, 3]]
 WITH = [[3, 2, 4, 2, 3], [2, 1, 3, 2, 2], [5, 4, 6, 3, 5], [1, 3, 2, 2, 4]]
-POSE = np.array([*[0] * 4, *[1] * 3, *[2] * 4, *[3] * 6, *[2] * 5, *[3] * 3, *[4] * 4, 3, 3, 2, 2, 1, 1, *[0] * 5], float)
-TOUCH = np.array(
-    """.02 .01 .02 .01 .02 .05 .12 .15 .28 .35 .38 .40 .52 .60 .63 .66 .64 .62 .50 .45 .43 .42 .44 .55 .63 .66 .78 .86
-    .90 .88 .74 .66 .48 .40 .22 .15 .05 .02 .01 .02""".split(),
-    float,
+POSE = np.array(
+    [*[0] * 4, *[1] * 3, *[2] * 4, *[3] * 6, *[2] * 5, *[3] * 3, *[4] * 4, 3, 3, 2, 2, 1, 1, *[0] * 5], float
 )
+TOUCH = np.array(
+    [
+        0.02, 0.01, 0.02, 0.01, 0.02, 0.05, 0.12, 0.15, 0.28, 0.35, 0.38, 0.40, 0.52, 0.60, 0.63, 0.66,
+        0.64, 0.62, 0.50, 0.45, 0.43, 0.42, 0.44, 0.55, 0.63, 0.66, 0.78, 0.86, 0.90, 0.88, 0.74, 0.66,
+        0.48, 0.40, 0.22, 0.15, 0.05, 0.02, 0.01, 0.02,
+    ]
+)  # fmt: skip
 
 
 def test_mann_whitney_without_ties_is_exact_and_has_its_shift() -> None:
@@ -113,9 +118,8 @@ def test_totals_by_the_conditional_poisson_test() -> None:
 def test_people_as_clusters_by_hand_and_by_statsmodels() -> None:
     found = ratio_of_means(np.mean(WITH, axis=1), np.mean(WITHOUT, axis=1))
     assert found is not None
-    assert found == (
-        close(0.551401869159), close(0.421025893396), close(0.722150409467), close(-7.02259714438), 3, close(0.00593130137292)
-    )  # fmt: skip
+    assert found[:3] == close((0.551401869159, 0.421025893396, 0.722150409467))
+    assert found[3:] == close((-7.02259714438, 3, 0.00593130137292))
     values, first = np.ravel([*WITH, *WITHOUT]), [True] * 20 + [False] * 20
     person = [p for p in "abcd" for _ in range(5)] * 2
     model = adjusted_ratio(values, first, [1.0] * 40, person, counts=True)
@@ -181,9 +185,19 @@ def test_learning_is_taken_out() -> None:
 
 def test_correlation_of_a_slow_course() -> None:
     found = correlate(POSE, TOUCH)
-    assert found == close((0.908298531762, 40, 8.02244346512, 0.567042256711, 0.983422827754, 0.00175995567666))
+    assert found == close(
+        (0.908298531762, 40, 8.02244346512, 0.567042256711, 0.983422827754, 0.00175995567666)
+    )
     assert effective_n(POSE, TOUCH, lags=5) == close(8.55384646561)
-    lags = [0.416913513115, 0.631390258182, 0.801081066562, 0.908298531762, 0.978847911004, 0.963176643852, 0.889190243422]
+    lags = [
+        0.416913513115,
+        0.631390258182,
+        0.801081066562,
+        0.908298531762,
+        0.978847911004,
+        0.963176643852,
+        0.889190243422,
+    ]
     assert lag_sweep(POSE, TOUCH, most=3) == [(lag - 3, close(r)) for lag, r in enumerate(lags)]
     closure = np.zeros(40)
     for i in range(40):
@@ -194,7 +208,7 @@ def test_correlation_of_a_slow_course() -> None:
 
 
 def test_somebody_who_answers_has_another_slope_though_not_another_correlation() -> None:
-    """Touch follows the pose in both; one loosens where touch went over its aim. The correlation shows nothing of it."""
+    """Touch follows the pose in both; one loosens where touch went over its aim. The correlation does not show it."""
     random = np.random.default_rng(2)
     slopes, correlations = [], []
     for answering in (False, True):

@@ -121,7 +121,12 @@ def status(*, folder: Path, as_json: bool) -> None:
         events = read_events(events_path(folder, person))
         state = derive(mine, events)
         what = "complete" if state.next is None else "under way" if events else "not begun"
-        row = {"participant": person, "state": what, "over": state.n_over, "trials": len(mine)}
+        row: dict[str, Any] = {
+            "participant": person,
+            "state": what,
+            "over": state.n_over,
+            "trials": len(mine),
+        }
         if state.next is not None and events:
             number, attempt = state.next
             trial = mine[number - 1]
@@ -260,7 +265,8 @@ def _print(analysis: Analysis) -> None:
 def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_json: bool) -> None:
     """Say how many people find a difference in counts, by simulated studies with people who differ.
 
-    Shown for people who hardly differ, who differ, and who differ a lot. With --tests the level is that of Holm's first step.
+    Shown for people who hardly differ, who differ, and who differ a lot. With --tests the level is that of
+    Holm's first step.
     """
     from tega.study.power import SPREADS, count_power, people_for
 
@@ -269,7 +275,7 @@ def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_js
     except ValueError as error:
         raise click.BadParameter("give two numbers, such as 5.9,2.8", param_hint="--slips") from error
     level = alpha / tests
-    rows = []
+    rows: list[dict[str, Any]] = []
     for name, spread in SPREADS.items():
         needed = people_for(mean, reference, trials=trials, spread=spread, alpha=level, seed=seed)
         some = [
@@ -292,8 +298,7 @@ def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_js
     click.echo("people differ   for 80 %   power (paired t / sign-flip) with 6, 8, 10, 12 people")
     for row in rows:
         needed_text = "over 30" if row["people_for_80"] is None else str(row["people_for_80"])
-        powers: Any = row["power"]
-        text = "  ".join(f"{one['paired_t']:.2f}/{one['sign_flip']:.2f}" for one in powers.values())
+        text = "  ".join(f"{one['paired_t']:.2f}/{one['sign_flip']:.2f}" for one in row["power"].values())
         click.echo(f"{row['people_differ']:<14}  {needed_text:>8}   {text}")
     click.echo("effects seen in a small pilot are too large on average: plan for less")
 
@@ -343,8 +348,8 @@ def simulate(
     """Run the whole study with simulated people, and report it once all sessions are there.
 
     Each person goes through a whole session in the plan's order, with what was learned and tired from trial to trial.
-    The results are the same with any number of workers and shards. Run it again to go on where it was stopped; a session
-    that was cut short is run anew.
+    The results are the same with any number of workers and shards. Run it again to go on where it was stopped;
+    a session that was cut short is run anew.
     """
     from tega.cli.options import progress_bar
     from tega.study.report import write_report

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -189,9 +189,9 @@ def _data(trials: Sequence[Trial], metric: str, name: str, conditions: tuple[str
 
 
 def _tests(data: _Data, *, crossed: bool) -> list[Test]:
-    x, y = (sum(side.values(), []) for side in (data.first, data.second))
+    x, y = (_joined(side.values()) for side in (data.first, data.second))
     counted = data.metric != "duration_s"
-    common = {
+    common: dict[str, Any] = {
         "metric": data.metric,
         "object": data.object,
         "people": len(data.first.keys() | data.second.keys()),
@@ -230,7 +230,7 @@ def _tests(data: _Data, *, crossed: bool) -> list[Test]:
     if not both:
         return tests
     firsts, seconds = ([side[person] for person in both] for side in (data.first, data.second))
-    x, y = sum(firsts, []), sum(seconds, [])
+    x, y = _joined(firsts), _joined(seconds)
     scaled = [[_scale(values, counted) for values in side] for side in (firsts, seconds)]
     p = within_person(list(zip(*scaled, strict=True)))
     text = "these people's trials only; takes trials of a person as exchangeable"
@@ -242,33 +242,35 @@ def _tests(data: _Data, *, crossed: bool) -> list[Test]:
 
 def _by_people(
     data: _Data,
-    common: dict[str, object],
+    common: dict[str, Any],
     firsts: list[list[float]],
     seconds: list[list[float]],
     *,
     crossed: bool,
 ) -> list[Test]:
     counted, both = data.metric != "duration_s", data.both
-    x, y = sum(firsts, []), sum(seconds, [])
+    x, y = _joined(firsts), _joined(seconds)
     enough = len(both) >= SMALLEST_FOR_P
-    means = [[float(np.mean(_scale(values, counted))) for values in side] for side in (firsts, seconds)]
-    found = ratio_of_means(*means) if counted else paired_log_ratio(*means)
+    first, second = (
+        [float(np.mean(_scale(values, counted))) for values in side] for side in (firsts, seconds)
+    )
+    found = ratio_of_means(first, second) if counted else paired_log_ratio(first, second)
     name = "sign-flip; ratio of means" if counted else "paired t of mean log time"
     few = "" if enough else f"no p below {SMALLEST_FOR_P} people"
     if found is None:
         few += "; " * bool(few) + "no ratio: a condition without events, or people all alike"
     p = None
     if enough:
-        p = sign_flip(np.subtract(*means).tolist()) if counted else found and found.p
+        p = sign_flip(np.subtract(first, second)) if counted else found and found.p
     ratio = None if found is None else (found.ratio, found.low, found.high)
     statistic = None if found is None else found.t
     tests = [_row(common, "people", name, x, y, p=p, ratio=ratio, statistic=statistic, note=few)]
     where = [(person, side) for side in (True, False) for person in both]
     values = [data.first[person] if side else data.second[person] for person, side in where]
     adjusted = adjusted_ratio(
-        sum(values, []),
+        _joined(values),
         [side for (_, side), some in zip(where, values, strict=True) for _ in some],
-        sum((data.places[f"{person} {side}"] for person, side in where), []),
+        _joined(data.places[f"{person} {side}"] for person, side in where),
         [person for (person, _), some in zip(where, values, strict=True) for _ in some],
         counts=counted,
     )
@@ -287,7 +289,9 @@ def _by_people(
                 note="sensitivity: learning taken out" + ("; " + few if few else ""),
             )
         )
-    if crossed and (order := cross_over(*means, [data.began_first.get(person, False) for person in both])):
+    if crossed and (
+        order := cross_over(first, second, [data.began_first.get(person, False) for person in both])
+    ):
         text = f"period effect {order.period:.3g}" + ("" if counted else " (log)")
         row = _row(common, "cross-over", "Hills-Armitage", x, y, p=order.p, statistic=order.t, note=text)
         tests.append(
@@ -299,9 +303,9 @@ def _by_people(
 
 
 def _success(data: _Data) -> list[Test]:
-    x, y = (sum(side.values(), []) for side in (data.first, data.second))
+    x, y = (_joined(side.values()) for side in (data.first, data.second))
     found = shares(int(sum(x)), len(x), int(sum(y)), len(y))
-    common = {
+    common: dict[str, Any] = {
         "metric": data.metric,
         "object": data.object,
         "people": len(data.first.keys() | data.second.keys()),
@@ -330,7 +334,7 @@ def _success(data: _Data) -> list[Test]:
 
 
 def _row(
-    common: dict[str, object],
+    common: dict[str, Any],
     level: Level,
     test: str,
     x: Sequence[float],
@@ -343,7 +347,7 @@ def _row(
 ) -> Test:
     effect, low, high = ratio or (None, None, None)
     return Test(
-        **common,  # type: ignore[arg-type]  # names and types are those of the caller
+        **common,
         level=level,
         test=test,
         n=(len(x), len(y)),
@@ -370,6 +374,10 @@ def _corrected(tests: list[Test], family: Sequence[str]) -> list[Test]:
 
 def _scale(values: list[float], counted: bool) -> list[float]:  # noqa: FBT001
     return values if counted else [math.log(max(value, 1e-3)) for value in values]
+
+
+def _joined(groups: Iterable[Sequence[float]]) -> list[float]:
+    return [value for group in groups for value in group]
 
 
 def _mean(values: Sequence[float]) -> float | None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega.errors import MissingExtraError
+from tega.study.packages import scipy_stats, statsmodels
 from tega.study.people import Ratio
-from tega.study.rank import _scipy_stats
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["Shares", "adjusted_ratio", "clopper_pearson", "dispersion", "poisson_rates", "shares"]
 
@@ -42,15 +43,15 @@ def clopper_pearson(k: int, n: int, *, confidence: float = 0.95) -> tuple[float,
         >>> round(low, 3), high
         (0.478, 1.0)
     """
-    found = _scipy_stats().binomtest(k, n).proportion_ci(confidence_level=confidence, method="exact")
+    found = scipy_stats().binomtest(k, n).proportion_ci(confidence_level=confidence, method="exact")
     return float(found.low), float(found.high)
 
 
 def shares(k1: int, n1: int, k2: int, n2: int) -> Shares:
     """Compare ``k1`` of ``n1`` with ``k2`` of ``n2``."""
-    stats = _scipy_stats()
+    stats = scipy_stats()
     table = [[k1, n1 - k1], [k2, n2 - k2]]
-    low, high = _statsmodels("stats.proportion").confint_proportions_2indep(
+    low, high = statsmodels("stats.proportion").confint_proportions_2indep(
         k1, n1, k2, n2, method="newcomb", compare="diff"
     )
     with warnings.catch_warnings():
@@ -68,7 +69,7 @@ def poisson_rates(k1: int, k2: int) -> tuple[float, float, float, float]:
     Returns:
         Two-sided p, ratio and its exact 95 % interval.
     """
-    test = _scipy_stats().binomtest(k1, k1 + k2, 0.5)
+    test = scipy_stats().binomtest(k1, k1 + k2, 0.5)
     ends = test.proportion_ci(method="exact")
     return float(test.pvalue), k1 / k2 if k2 else math.inf, _odds(float(ends.low)), _odds(float(ends.high))
 
@@ -77,7 +78,7 @@ def _odds(share: float) -> float:
     return share / (1 - share) if share < 1 else math.inf
 
 
-def dispersion(counts: Sequence[float]) -> float:
+def dispersion(counts: ArrayLike) -> float:
     """Return variance over mean: 1 for Poisson counts, NaN where nothing was counted or there is one count."""
     values = np.asarray(counts, float)
     if len(values) < 2 or values.mean() == 0:
@@ -86,21 +87,22 @@ def dispersion(counts: Sequence[float]) -> float:
 
 
 def adjusted_ratio(
-    values: Sequence[float],
-    haptic: Sequence[bool],
-    place: Sequence[float],
-    person: Sequence[str],
+    values: ArrayLike,
+    haptic: ArrayLike,
+    place: ArrayLike,
+    person: ArrayLike,
     *,
     counts: bool,
     confidence: float = 0.95,
 ) -> Ratio | None:
     """Compare conditions by regression, with what drifts over the session taken out.
 
-    Generalised estimating equations (statsmodels), people as clusters, exchangeable trials within them; Poisson for counts, a
-    normal law for logarithms of times. Chosen because statsmodels has no frequentist mixed model for counts, a mixed model for
-    times either does not converge (random slopes, up to 12 people) or rejects too often (random intercept only), and an
-    estimating equation needs only the mean to be right: overdispersion, as of a negative binomial, goes into the standard error.
-    That is the bias-reduced one, with t on n - 1 degrees of freedom.
+    Generalised estimating equations (statsmodels), people as clusters, exchangeable trials within them; Poisson
+    for counts, a normal law for logarithms of times. Chosen because statsmodels has no frequentist mixed model
+    for counts, a mixed model for times either does not converge (random slopes, up to 12 people) or rejects too
+    often (random intercept only), and an estimating equation needs only the mean to be right: overdispersion,
+    as of a negative binomial, goes into the standard error. That is the bias-reduced one, with t on n - 1
+    degrees of freedom.
 
     Args:
         values: One per trial: counts, or times in seconds.
@@ -120,7 +122,7 @@ def adjusted_ratio(
         return None
     if not counts and y.min() <= 0:
         return None
-    api = _statsmodels("api")
+    api = statsmodels("api")
     drift = np.log(np.asarray(place, float))
     columns = [np.ones_like(y), first.astype(float)]
     if np.ptp(drift) > 0:
@@ -142,16 +144,7 @@ def adjusted_ratio(
     b, se = float(found.params[1]), float(found.bse[1])
     if not found.converged or not 1e-8 < se < 20:
         return None
-    t_of = _scipy_stats().t
+    t_of = scipy_stats().t
     reach = float(t_of.ppf(0.5 + confidence / 2, n - 1)) * se
     p = 2 * float(t_of.sf(abs(b / se), n - 1))
     return Ratio(math.exp(b), math.exp(b - reach), math.exp(b + reach), b / se, n - 1, p)
-
-
-def _statsmodels(module: str):  # type: ignore[no-untyped-def]  # statsmodels has no types
-    import importlib
-
-    try:
-        return importlib.import_module(f"statsmodels.{module}")
-    except ImportError as error:
-        raise MissingExtraError("statsmodels is not installed", "pip install 'tega[study]'") from error

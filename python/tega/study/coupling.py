@@ -1,8 +1,9 @@
 """Touch and chosen pose over a trial: do they go together, and does that say that anybody answered what was felt?
 
-A hand that closes raises touch by itself. So a correlation is shown beside what it is without any answer: with the touch of
-another trial, in the arm that felt nothing, and at other lags. Lag ``l > 0``: touch follows the pose, as mechanics has it;
-``l < 0``: the pose follows touch, as an answer would, and none is quicker than 0.2 s.
+A hand that closes raises touch by itself. So a correlation is shown beside what it is without any answer: with
+the touch of another trial, in the arm that felt nothing, and at other lags. Lag ``l > 0``: touch follows the
+pose, as mechanics has it; ``l < 0``: the pose follows touch, as an answer would, and none is quicker than 0.2
+s.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.study.rank import _scipy_stats
+from tega.study.packages import scipy_stats
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -175,7 +176,7 @@ def correlate(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int | Non
     if math.isnan(r):
         return Correlation(r, n, math.nan, math.nan, math.nan, math.nan)
     n_eff = effective_n(x, y, lags=n // 4 if lags is None else lags)
-    stats = _scipy_stats()
+    stats = scipy_stats()
     if n_eff <= 3 or abs(r) >= 1:
         return Correlation(r, n, n_eff, math.nan, math.nan, math.nan)
     t = abs(r) * math.sqrt((n_eff - 2) / (1 - r * r))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def svg(figure: Figure) -> str:
     """Write a figure as SVG without date, with ids that depend on the drawing alone, and text as text."""
     import matplotlib as mpl
 
-    options = {"svg.hashsalt": "tega", "svg.fonttype": "none", "font.family": "sans-serif"}
+    options: dict[Any, Any] = {"svg.hashsalt": "tega", "svg.fonttype": "none", "font.family": "sans-serif"}
     out = io.StringIO()
     with mpl.rc_context(options):
         figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})

@@ -56,9 +56,7 @@ def williams(n: int) -> list[tuple[int, ...]]:
         >>> williams(3)
         [(0, 1, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0), (0, 2, 1), (1, 0, 2)]
     """
-    first = [0]
-    for step in range(1, n):
-        first.append((step + 1) // 2 if step % 2 else n - step // 2)
+    first = [(step + 1) // 2 if step % 2 else (n - step // 2) % n for step in range(n)]
     rows = [tuple((value + add) % n for value in first) for add in range(n)]
     return rows if n % 2 == 0 or n == 1 else rows + [row[::-1] for row in rows]
 
@@ -88,8 +86,10 @@ def allocate(
     for group in range(-(-n_people // len(orders))):
         around = shuffled(rows, seed=seed, purpose=f"objects {group // len(rows)}")
         row = around[group % len(rows)]
-        for order in shuffled(orders, seed=seed, purpose=f"conditions {group}"):
-            found.append((tuple(objects[i] for i in row), tuple(conditions[i] for i in order)))
+        found += [
+            (tuple(objects[i] for i in row), tuple(conditions[i] for i in order))
+            for order in shuffled(orders, seed=seed, purpose=f"conditions {group}")
+        ]
     return found[:n_people]
 
 

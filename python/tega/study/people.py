@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega.study.rank import _scipy_stats, rank_sum_counts
+from tega.study.packages import scipy_stats
+from tega.study.rank import rank_sum_counts
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "CrossOver",
@@ -69,7 +70,7 @@ class CrossOver(NamedTuple):
     p: float
 
 
-def sign_flip(differences: Sequence[float], *, seed: int = 0) -> float:
+def sign_flip(differences: ArrayLike, *, seed: int = 0) -> float:
     """Return the two-sided p of the mean of paired differences over all changes of their signs.
 
     Exact up to 20 people; beyond, 99,999 random changes and the one that is there.
@@ -93,14 +94,12 @@ def sign_flip(differences: Sequence[float], *, seed: int = 0) -> float:
     return float((1 + np.sum(np.abs(signs @ values) >= seen)) / (DRAWS + 1))
 
 
-def ratio_of_means(
-    first: Sequence[float], second: Sequence[float], *, confidence: float = 0.95
-) -> Ratio | None:
+def ratio_of_means(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Ratio | None:
     """Compare counts as a ratio of means, people as clusters.
 
     In a balanced design this is what Poisson GEE with any working correlation gives, in closed form: the standard error
-    is the bias-reduced one (robust times n / (n - 1)), and t with n - 1 degrees of freedom replaces its z, which rejects a
-    true null four times too often with six people.
+    is the bias-reduced one (robust times n / (n - 1)), and t with n - 1 degrees of freedom replaces its z,
+    which rejects a true null four times too often with six people.
 
     Args:
         first: Each person's mean under the first condition.
@@ -119,14 +118,12 @@ def ratio_of_means(
     return _ratio(math.log(a.sum() / b.sum()), se, n - 1, confidence)
 
 
-def paired_log_ratio(
-    first: Sequence[float], second: Sequence[float], *, confidence: float = 0.95
-) -> Ratio | None:
+def paired_log_ratio(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Ratio | None:
     """Compare each person's mean logarithm: a paired t, given as a ratio.
 
-    With people who differ in their effect, a mixed model with a random intercept rejects a true null in a quarter of all
-    studies of this size, and one with a random slope does not converge; this keeps its level, and has the same estimate
-    where the design is balanced.
+    With people who differ in their effect, a mixed model with a random intercept rejects a true null in a
+    quarter of all studies of this size, and one with a random slope does not converge; this keeps its level,
+    and has the same estimate where the design is balanced.
 
     Args:
         first: Each person's mean of the logarithm under the first condition.
@@ -142,14 +139,14 @@ def paired_log_ratio(
 def _ratio(log_ratio: float, se: float, df: int, confidence: float) -> Ratio | None:
     if se < 1e-8:  # nobody differs from anybody: there is no error to judge by
         return None
-    t_of = _scipy_stats().t
+    t_of = scipy_stats().t
     reach = float(t_of.ppf(0.5 + confidence / 2, df)) * se
     t = log_ratio / se
     p = 2 * float(t_of.sf(abs(t), df))
     return Ratio(math.exp(log_ratio), math.exp(log_ratio - reach), math.exp(log_ratio + reach), t, df, p)
 
 
-def within_person(groups: Sequence[tuple[Sequence[float], Sequence[float]]], *, seed: int = 0) -> float:
+def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]], *, seed: int = 0) -> float:
     """Return the two-sided p over all exchanges of conditions among each person's own trials.
 
     Says something about these people's trials, not about other people, and takes trials as exchangeable: learning and
@@ -160,7 +157,7 @@ def within_person(groups: Sequence[tuple[Sequence[float], Sequence[float]]], *, 
         seed: Of the random exchanges.
     """
     pooled = [np.concatenate([np.asarray(a, float), np.asarray(b, float)]) for a, b in groups]
-    sizes = [len(a) for a, _ in groups]
+    sizes = [np.size(a) for a, _ in groups]
     seen = sum(float(np.sum(a)) for a, _ in groups)
     expected = sum(size * float(values.mean()) for size, values in zip(sizes, pooled, strict=True))
     off = abs(seen - expected) - _EPS
@@ -179,9 +176,7 @@ def within_person(groups: Sequence[tuple[Sequence[float], Sequence[float]]], *, 
     return float((1 + np.sum(np.abs(sums - expected) >= off)) / (EXCHANGES + 1))
 
 
-def cross_over(
-    first: Sequence[float], second: Sequence[float], began_with_first: Sequence[bool]
-) -> CrossOver | None:
+def cross_over(first: ArrayLike, second: ArrayLike, began_with_first: ArrayLike) -> CrossOver | None:
     """Compare two conditions with the effect of their order taken out.
 
     Args:
@@ -197,7 +192,7 @@ def cross_over(
     if began.sum() < 2 or (~began).sum() < 2:
         return None
     period = np.where(began, a - b, b - a)  # first period less second
-    test = _scipy_stats().ttest_ind(period[began], period[~began])
+    test = scipy_stats().ttest_ind(period[began], period[~began])
     if not math.isfinite(float(test.statistic)):
         return None
     ahead, behind = float(period[began].mean()), float(period[~began].mean())

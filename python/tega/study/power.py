@@ -1,7 +1,8 @@
 """How many people a study needs, from assumed or pilot means (N13).
 
-Counts: negative binomial, mean ``m * exp(b_i + s_i * haptic)`` scaled so that the given means are the marginal ones; people
-differ in level (``b``) and in effect (``s``). Analysed as the report does: a paired t on log(sum + 0.5), and exact sign-flips.
+Counts: negative binomial, mean ``m * exp(b_i + s_i * haptic)`` scaled so that the given means are the marginal
+ones; people differ in level (``b``) and in effect (``s``). Analysed as the report does: a paired t on log(sum +
+0.5), and exact sign-flips.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.study.rank import _scipy_stats
+from tega.study.packages import scipy_stats
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,13 +84,15 @@ def count_power(
     Raises:
         InvalidValueError: A value is out of range.
     """
-    off, difference = _studies(mean, reference, people, trials, spread, runs, seed)
+    off, difference = _studies(
+        mean, reference, people=people, trials=trials, spread=spread, runs=runs, seed=seed
+    )
     flips = float(np.mean(_flips(difference) <= alpha + 1e-12)) if 2 / 2**people <= alpha else 0.0
     return CountPower(people, _found(off, alpha), flips, 1 / math.sqrt(runs))
 
 
 def _studies(
-    mean: float, reference: float, people: int, trials: int, spread: Spread, runs: int, seed: int
+    mean: float, reference: float, *, people: int, trials: int, spread: Spread, runs: int, seed: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Draw studies; return people's differences of log sums and of sums, each (runs, people)."""
     if not (0 < mean < 1e4 and 0 < reference < 1e4):
@@ -114,7 +117,7 @@ def _found(off: NDArray[np.float64], alpha: float) -> float:
     """Return the share of studies in which a paired t is significant; one without any spread finds nothing."""
     people = off.shape[1]
     se = off.std(axis=1, ddof=1) / math.sqrt(people)
-    limit = float(_scipy_stats().t.ppf(1 - alpha / 2, people - 1))
+    limit = float(scipy_stats().t.ppf(1 - alpha / 2, people - 1))
     return float(np.mean((np.abs(off.mean(axis=1)) >= limit * se) & (se > 0)))
 
 
@@ -122,10 +125,7 @@ def _sums(
     random: np.random.Generator, means: NDArray[np.float64], trials: int, dispersion: float
 ) -> NDArray[np.float64]:
     """Draw each person's total: the sum of negative binomials of one mean is one, of ``trials`` times the shape."""
-    if dispersion > 0:
-        means = random.gamma(trials / dispersion, means * dispersion)
-    else:
-        means = means * trials
+    means = random.gamma(trials / dispersion, means * dispersion) if dispersion > 0 else means * trials
     return random.poisson(means).astype(np.float64)
 
 
@@ -160,7 +160,7 @@ def people_for(
     Arguments as in :func:`count_power`.
     """
     for people in range(2, most + 1):
-        off, _ = _studies(mean, reference, people, trials, spread, runs, seed)
+        off, _ = _studies(mean, reference, people=people, trials=trials, spread=spread, runs=runs, seed=seed)
         found = _found(off, alpha)
         if found >= power:
             return people, found
@@ -199,6 +199,6 @@ def time_power(
             f"ratio = {ratio}, people = {people}, SD {sd:g}: cannot be",
             "ratio and SDs above 0, people from 2",
         )
-    stats, df = _scipy_stats(), people - 1
+    stats, df = scipy_stats(), people - 1
     limit, off = stats.t.ppf(1 - alpha / 2, df), math.log(ratio) / sd * math.sqrt(people)
     return float(stats.nct.sf(limit, df, off) + stats.nct.cdf(-limit, df, off))

@@ -1,7 +1,8 @@
 """Withdrawal, and the anonymised copy.
 
-Everything about one person lies in folders that bear the person's id (``sessions/p03``, ``courses/p03``, ...), so that it can
-be deleted whole. Muscle signals can identify a person: the anonymised copy has none, nor texts, names or dates.
+Everything about one person lies in folders that bear the person's id (``sessions/p03``, ``courses/p03``, ...),
+so that it can be deleted whole. Muscle signals can identify a person: the anonymised copy has none, nor texts,
+names or dates.
 """
 
 from __future__ import annotations

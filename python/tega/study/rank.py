@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega.errors import MissingExtraError, ShapeError
+from tega.errors import ShapeError
+from tega.study.packages import scipy_stats
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "MannWhitney",
@@ -73,7 +74,7 @@ class Shift(NamedTuple):
     coverage: float
 
 
-def mann_whitney(x: Sequence[float], y: Sequence[float], *, confidence: float = 0.95) -> MannWhitney:
+def mann_whitney(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> MannWhitney:
     """Compare two independent groups, two-sided.
 
     Args:
@@ -89,7 +90,7 @@ def mann_whitney(x: Sequence[float], y: Sequence[float], *, confidence: float = 
         >>> round(mann_whitney([1, 2, 3], [4, 5, 6]).p, 12)
         0.1
     """
-    stats = _scipy_stats()
+    stats = scipy_stats()
     first, second = _group(x, "first"), _group(y, "second")
     n, m = len(first), len(second)
     ties = len(np.unique(np.concatenate([first, second]))) < n + m
@@ -127,7 +128,7 @@ def rank_sum_counts(doubled_ranks: Sequence[int], n: int) -> NDArray[np.float64]
 
 def _conditional(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     """Two-sided p over all ways to split the very values into groups of these sizes: twice the smaller tail."""
-    ranks = np.rint(2 * _scipy_stats().rankdata(np.concatenate([x, y]))).astype(int)
+    ranks = np.rint(2 * scipy_stats().rankdata(np.concatenate([x, y]))).astype(int)
     counts = rank_sum_counts(ranks.tolist(), len(x))
     seen = int(ranks[: len(x)].sum())
     total = counts.sum()
@@ -141,7 +142,7 @@ def rank_biserial_interval(a: float, n: int, m: int, *, confidence: float = 0.95
     quantile times the standard error that Hanley and McNeil's model gives at *that* A. Stays inside -1 to 1, and
     has a width where the groups do not overlap.
     """
-    z = float(_scipy_stats().norm.ppf(0.5 + confidence / 2))
+    z = float(scipy_stats().norm.ppf(0.5 + confidence / 2))
     size = (n + m) / 2 - 1
 
     def inside(theta: float) -> bool:
@@ -158,7 +159,7 @@ def rank_biserial_interval(a: float, n: int, m: int, *, confidence: float = 0.95
     return 2 * edge(0.0) - 1, 2 * edge(1.0) - 1
 
 
-def shift(x: Sequence[float], y: Sequence[float], *, confidence: float = 0.95) -> Shift:
+def shift(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> Shift:
     """Estimate how far the first group lies over the second.
 
     The interval runs between the k-th differences from both ends, k from the exact distribution of U.
@@ -176,7 +177,7 @@ def shift(x: Sequence[float], y: Sequence[float], *, confidence: float = 0.95) -
     differences = np.sort(np.round(np.subtract.outer(first, second).ravel(), 9))
     estimate = float(np.median(differences))
     if n + m > EXACT_UP_TO:
-        z = float(_scipy_stats().norm.ppf(0.5 + confidence / 2))
+        z = float(scipy_stats().norm.ppf(0.5 + confidence / 2))
         k = max(1, math.floor(n * m / 2 - z * math.sqrt(n * m * (n + m + 1) / 12)))
         return Shift(estimate, float(differences[k - 1]), float(differences[n * m - k]), confidence)
     counts = rank_sum_counts(range(1, n + m + 1), n)[n * (n + 1) // 2 :]
@@ -209,16 +210,8 @@ def holm(p: Sequence[float | None]) -> list[float | None]:
     return corrected
 
 
-def _group(values: Sequence[float], which: str) -> NDArray[np.float64]:
+def _group(values: ArrayLike, which: str) -> NDArray[np.float64]:
     group = np.asarray(values, dtype=np.float64)
     if group.size == 0:
         raise ShapeError(f"the {which} group has no values", "both conditions need trials")
     return group
-
-
-def _scipy_stats():  # type: ignore[no-untyped-def]  # SciPy has no types
-    try:
-        from scipy import stats
-    except ImportError as error:
-        raise MissingExtraError("SciPy is not installed", "pip install 'tega[study]'") from error
-    return stats

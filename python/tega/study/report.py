@@ -128,7 +128,8 @@ def _flow(analysis: Analysis) -> str:
     ended = ", ".join(f"{n} {_e(status.replace('_', ' '))}" for status, n in flow.status.items())
     signed = f" Plan <code>{analysis.plan_sha256[:16]}</code>." if analysis.plan_sha256 else ""
     return (
-        f"<p>{flow.people} {_people(flow.people, analysis)}{planned}{gone}; {flow.complete} complete. Trials: {ended}. "
+        f"<p>{flow.people} {_people(flow.people, analysis)}{planned}{gone}; {flow.complete} complete. "
+        f"Trials: {ended}. "
         f"A trial that was failed is data; one that was broken off is not.{signed}</p>"
     )
 
@@ -159,11 +160,15 @@ def _table_1(analysis: Analysis) -> str:
         printed = PAPER_TABLE_1.get(condition, {}).get(metric, ("–",) * len(PAPER_OBJECTS)) if beside else ()
         body.append([_e(row[0]), _e(row[1]) + (", s" if metric == "duration_s" else ""), *cells, *printed])
     note = (
-        "Means over trials. Success: trials that were lifted to the height, held, and not dropped, of all, with the exact "
+        "Means over trials. Success: trials that were lifted to the height, held, and not dropped, of "
+        "all, with the exact "
         "95 % interval. Slips after lift-off. Each number leads to its trials, and they to their events."
     )
     if beside:
-        note += " The paper's columns stand as printed; its times have no unit, and fit the 15 s window only as sums of ten trials."
+        note += (
+            "  The paper's columns stand as printed; its times have no unit, and fit the 15 s window only as "
+            "sums of ten trials."
+        )
     return "<h2>Table I</h2>" + _table(head, body, note)
 
 
@@ -194,8 +199,10 @@ def _family(analysis: Analysis, figures: Mapping[str, str]) -> str:
     head = ["metric", "object", "rank-biserial", "Mann-Whitney p", "exact p with ties", "Holm"]
     head += ["ratio of means", "p over people", "Holm"]
     note = (
-        f"First three p: trials taken as independent, as the paper does; says nothing about other people. Last columns: "
-        f"people as the unit; no p below six people. Holm over the {len(analysis.family)} tests of the plan, within each kind. "
+        "First three p: trials taken as independent, as the paper does; says nothing about other people. "
+        "Last columns: "
+        f"people as the unit; no p below six people. Holm over the {len(analysis.family)} tests of the "
+        "plan, within each kind. "
         f"Rank-biserial above 0 and ratios above 1: more with {_e(analysis.conditions[0])}. Brackets: 95 % intervals."
     )
     caption = (
@@ -274,11 +281,20 @@ def _touch(analysis: Analysis, figures: Mapping[str, str]) -> str:
         "of them 1 to 3",
     ]
     uses = [
-        [_e(u.object), _e(u.condition), str(u.trials), *(f"{100 * s:.0f} %" for s in u.dwell)]
-        + [f"{100 * u.intermediate:.0f} %", f"{u.transitions:.1f}", f"{u.transitions_intermediate:.1f}"]
+        [
+            _e(u.object),
+            _e(u.condition),
+            str(u.trials),
+            *(f"{100 * share:.0f} %" for share in (*u.dwell, u.intermediate)),
+            f"{u.transitions:.1f}",
+            f"{u.transitions_intermediate:.1f}",
+        ]
         for u in analysis.pose_use
     ]
-    note = "Share of time at each pose and changes per trial, means over trials. Use of poses 1 to 3 shows graded control."
+    note = (
+        "Share of time at each pose and changes per trial, means over trials. Use of poses 1 to 3 shows "
+        "graded control."
+    )
     return text + _figure(figures, "poses", "Share of time at each pose.") + _table(head, uses, note)
 
 
@@ -298,7 +314,8 @@ def _planner(analysis: Analysis) -> str:
     ]
     head = ["metric", "object", "effect", "people differ", "people for 80 %", "power of 12"]
     note = (
-        "If the effects were as large as seen here, uncorrected at 0.05, paired t on log sums. Effects seen in a small study are "
+        "If the effects were as large as seen here, uncorrected at 0.05, paired t on log sums. Effects "
+        "seen in a small study are "
         "too large on average: plan for less. Other effects: <code>tega-teleop study power</code>."
     )
     return "<h2>The next study</h2>" + _table(head, body, note)
@@ -342,12 +359,24 @@ def _details(analysis: Analysis) -> str:
     ]
     if analysis.couplings:
         rows = [
-            [_e(c.trial), _e(c.object), _e(c.condition), c.signal.upper(), str(c.samples), _f(c.n_eff, 1)]
-            + [_span(c.r, c.low, c.high), _f(c.r_others), _p(c.p_others), _f(c.slope)]
+            [
+                *(
+                    _e(c.trial),
+                    _e(c.object),
+                    _e(c.condition),
+                    c.signal.upper(),
+                    str(c.samples),
+                    _f(c.n_eff, 1),
+                ),
+                *(_span(c.r, c.low, c.high), _f(c.r_others), _p(c.p_others), _f(c.slope)),
+            ]
             for c in analysis.couplings
         ]
         head = ["trial", "object", "condition", "signal", "samples", "worth", "r", "others", "p", "answer"]
-        note = "Worth: independent samples; the interval goes by it. p: share of pairings with other trials that reach r."
+        note = (
+            "Worth: independent samples; the interval goes by it. p: share of pairings with other trials "
+            "that reach r."
+        )
         out.append(_fold("Correlation of each trial", _table(head, rows, note)))
     sections = []
     of = {trial.id: trial for trial in analysis.trials}

@@ -1,7 +1,7 @@
 """A study in silico: simulated people go through a plan on the simulated bench, each a whole session in its order.
 
-A person remembers and tires from trial to trial, so a session is the unit of work: it is a function of the study's seed and
-the person's number, whoever runs it. A session that was cut short is run again from its start.
+A person remembers and tires from trial to trial, so a session is the unit of work: it is a function of the
+study's seed and the person's number, whoever runs it. A session that was cut short is run again from its start.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from tega.study.state import derive, events_path
 from tega.study.trials import course_path
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.sim.plan import TrialResult
     from tega.sim.streams import Streams
 
 __all__ = ["ensure_plan", "run_session", "simulate", "unfinished"]
@@ -117,7 +120,7 @@ def simulate(
     left = [person for person in mine if person in still]
     n_done = len(mine) - len(left)
     progress("sessions", n_done, len(mine))
-    for _ in _sessions(folder, plan, left, jobs or os.cpu_count() or 1):
+    for _person in _sessions(folder, plan, left, jobs or os.cpu_count() or 1):
         n_done += 1
         progress("sessions", n_done, len(mine))
     return plan
@@ -132,7 +135,7 @@ def unfinished(folder: Path, plan: StudyPlan) -> list[str]:
     ]
 
 
-def _sessions(folder: Path, plan: StudyPlan, people: Sequence[str], jobs: int) -> Iterable[None]:
+def _sessions(folder: Path, plan: StudyPlan, people: Sequence[str], jobs: int) -> Iterable[str]:
     if jobs == 1 or len(people) < 2:
         return (run_session(folder, plan, person) for person in people)
     try:
@@ -140,17 +143,20 @@ def _sessions(folder: Path, plan: StudyPlan, people: Sequence[str], jobs: int) -
     except ImportError as error:
         raise MissingExtraError("joblib is not installed", "pip install 'tega[sim]'") from error
     parallel = Parallel(n_jobs=min(jobs, len(people)), return_as="generator_unordered", batch_size=1)
-    done: Iterable[None] = parallel(delayed(run_session)(folder, plan, person) for person in people)
+    done: Iterable[str] = parallel(delayed(run_session)(folder, plan, person) for person in people)
     return done
 
 
-def run_session(folder: Path, plan: StudyPlan, person: str) -> None:
+def run_session(folder: Path, plan: StudyPlan, person: str) -> str:
     """Run one person's session from its start; what an earlier run left of it is deleted.
 
     Args:
         folder: The study's folder.
         plan: Its plan.
         person: Whose session.
+
+    Returns:
+        The person, when the session is over.
     """
     from tega.sim.lab import lab_of
     from tega.sim.lift import Lift
@@ -175,15 +181,9 @@ def run_session(folder: Path, plan: StudyPlan, person: str) -> None:
             fatigue = lift.fatigue
             result = lift.result(lift.end_s)
             write_course(course_path(folder, trial), _course(streams))
-            _keep(
-                journal,
-                trial,
-                t_ns,
-                [(e.kind, e.t_s) for e in result.events],
-                result.duration_s,
-                result.success,
-            )
+            _keep(journal, trial, t_ns, result)
             t_ns += round(result.duration_s * 1e9)
+    return person
 
 
 def _person_seed(seed: int, person: str) -> int:
@@ -195,19 +195,18 @@ def _keep(
     journal: Journal,
     trial: PlannedTrial,
     start_ns: int,
-    events: Sequence[tuple[str, float]],
-    duration_s: float,
-    success: bool,  # noqa: FBT001
+    result: TrialResult,
 ) -> None:
     journal.add("trial_start", t_ns=start_ns, trial=trial.trial)
-    for kind, t_s in events:
-        journal.add(kind, t_ns=start_ns + round(t_s * 1e9), trial=trial.trial, source="auto")  # type: ignore[arg-type]
+    for event in result.events:
+        at_ns = start_ns + round(event.t_s * 1e9)
+        journal.add(event.kind, t_ns=at_ns, trial=trial.trial, source="auto")
     journal.add(
         "trial_end",
-        t_ns=start_ns + round(duration_s * 1e9),
+        t_ns=start_ns + round(result.duration_s * 1e9),
         trial=trial.trial,
-        status="done" if success else "failed_task",
-        success=success,
+        status="done" if result.success else "failed_task",
+        success=result.success,
         source="auto",
     )
 
@@ -219,7 +218,11 @@ def _course(streams: Streams) -> TouchCourse:
         return TouchCourse(*(np.zeros(0) for _ in range(4)))
     begin = max(course.touch_t_s[0], course.level_t_s[0])
     end = min(course.touch_t_s[-1], course.level_t_s[-1])
-    t_s = np.arange(np.ceil(begin * COURSE_HZ), np.floor(end * COURSE_HZ) + 1) / COURSE_HZ
+    t_s: NDArray[np.float64] = (
+        np.arange(np.ceil(begin * COURSE_HZ), np.floor(end * COURSE_HZ) + 1) / COURSE_HZ
+    )
     touch = np.searchsorted(course.touch_t_s, t_s + 1e-9, side="right") - 1
     level = np.searchsorted(course.level_t_s, t_s + 1e-9, side="right") - 1
-    return TouchCourse(t_s, course.cci_norm[touch], course.eda_norm[touch], course.level[level] - 1.0)
+    return TouchCourse(
+        t_s, course.cci_norm[touch], course.eda_norm[touch], course.level[level].astype(np.float64) - 1.0
+    )

@@ -124,12 +124,7 @@ def resume(folder: Path, plan: StudyPlan, participant: str, *, t_ns: int) -> tup
     journal = Journal(events_path(folder, participant))
     try:
         signed = plan.settings.plan_sha256
-        for event in journal.events:
-            if event.kind == "session_start" and event.text != signed:
-                raise RecordingError(
-                    f"{participant}: the session belongs to another plan",
-                    "open it in the folder it came from",
-                )
+        _same_plan(journal.events, signed, participant)
         state = derive(trials, journal.events)
         if state.running is not None:
             number, attempt = state.running
@@ -147,3 +142,10 @@ def resume(folder: Path, plan: StudyPlan, participant: str, *, t_ns: int) -> tup
     except BaseException:
         journal.close()
         raise
+
+
+def _same_plan(events: Sequence[Event], signed: str, participant: str) -> None:
+    if any(event.kind == "session_start" and event.text != signed for event in events):
+        raise RecordingError(
+            f"{participant}: the session belongs to another plan", "open it in the folder it came from"
+        )

@@ -62,8 +62,8 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
     lines: list[list[str]] = [["trial", *TouchCourse._fields]]
     for ids in figure_8_trials(analysis, courses).values():
         for trial in ids:
-            for row in zip(*on_grid(courses[trial]), strict=True):
-                lines.append([trial, *(f"{value:.6g}" for value in row)])
+            samples = zip(*on_grid(courses[trial]), strict=True)
+            lines += [[trial, *(f"{value:.6g}" for value in sample)] for sample in samples]
     if len(lines) > 1:
         files["fig8.csv"] = _csv(lines)
     return files
