@@ -10,7 +10,8 @@
     trials.py    one row a trial, with the events it comes from
     rank.py people.py counts.py shares.py coupling.py power.py    the statistics, each with its source
     analyse.py   all numbers of a report in one record
-    figures.py tables.py report.py    the record as pictures, CSV and one HTML file
+    figures.py tables.py page.py report.py    the record as pictures, CSV and one HTML file
+    simulate.py  the whole study with simulated people
 
 Example::
 
