@@ -31,7 +31,8 @@ class Cell(msgspec.Struct, frozen=True, kw_only=True):
         people: How many took part.
         trials: Ids of the trials, which name their events.
         duration_s: Mean, seconds; the others means as well.
-        duration_sd_s: Standard deviation over trials; NaN-free: ``None`` below two trials.
+        duration_sd_s: Standard deviation over trials; ``None`` below two, as the others.
+        duration_success_s: Mean over the trials that succeeded: a dropped object ends a trial early.
         slips: Mean per trial.
         slips_sd: As above.
         slips_dispersion: Variance over mean of the slips; 1 for Poisson.
@@ -49,6 +50,7 @@ class Cell(msgspec.Struct, frozen=True, kw_only=True):
     trials: tuple[str, ...]
     duration_s: float | None
     duration_sd_s: float | None
+    duration_success_s: float | None
     slips: float | None
     slips_sd: float | None
     slips_dispersion: float | None
@@ -132,6 +134,9 @@ def cells_of(trials: Sequence[Trial], objects: Sequence[str], conditions: Sequen
                     trials=tuple(t.id for t in mine),
                     duration_s=_mean(durations),
                     duration_sd_s=_sd(durations),
+                    duration_success_s=_mean(
+                        [t.duration_s for t in mine if t.success and t.duration_s is not None]
+                    ),
                     slips=_mean([t.slips for t in mine]),
                     slips_sd=_sd([t.slips for t in mine]),
                     slips_dispersion=_finite(dispersion([t.slips for t in mine])),

@@ -78,6 +78,12 @@ def _table_1(analysis: Analysis) -> str:
             else:
                 sd = getattr(cell, {"duration_s": "duration_sd_s"}.get(metric, f"{metric}_sd"))
                 extra = "" if sd is None else f"SD {sd:.2g}"
+            if (
+                metric == "duration_s"
+                and cell.successes < len(cell.trials)
+                and cell.duration_success_s is not None
+            ):
+                extra += f"; successes {cell.duration_success_s:.1f}"
             cells.append(f'{link} <span class="small">{extra}</span>')
         printed = PAPER_TABLE_1.get(condition, {}).get(metric, ("–",) * len(PAPER_OBJECTS)) if beside else ()
         body.append([esc(row[0]), esc(row[1]) + (", s" if metric == "duration_s" else ""), *cells, *printed])
@@ -88,7 +94,7 @@ def _table_1(analysis: Analysis) -> str:
     )
     if beside:
         note += (
-            "  The paper's columns stand as printed; its times have no unit, and fit the 15 s window only as "
+            " The paper's columns stand as printed; its times have no unit, and fit the 15 s window only as "
             "sums of ten trials."
         )
     return "<h2>Table I</h2>" + table(head, body, note)

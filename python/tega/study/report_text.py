@@ -49,6 +49,7 @@ n − 1 degrees of freedom), p from all changes of sign of people's differences.
 session beside the condition: what remains once learning and tiring are taken out. A sensitivity, not a second
 chance.</li>
 <li><b>Holm</b> over the tests that the plan names. Everything else is exploratory.</li>
-<li><b>Times of failed trials</b> stay in, as they ended.</li>
+<li><b>Times of failed trials</b> stay in, as they ended. A dropped object ends a trial early, so a
+shorter mean can be the worse one: the mean over successes stands beside it.</li>
 </ul>
 """
