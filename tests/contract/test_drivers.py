@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.devices import Options, driver_class, driver_names, list_drivers
+from tega.devices import Found, Options, driver_class, driver_names, list_drivers
+from tega.errors import TegaError
 from tega.testing.benches import BENCHES, why_not
 from tega.testing.contract import check_driver, main
 
@@ -112,3 +113,50 @@ def test_the_contract_notices_a_source_that_does_not_start_again(tmp_path: Path)
 
     with pytest.raises(AssertionError, match="starts from its beginning"):
         contract._check_source(device, 64)
+
+
+@pytest.mark.parametrize(
+    ("found", "rule"),
+    [
+        ({"label": "one", "driver": "other"}, "names this driver"),
+        ({"label": ""}, "has a label"),
+        ({"label": "one", "options": {"no_such": 1}}, "options that could stand in a settings file"),
+        ({"label": "one", "options": {"file": Path("x")}}, "options that could stand in a settings file"),
+        ({"label": "one", "hint": "do"}, "a hint is for a problem"),
+    ],
+)
+def test_the_contract_looks_at_what_a_driver_finds(found: dict[str, Any], rule: str, tmp_path: Path) -> None:
+    parent: Any = driver_class("emg-file")
+
+    class Finder(parent):  # type: ignore[misc]
+        @classmethod
+        def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003
+            return [Found(**{"driver": "emg-file", **found})]
+
+    np.save(tmp_path / "emg.npy", np.arange(250.0).reshape(-1, 2))
+    options = parent.options_type(file=tmp_path / "emg.npy", rate_hz=200.0)
+    finder: Any = Finder
+    with pytest.raises(AssertionError, match=rule):
+        check_driver(finder, options)
+
+
+def test_the_contract_looks_at_what_a_driver_calls_harmless(tmp_path: Path) -> None:
+    parent: Any = driver_class("emg-file")
+
+    class Careless(parent):  # type: ignore[misc]
+        answer: Any = Options()
+
+        @classmethod
+        def harmless(cls, options: Any) -> Any:  # noqa: ARG003
+            return cls.answer
+
+    np.save(tmp_path / "emg.npy", np.arange(250.0).reshape(-1, 2))
+    options = parent.options_type(file=tmp_path / "emg.npy", rate_hz=200.0)
+    careless: Any = Careless
+    with pytest.raises(AssertionError, match="of the driver's options_type"):
+        check_driver(careless, options)
+    Careless.answer = options
+    check_driver(careless, options)
+    Careless.answer = parent.options_type(file=tmp_path / "none.npy", rate_hz=200.0)
+    with pytest.raises(TegaError):
+        check_driver(careless, options)

@@ -27,7 +27,8 @@ from tega.haptics import VestFrame, vest_frame
 from tega.teleop import run_session
 from tega.testing.contract import check_driver
 from tega.testing.emulators.hid_port import HidPort
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.vests import seen_by
 from tega.testing.faults.vests import trouble
 from tega.testing.vest_bench import LIVE_VESTS, vest_bench
 from tega.wire import vest_levels
@@ -43,12 +44,12 @@ class Bench(NamedTuple):
     """A vest driver and the emulator at its other end."""
 
     vest: StreamedVest
-    peer: EmulatedVest
+    peer: Emulator
     port: HidPort | None = None
 
     def shows(self, frame: VestFrame) -> bool:
         """Tell whether the motors do what a frame says, to the level."""
-        return bool(np.array_equal(vest_levels(self.peer.report().motors), vest_levels(frame.x40())))
+        return bool(np.array_equal(vest_levels(seen_by(self.peer).motors), vest_levels(frame.x40())))
 
     def feed(self, condition: Callable[[], bool], frame: VestFrame = TOUCH) -> None:
         """Write a frame again and again, as the loop does, until something holds."""
@@ -107,7 +108,7 @@ def terminal() -> Iterator[tuple[Path, list[bytes]]]:
 def test_contract(any_bench: Bench) -> None:
     vest: Any = any_bench.vest
     check_driver(type(vest), vest._options)
-    report = any_bench.peer.report()
+    report = seen_by(any_bench.peer)
     assert report.errors == []
     assert report.motors == SILENT
     assert not {m for m in report.modules if m.startswith(("tega.wire", "tega._native", "tega.devices"))}
@@ -137,7 +138,7 @@ def test_a_touch_reaches_the_right_motors_and_an_open_vest_begins_silent(any_ben
         one = np.zeros(40, np.uint8)
         one[3], one[36] = 100, 47
         any_bench.feed(lambda: any_bench.shows(VestFrame("x40", one)), VestFrame("x40", one))
-    report = any_bench.peer.report()
+    report = seen_by(any_bench.peer)
     assert report.errors == []
     assert report.motors == SILENT
 
@@ -152,20 +153,20 @@ def test_an_equal_frame_is_sent_again_so_that_no_radio_lets_it_lapse(any_bench: 
 def test_a_frame_that_is_not_renewed_is_silenced_by_the_watchdog(any_bench: Bench) -> None:
     with any_bench.vest as vest:
         any_bench.feed(lambda: any_bench.shows(TOUCH))
-        any_bench.wait(lambda: any_bench.peer.report().motors == SILENT and vest.counters.silenced == 1)
+        any_bench.wait(lambda: seen_by(any_bench.peer).motors == SILENT and vest.counters.silenced == 1)
 
 
 def test_a_slow_vest_gets_the_newest_frame_and_no_queue(any_bench: Bench) -> None:
     with any_bench.vest as vest:
         any_bench.feed(lambda: any_bench.shows(TOUCH))
-        any_bench.peer.fault("slow")
+        any_bench.peer.say("slow")
         for k in range(60):
             vest.write(0, vest_frame([k, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
             time.sleep(0.02)
-        received = any_bench.peer.report().received
-        any_bench.wait(lambda: any_bench.peer.report().motors == SILENT)
+        received = seen_by(any_bench.peer).received
+        any_bench.wait(lambda: seen_by(any_bench.peer).motors == SILENT)
         # What was on its way when writing stopped: the frame in the link, the newest one, and zeros.
-        assert any_bench.peer.report().received - received <= 8
+        assert seen_by(any_bench.peer).received - received <= 8
         assert vest.counters.superseded >= 10
         assert vest.counters.lost == 0
 
@@ -176,14 +177,14 @@ def test_writing_returns_zeros_while_the_link_is_down_and_the_frame_again_afterw
     broken = "close" if any_bench.port else "drop"
     with any_bench.vest as vest:
         any_bench.feed(lambda: any_bench.shows(TOUCH))
-        connections = any_bench.peer.report().connections
-        any_bench.peer.fault(broken)
+        connections = seen_by(any_bench.peer).connections
+        any_bench.peer.say(broken)
         any_bench.feed(lambda: vest.counters.lost == 1)
         any_bench.feed(lambda: not vest.write(0, TOUCH).intensities.any() or broken == "drop")
-        any_bench.peer.fault("")
+        any_bench.peer.say("clear")
         any_bench.feed(lambda: any_bench.shows(TOUCH))
         any_bench.feed(lambda: vest.write(0, TOUCH) == TOUCH)
-        report = any_bench.peer.report()
+        report = seen_by(any_bench.peer)
         assert report.connections > connections
         assert "link was lost 1 times" in vest.info.notes[-1]
     changes = [values for _, values in report.history]
@@ -193,12 +194,12 @@ def test_writing_returns_zeros_while_the_link_is_down_and_the_frame_again_afterw
 def test_a_frozen_peer_delays_neither_write_nor_close(any_bench: Bench) -> None:
     with any_bench.vest as vest:
         any_bench.feed(lambda: any_bench.shows(TOUCH))
-        any_bench.peer.fault("freeze")
+        any_bench.peer.say("freeze")
         for _ in range(20):
             vest.write(0, OTHER)
             time.sleep(0.01)
         any_bench.feed(lambda: vest.counters.lost == 1, OTHER)
-    any_bench.peer.fault("")
+    any_bench.peer.say("clear")
 
 
 OPENING = [
@@ -223,7 +224,7 @@ OPENING = [
 def test_opening_says_what_is_wrong(name: str, fault: str, said: str) -> None:
     options = {"scan_s": 0.5} if name == "bhaptics-ble" else {}
     with bench(name, open_timeout_s=1.0, **options) as made:
-        made.peer.fault(fault)
+        made.peer.say(fault)
         if made.port is not None:
             made.port.can_open = fault != "refuse"
         with pytest.raises(DeviceUnavailableError, match=said):
@@ -234,11 +235,11 @@ def test_opening_says_what_is_wrong(name: str, fault: str, said: str) -> None:
 
 def test_a_vest_that_a_dead_program_left_connected_is_found_and_silenced() -> None:
     with bench("bhaptics-ble") as made:
-        made.peer.fault("held")
+        made.peer.say("held")
         with made.vest:
             made.feed(lambda: made.shows(TOUCH))
-        assert made.peer.report().motors == SILENT
-        made.peer.fault("held")
+        assert seen_by(made.peer).motors == SILENT
+        made.peer.say("held")
         with pytest.raises(DeviceUnavailableError, match="no vest with the address 00:11"):
             make("bhaptics-ble", scan_s=0.3, address="00:11").open()
 
@@ -255,7 +256,7 @@ def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyP
 
 def test_garbage_from_the_player_is_counted_and_the_touch_goes_on() -> None:
     with bench("bhaptics-player") as made, made.vest as vest:
-        made.peer.fault("garbage")
+        made.peer.say("garbage")
         made.feed(lambda: any("could not be read and were ignored" in n for n in vest.info.notes))
         made.feed(lambda: made.shows(OTHER), OTHER)
         assert vest.counters.lost == 0
@@ -264,16 +265,16 @@ def test_garbage_from_the_player_is_counted_and_the_touch_goes_on() -> None:
 def test_a_vest_that_leaves_the_player_is_not_reported_as_felt() -> None:
     with bench("bhaptics-player") as made, made.vest as vest:
         made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
-        made.peer.fault("no-vest")
+        made.peer.say("no-vest")
         made.feed(lambda: not vest.write(0, TOUCH).intensities.any())
         assert "has no vest connected" in vest.info.notes[0]
-        made.peer.fault("")
+        made.peer.say("clear")
         made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
 
 
 def test_a_player_that_answers_no_pings_is_fed_all_the_same() -> None:
     with bench("bhaptics-player") as made:
-        made.peer.fault("no-pong")
+        made.peer.say("no-pong")
         with made.vest as vest:
             made.feed(lambda: made.shows(TOUCH))
             assert any("answers no pings" in n for n in vest.info.notes)
@@ -284,7 +285,7 @@ def test_the_limit_holds_and_is_reported(any_bench: Bench) -> None:
     limited = any_bench._replace(vest=type(vest)(msgspec.structs.replace(vest._options, limit=40)))
     with limited.vest as vest:
         limited.feed(lambda: vest.write(0, TOUCH).intensities.max() == 40)
-        limited.feed(lambda: max(limited.peer.report().motors) == 40)
+        limited.feed(lambda: max(seen_by(limited.peer).motors) == 40)
 
 
 PROGRAM = """
@@ -328,8 +329,8 @@ def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how
             program.send_signal(getattr(signal, how))
         _, said = program.communicate()
     assert program.returncode == {"forgotten": 0, "exception": 1, "SIGTERM": 143, "SIGKILL": -9}[how], said
-    made.wait(lambda: made.peer.report().motors == SILENT)
-    made.peer.report()
+    made.wait(lambda: seen_by(made.peer).motors == SILENT)
+    seen_by(made.peer)
 
 
 class _Careless(PlayerVest):
@@ -352,7 +353,7 @@ def test_a_bug_in_a_link_silences_the_vest_and_is_told() -> None:
             assert "unexpected ZeroDivisionError" in vest.info.notes[-1]
             careless.vest.divisor = 1  # type: ignore[attr-defined]
             careless.feed(lambda: careless.shows(TOUCH))
-        assert careless.peer.report().motors == SILENT
+        assert seen_by(careless.peer).motors == SILENT
 
 
 def test_the_fault_table_tells_rest_and_recovery() -> None:
@@ -375,7 +376,7 @@ def test_a_session_in_real_time_is_felt_and_ends_silent() -> None:
             },
         }
         summary = run_session(check_tree(settings, {}, base=Path.cwd()).config)
-        report = made.peer.report()
+        report = seen_by(made.peer)
     assert summary["ended"] == "complete" or summary["ended"] == "duration"
     assert report.errors == []
     assert report.motors == SILENT

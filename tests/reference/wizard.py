@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
+import pty
+import re
+import select
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,9 +20,10 @@ from pathlib import Path
 from typing import Any
 
 from tega.calibration.wearing import SITES, site_motors
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.vests import seen_by
 
-__all__ = ["Wearer", "Wizard", "presses", "records"]
+__all__ = ["OnScreen", "Wearer", "Wizard", "presses", "records"]
 
 Answer = Callable[[str], str | None]
 
@@ -95,7 +103,77 @@ class Wizard:
         self._process.terminate()
 
 
-def presses(command: Callable[[str], None], firmness: list[float], *, hold_s: float = 0.5) -> None:
+class OnScreen:
+    """``tega-teleop …`` on a pseudo-terminal: reads what is drawn, types what a person would.
+
+    A single key is pressed once for each question that appears, as soon as it stands on the screen.
+
+    Args:
+        words: The command's words.
+        answer: Given each prompt as :class:`Wizard` has them, returns what to type.
+    """
+
+    def __init__(self, words: list[str], answer: Callable[[str], str | None]) -> None:
+        self._words = words
+        self._answer = answer
+        self._text = ""
+        self._asked = False
+        self.n_keys = 0
+        self.screen = ""
+
+    def run(self, limit_s: float) -> int:
+        """Sit there until it ends; return its exit code, or -1 where there was nothing to do for so long."""
+        ours, theirs = pty.openpty()
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", 40, 88, 0, 0))
+        process = subprocess.Popen(
+            [sys.executable, "-m", "tega.cli", *self._words],
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            env={**os.environ, "TERM": "xterm-256color"},
+        )
+        os.close(theirs)
+        try:
+            until_s, n_keys = time.monotonic() + limit_s, 0
+            while (left_s := until_s - time.monotonic()) > 0:
+                if not select.select([ours], [], [], left_s)[0]:
+                    break
+                try:
+                    drawn = os.read(ours, 65536)
+                except OSError:  # the other end has gone
+                    return process.wait(30)
+                self._look(drawn.decode("utf-8", "replace"), ours)
+                if self.n_keys > n_keys:
+                    until_s, n_keys = time.monotonic() + limit_s, self.n_keys
+            return -1
+        finally:
+            process.kill()
+            process.wait()
+            os.close(ours)
+
+    def _look(self, drawn: str, ours: int) -> None:
+        self._text += drawn
+        self.screen += drawn
+        # What is drawn comes in panels, and one question that takes a line of its own.
+        while found := re.search(r"╭.*?╯|Where\?.*?again", self._text, re.DOTALL):
+            text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", found[0])
+            self._text = self._text[found.end() :]
+            typed = self._typed(" ".join(re.sub(r"[╭╮╰╯│─]", " ", text).split()))
+            self.n_keys += len(typed)
+            os.write(ours, typed.encode())
+
+    def _typed(self, text: str) -> str:
+        is_question, before = "again" in text, self._asked
+        self._asked = is_question and "Where" not in text
+        if "press Enter when ready" in text:
+            return "\n"
+        if not is_question or (self._asked and before):
+            return ""
+        said = self._answer(f"? {text}") or ""
+        return said if self._asked else f"{said}\n"
+
+
+def presses(command: Callable[[str], object], firmness: list[float], *, hold_s: float = 0.5) -> None:
     """Press and let go, so many times, on an emulated fingertip, from another thread."""
 
     def go() -> None:
@@ -124,13 +202,13 @@ class Wearer:
     """
 
     def __init__(
-        self, peer: EmulatedVest, threshold: dict[str, int], *, step: int = 13, mirrored: bool = False
+        self, peer: Emulator, threshold: dict[str, int], *, step: int = 13, mirrored: bool = False
     ) -> None:
         self._peer = peer
         self._threshold = threshold
         self._step = step
         self._mirrored = mirrored
-        self._n_seen = len(peer.report().history)
+        self._n_seen = len(seen_by(peer).history)
         self.asked: list[str] = []
         self.loudest = 0
 
@@ -152,7 +230,7 @@ class Wearer:
 
     def _bursts(self) -> list[tuple[str, int]]:
         """What vibrated since the last question: column and percent, one each."""
-        history = self._peer.report().history
+        history = seen_by(self._peer).history
         new, self._n_seen = history[self._n_seen :], len(history)
         bursts: list[tuple[str, int]] = []
         dark = True

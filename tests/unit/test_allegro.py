@@ -27,14 +27,14 @@ from tega.hand import CLOSURE_POSES_RAD
 from tega.teleop import run_session
 from tega.testing.emulators.allegro import FAULTS, AllegroNode
 from tega.testing.emulators.allegro_port import BusPort
-from tega.testing.emulators.allegro_process import AllegroProcess
+from tega.testing.emulators.process import Emulator
 
 PATIENT: dict[str, Any] = {"silent_after_ms": 1000.0, "lowest_rate_hz": 50.0}
 
 
-def _driver(hand: AllegroProcess, **options: Any) -> Allegro:
+def _driver(hand: Emulator, **options: Any) -> Allegro:
     make: Any = AllegroOptions
-    return Allegro(make(**{**hand.options, **PATIENT, **options}))
+    return Allegro(make(**{**hand.address, **PATIENT, **options}))
 
 
 def _until(done: Callable[[], bool], *, seconds: float = 20.0) -> bool:
@@ -54,8 +54,8 @@ def _reaches(driver: Allegro, level: int) -> bool:
     return _until(near)
 
 
-def _limp(hand: AllegroProcess) -> bool:
-    state = hand.command()
+def _limp(hand: Emulator) -> bool:
+    state = hand.say("look")
     return not state["servo_on"] and not any(state["duties"])
 
 
@@ -83,18 +83,18 @@ def test_the_emulated_hand_says_what_a_real_one_said() -> None:
 
 
 def test_it_steers_on_the_angles_it_reads_and_lets_go() -> None:
-    with AllegroProcess("--seed", "3") as hand:
+    with Emulator("allegro_port", "--seed", "3") as hand:
         with _driver(hand) as driver:
             assert isinstance(driver, SteeredHand)
             assert _reaches(driver, 4)
-            truth = hand.command()
+            truth = hand.say("look")
             assert truth["servo_on"]
             assert np.abs(driver.angles_rad - truth["angles_rad"]).max() < 0.02
             assert _until(lambda: None not in driver.state().joints_c)
             assert _until(lambda: {f.id for f in driver.step(1)} >= {0x180, 0x184, 0x188, 0x18C})
             assert "firmware 4.6" in driver.info.notes[0]
         assert _limp(hand)
-        assert not hand.command()["reports"]
+        assert not hand.say("look")["reports"]
         with pytest.raises(DeviceUnavailableError):
             driver.step(1)
 
@@ -108,16 +108,16 @@ def test_it_steers_on_the_angles_it_reads_and_lets_go() -> None:
     ],
 )
 def test_another_hand_is_refused_before_any_torque(arguments: tuple[str, ...], words: str) -> None:
-    with AllegroProcess(*arguments) as hand:
+    with Emulator("allegro_port", *arguments) as hand:
         with pytest.raises(WrongDeviceError, match=words):
             _driver(hand).open()
         assert _limp(hand)
-        assert not hand.command()["reports"]
+        assert not hand.say("look")["reports"]
 
 
 def test_nobody_there_and_no_adapter() -> None:
     with (
-        AllegroProcess("--device-id", "2") as hand,
+        Emulator("allegro_port", "--device-id", "2") as hand,
         pytest.raises(DeviceUnavailableError, match="20 requests") as got,
     ):
         _driver(hand).open()
@@ -147,11 +147,11 @@ def test_every_fault_of_the_emulated_hand_is_tried() -> None:
 def test_a_fault_lets_go_of_the_hand_and_says_why(fault: str) -> None:
     lowest_hz = 150.0 if fault == "slow" else 50.0
     with (
-        AllegroProcess() as hand,
+        Emulator("allegro_port") as hand,
         _driver(hand, reconnects=1, silent_after_ms=300.0, lowest_rate_hz=lowest_hz) as driver,
     ):
         driver.step(2)
-        hand.command(fault)
+        hand.say(fault)
         said: list[TegaError] = []
 
         def ended() -> bool:
@@ -170,8 +170,8 @@ def test_a_fault_lets_go_of_the_hand_and_says_why(fault: str) -> None:
 
 @pytest.mark.parametrize("fault", [*sorted(GOES_ON), "garbage"])
 def test_a_nuisance_is_survived(fault: str) -> None:
-    with AllegroProcess() as hand, _driver(hand, silent_after_ms=300.0) as driver:
-        hand.command(fault)
+    with Emulator("allegro_port") as hand, _driver(hand, silent_after_ms=300.0) as driver:
+        hand.say(fault)
 
         def told() -> bool:
             driver.step(4)
@@ -187,14 +187,14 @@ def test_a_nuisance_is_survived(fault: str) -> None:
         assert _until(told)
         counted = driver.state().counts.sets
         assert _until(lambda: driver.state().counts.sets > counted + 100)
-        assert _until(lambda: bool(hand.command()["servo_on"]))
-        assert any(hand.command()["duties"])
+        assert _until(lambda: bool(hand.say("look")["servo_on"]))
+        assert any(hand.say("look")["duties"])
 
 
 def test_an_adapter_that_goes_away_is_said() -> None:
-    with AllegroProcess() as hand, _driver(hand, reconnects=1, silent_after_ms=300.0) as driver:
+    with Emulator("allegro_port") as hand, _driver(hand, reconnects=1, silent_after_ms=300.0) as driver:
         driver.step(1)
-        hand.unplug()
+        hand.kill()
 
         def ended() -> bool:
             try:
@@ -207,11 +207,11 @@ def test_an_adapter_that_goes_away_is_said() -> None:
 
 
 def test_reading_only_leaves_the_motors_off() -> None:
-    with AllegroProcess() as hand, _driver(hand, torque=False) as driver:
+    with Emulator("allegro_port") as hand, _driver(hand, torque=False) as driver:
         driver.step(5)
         time.sleep(0.3)
         assert _limp(hand)
-        assert np.abs(driver.angles_rad - hand.command()["angles_rad"]).max() < 0.01
+        assert np.abs(driver.angles_rad - hand.say("look")["angles_rad"]).max() < 0.01
 
 
 @contextmanager
@@ -239,46 +239,46 @@ def test_a_virtual_bus_does_as_well() -> None:
     with _on_a_virtual_bus("test-allegro") as node:
         with Allegro(make(interface="virtual", channel="test-allegro", **PATIENT)) as driver:
             assert _reaches(driver, 3)
-        assert not node.servo_on
-        assert not node.duties.any()
+        # The node hears the last frames in a thread of its own.
+        assert _until(lambda: not node.servo_on and not node.duties.any())
 
 
 @pytest.mark.parametrize("end", ["", "raise SystemExit(3)", "raise ValueError"])
 def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
-    with AllegroProcess() as hand:
+    with Emulator("allegro_port") as hand:
         program = (
             "import time\n"
             "from tega.devices.allegro import Allegro, AllegroOptions\n"
-            f"driver = Allegro(AllegroOptions(**{ ({**hand.options, **PATIENT})!r}))\n"
+            f"driver = Allegro(AllegroOptions(**{ ({**hand.address, **PATIENT})!r}))\n"
             f"driver.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(driver.state().phase)\n{end}\n"
         )
         said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
         assert said.stdout.strip() == "running"
         assert _limp(hand)
-        assert not hand.command()["reports"]
+        assert not hand.say("look")["reports"]
 
 
 def test_a_program_told_to_terminate_still_lets_go() -> None:
-    with AllegroProcess() as hand:
+    with Emulator("allegro_port") as hand:
         program = (
             "import time\n"
             "from tega.devices.allegro import Allegro, AllegroOptions\n"
-            f"driver = Allegro(AllegroOptions(**{ ({**hand.options, **PATIENT})!r}))\n"
+            f"driver = Allegro(AllegroOptions(**{ ({**hand.address, **PATIENT})!r}))\n"
             "driver.open()\nprint('open', flush=True)\n"
             "while True:\n    driver.step(5)\n    time.sleep(0.01)\n"
         )
         with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as running:
             assert running.stdout is not None
             assert running.stdout.readline() == b"open\n"
-            assert hand.command()["servo_on"]
+            assert hand.say("look")["servo_on"]
             running.terminate()
             assert running.wait() == 128 + signal.SIGTERM
         assert _limp(hand)
-        assert not hand.command()["reports"]
+        assert not hand.say("look")["reports"]
 
 
 def test_bad_levels_and_bad_settings() -> None:
-    with AllegroProcess() as hand, _driver(hand) as driver:
+    with Emulator("allegro_port") as hand, _driver(hand) as driver:
         for level in (0, 6):
             with pytest.raises(InvalidValueError, match="level"):
                 driver.step(level)
@@ -289,8 +289,8 @@ def test_bad_levels_and_bad_settings() -> None:
 
 def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
     emg = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 1.5}}
-    with AllegroProcess() as hand:
-        settings = {**hand.options, **PATIENT}
+    with Emulator("allegro_port") as hand:
+        settings = {**hand.address, **PATIENT}
         tree = {
             "session": {"pace": "real", "out_dir": str(tmp_path / "out")},
             "emg": emg,

@@ -19,12 +19,13 @@ from tega.devices.picture_check import CameraCounts, PictureCheck
 from tega.devices.picture_origin import Origin, PictureOrigin
 from tega.devices.video_nodes import find_node, video_nodes
 from tega.errors import ConfigError, DeviceUnavailableError
-from tega.testing.emulators.digit import FAULTS, DigitProcess
+from tega.testing.emulators.digit import FAULTS
+from tega.testing.emulators.process import Emulator
 
 
-def _driver(sensor: DigitProcess, **options: Any) -> Digit:
+def _driver(sensor: Emulator, **options: Any) -> Digit:
     make: Any = DigitOptions
-    return Digit(make(**{"source": sensor.source, "warm_up_s": 0.1, **options}))
+    return Digit(make(**{"source": sensor.address["source"], "warm_up_s": 0.1, **options}))
 
 
 def _until(done: Callable[[], bool], *, seconds: float = 20.0) -> bool:
@@ -37,7 +38,7 @@ def _until(done: Callable[[], bool], *, seconds: float = 20.0) -> bool:
 
 
 def test_it_gives_the_newest_picture_once_and_turned() -> None:
-    with DigitProcess() as sensor, _driver(sensor) as digit:
+    with Emulator("digit") as sensor, _driver(sensor) as digit:
         first = digit.read(5.0)
         assert first is not None
         assert first.image.shape == (320, 240, 3)
@@ -57,11 +58,11 @@ def test_it_gives_the_newest_picture_once_and_turned() -> None:
 
 @pytest.mark.parametrize("terminated", [False, True])
 def test_a_program_that_does_not_close_it_still_ends_in_order(terminated: bool) -> None:
-    with DigitProcess() as sensor:
+    with Emulator("digit") as sensor:
         program = (
             "import sys\n"
             "from tega.devices.digit import Digit, DigitOptions\n"
-            f"digit = Digit(DigitOptions(source={sensor.source!r}, warm_up_s=0.1))\n"
+            f"digit = Digit(DigitOptions(source={sensor.address['source']!r}, warm_up_s=0.1))\n"
             "digit.open()\nprint('open', flush=True)\nsys.stdin.read()\n"
         )
         with subprocess.Popen(
@@ -100,29 +101,29 @@ def test_every_fault_of_the_emulated_sensor_is_tried() -> None:
 
 
 def test_an_unknown_fault_is_refused() -> None:
-    with DigitProcess() as sensor:
-        with pytest.raises(ValueError, match="no fault is called 'frozen'"):
-            sensor.command("frozen")
-        sensor.command("freeze")
+    with Emulator("digit") as sensor:
+        with pytest.raises(ValueError, match="'frozen' means nothing here: there are freeze"):
+            sensor.say("frozen")
+        sensor.say("freeze")
 
 
 @pytest.mark.parametrize("fault", sorted(COUNTED))
 def test_a_fault_is_counted_silences_and_is_survived(fault: str) -> None:
-    with DigitProcess() as sensor, _driver(sensor) as digit:
-        sensor.command(fault)
+    with Emulator("digit") as sensor, _driver(sensor) as digit:
+        sensor.say(fault)
         assert _until(lambda: getattr(digit.counts, COUNTED[fault]) > 0)
         if fault in SILENT:
             assert _until(lambda: digit.read(0.1) is None)
             assert digit.read(0.2) is None
         else:
             assert digit.read(5.0) is not None
-        sensor.command("clear")
+        sensor.say("clear")
         assert _until(lambda: digit.read(0.1) is not None)
 
 
 @pytest.mark.parametrize("orientation", ["upright", "as-sent"])
 def test_another_sensor_s_lines_are_named_and_withheld(orientation: str) -> None:
-    with DigitProcess() as one, DigitProcess("--look", "1") as two:
+    with Emulator("digit") as one, Emulator("digit", "--look", "1") as two:
         with _driver(two, orientation=orientation) as next_finger:
             theirs = next_finger.read(5.0)
         with _driver(one, orientation=orientation) as digit:
@@ -133,23 +134,23 @@ def test_another_sensor_s_lines_are_named_and_withheld(orientation: str) -> None
             assert digit.read(5.0) is not None
             assert not digit.info.notes
             for fault, share in (("strip", 8), ("other", 100)):
-                one.command(fault)
+                one.say(fault)
                 enough = digit.counts.foreign + 4
                 assert _until(partial(lambda n: digit.counts.foreign >= n, enough))
                 assert _until(lambda: digit.read(0.1) is None)
                 note = digit.info.notes[0]
                 assert f"lines of the sensor of index (D20002) (up to {share} % of a picture)" in note
-                one.command("clear")
+                one.say("clear")
                 assert _until(lambda: digit.read(0.1) is not None)
             digit.compare_with(own.image, {})
-            one.command("other")
+            one.say("other")
             assert _until(lambda: digit.counts.unlike > 3)
             assert digit.read(5.0) is not None
             assert "unlike the baseline" in digit.info.notes[-1]
 
 
 def test_as_sent_and_another_size() -> None:
-    with DigitProcess() as sensor:
+    with Emulator("digit") as sensor:
         with _driver(sensor, orientation="as-sent") as digit:
             frame = digit.read(5.0)
             assert frame is not None
@@ -157,7 +158,7 @@ def test_as_sent_and_another_size() -> None:
         with pytest.raises(DeviceUnavailableError, match="does not open"):
             _driver(sensor, source="http://127.0.0.1:9/video").open()
         # FFmpeg scales what changes size under way, so only an opening can tell.
-        sensor.command("small")
+        sensor.say("small")
         with pytest.raises(DeviceUnavailableError, match=r"no good picture.*[1-9]\d* not 320×240"):
             _driver(sensor).open()
 
@@ -236,8 +237,8 @@ def test_lines_of_another_real_sensor_are_found_and_no_press_is_taken_for_one(re
 
 
 def test_a_sensor_that_sends_too_few_pictures_is_told() -> None:
-    with DigitProcess() as sensor, _driver(sensor) as digit:
-        sensor.command("slow")
+    with Emulator("digit") as sensor, _driver(sensor) as digit:
+        sensor.say("slow")
         assert _until(
             lambda: any("pictures a second came for a while where 60" in n for n in digit.info.notes)
         )

@@ -23,10 +23,8 @@ from tega.doctor.case import Case, holders
 from tega.doctor.in_time import in_time
 from tega.doctor.tactile import Camera, crowded
 from tega.testing.emulated_bench import EmulatedBench
-from tega.testing.emulators.allegro_process import AllegroProcess
-from tega.testing.emulators.digit import DigitProcess
 from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.emulators.vests import seen_by
 
 FINDING_KEYS = {"check", "status", "finding", "why", "todo", "driver", "device", "measured"}
 
@@ -134,8 +132,8 @@ def test_a_bench_with_every_emulator_up_is_fine(
     emg = next(f for f in said["findings"] if f["check"] == "emg")
     assert emg["measured"]["rate_hz"] > 0
     # Nothing was felt, and nothing moved.
-    assert not any(any(motors) for _, motors in bench.player.report().history)
-    hand = bench.hand.command("look")
+    assert not any(any(motors) for _, motors in seen_by(bench.player).history)
+    hand = bench.hand.say("look")
     assert not hand["servo_on"]
     assert not any(hand["duties"])
 
@@ -156,13 +154,13 @@ def test_init_of_an_emulated_bench_is_a_run_that_can_start(bench: EmulatedBench,
 
 
 def test_a_hand_of_another_version(tmp_path: Path) -> None:
-    with AllegroProcess("--hardware", "0x0500") as hand:
-        options = json.dumps({"interface": "slcan", "channel": hand.options["channel"]})
+    with Emulator("allegro_port", "--hardware", "0x0500") as hand:
+        options = json.dumps({"interface": "slcan", "channel": hand.address["channel"]})
         case = '[hand]\ndriver = "allegro"\n[hand.options]\n' + "".join(
             f"{key} = {json.dumps(value)}\n" for key, value in json.loads(options).items()
         )
         finding = only(told(tmp_path, case + "bus = { sleep_after_open = 0.0 }\n"))
-        assert not hand.command("look")["servo_on"]
+        assert not hand.say("look")["servo_on"]
     assert finding.status == "wrong"
     assert "version 5.0" in finding.finding
     assert finding.todo
@@ -193,7 +191,7 @@ def test_an_amplifier_that_hums(tmp_path: Path) -> None:
 
 
 def test_a_player_that_is_not_there(tmp_path: Path) -> None:
-    with EmulatedVest("bhaptics_player") as player:
+    with Emulator("bhaptics_player", "--port", "0") as player:
         port = player.address["port"]
     finding = only(told(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n'))
     assert finding.status == "missing"
@@ -202,8 +200,8 @@ def test_a_player_that_is_not_there(tmp_path: Path) -> None:
 
 
 def test_a_player_without_a_vest(tmp_path: Path) -> None:
-    with EmulatedVest("bhaptics_player") as player:
-        player.fault("no-vest")
+    with Emulator("bhaptics_player", "--port", "0") as player:
+        player.say("no-vest")
         port = player.address["port"]
         finding = only(told(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n'))
     assert "has no vest connected" in finding.finding
@@ -213,10 +211,13 @@ def test_a_player_without_a_vest(tmp_path: Path) -> None:
     ("fault", "status", "said"), [("black", "wrong", "black"), ("cut", "missing", "does not open")]
 )
 def test_a_camera_in_trouble(tmp_path: Path, fault: str, status: str, said: str) -> None:
-    with DigitProcess() as camera:
-        camera.command(fault)
+    with Emulator("digit") as camera:
+        camera.say(fault)
         finding = only(
-            told(tmp_path, f'[tactile.thumb]\ndriver = "digit"\noptions = {{ source = "{camera.source}" }}\n')
+            told(
+                tmp_path,
+                f'[tactile.thumb]\ndriver = "digit"\noptions = {{ source = "{camera.address["source"]}" }}\n',
+            )
         )
     assert finding.status == status
     assert said in finding.finding
@@ -226,11 +227,11 @@ def test_a_camera_slower_than_agreed_and_a_baseline_of_another_size(tmp_path: Pa
     import numpy as np
 
     np.save(tmp_path / "gel.npy", np.zeros((240, 320, 3), np.uint8))
-    with DigitProcess("--rate-hz", "15") as camera:
+    with Emulator("digit", "--rate-hz", "15") as camera:
         examination = told(
             tmp_path,
             '[tactile.thumb]\ndriver = "digit"\nbaseline = "gel.npy"\n'
-            f'options = {{ source = "{camera.source}" }}\n',
+            f'options = {{ source = "{camera.address["source"]}" }}\n',
         )
     slow, baseline = examination.findings
     assert "where 60 were agreed" in slow.finding
@@ -433,7 +434,7 @@ def test_the_rules_are_printed_and_allow_what_the_drivers_open(capsys: pytest.Ca
 def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from tega.devices.vest_ble import BleVest
 
-    with EmulatedVest("bluez_vest") as vest:
+    with Emulator("bluez_vest") as vest:
         monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", vest.address["bus"])
         (found,) = BleVest.discover(3.0)
         assert found.label.startswith(("TactSuit", "Tactot"))
@@ -448,14 +449,14 @@ def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
             )
         )
         assert finding.status == "fine"
-        assert not any(any(motors) for _, motors in vest.report().history)
+        assert not any(any(motors) for _, motors in seen_by(vest).history)
 
 
 def test_a_vest_board_that_may_not_be_opened(tmp_path: Path) -> None:
     from tega.devices.vest_hid import HidVest
     from tega.testing.emulators.hid_port import HidPort
 
-    with EmulatedVest("hid_bridge", (str(tmp_path),)) as vest:
+    with Emulator("hid_bridge", str(tmp_path)) as vest:
         port = HidPort(vest.address["path"])
         with port.installed():
             assert [found.options for found in HidVest.discover(1.0)] == [{"serial": "EMULATED"}]

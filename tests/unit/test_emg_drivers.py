@@ -256,7 +256,7 @@ def test_signal_faults_reach_the_notes_in_plain_words() -> None:
 def assert_last_heard(device: Emulator, command: bytes) -> None:
     """Wait until the command has come through the terminal, which hands bytes on in its own time."""
     deadline = time.monotonic() + PATIENCE_S
-    while not (heard := bytes.fromhex(device.say("heard"))).endswith(command):
+    while not (heard := bytes.fromhex(device.say("heard")["heard"])).endswith(command):
         assert time.monotonic() < deadline, heard
         time.sleep(0.01)
 
@@ -288,7 +288,7 @@ def test_the_stream_is_off_after_every_way_out(name: str, stop: bytes) -> None:
 def test_a_board_left_streaming_by_a_crash_is_silenced_first() -> None:
     with emulator("cyton", "--streaming") as device, opened("cyton", device, gain=12) as source:
         chunks_of(source, 20)
-        heard = bytes.fromhex(device.say("heard"))
+        heard = bytes.fromhex(device.say("heard")["heard"])
     assert heard.startswith(b"svd")
     assert b"x1050100X" in heard  # channel 1 on, gain 12, its own two pins, in the bias
     assert b"X45678~6" in heard

@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 import random
+import re
+import shutil
+import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.testing.emulators.ascii_board import AsciiBoard
 from tega.testing.emulators.chords import ChordsBoard
 from tega.testing.emulators.cyton import CytonBoard
 from tega.testing.emulators.faults import FAULTS, Faults, Signal
 from tega.testing.emulators.process import Emulator
 
-MODULES = ("ascii_board", "chords", "cyton", "hid_input", "lsl")
+MODULES = (
+    "allegro_port",
+    "ascii_board",
+    "bhaptics_player",
+    "bluez_vest",
+    "chords",
+    "cyton",
+    "digit",
+    "hid_bridge",
+    "hid_input",
+    "lsl",
+)
 
 
 def signal(kind: str, rate_hz: float = 250.0) -> Signal:
@@ -95,17 +111,41 @@ def test_faults_do_what_they_say() -> None:
         faults.set("loss", 1.5)
 
 
-def test_an_emulator_says_what_it_does_not_understand() -> None:
+@pytest.mark.parametrize("module", MODULES)
+def test_an_emulator_answers_what_it_does_not_understand_and_lives(module: str, tmp_path: Path) -> None:
+    if module == "bluez_vest" and shutil.which("dbus-daemon") is None:
+        pytest.skip("dbus-daemon is not installed")
+    if module == "lsl":
+        pytest.importorskip("pylsl", reason="needs the extra tega[lsl]")
+    words = {"bhaptics_player": ("--port", "0"), "hid_bridge": (str(tmp_path),)}.get(module, ())
+    with Emulator(module, *words) as device:
+        assert device.address
+        for line in ("nonsense", "freeze firmly", "{}"):
+            with pytest.raises(InvalidValueError, match=re.escape(repr(line))):
+                device.say(line)
+        device.say("freeze")
+        device.say("clear")
+        device.kill()
+        with pytest.raises(DeviceUnavailableError, match="does not run"):
+            device.say("clear")
+
+
+def test_a_board_on_a_serial_port_refuses_bad_numbers_and_tells_its_new_port() -> None:
     with Emulator("cyton") as device:
-        assert device.say("loss 0.5") == ""
-        for line in ("nonsense", "loss 7", "signal nothing", "slow fast"):
-            with pytest.raises(ValueError, match=line):
+        device.say("loss 0.5")
+        for line in ("loss 7", "signal nothing", "slow fast"):
+            with pytest.raises(InvalidValueError, match=line):
                 device.say(line)
         assert set(FAULTS) >= {"loss", "half", "noise", "duplicate", "garbage", "freeze", "slow"}
-        first = device.port
+        device.say("unplug")
         device.say("plug")
-        assert device.port.startswith("/dev/")
-        assert first.startswith("/dev/")
+        assert Path(device.port).is_char_device()
+
+
+def test_an_emulator_that_cannot_start_says_so(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(DeviceUnavailableError, match="cyton has ended"), Emulator("cyton", "--no-such"):
+        pass
+    assert "--no-such" in capfd.readouterr().err
 
 
 def test_a_network_stream_refuses_faults_that_only_a_wire_has() -> None:
@@ -114,3 +154,17 @@ def test_a_network_stream_refuses_faults_that_only_a_wire_has() -> None:
         with pytest.raises(ValueError, match="garbage"):
             device.say("garbage")
         device.say("loss 0.1")
+
+
+def test_a_player_says_nothing_of_who_only_looks_whether_its_port_is_open(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with Emulator("bhaptics_player", "--port", "0") as player:
+        for _ in range(3):
+            socket.create_connection(("127.0.0.1", player.port), 5.0).close()
+        with socket.create_connection(("127.0.0.1", player.port), 5.0) as knock:
+            knock.sendall(b"no handshake\r\n\r\n")
+            while knock.recv(4096):
+                pass
+        player.say("look")
+    assert capfd.readouterr().err == ""

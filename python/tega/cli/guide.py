@@ -137,10 +137,11 @@ class TerminalGuide:
         prompt, bars = self._shown if self._live is not None else ("", ())
 
         def draw() -> None:
-            self._update(self._panel(f"{prompt}\n\n{question}".strip(), choices, bars))
+            self._update(self._panel(f"{prompt}\n\n{question}".strip(), choices, bars), at_once=True)
 
         said = _key(draw, answers)
-        self._update(self._panel(prompt or f"{question} {answers[said]}", "", bars))
+        # A question that still stands while the next vibration comes would be answered again, for nothing.
+        self._update(self._panel(prompt or f"{question} {answers[said]}", "", bars), at_once=True)
         return said
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
@@ -148,14 +149,14 @@ class TerminalGuide:
         self._shown = (prompt, bars)
         self._update(self._panel(prompt, "" if left_s is None else f"{left_s:.0f} s left", bars))
 
-    def _update(self, panel: RenderableType) -> None:
-        """Redraw in place."""
+    def _update(self, panel: RenderableType, *, at_once: bool = False) -> None:
+        """Redraw in place, at once or within a tenth of a second."""
         from rich.live import Live
 
         if self._live is None:
             self._live = Live(console=self._console, transient=True, refresh_per_second=10)
             self._live.start()
-        self._live.update(panel)
+        self._live.update(panel, refresh=at_once)
 
     def _countdown(self, prompt: str) -> None:
         end_s = time.monotonic() + self._get_ready_s

@@ -52,10 +52,10 @@ def _opened(
     with ExitStack() as stack:
         where: dict[str, Any] = {"interface": interface, "channel": channel}
         if emulated:
-            from tega.testing.emulators.allegro_process import AllegroProcess
+            from tega.testing.emulators.process import Emulator
 
-            there = AllegroProcess("--side", side, "--device-id", str(device_id))
-            where = stack.enter_context(there).options
+            there = Emulator("allegro_port", "--side", side, "--device-id", str(device_id))
+            where = stack.enter_context(there).address
         options: Any = AllegroOptions
         driver = Allegro(options(**where, side=side, device_id=device_id, **more))
         yield stack.enter_context(driver)

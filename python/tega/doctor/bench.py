@@ -16,6 +16,7 @@ from tega.doctor.emg import try_amplifier
 from tega.doctor.findings import Examination, Finding
 from tega.doctor.hand import try_hand
 from tega.doctor.in_time import in_time
+from tega.doctor.inputs import try_input
 from tega.doctor.tactile import Camera, crowded, try_camera
 from tega.doctor.vest import try_vest
 from tega.errors import DeviceUnavailableError, MissingExtraError
@@ -141,7 +142,7 @@ def look_around() -> Examination:
 
     Takes at most :data:`LOOK_S` and :data:`TRY_S` seconds, whatever hangs.
     """
-    looked = look_for()
+    looked = {name: there for name, there in look_for().items() if there.kind in ROLES.values()}
     cases: list[Case] = []
     findings = _packages(looked)
     for check, kind in ROLES.items():
@@ -180,7 +181,8 @@ def try_all(cases: Sequence[Case], deadline_s: float) -> list[Finding]:
                 findings, camera = try_camera(case)
                 cameras.extend([camera] if camera is not None else [])
                 return findings
-            return {"emg": try_amplifier, "vest": try_vest, "hand": try_hand}[case.kind](case)
+            tries = {"emg": try_amplifier, "vest": try_vest, "hand": try_hand, "input": try_input}
+            return tries[case.kind](case)
         except Exception as error:  # a driver's mistake is one finding, not the end of the examination
             return [
                 Finding(

@@ -45,7 +45,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         settings: Base name of the settings file; ``""`` where none was given.
-        findings: In the order of the loop: touch, muscles, vest, hand.
+        findings: In the order of the loop: touch, muscles, vest, hand; then the operator's inputs.
     """
 
     settings: str

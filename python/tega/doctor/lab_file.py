@@ -58,6 +58,17 @@ _NO_HAND = """
 # options = { interface = "socketcan", channel = "can0", side = "right", torque_share = 0.3 }
 """
 
+_NO_MOTION = """
+# [input.motion]                  # no SpaceMouse was found: six axes for the arm, docs/device-inputs.md
+# driver = "spacemouse"
+"""
+
+_NO_PEDAL = """
+# [input.dead_man]                # no pedal that is known was found; any other, or a button of the SpaceMouse
+# driver = "pedal"
+# options = { vendor_id = 0x05f3, product_id = 0x00ff, report = "joystick" }   # as lsusb shows them
+"""
+
 # What a driver cannot find out by itself, and where to start.
 _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
     "serial-emg": {
@@ -118,16 +129,21 @@ def lab_settings(
     text += _left_over(vests[1:])
     hands = _found(looked, "hand")
     text += _section("hand", hands[0], "") if hands else _NO_HAND
-    return text + _left_over(hands[1:])
+    text += _left_over(hands[1:])
+    caps = _found(looked, "input", "spacemouse")
+    text += _section("input.motion", caps[0], "") if caps else _NO_MOTION
+    text += _left_over(caps[1:])
+    pedals = _found(looked, "input", "pedal")
+    text += _section("input.dead_man", pedals[0], "") if pedals else _NO_PEDAL
+    others = [one for one in _found(looked, "input") if one.driver not in {"spacemouse", "pedal"}]
+    return text + _left_over([*pedals[1:], *others])
 
 
-def _found(looked: Mapping[str, Looked], kind: str) -> list[Found]:
-    """Return what was found of a kind, the likelier drivers and what can be opened first."""
-    found = [one for there in looked.values() if there.kind == kind for one in there.found if one.options]
-    found += [
-        one for there in looked.values() if there.kind == kind for one in there.found if not one.options
-    ]
-    return sorted(found, key=lambda one: (bool(one.problem), _rank(one.driver)))
+def _found(looked: Mapping[str, Looked], kind: str, driver: str | None = None) -> list[Found]:
+    """Return what was found of a kind, for one driver or any; the likelier and what can be opened first."""
+    found = [one for there in looked.values() if there.kind == kind for one in there.found]
+    found = [one for one in found if driver in {None, one.driver}]
+    return sorted(found, key=lambda one: (bool(one.problem), _rank(one.driver), not one.options))
 
 
 def _rank(driver: str) -> int:

@@ -57,6 +57,10 @@ def cases_of(config: SessionConfig) -> list[Case]:
         cases.append(Case("vest", "vest", config.vest.driver, config.vest.options))
     if config.hand.driver is not None:
         cases.append(Case("hand", "hand", config.hand.driver, config.hand.options))
+    cases += [
+        Case(f"input.{seat}", "input", section.driver, section.options)
+        for seat, section in config.input.in_use().items()
+    ]
     return cases
 
 
@@ -64,6 +68,8 @@ def _same_device(cases: list[Case]) -> list[tuple[Case, Finding]]:
     """Find parts of the settings that name the device of an earlier part."""
     users: defaultdict[str, list[Case]] = defaultdict(list)
     for case in cases:
+        if case.kind == "input":
+            continue  # one SpaceMouse may have several seats
         for key in _IDENTITY:
             value = getattr(case.options, key, None)
             if not value:

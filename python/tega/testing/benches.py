@@ -19,8 +19,6 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from tega.testing.emulators.allegro_process import AllegroProcess
-from tega.testing.emulators.digit import DigitProcess
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 
@@ -84,15 +82,15 @@ def _emg_file(folder: Path) -> _Options:
 
 @contextmanager
 def _digit(_folder: Path) -> _Options:
-    with DigitProcess() as sensor:
-        yield {"source": sensor.source, "warm_up_s": 0.1}
+    with Emulator("digit") as sensor:
+        yield {"source": sensor.address["source"], "warm_up_s": 0.1}
 
 
 @contextmanager
 def _allegro(_folder: Path) -> _Options:
     # A busy machine must not look like a slow hand.
-    with AllegroProcess() as hand:
-        yield {**hand.options, "silent_after_ms": 1000, "lowest_rate_hz": 50}
+    with Emulator("allegro_port") as hand:
+        yield {**hand.address, "silent_after_ms": 1000, "lowest_rate_hz": 50}
 
 
 @contextmanager

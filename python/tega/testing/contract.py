@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import itertools
+import json
 import sys
 import tempfile
 import traceback
@@ -27,13 +28,17 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from tega.devices.base import (
     Device,
     DeviceInfo,
+    DiscoveringDevice,
     EmgSource,
+    Found,
     HandDriver,
+    HarmlessDevice,
     InputEvent,
     InputSource,
     InputState,
@@ -59,6 +64,7 @@ _PROTOCOLS: dict[str, tuple[type, ...]] = {
 }
 # A recording read by a contract check is expected to end before this many reads.
 _MOST_READS = 100_000
+_LOOK_S = 1.0
 
 
 def check_driver(driver: type[Device], options: Options, *, most_items: int = 64) -> None:
@@ -73,6 +79,8 @@ def check_driver(driver: type[Device], options: Options, *, most_items: int = 64
         AssertionError: It breaks a rule; the message says which.
     """
     _check_description(driver, options)
+    _check_discover(driver, options)
+    _check_harmless(driver, options)
     _check_lifecycle(driver, options)
     device: Any = driver(options)
     if isinstance(device, TactileSource | EmgSource):
@@ -98,6 +106,41 @@ def _check_description(driver: type[Device], options: Options) -> None:
     _rule(issubclass(driver.options_type, Options), "options_type is a subclass of tega.devices.Options")
     _rule(isinstance(options, driver.options_type), "the options given are of the driver's options_type")
     _rule(not driver.requires or bool(driver.extra), "a driver that requires packages names the extra")
+
+
+def _check_discover(driver: type[Device], options: Options) -> None:
+    if not isinstance(driver, DiscoveringDevice):
+        return
+    try:
+        found = driver.discover(_LOOK_S)
+    except DeviceUnavailableError as error:
+        _rule(bool(error.message), "discover says why it could not look")
+        return
+    name = driver(options).info.driver
+    for one in found:
+        _rule(isinstance(one, Found), "discover gives Founds")
+        _rule(bool(one.label), "what was found has a label")
+        _rule(one.driver == name, "what was found names this driver")
+        _rule(not one.hint or bool(one.problem), "a hint is for a problem")
+        try:
+            msgspec.convert(json.loads(json.dumps(one.options)), driver.options_type)
+        except (TypeError, msgspec.ValidationError) as error:
+            reason = f"what was found has options that could stand in a settings file: {error}"
+            _rule(bool(one.problem), reason)
+
+
+def _check_harmless(driver: type[Device], options: Options) -> None:
+    if not isinstance(driver, HarmlessDevice):
+        return
+    harmless = driver.harmless(options)
+    if harmless is None:
+        return
+    _rule(type(harmless) is driver.options_type, "harmless gives options of the driver's options_type")
+    _rule(driver.harmless(harmless) == harmless, "harmless options are harmless already")
+    device: Any = driver(harmless)
+    with device:
+        _rule(device.info.kind == driver.kind, "a driver opens with harmless options")
+    device.close()
 
 
 def _check_lifecycle(driver: type[Device], options: Options) -> None:

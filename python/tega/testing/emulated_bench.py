@@ -22,10 +22,7 @@ from tega.doctor.bench import Looked
 from tega.doctor.lab_file import lab_settings
 from tega.errors import DeviceUnavailableError
 from tega.teleop.maxima import emg_conditions
-from tega.testing.emulators.allegro_process import AllegroProcess
-from tega.testing.emulators.digit import DigitProcess
 from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import EmulatedVest
 
 __all__ = ["EmulatedBench"]
 
@@ -47,10 +44,10 @@ class EmulatedBench:
     def __init__(self) -> None:
         self._up = ExitStack()
         # Their pictures go over HTTP, which costs more than USB; half the rate leaves room on two cores.
-        self.digits = [DigitProcess("--rate-hz", "30", "--seed", str(seed)) for seed in range(2)]
+        self.digits = [Emulator("digit", "--rate-hz", "30", "--seed", str(seed)) for seed in range(2)]
         self.board = Emulator("cyton", "--signal", "emg")
-        self.player = EmulatedVest("bhaptics_player")
-        self.hand = AllegroProcess()
+        self.player = Emulator("bhaptics_player", "--port", "0")
+        self.hand = Emulator("allegro_port")
         self.looked: dict[str, Looked] = {}
 
     def __enter__(self) -> Self:
@@ -77,7 +74,7 @@ class EmulatedBench:
             Found(
                 driver="digit",
                 label=f"emulated camera {n}",
-                options={"source": digit.source, "rate_hz": 30.0},
+                options={"source": digit.address["source"], "rate_hz": 30.0},
             )
             for n, digit in enumerate(self.digits, start=1)
         ]
@@ -86,7 +83,7 @@ class EmulatedBench:
         vest = Found(driver="bhaptics-player", label="emulated Player", options={"port": port})
         # An emulated hand is a program, which a busy machine holds up now and then.
         patient = {"lowest_rate_hz": 150.0, "silent_after_ms": 100.0}
-        hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.options | patient)
+        hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.address | patient)
         self.looked = {
             "digit": Looked("tactile", cameras),
             "cyton": Looked("emg", [amplifier]),

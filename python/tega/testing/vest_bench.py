@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from tega.devices import driver_class
 from tega.devices.vest_stream import StreamedVest, VestOptions
 from tega.testing.emulators.hid_port import HidPort
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.emulators.process import Emulator
 
 __all__ = ["LIVE_VESTS", "VestBench", "vest_bench"]
 
@@ -32,7 +32,7 @@ class VestBench(NamedTuple):
     """
 
     vest: StreamedVest
-    peer: EmulatedVest
+    peer: Emulator
     port: HidPort | None
     options: VestOptions
 
@@ -51,15 +51,15 @@ def vest_bench(driver: str, **options: Any) -> Iterator[VestBench]:
     port = None
     with ExitStack() as stack:
         if driver == "bhaptics-player":
-            peer = stack.enter_context(EmulatedVest("bhaptics_player"))
+            peer = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
             options = {"port": peer.address["port"], **options}
         elif driver == "hid-vest":
             folder = stack.enter_context(tempfile.TemporaryDirectory())
-            peer = stack.enter_context(EmulatedVest("hid_bridge", (folder,)))
+            peer = stack.enter_context(Emulator("hid_bridge", folder))
             port = HidPort(peer.address["path"])
             stack.enter_context(port.installed())
         else:
-            peer = stack.enter_context(EmulatedVest("bluez_vest"))
+            peer = stack.enter_context(Emulator("bluez_vest"))
             stack.enter_context(_system_bus(peer.address["bus"]))
             options = {"scan_s": 1.0, **options}
         make: Any = driver_class(driver, "vest")

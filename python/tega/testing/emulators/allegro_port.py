@@ -1,22 +1,25 @@
 """The emulated Allegro Hand as a program: behind a serial CAN adapter (SLCAN on a pseudo-terminal), or on a CAN bus.
 
-``python -m tega.testing.emulators.allegro_port`` prints ``{"channel": "/dev/pts/N"}`` and then obeys lines on its
-standard input: the name of a fault, ``clear``, or ``look``; it answers each with the hand's state as JSON. It ends
-with its input. Options: ``--hardware 0x0500``, ``--side left``, ``--device-id``, ``--seed``, ``--position-ms``, and
+``python -m tega.testing.emulators.allegro_port`` prints the options of the ``allegro`` driver that reach it and then
+obeys lines on its standard input: the name of a fault, ``clear``, or ``look``; it answers each with the hand's state
+(``servo_on``, ``duties`` and ``angles_rad`` of the 16 joints, ``reports``: whether it sends positions).
+
+Options: ``--hardware 0x0500``, ``--side left``, ``--device-id``, ``--seed``, ``--position-ms``, and
 ``--interface udp_multicast --channel 239.74.163.2`` for a bus of python-can's instead of a terminal.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import select
 import sys
 import time
+from functools import partial
 from typing import Any
 
 from tega.testing.emulators.allegro import AllegroNode, Frame
+from tega.testing.emulators.pipe import obey, tell
 
 __all__ = ["BusPort", "SlcanPort", "main"]
 
@@ -153,7 +156,8 @@ def main(arguments: list[str] | None = None) -> None:
         if given.interface == "slcan"
         else BusPort(node, interface=given.interface, channel=given.channel)
     )
-    _tell({"channel": port.channel})
+    address: dict[str, Any] = {"interface": given.interface, "channel": port.channel}
+    tell(address | ({"bus": {"sleep_after_open": 0.0}} if given.interface == "slcan" else {}))
     pending = b""
     while True:
         wait_s = min(max(node.next_s() - time.monotonic(), 0.0), _IDLE_S)
@@ -166,11 +170,12 @@ def main(arguments: list[str] | None = None) -> None:
                 return
             *lines, pending = (pending + chunk).split(b"\n")
             for line in lines:
-                _tell(_obey(node, port, line.decode().strip()))
+                obey(line.decode("ascii", "replace"), partial(_act, node, port))
         port.send(node.due(time.monotonic()))
 
 
-def _obey(node: AllegroNode, port: SlcanPort | BusPort, words: str) -> dict[str, Any]:
+def _act(node: AllegroNode, port: SlcanPort | BusPort, line: list[str]) -> dict[str, Any]:
+    words = " ".join(line)
     if words == "garbage":
         port.garbage = True
     elif words != "look":
@@ -182,11 +187,6 @@ def _obey(node: AllegroNode, port: SlcanPort | BusPort, words: str) -> dict[str,
         "angles_rad": node.angles_rad,
         "reports": node.next_s() < float("inf"),
     }
-
-
-def _tell(said: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(said) + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """An emulated bHaptics Player: version 2 of its websocket, strictly checked, with a vest that remembers.
 
-Run ``python -m tega.testing.emulators.bhaptics_player [--port 15881]`` and any client of the Player can talk to it; or
-use :class:`tega.testing.emulators.EmulatedVest`. Written from what the vendor's and others' open clients send. Keys
-that are not theirs, numbers out of their ranges and wrong types are counted as errors, where the real Player
-says nothing. Two keys on one motor: the larger intensity (not known of the real one).
+Run ``python -m tega.testing.emulators.bhaptics_player [--port 15881]`` and any client of the Player can talk to it.
+Written from what the vendor's and others' open clients send. Keys that are not theirs, numbers out of their ranges
+and wrong types are counted as errors, where the real Player says nothing.
+Two keys on one motor: the larger intensity (not known of the real one).
 
 Faults: ``close`` (ends every connection with code 1001), ``drop`` (without a word), ``freeze`` (reads nothing),
 ``slow`` (reads a message in 150 ms), ``garbage`` (its messages are no status), ``wrong-version`` (HTTP 404), ``refuse``
@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import logging
 import time
 from http import HTTPStatus
 from typing import Any, ClassVar
@@ -74,6 +75,8 @@ class Player:
 
     async def start(self) -> dict[str, Any]:
         """Listen on the loopback interface."""
+        # Whoever only looks whether the port is open leaves without a handshake; the library calls that an error.
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         self._server = await serve(
             self._talk,
             "127.0.0.1",

@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import argparse
 import http.server
-import json
-import subprocess
 import sys
 import threading
 import time
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 
-__all__ = ["FAULTS", "WEAR", "DigitProcess", "main"]
+from tega.testing.emulators.pipe import obey, tell
+
+__all__ = ["FAULTS", "WEAR", "main"]
 
 FAULTS: Final = {
     "freeze": "sends the same picture for ever",
@@ -76,6 +75,22 @@ class _Sensor:
         self._garbage = random.bytes(20_000)
         self._black = [_encoded(np.abs(random.normal(0, 1.5, light.shape))) for _ in range(_N_NOISY)]
         self._small = _encoded(light[::2, ::2])
+
+    def act(self, words: list[str]) -> dict[str, Any]:
+        """Carry out a command and tell which faults are on."""
+        verb, rest = words[0], " ".join(words[1:])
+        if words == ["clear"]:
+            self.clear()
+        elif len(words) == 1 and verb in FAULTS:
+            self.faults.add(verb)
+        elif verb == "press":
+            self.press(float(rest))
+        elif verb == "wear" and rest in WEAR:
+            self.worn(rest)
+        else:
+            known = ", ".join((*FAULTS, "press FIRMNESS", *(f"wear {how}" for how in WEAR), "clear"))
+            raise ValueError(f"there are {known}")
+        return {"faults": sorted(self.faults)}
 
     def press(self, firmness: float) -> None:
         """Press a ball into the gel, 0 (not at all) to 1."""
@@ -192,90 +207,9 @@ def main(arguments: list[str] | None = None) -> None:
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _handler(sensor))
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    _tell({"source": f"http://127.0.0.1:{server.server_address[1]}/video"})
+    tell({"source": f"http://127.0.0.1:{server.server_address[1]}/video"})
     for line in sys.stdin:
-        words = line.strip()
-        verb, _, rest = words.partition(" ")
-        if words == "clear":
-            sensor.clear()
-        elif words in FAULTS:
-            sensor.faults.add(words)
-        elif verb == "press":
-            sensor.press(float(rest))
-        elif verb == "wear" and rest in WEAR:
-            sensor.worn(rest)
-        else:
-            known = ", ".join((*FAULTS, "press FIRMNESS", *(f"wear {how}" for how in WEAR), "clear"))
-            _tell({"error": f"no fault is called {words!r}; there are {known}"})
-            continue
-        _tell({"faults": sorted(sensor.faults)})
-
-
-def _tell(said: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(said) + "\n")
-    sys.stdout.flush()
-
-
-class DigitProcess:
-    """The emulated sensor in a process of its own.
-
-    Args:
-        arguments: Options of :func:`main`, such as ``"--rate-hz", "30"``.
-
-    Attributes:
-        source: What the ``digit`` driver's option ``source`` is to be.
-    """
-
-    def __init__(self, *arguments: str) -> None:
-        """Store the options; nothing is started yet."""
-        self._arguments = arguments
-        self._process: subprocess.Popen[str] | None = None
-        self.source = ""
-
-    def __enter__(self) -> Self:
-        """Start it."""
-        words = [sys.executable, "-m", "tega.testing.emulators.digit", *self._arguments]
-        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self.source = str(self._hear()["source"])
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """End it."""
-        self.unplug()
-
-    def command(self, words: str) -> None:
-        """Switch a fault on, ``press`` or ``wear``, or ``clear`` it all.
-
-        Raises:
-            ValueError: No such fault.
-        """
-        if self._process is None or self._process.stdin is None:
-            raise RuntimeError("the emulated sensor is not running")
-        self._process.stdin.write(words + "\n")
-        self._process.stdin.flush()
-        if error := self._hear().get("error"):
-            raise ValueError(error)
-
-    def unplug(self) -> None:
-        """Take the sensor away."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.kill()
-            process.wait()
-            for stream in (process.stdin, process.stdout):
-                if stream is not None:
-                    stream.close()
-
-    def _hear(self) -> dict[str, Any]:
-        line = (
-            "" if self._process is None or self._process.stdout is None else self._process.stdout.readline()
-        )
-        if not line:
-            raise RuntimeError("the emulated sensor has ended")
-        said: dict[str, Any] = json.loads(line)
-        return said
+        obey(line, sensor.act)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """An emulated microcontroller that speaks TEGA's 64-byte USB reports, with a vest that remembers.
 
-There is no USB here: reports travel over a local socket, one packet each, and :class:`tega.testing.emulators.HidPort`
+There is no USB here: reports travel over a local socket, one packet each, and
+:class:`~tega.testing.emulators.hid_port.HidPort`
 stands for hidapi at the other end. Written from the table of the report format. A report that breaks it is refused and
 counted, as the firmware has to.
 

@@ -1,8 +1,8 @@
 """An emulated SpaceMouse or pedal: ``python -m tega.testing.emulators.hid_input --device spacemouse``.
 
 Written from the fact sheets' tables of report bytes. There is no USB here: reports travel over a local socket, one
-packet each, whose path is written to ``--port-file``; :class:`tega.testing.emulators.hid_port.HidPort` stands for
-hidapi at the other end. It obeys lines on its standard input and answers each by ``ok`` or ``?``::
+packet each, whose path is the ``port`` that it prints; :class:`tega.testing.emulators.hid_port.HidPort` stands for
+hidapi at the other end. It obeys lines on its standard input::
 
     push X Y Z RX RY RZ    counts of the cap in its own axes, repeated every 16 ms until it is at rest
     press N, lift N        a button, counted from 0
@@ -22,9 +22,12 @@ import select
 import socket
 import struct
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Final
+
+from tega.testing.emulators.pipe import obey, tell
 
 __all__ = ["DEVICES", "FAULTS", "InputDevice", "main"]
 
@@ -153,16 +156,10 @@ class _Emulator:
             ready, _, _ = select.select([sys.stdin, *self._port.watched], [], [], 0.002)
             self._port.attend(ready)
             if sys.stdin in ready:
-                words = sys.stdin.readline().split()
-                if not words:
+                line = sys.stdin.readline()
+                if not line:
                     return
-                try:
-                    self._obey(words)
-                    answer = "ok"
-                except (KeyError, ValueError, IndexError) as error:
-                    answer = f"? {' '.join(words)}: {error!r}"
-                sys.stdout.write(answer + "\n")
-                sys.stdout.flush()
+                obey(line, self._act)
             now_s = time.monotonic()
             if self._back_s is not None and now_s >= self._back_s:
                 self._back_s = None
@@ -171,7 +168,7 @@ class _Emulator:
                 self._next_s = now_s + (_SLOW_S if "slow" in self._faults else _REPEAT_S)
                 self._send(self._device.motion())
 
-    def _obey(self, words: list[str]) -> None:
+    def _act(self, words: list[str]) -> None:
         device, verb, numbers = self._device, words[0], [int(w) for w in words[1:]]
         if verb == "push":
             device.axes = [numbers[i] for i in range(6)]
@@ -234,16 +231,15 @@ class _Emulator:
 def main() -> None:
     """Run it until the standard input closes."""
     parser = argparse.ArgumentParser(description="An emulated SpaceMouse or pedal.")
-    parser.add_argument("--port-file", type=Path, required=True, help="where to write the socket's path")
     parser.add_argument("--device", choices=DEVICES, default="spacemouse")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    path = options.port_file.with_suffix(".socket")
-    port = _Port(path)
-    port.plug()
-    options.port_file.with_suffix(".new").write_text(str(path))
-    options.port_file.with_suffix(".new").replace(options.port_file)
-    _Emulator(InputDevice(options.device), port, options.seed).run()
+    with tempfile.TemporaryDirectory(prefix="tega-hid-") as folder:
+        port = _Port(Path(folder, "device.socket"))
+        port.plug()
+        tell({"port": str(Path(folder, "device.socket"))})
+        _Emulator(InputDevice(options.device), port, options.seed).run()
+        port.unplug()
 
 
 if __name__ == "__main__":

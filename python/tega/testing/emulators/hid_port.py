@@ -10,6 +10,7 @@ import contextlib
 import socket
 import sys
 from collections.abc import Iterator
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -45,6 +46,8 @@ class HidPort:
     """
 
     def __init__(self, *boards: HidBoard | str, can_open: bool = True) -> None:
+        # What stands in sys.modules is asked for its specification.
+        self.__spec__ = ModuleSpec(_NAMES[0], None)
         self.boards = [HidBoard(board) if isinstance(board, str) else board for board in boards]
         self.can_open = can_open
 

@@ -14,9 +14,10 @@ import sys
 import termios
 import time
 import tty
-from pathlib import Path
+from typing import Any
 
 from tega.testing.emulators.faults import FAULTS, SIGNALS, Faults, Signal
+from tega.testing.emulators.pipe import obey, tell
 
 __all__ = ["Board", "add_options", "serve"]
 
@@ -49,7 +50,6 @@ class Board:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that every serial emulator has."""
-    parser.add_argument("--port-file", type=Path, required=True, help="where to write the port's name")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--signal", choices=SIGNALS, default="ramp")
     parser.add_argument("--burst-ms", type=float, default=4.0, help="deliver at most this often; FTDI: 16")
@@ -63,7 +63,8 @@ def serve(board: Board, signal: Signal, faults: Faults, options: argparse.Namesp
     for text in options.fault:
         name, _, value = text.partition("=")
         faults.set(name, float(value or 1))
-    line = _Line(board, signal, faults, options.port_file, random.Random(options.seed + 1))
+    line = _Line(board, signal, faults, random.Random(options.seed + 1))
+    tell({"port": line.port})
     try:
         line.run(options.burst_ms / 1000)
     finally:
@@ -71,11 +72,9 @@ def serve(board: Board, signal: Signal, faults: Faults, options: argparse.Namesp
 
 
 class _Line:
-    def __init__(
-        self, board: Board, signal: Signal, faults: Faults, port_file: Path, rng: random.Random
-    ) -> None:
+    def __init__(self, board: Board, signal: Signal, faults: Faults, rng: random.Random) -> None:
         self._board, self._signal, self._faults, self._rng = board, signal, faults, rng
-        self._port_file = port_file
+        self.port = ""
         self._ends: tuple[int, int] | None = None
         self._heard = b""
         self._rest = b""
@@ -83,14 +82,12 @@ class _Line:
         self._plug()
 
     def _plug(self) -> None:
-        """Make a new port and tell its name."""
+        """Make a new port."""
         ours, hosts = os.openpty()
         tty.setraw(hosts)
         os.set_blocking(ours, False)
         self._ends, self._rest, self._heard = (ours, hosts), b"", b""
-        name = self._port_file.with_suffix(".new")
-        name.write_text(os.ttyname(hosts))
-        name.replace(self._port_file)
+        self.port = os.ttyname(hosts)
         self._send(self._board.power_on())
 
     def unplug(self) -> None:
@@ -158,18 +155,13 @@ class _Line:
             return False
         *lines, self._typed = (self._typed + data).split(b"\n")
         for line in lines:
-            words = line.decode("ascii", "replace").split()
-            if words == ["quit"]:
+            text = line.decode("ascii", "replace")
+            if text.split() == ["quit"]:
                 return False
-            try:
-                answer = f"ok {self._do(words)}".rstrip()
-            except (KeyError, ValueError, IndexError) as error:
-                answer = f"? {line.decode('ascii', 'replace')}: {error!r}"
-            sys.stdout.write(answer + "\n")
-            sys.stdout.flush()
+            obey(text, self._do)
         return True
 
-    def _do(self, words: list[str]) -> str:
+    def _do(self, words: list[str]) -> dict[str, Any]:
         verb = words[0]
         if verb == "unplug":
             self.unplug()
@@ -179,7 +171,7 @@ class _Line:
         elif verb == "reset":
             self._send(self._board.power_on())
         elif verb == "heard":
-            return self._heard.hex()
+            return {"heard": self._heard.hex()}
         elif verb == "clear":
             self._faults.clear()
         elif verb == "signal":
@@ -188,4 +180,4 @@ class _Line:
             self._signal.set_effort(float(words[1]), int(words[2]) if len(words) > 2 else None)
         else:
             self._faults.set(verb, float(words[1]) if len(words) > 1 else 1.0)
-        return ""
+        return {"port": self.port}

@@ -1,19 +1,19 @@
 """What the emulated vests share: what their motors do, and the pipe through which a test talks to them.
 
-This runs in the emulator's process and knows nothing of TEGA's packets. One JSON object a line comes in,
-``{"fault": "freeze"}`` (``""`` for none) or ``{"report": true}``, and one goes out for each. The end of the input ends
-the program, so that an emulator does not outlive who started it.
+This runs in the emulator's process and knows nothing of TEGA's packets. A line is the name of a fault, which ends
+every other one, ``clear`` for none, or ``look``, answered by everything that was seen.
 """
 
 from __future__ import annotations
 
 import asyncio
-import json
 import sys
 import time
 from typing import Any, ClassVar, Protocol
 
-__all__ = ["Emulator", "Motors", "serve"]
+from tega.testing.emulators.pipe import obey, tell
+
+__all__ = ["Motors", "Vest", "serve"]
 
 _KEPT = 5000
 
@@ -32,7 +32,7 @@ class Motors:
         self.now = values
 
 
-class Emulator(Protocol):
+class Vest(Protocol):
     """An emulated vest."""
 
     motors: Motors
@@ -46,37 +46,37 @@ class Emulator(Protocol):
         ...
 
     async def fault(self, name: str) -> None:
-        """Switch a fault on, and every other one off."""
+        """Switch a fault on, and every other one off; ``""`` for none."""
         ...
 
 
-async def serve(emulator: Emulator) -> None:
+async def serve(vest: Vest) -> None:
     """Run an emulator until its standard input ends."""
     reader = asyncio.StreamReader()
     await asyncio.get_running_loop().connect_read_pipe(
         lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
     )
-    _answer(await emulator.start())
-    while line := await reader.readline():
-        request = json.loads(line)
-        if "fault" in request and request["fault"] not in {"", *emulator.faults}:
-            _answer({"error": f"no fault {request['fault']!r}; there are {', '.join(emulator.faults)}"})
-        elif "fault" in request:
-            await emulator.fault(request["fault"])
-            _answer({})
-        else:
-            _answer(
-                {
-                    "motors": emulator.motors.now,
-                    "history": emulator.motors.history,
-                    "errors": emulator.errors,
-                    "received": emulator.received,
-                    "connections": emulator.connections,
-                    "modules": sorted(m for m in sys.modules if m.startswith("tega")),
-                }
-            )
+
+    def act(words: list[str]) -> dict[str, Any]:
+        if " ".join(words) not in known:
+            raise ValueError(f"there are {', '.join(known)}")
+        return _seen(vest) if words == ["look"] else {}
+
+    known = (*vest.faults, "clear", "look")
+
+    tell(await vest.start())
+    while line := (await reader.readline()).decode("ascii", "replace"):
+        if (name := line.strip()) in vest.faults or name == "clear":
+            await vest.fault("" if name == "clear" else name)
+        obey(line, act)
 
 
-def _answer(answer: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(answer) + "\n")
-    sys.stdout.flush()
+def _seen(vest: Vest) -> dict[str, Any]:
+    return {
+        "motors": vest.motors.now,
+        "history": vest.motors.history,
+        "errors": vest.errors,
+        "received": vest.received,
+        "connections": vest.connections,
+        "modules": sorted(m for m in sys.modules if m.startswith("tega")),
+    }

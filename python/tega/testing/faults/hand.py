@@ -9,7 +9,7 @@ from typing import Any, Final
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.errors import DeviceUnavailableError
 from tega.testing.emulators.allegro import FAULTS
-from tega.testing.emulators.allegro_process import AllegroProcess
+from tega.testing.emulators.process import Emulator
 from tega.testing.faults.trials import Outcome, Trial
 
 __all__ = ["CANNOT", "trials"]
@@ -43,9 +43,9 @@ def trials() -> list[Trial]:
 
 def _refused(arguments: tuple[str, ...]) -> Outcome:
     make: Any = AllegroOptions
-    with AllegroProcess(*arguments) as hand:
+    with Emulator("allegro_port", *arguments) as hand:
         begin_s = time.monotonic()
-        driver = Allegro(make(**hand.options))
+        driver = Allegro(make(**hand.address))
         try:
             driver.open()
         except DeviceUnavailableError as error:
@@ -57,13 +57,13 @@ def _refused(arguments: tuple[str, ...]) -> Outcome:
 def _met(fault: str) -> Outcome:
     make: Any = AllegroOptions
     # A busy machine must not look like a slow hand before the fault.
-    with AllegroProcess() as hand, Allegro(make(**hand.options, lowest_rate_hz=200.0)) as driver:
+    with Emulator("allegro_port") as hand, Allegro(make(**hand.address, lowest_rate_hz=200.0)) as driver:
         driver.step(5)
         time.sleep(0.5)
         if fault == "unplug":
-            hand.unplug()
+            hand.kill()
         else:
-            hand.command(fault)
+            hand.say(fault)
         begin_s, off_s, silences = time.monotonic(), None, driver.state().counts.silences
         while (spent_s := time.monotonic() - begin_s) < _WATCH_S:
             if off_s is None and fault not in _DEAF and _is_off(hand):
@@ -96,8 +96,8 @@ def _met(fault: str) -> Outcome:
     )
 
 
-def _is_off(hand: AllegroProcess) -> bool:
-    state = hand.command()
+def _is_off(hand: Emulator) -> bool:
+    state = hand.say("look")
     return not state["servo_on"] and not any(state["duties"])
 
 

@@ -10,7 +10,8 @@ import msgspec
 
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
-from tega.testing.emulators.digit import FAULTS, DigitProcess
+from tega.testing.emulators.digit import FAULTS
+from tega.testing.emulators.process import Emulator
 from tega.testing.faults.trials import Outcome, Trial, until
 
 __all__ = ["CANNOT", "trials"]
@@ -48,14 +49,14 @@ def trials() -> list[Trial]:
     ]
 
 
-def _driver(sensor: DigitProcess) -> Digit:
+def _driver(sensor: Emulator) -> Digit:
     make: Any = DigitOptions
-    return Digit(make(source=sensor.source, warm_up_s=0.1))
+    return Digit(make(source=sensor.address["source"], warm_up_s=0.1))
 
 
 def _refused() -> Outcome:
-    with DigitProcess() as sensor:
-        sensor.command("small")
+    with Emulator("digit") as sensor:
+        sensor.say("small")
         start_s = time.monotonic()
         try:
             _driver(sensor).open()
@@ -65,13 +66,13 @@ def _refused() -> Outcome:
 
 
 def _met(fault: str, *, away_s: float = _WATCH_S) -> Outcome:
-    with DigitProcess() as sensor, DigitProcess("--look", "1") as beside, _driver(sensor) as digit:
+    with Emulator("digit") as sensor, Emulator("digit", "--look", "1") as beside, _driver(sensor) as digit:
         with _driver(beside) as other:
             theirs, own = other.read(5.0), digit.read(5.0)
         if own is not None and theirs is not None:
             digit.compare_with(own.image, {"index": theirs.image})
         before = msgspec.structs.asdict(digit.counts)
-        sensor.command(fault)
+        sensor.say(fault)
         begin_s = last_s = time.monotonic()
         while (now_s := time.monotonic()) - begin_s < away_s:
             if digit.read(0.05) is not None:
@@ -79,7 +80,7 @@ def _met(fault: str, *, away_s: float = _WATCH_S) -> Outcome:
         counts = {name: n - before[name] for name, n in msgspec.structs.asdict(digit.counts).items()}
         silent = now_s - last_s > _QUIET_S
         notes = digit.info.notes
-        sensor.command("clear")
+        sensor.say("clear")
         back_s = until(lambda: digit.read(0.01) is not None, 15.0)
     told = [f"{words} pictures are withheld" for name, words in _WORDS.items() if counts[name] > 1]
     if counts["lost"]:

@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame, vest_frame
-from tega.testing.emulators.vests import EmulatedVest
+from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.vests import seen_by
 from tega.testing.faults.trials import Outcome, Trial, until
 from tega.testing.vest_bench import vest_bench
 from tega.wire import vest_levels
@@ -98,7 +99,7 @@ _WRONG: Final = {
 
 def _refused(driver: str) -> Outcome:
     with vest_bench(driver, open_timeout_s=2.0) as bench:
-        bench.peer.fault("wrong-version")
+        bench.peer.say("wrong-version")
         start_s = time.monotonic()
         try:
             with bench.vest:
@@ -134,7 +135,7 @@ def _met(driver: str, fault: str) -> Outcome:
 
 
 def trouble(
-    driver: str, fault: str, vest: StreamedVest, peer: EmulatedVest, fault_s: float = FAULT_S
+    driver: str, fault: str, vest: StreamedVest, peer: Emulator, fault_s: float = FAULT_S
 ) -> VestTrouble:
     """Let a fault happen under an open vest, and end it.
 
@@ -149,22 +150,22 @@ def trouble(
     writer = _Writer(vest)
     writer.start()
     try:
-        until(lambda: peer.report().motors == before, _RECOVERY_S, look_s=0.05)
+        until(lambda: seen_by(peer).motors == before, _RECOVERY_S, look_s=0.05)
         writer.longest_s, writer.withheld, begun_s = 0.0, False, time.monotonic()
         if fault == "no writes":
             writer.paused = True
         else:
-            peer.fault(fault)
+            peer.say(fault)
         if (driver, fault) not in _AT_ONCE:
             time.sleep(fault_s)
         withheld, ended_s = writer.withheld, time.monotonic()
         writer.frame, writer.paused = _AFTERWARDS, False
-        peer.fault("")
-        until(lambda: peer.report().motors == after, _RECOVERY_S, look_s=0.05)
+        peer.say("clear")
+        until(lambda: seen_by(peer).motors == after, _RECOVERY_S, look_s=0.05)
     finally:
         writer.stopped = True
         writer.join()
-    history = peer.report().history
+    history = seen_by(peer).history
     silent = [t for t, motors in history if t >= begun_s and not any(motors)]
     back = [t for t, motors in history if t >= ended_s and motors == after]
     return VestTrouble(
@@ -198,7 +199,7 @@ class _Writer(threading.Thread):
             time.sleep(1 / 30)
 
 
-def _shown(frame: VestFrame, peer: EmulatedVest) -> list[int]:
+def _shown(frame: VestFrame, peer: Emulator) -> list[int]:
     """Return what a frame looks like on this peer's motors: the X40's know sixteen levels only."""
     if "bus" in peer.address:
         return [round(level * 100 / 15) for level in vest_levels(frame.x40()).tolist()]

@@ -1,0 +1,35 @@
+"""The pipe between an emulator's process and who started it; this end knows nothing of the device.
+
+The first line on standard output says where the emulator can be reached. Each line of standard input is a command,
+answered by one line: a JSON object, with ``error`` in it where the command was not understood. The end of the input
+ends the program, so that an emulator does not outlive who started it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+__all__ = ["obey", "tell"]
+
+
+def tell(said: Mapping[str, Any]) -> None:
+    """Say something to who started this."""
+    sys.stdout.write(json.dumps(said) + "\n")
+    sys.stdout.flush()
+
+
+def obey(line: str, act: Callable[[list[str]], Mapping[str, Any] | None]) -> None:
+    """Carry out a line and answer it; one that cannot be carried out ends nothing.
+
+    Args:
+        line: What was typed.
+        act: Given its words, returns the answer; a ValueError, KeyError or IndexError says that it makes no sense.
+    """
+    try:
+        said = act(line.split())
+    except (ValueError, KeyError, IndexError) as error:
+        said = {"error": f"{line.strip()!r} means nothing here: {error}"}
+    tell(said or {})

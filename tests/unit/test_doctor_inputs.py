@@ -1,0 +1,115 @@
+"""The doctor and ``init`` on what the operator holds or steps on, against emulators behind hidapi's calls."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tega.cli.main import main
+from tega.config import load_config
+from tega.doctor import Finding, examine, lab_settings
+from tega.doctor.bench import ROLES, look_around
+from tega.testing.emulators.hid_port import HidBoard, HidPort
+from tega.testing.emulators.process import Emulator
+
+CAP, FOOT = (0x046D, 0xC626), (0x0C45, 0x7403)
+SETTINGS = """
+[input.motion]
+driver = "spacemouse"
+[input.dead_man]
+driver = "pedal"
+[input.marker]
+driver = "spacemouse"
+button = "right"
+"""
+
+
+@contextmanager
+def attached() -> Iterator[tuple[Emulator, Emulator, HidPort]]:
+    with (
+        Emulator("hid_input", "--device", "spacemouse") as cap,
+        Emulator("hid_input", "--device", "pedal-keyboard") as foot,
+    ):
+        port = HidPort(HidBoard(cap.port, *CAP), HidBoard(foot.port, *FOOT))
+        with port.installed():
+            yield cap, foot, port
+
+
+def told(folder: Path) -> dict[str, list[Finding]]:
+    path = folder / "lab.toml"
+    path.write_text(SETTINGS)
+    examination = examine(load_config(path, environ={}).config, name=path.name)
+    by_check: dict[str, list[Finding]] = {}
+    for finding in examination.findings:
+        by_check.setdefault(finding.check, []).append(finding)
+    return by_check
+
+
+def test_every_seat_is_examined_and_what_is_wrong_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seats = ["input.motion", "input.dead_man", "input.marker"]
+    with attached() as (cap, foot, port):
+        found = told(tmp_path)
+        assert list(found) == seats
+        assert {f.status for (f,) in found.values()} == {"fine"}
+        assert "spacemouse SpaceNavigator is open and at rest" in found["input.motion"][0].finding
+        with pytest.raises(SystemExit) as ended:
+            main(["doctor", str(tmp_path / "lab.toml")])
+        assert ended.value.code == 0
+        assert "All is well: tega-teleop run" in capsys.readouterr().out
+
+        cap.say("push 0 -350 0 0 0 0")
+        # A pedal tells of changes only, so the foot comes down while somebody listens.
+        timer = threading.Timer(0.4, lambda: foot.say("press 0"))
+        timer.start()
+        found = told(tmp_path)
+        timer.join()
+        assert found["input.motion"][0].status == "doubt"
+        assert "the cap is pushed or turned" in found["input.motion"][0].finding
+        assert "touched: " in found["input.dead_man"][0].finding
+        assert "is down" in found["input.dead_man"][0].finding
+        cap.say("push 0 0 0 0 0 0")
+        foot.say("lift 0")
+
+        timer = threading.Timer(0.4, lambda: cap.say("unplug"))
+        timer.start()
+        found = told(tmp_path)
+        timer.join()
+        assert [found[seat][0].status for seat in seats] == ["wrong", "fine", "wrong"]
+        assert "opened, and then had no data" in found["input.motion"][0].finding
+        found = told(tmp_path)
+        assert found["input.motion"][0].status == "missing"
+        assert found["input.motion"][0].todo
+        port.can_open = False
+        (finding,) = told(tmp_path)["input.dead_man"]
+        assert finding.status == "wrong"
+        assert "does not open" in finding.finding
+        assert any("udev rule" in step for step in finding.todo)
+
+
+def test_init_writes_them_and_a_look_around_stays_with_the_four_devices(tmp_path: Path) -> None:
+    out = tmp_path / "lab.toml"
+    with attached():
+        assert {f.check for f in look_around().findings} <= {"packages", *ROLES}
+        with pytest.raises(SystemExit):
+            main(["init", "--out", str(out)])
+        config = load_config(out, environ={}).config
+    assert {seat: c.driver for seat, c in config.input.in_use().items()} == {
+        "motion": "spacemouse",
+        "dead_man": "pedal",
+    }
+    assert config.input.motion is not None
+    assert (config.input.motion.options.vendor_id, config.input.motion.options.product_id) == CAP
+    out.write_text(lab_settings({}, name=out.name))
+    assert not load_config(out, environ={}).config.input.in_use()
+    assert "# [input.motion]" in out.read_text()
+    # Switched on as it stands, each comment is a table that can be read.
+    text = out.read_text()
+    lines = text[text.index("# [input.motion]") :].splitlines()
+    out.write_text("\n".join(line.removeprefix("# ") for line in lines))
+    assert list(load_config(out, environ={}).config.input.in_use()) == ["motion", "dead_man"]
