@@ -83,7 +83,7 @@ def _table_1(analysis: Analysis) -> str:
                 and cell.successes < len(cell.trials)
                 and cell.duration_success_s is not None
             ):
-                extra += f"; successes {cell.duration_success_s:.1f}"
+                extra += f"<br>of successes {cell.duration_success_s:.1f}"
             cells.append(f'{link} <span class="small">{extra}</span>')
         printed = PAPER_TABLE_1.get(condition, {}).get(metric, ("–",) * len(PAPER_OBJECTS)) if beside else ()
         body.append([esc(row[0]), esc(row[1]) + (", s" if metric == "duration_s" else ""), *cells, *printed])
@@ -131,7 +131,8 @@ def _family(analysis: Analysis, figures: Mapping[str, str]) -> str:
         "Last columns: "
         f"people as the unit; no p below six people. Holm over the {len(analysis.family)} tests of the "
         "plan, within each kind. "
-        f"Rank-biserial above 0 and ratios above 1: more with {esc(analysis.conditions[0])}. Brackets: 95 % intervals."
+        f"Rank-biserial above 0 and ratios above 1: more with {esc(analysis.conditions[0])}. Brackets: 95 % "
+        "intervals; that of counts' ratio is by t and the p by sign-flips, which are coarser with few people."
     )
     caption = (
         f"Fig 7. {_cells_text(analysis)} Dots: trials; violins: their spread; diamonds: means; "

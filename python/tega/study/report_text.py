@@ -23,7 +23,7 @@ figcaption { font-size: .87em; color: #333 } summary { cursor: pointer; padding:
 ALONE = (
     "r: Pearson at lag 0 over 0.1 s cells, averaged by Fisher's z over each person's trials, then over "
     "people. A hand that closes raises touch whether or not anybody answers it, so r, its sign and its "
-    "lag cannot show that users responded: an operator who ignores touch reaches r above 0.9 as well. "
+    "lag cannot show that users responded: an operator who ignores touch has a high r as well. "
     "What could show it: a lower r or a more negative answer with the vest than without (next table), "
     "and, alone conclusive, a vest whose signal is changed at random moments. Other trials' touch: r of a "
     "trial's pose with the touch of the same person's other trials of that object and condition. Answer: "
