@@ -264,3 +264,9 @@ while state.next is not None:
     journal, state = resume(folder, plan, "p02", t_ns=0)
     with journal:
         assert state == derive(plan.of("p02"), journal.events)
+
+
+def test_planning_needs_no_extra_package() -> None:
+    code = "import sys, tega.study, tega.cli.study; print({'scipy', 'statsmodels', 'matplotlib'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

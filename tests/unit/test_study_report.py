@@ -219,6 +219,9 @@ def test_the_anonymised_copy_gives_the_same_table_and_tests(study: Path, tmp_pat
             copied.successes,
         )
         assert mine.slips == pytest.approx(copied.slips)
+    assert sorted(row.r or 0 for row in ours.couplings) == sorted(row.r or 0 for row in theirs.couplings)
+    for path in (tmp_path / "open" / "courses").rglob("*.csv"):
+        assert path.name.startswith(path.parent.name + "-")
     for test, again in zip(ours.tests, theirs.tests, strict=True):
         if test.level == "as printed":
             assert test.p == pytest.approx(again.p)

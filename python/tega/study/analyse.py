@@ -11,9 +11,11 @@ from tega.errors import RecordingError
 from tega.study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
 from tega.study.compare import Cell, Test, cells_of, compare
 from tega.study.coupling import TouchCourse, read_course
+from tega.study.journal import read_events
 from tega.study.plan import default_family
 from tega.study.power import SPREADS, count_power, people_for
 from tega.study.privacy import withdrawn
+from tega.study.state import derive, events_path
 from tega.study.trials import Trial, bench_trials, course_path, study_trials
 
 __all__ = ["Analysis", "Flow", "Planner", "analyse", "analyse_bench", "analyse_study"]
@@ -128,9 +130,10 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, dic
     """
     plan, trials = study_trials(folder)
     settings, gone = plan.settings, withdrawn(folder)
-    over = {trial.id for trial in trials}
     stay = [person for person in plan.participants if person not in gone]
-    complete = sum(all(one.id in over for one in plan.of(person)) for person in stay)
+    complete = sum(
+        derive(plan.of(person), read_events(events_path(folder, person))).next is None for person in stay
+    )
     planned = sum(len(plan.of(person)) for person in stay)
     status = _status(trials)
     if planned > len(trials):

@@ -125,7 +125,7 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     for old, person in new.items():
         _copy_events(events_path(folder, old), events_path(out, person), signed)
         for course in sorted((folder / COURSES / old).glob("*.csv")):
-            target = out / COURSES / person / course.name
+            target = out / COURSES / person / course.name.replace(old, person, 1)  # p03-t07 bears the old id
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(course, target)
     return new
