@@ -63,7 +63,8 @@ def _people(n: int, analysis: Analysis) -> str:
 def _table_1(analysis: Analysis) -> str:
     rows = table_1(analysis)
     of = {(cell.object, cell.condition): cell for cell in analysis.cells}
-    beside = analysis.simulated and analysis.objects == PAPER_OBJECTS
+    in_paper = analysis.objects == PAPER_OBJECTS and not PAPER_TABLE_1.keys().isdisjoint(analysis.conditions)
+    beside = analysis.simulated and in_paper
     head = [*rows[0], *([f"paper: {name}" for name in PAPER_OBJECTS] if beside else [])]
     body = []
     for row, (condition, metric) in zip(
