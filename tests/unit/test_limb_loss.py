@@ -21,7 +21,7 @@ FINGERS = "tega.tracking.fingers"
 # Where commands are made and sent, and where an intent is decided.
 CONTROL = (
     "tega.teleop", "tega.devices", "tega.hand", "tega.hand_link", "tega.hand_poses", "tega.emg", "tega.safety",
-    "tega.wire", "tega.sim", "tega.config", "tega.cli.run",
+    "tega.wire", "tega.sim", "tega.config", "tega.cli.run", "tega.arm",
 )  # fmt: skip
 MODULES = {m.name: m.ispkg for m in pkgutil.walk_packages(tega.__path__, "tega.")}
 

@@ -35,6 +35,7 @@ _VERBS = {
     "inspect": _Verb("Run", "tega.cli.inspect", "inspect", "Print what a recording holds."),
     "soak": _Verb("Measure", "tega.cli.soak", "soak", "Run everything emulated, with faults at random."),
     "export": _Verb("Run", "tega.cli.export", "export", "Write a recording as tables and pictures."),
+    "study": _Verb("Study", "tega.cli.study", "study", "Plan a user study, keep its data, report it."),
     "sim-trials": _Verb(
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
     ),

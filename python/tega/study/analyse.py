@@ -1,0 +1,317 @@
+"""A study's whole analysis as one record: everything a report shows is in it, and nothing else is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from tega.errors import RecordingError
+from tega.study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
+from tega.study.compare import Cell, Test, cells_of, compare
+from tega.study.coupling import TouchCourse, read_course
+from tega.study.journal import read_events
+from tega.study.plan import default_family
+from tega.study.power import SPREADS, count_power, people_for
+from tega.study.privacy import withdrawn
+from tega.study.state import derive, events_path
+from tega.study.trials import Trial, bench_trials, course_path, study_trials
+
+__all__ = ["Analysis", "Flow", "Planner", "analyse", "analyse_bench", "analyse_study"]
+
+FORMAT = "tega-study-analysis"
+
+
+class Flow(msgspec.Struct, frozen=True, kw_only=True):
+    """Who and what took part.
+
+    Attributes:
+        planned_people: As planned; ``None`` where there is no plan.
+        withdrawn: People whose data were deleted.
+        people: With at least one trial.
+        complete: With all their trials over.
+        planned_trials: Of those who have not withdrawn.
+        status: Number of trials by how they ended; ``not run`` for the rest.
+    """
+
+    planned_people: int | None
+    withdrawn: int
+    people: int
+    complete: int
+    planned_trials: int | None
+    status: dict[str, int]
+
+
+class Planner(msgspec.Struct, frozen=True, kw_only=True):
+    """What the next study needs to find an effect on slips or deformations as large as this one's.
+
+    Attributes:
+        metric: ``slips`` or ``deformations``.
+        object: What is lifted.
+        mean: Under the first condition.
+        reference: Under the second.
+        spread: Name in :data:`tega.study.power.SPREADS`.
+        people: For 80 % power of the paired t on log sums at 0.05; ``None`` for more than thirty.
+        power_at_12: Of twelve people, one full set of orders.
+        error: Two standard errors of that, at most.
+    """
+
+    metric: str
+    object: str
+    mean: float
+    reference: float
+    spread: str
+    people: int | None
+    power_at_12: float
+    error: float
+
+
+class Analysis(msgspec.Struct, frozen=True, kw_only=True):
+    """All numbers of a report; equal input gives equal bytes.
+
+    Attributes:
+        source: What it was made from.
+        simulated: Whether the people are simulated.
+        interim: Whether the plan is not yet done; p-values are then withheld unless asked for.
+        p_shown: Whether p-values are in it.
+        objects: In the order of the tables.
+        conditions: The first is compared with the second.
+        family: Tests that were corrected together.
+        alpha: Level.
+        plan_sha256: Of the plan; empty without one.
+        flow: Who took part.
+        trials: One row a trial, with its events.
+        cells: Table I.
+        tests: All tests.
+        couplings: Pose and touch, by trial.
+        arms: By condition.
+        contrasts: First condition against second.
+        pose_use: Dwell and transitions.
+        planner: What the next study needs.
+        format: Always ``tega-study-analysis``.
+        version: Of the format.
+    """
+
+    source: str
+    simulated: bool
+    interim: bool
+    p_shown: bool
+    objects: tuple[str, ...]
+    conditions: tuple[str, ...]
+    family: tuple[str, ...]
+    alpha: float
+    plan_sha256: str
+    flow: Flow
+    trials: tuple[Trial, ...]
+    cells: tuple[Cell, ...]
+    tests: tuple[Test, ...]
+    couplings: tuple[TrialCoupling, ...]
+    arms: tuple[ArmCoupling, ...]
+    contrasts: tuple[Contrast, ...]
+    pose_use: tuple[PoseUse, ...]
+    planner: tuple[Planner, ...]
+    format: str = FORMAT
+    version: int = 1
+
+
+def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, dict[str, TouchCourse]]:
+    """Analyse a study's folder.
+
+    Args:
+        folder: The study's folder; nothing else is read.
+        interim: Show p-values before the plan is done. Looking early and stopping where p is small is no test.
+
+    Returns:
+        The analysis, and the courses it used, by trial id.
+
+    Raises:
+        RecordingError: The folder is damaged, or has no trial that counts.
+    """
+    plan, trials = study_trials(folder)
+    settings, gone = plan.settings, withdrawn(folder)
+    stay = [person for person in plan.participants if person not in gone]
+    complete = sum(
+        derive(plan.of(person), read_events(events_path(folder, person))).next is None for person in stay
+    )
+    planned = sum(len(plan.of(person)) for person in stay)
+    status = _status(trials)
+    if planned > len(trials):
+        status["not run"] = planned - len(trials)
+    flow = Flow(
+        planned_people=settings.participants,
+        withdrawn=settings.participants - len(stay),
+        people=len({trial.participant for trial in trials}),
+        complete=complete,
+        planned_trials=planned,
+        status=status,
+    )
+    courses = {}
+    for trial in trials:
+        path = course_path(folder, trial)
+        if trial.counts and path.exists():
+            courses[trial.id] = read_course(path)
+    unfinished = complete < len(stay)
+    result = analyse(
+        trials,
+        courses,
+        source="study",
+        objects=settings.objects,
+        conditions=settings.conditions,
+        family=settings.family,
+        alpha=settings.alpha,
+        simulated=settings.simulated,
+        interim=unfinished,
+        p_shown=interim or not unfinished,
+        crossed=settings.layout == "period",
+        plan_sha256=settings.plan_sha256,
+        flow=flow,
+        per_cell=settings.trials,
+    )
+    return result, courses
+
+
+def analyse_bench(paths: Sequence[Path]) -> Analysis:
+    """Analyse results of ``tega-teleop sim-trials``; they have no courses.
+
+    Raises:
+        RecordingError: A file is missing, holds something else, or has fewer than two conditions.
+    """
+    trials = bench_trials(paths)
+    objects = tuple(dict.fromkeys(trial.object for trial in trials))
+    conditions = tuple(dict.fromkeys(trial.condition for trial in trials))
+    if len(conditions) < 2:
+        raise RecordingError(
+            f"{', '.join(path.name for path in paths)}: has {len(conditions)} conditions, a comparison needs two",
+            "run sim-trials with --conditions haptic,non-haptic",
+        )
+    if "non-haptic" in conditions:  # the reference
+        others = [one for one in conditions if one not in {"haptic", "non-haptic"}]
+        conditions = (*(["haptic"] if "haptic" in conditions else []), *others)
+        conditions = (conditions[0], "non-haptic", *conditions[1:])
+    people = len({trial.participant for trial in trials})
+    flow = Flow(
+        planned_people=None,
+        withdrawn=0,
+        people=people,
+        complete=people,
+        planned_trials=None,
+        status=_status(trials),
+    )
+    return analyse(
+        trials,
+        {},
+        source=", ".join(path.name for path in paths),
+        objects=objects,
+        conditions=conditions,
+        family=default_family(objects),
+        simulated=True,
+        flow=flow,
+        per_cell=max(trial.repeat for trial in trials),
+    )
+
+
+def analyse(
+    trials: Sequence[Trial],
+    courses: Mapping[str, TouchCourse],
+    *,
+    source: str,
+    objects: Sequence[str],
+    conditions: Sequence[str],
+    family: Sequence[str],
+    flow: Flow,
+    per_cell: int,
+    alpha: float = 0.05,
+    simulated: bool = False,
+    interim: bool = False,
+    p_shown: bool = True,
+    crossed: bool = False,
+    plan_sha256: str = "",
+) -> Analysis:
+    """Work out all numbers of a report.
+
+    Args:
+        trials: One row a trial.
+        courses: By trial id, of those that have one.
+        per_cell: Trials per person, object and condition, for the planner.
+        source: As in :class:`Analysis`, like the others.
+        objects: In the order of the tables.
+        conditions: The first is compared with the second.
+        family: ``metric:object``.
+        flow: Who took part.
+        alpha: Level.
+        simulated: Whether the people are.
+        interim: Whether the plan is not yet done.
+        p_shown: Whether to keep p-values.
+        crossed: Whether each person had one condition before the other.
+        plan_sha256: Of the plan.
+
+    Raises:
+        RecordingError: No trial counts.
+    """
+    if not any(trial.counts for trial in trials):
+        raise RecordingError("there is no finished trial yet", "run some trials first")
+    pair = (conditions[0], conditions[1])
+    cells = cells_of(trials, objects, conditions)
+    tests = compare(trials, objects, pair, family=family, crossed=crossed)
+    couplings, arms, contrasts, uses = answers(trials, courses, objects, conditions)
+    if not p_shown:
+        tests = [msgspec.structs.replace(t, p=None, p_holm=None, p_exact=None) for t in tests]
+        contrasts = [msgspec.structs.replace(c, p=None) for c in contrasts]
+    return Analysis(
+        source=source,
+        simulated=simulated,
+        interim=interim,
+        p_shown=p_shown,
+        objects=tuple(objects),
+        conditions=tuple(conditions),
+        family=tuple(family),
+        alpha=alpha,
+        plan_sha256=plan_sha256,
+        flow=flow,
+        trials=tuple(trials),
+        cells=tuple(cells),
+        tests=tuple(tests),
+        couplings=tuple(couplings),
+        arms=tuple(arms),
+        contrasts=tuple(contrasts),
+        pose_use=tuple(uses),
+        planner=tuple(_planner(cells, family, pair, per_cell)),
+    )
+
+
+def _planner(
+    cells: Sequence[Cell], family: Sequence[str], conditions: tuple[str, str], per_cell: int
+) -> list[Planner]:
+    found = []
+    of = {(cell.object, cell.condition): cell for cell in cells}
+    for test in family:
+        metric, _, name = test.partition(":")
+        if metric == "duration_s" or any((name, condition) not in of for condition in conditions):
+            continue
+        mean, reference = (getattr(of[name, condition], metric) for condition in conditions)
+        if not mean or not reference or mean == reference:
+            continue
+        for label, spread in SPREADS.items():
+            at_12 = count_power(mean, reference, people=12, trials=per_cell, spread=spread, runs=1000)
+            needed = people_for(mean, reference, trials=per_cell, spread=spread, runs=1000)
+            found.append(
+                Planner(
+                    metric=metric,
+                    object=name,
+                    mean=mean,
+                    reference=reference,
+                    spread=label,
+                    people=None if needed is None else needed[0],
+                    power_at_12=at_12.paired_t,
+                    error=at_12.error,
+                )
+            )
+    return found
+
+
+def _status(trials: Sequence[Trial]) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for trial in trials:
+        counts[trial.status] = counts.get(trial.status, 0) + 1
+    return dict(sorted(counts.items()))

@@ -1,0 +1,90 @@
+"""The report: one HTML file that needs nothing else, the tables as CSV, and the record that both are made from."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from tega.errors import InvalidValueError
+from tega.study.analyse import Analysis, analyse_bench, analyse_study
+from tega.study.coupling import TouchCourse
+from tega.study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
+from tega.study.page import report_html
+from tega.study.tables import write_csv
+
+__all__ = ["Report", "figures_of", "write_report"]
+
+
+class Report(NamedTuple):
+    """Where a report went.
+
+    Attributes:
+        page: The HTML file.
+        tables: The folder of CSV files, figures and ``analysis.json``.
+        analysis: What is in it.
+    """
+
+    page: Path
+    tables: Path
+    analysis: Analysis
+
+
+def write_report(source: Path, out: Path | None = None, *, interim: bool = False) -> Report:
+    """Analyse a study's folder, or a file of the bench's results, and write the report.
+
+    Args:
+        source: The folder, or the file.
+        out: Folder for ``report.html`` and ``report/``; the study's own where ``None``, for a file the one it is in.
+        interim: Show p-values before the plan is done.
+
+    Raises:
+        RecordingError: The source is damaged or has too little.
+        InvalidValueError: There is a folder ``report`` already that is no report.
+        MissingExtraError: A package of the extra ``study`` is not installed.
+    """
+    courses: Mapping[str, TouchCourse] = {}
+    if source.is_dir():
+        analysis, courses = analyse_study(source, interim=interim)
+    else:
+        analysis = analyse_bench([source])
+    folder = out or (source if source.is_dir() else source.parent)
+    folder.mkdir(parents=True, exist_ok=True)
+    tables = folder / "report"
+    if tables.exists() and not (tables / "analysis.json").is_file():
+        raise InvalidValueError(f"{tables}: is there, and is no report", "name another folder with --out")
+    beside = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
+    try:
+        figures = figures_of(analysis, courses)
+        (beside / "analysis.json").write_bytes(
+            msgspec.json.format(msgspec.json.encode(analysis), indent=1) + b"\n"
+        )
+        write_csv(analysis, courses, beside)
+        for name, drawing in figures.items():
+            (beside / f"{name}.svg").write_text(drawing, encoding="utf-8", newline="\n")
+        page = beside / "report.html"
+        page.write_text(report_html(analysis, figures), encoding="utf-8", newline="\n")
+        beside.chmod(folder.stat().st_mode & 0o777)
+        if tables.exists():
+            shutil.rmtree(tables)
+        beside.rename(tables)
+        (tables / "report.html").replace(folder / "report.html")
+    except BaseException:
+        shutil.rmtree(beside, ignore_errors=True)
+        raise
+    return Report(folder / "report.html", tables, analysis)
+
+
+def figures_of(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[str, str]:
+    """Draw every figure that there are data for; SVG by name."""
+    drawn = {
+        "fig7": figure_7(analysis),
+        "fig8": figure_8(analysis, courses),
+        "lags": lag_figure(analysis),
+        "poses": pose_figure(analysis),
+    }
+    return {name: svg(figure) for name, figure in drawn.items() if figure is not None}

@@ -1,0 +1,205 @@
+"""One row a trial, worked out of the events, and where each row comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from tega.errors import RecordingError
+from tega.study.journal import Event, Status, read_events
+from tega.study.plan import PlannedTrial, StudyPlan, read_plan
+from tega.study.privacy import withdrawn
+from tega.study.state import events_path
+
+__all__ = ["Trial", "bench_trials", "course_path", "study_trials", "trials_of_events"]
+
+_CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override"}
+
+
+class Trial(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of a trial.
+
+    Attributes:
+        id: Its name, such as ``p01-t07``, or file and line of a bench's results.
+        participant: Anonymous id of the person.
+        trial: Number within the person.
+        repeat: Its number among those of the same person, object and condition.
+        object: What was lifted.
+        condition: What the vest did.
+        status: ``done`` and ``failed_task`` are data; the others are told in the flow and take no part.
+        success: Lifted, held and not dropped; as corrected where somebody did.
+        slips: After lift-off, as the paper counts them (reading A68).
+        slips_before: Before lift-off.
+        deformations: In the whole trial (reading A69).
+        drops: Likewise.
+        duration_s: From the start to the end of the trial, seconds; ``None`` where it did not run to its end.
+        lift_off_s: From the start, seconds.
+        first: Whether the condition was the person's first with this object.
+        events: Where the row comes from, such as ``sessions/p01/events.jsonl:12``, one for every event used.
+    """
+
+    id: str
+    participant: str
+    trial: int
+    repeat: int
+    object: str
+    condition: str
+    status: Status = "done"
+    success: bool
+    slips: int
+    slips_before: int = 0
+    deformations: int
+    drops: int = 0
+    duration_s: float | None
+    lift_off_s: float | None = None
+    first: bool = False
+    events: tuple[str, ...] = ()
+
+    @property
+    def counts(self) -> bool:
+        """Whether it takes part in the analysis."""
+        return self.status in {"done", "failed_task"}
+
+
+def course_path(folder: Path, trial: Trial | PlannedTrial) -> Path:
+    """Return where a trial's course of touch and level is: ``courses/<person>/<trial>.csv``."""
+    return folder / "courses" / trial.participant / f"{trial.id}.csv"
+
+
+def study_trials(folder: Path) -> tuple[StudyPlan, list[Trial]]:
+    """Read a study's trials from its sessions' events, in the order of the plan; those not run are left out.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: Plan or events are damaged.
+    """
+    plan, gone = read_plan(folder), withdrawn(folder)
+    trials: list[Trial] = []
+    for person in plan.participants:
+        if person not in gone:
+            path = events_path(folder, person)
+            where = path.relative_to(folder).as_posix()
+            trials += trials_of_events(plan.of(person), read_events(path), where=where)
+    return plan, trials
+
+
+def trials_of_events(planned: Sequence[PlannedTrial], events: Sequence[Event], *, where: str) -> list[Trial]:
+    """Work out a person's trials.
+
+    Args:
+        planned: The person's, in their order.
+        events: The session's.
+        where: Name of the file that the events are from.
+
+    Raises:
+        RecordingError: An event undoes one that is not there, or that cannot be undone.
+    """
+    undone = set()
+    for event in events:
+        if event.kind == "undo":
+            number = event.undone or 0
+            if not 0 < number < event.n or events[number - 1].kind not in _CAN_BE_UNDONE:
+                raise RecordingError(
+                    f"{where}:{event.n}: undoes event {number}, which cannot be undone",
+                    "restore the file from a copy",
+                )
+            undone.add(number)
+    attempts: dict[int, list[list[Event]]] = {}
+    for event in events:
+        if event.kind == "trial_start" or (event.kind == "trial_end" and event.trial not in attempts):
+            attempts.setdefault(event.trial, []).append([])
+        if event.trial in attempts:
+            attempts[event.trial][-1].append(event)
+    first = {
+        name: next(t.condition for t in planned if t.object == name) for name in {t.object for t in planned}
+    }
+    trials = []
+    for plan in planned:
+        runs = [run for run in attempts.get(plan.trial, []) if any(e.kind == "trial_end" for e in run)]
+        if runs:
+            is_first = first[plan.object] == plan.condition
+            trials.append(_trial(plan, runs[-1], undone, where=where, first=is_first))
+    return trials
+
+
+def _trial(
+    plan: PlannedTrial, events: Sequence[Event], undone: set[int], *, where: str, first: bool
+) -> Trial:
+    used = [event for event in events if event.n not in undone or event.kind == "undo"]
+    begin = next((event for event in used if event.kind == "trial_start"), None)
+    end = next(event for event in used if event.kind == "trial_end")
+    lift = next((event for event in used if event.kind == "lift_off"), None)
+    success = end.success or False
+    for event in used:
+        if event.kind == "override" and event.success is not None:
+            success = event.success
+    slips = [event for event in used if event.kind == "slip"]
+    before = sum(lift is None or event.t_ns < lift.t_ns for event in slips)
+    return Trial(
+        id=plan.id,
+        participant=plan.participant,
+        trial=plan.trial,
+        repeat=plan.repeat,
+        object=plan.object,
+        condition=plan.condition,
+        status=end.status or "done",
+        success=success,
+        slips=len(slips) - before,
+        slips_before=before,
+        deformations=sum(event.kind == "deformation" for event in used),
+        drops=sum(event.kind == "drop" for event in used),
+        duration_s=None if begin is None else (end.t_ns - begin.t_ns) / 1e9,
+        lift_off_s=None if begin is None or lift is None else (lift.t_ns - begin.t_ns) / 1e9,
+        first=first,
+        events=tuple(f"{where}:{event.n}" for event in events if event.kind != "note"),
+    )
+
+
+def bench_trials(paths: Iterable[Path]) -> list[Trial]:
+    """Read the results that ``tega-teleop sim-trials`` writes; a seed there is a person here.
+
+    Args:
+        paths: The files.
+
+    Raises:
+        RecordingError: A file is missing, or holds something else.
+    """
+    from tega.sim.trials import read_results
+
+    trials: list[Trial] = []
+    repeats: dict[tuple[str, str, str], int] = {}
+    numbers: dict[str, int] = {}
+    for path in paths:
+        if not path.exists():
+            raise RecordingError(f"{path}: is not there", "name a file of sim-trials, or a study's folder")
+        for line, result in enumerate(read_results(path).values(), start=1):
+            person = f"s{result.seed}"
+            key = person, result.object, result.condition
+            repeats[key] = repeats.get(key, 0) + 1
+            numbers[person] = numbers.get(person, 0) + 1
+            lift_s = result.lift_off_s
+            slips_s = [event.t_s for event in result.events if event.kind == "slip"]
+            trials.append(
+                Trial(
+                    id=f"{path.name}:{line}",
+                    participant=person,
+                    trial=numbers[person],
+                    repeat=repeats[key],
+                    object=result.object,
+                    condition=result.condition,
+                    status="done" if result.success else "failed_task",
+                    success=result.success,
+                    slips=sum(lift_s is not None and t_s >= lift_s for t_s in slips_s),
+                    slips_before=sum(lift_s is None or t_s < lift_s for t_s in slips_s),
+                    deformations=result.deformations,
+                    drops=result.drops,
+                    duration_s=result.duration_s,
+                    lift_off_s=lift_s,
+                    events=(f"{path.name}:{line}",),
+                )
+            )
+    return trials

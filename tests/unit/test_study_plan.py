@@ -1,0 +1,272 @@
+"""A study's files: never overwritten, damage named, withdrawal and the anonymised copy."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.journal import Journal, read_events
+from tega.study.privacy import export, withdraw, withdrawn
+from tega.study.state import derive, events_path, resume
+from tega.study.trials import study_trials, trials_of_events
+
+START_NS = 1_763_720_000_123_456_789
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_plan(make_plan(participants=4, seed=5, objects=["bottle", "bag"], trials=2), tmp_path / "study")
+    return tmp_path / "study"
+
+
+def run_all(folder: Path, person: str) -> None:
+    """Do a person's trials: each has one slip before lift-off, and as many after as its number."""
+    plan = read_plan(folder)
+    journal, state = resume(folder, plan, person, t_ns=START_NS)
+    with journal:
+        t_ns = START_NS
+        while state.next is not None:
+            trial, attempt = state.next
+            journal.add("trial_start", t_ns=t_ns, trial=trial, attempt=attempt)
+            journal.add("slip", t_ns=t_ns + 1, trial=trial, source="anna", text="long")
+            journal.add("lift_off", t_ns=t_ns + 2 * 10**9, trial=trial, source="auto")
+            for _ in range(trial):
+                journal.add("slip", t_ns=t_ns + 3 * 10**9, trial=trial, source="anna")
+            t_ns += 12_500_000_000
+            journal.add("trial_end", t_ns=t_ns, trial=trial, attempt=attempt, status="done", success=True)
+            state = derive(plan.of(person), journal.events)
+
+
+def test_the_plan_of_a_seed_stays_what_it_is() -> None:
+    plan = make_plan(participants=12, seed=20250101)
+    assert plan.settings.plan_sha256.startswith("f154b237f0db6ad5")
+
+
+def test_a_plan_is_never_overwritten(folder: Path) -> None:
+    before = (folder / "plan.csv").read_bytes()
+    with pytest.raises(InvalidValueError, match="never overwritten"):
+        write_plan(make_plan(participants=1), folder)
+    assert (folder / "plan.csv").read_bytes() == before
+    assert [path.name for path in folder.parent.iterdir()] == ["study"]
+
+
+def test_a_changed_plan_is_refused(folder: Path) -> None:
+    text = (folder / "plan.csv").read_text()
+    (folder / "plan.csv").write_text(text.replace("bag", "bottle", 1))
+    with pytest.raises(RecordingError, match="not as it was written"):
+        read_plan(folder)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"participants": 0}, "participants"),
+        ({"objects": []}, "objects"),
+        ({"objects": ["a", "a"]}, "twice"),
+        ({"objects": ["a b"]}, "objects"),
+        ({"conditions": ["haptic"]}, "conditions"),
+        ({"family": ["slips:moon"]}, "no test of this study"),
+        ({"rest_s": float("nan")}, "rest_s"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_plans_that_cannot_be_made_say_why(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(InvalidValueError, match=message):
+        make_plan(**{"participants": 2, **fields})
+
+
+def test_rests_are_a_minute_three_at_a_change_and_five_after_twenty() -> None:
+    rests = [trial.rest_s for trial in make_plan(participants=1).of("p01")]
+    assert rests[:6] == [0, 60, 60, 60, 60, 180]
+    assert rests[20] == rests[40] == 300
+
+
+def test_a_session_killed_in_a_trial_goes_on_with_the_next_and_repeats_it_at_the_end_of_its_block(
+    folder: Path,
+) -> None:
+    code = f"""
+from pathlib import Path
+import os, signal
+from tega.study import read_plan
+from tega.study.state import resume
+folder = Path({str(folder)!r})
+journal, state = resume(folder, read_plan(folder), "p01", t_ns=1)
+journal.add("trial_start", t_ns=2, trial=1)
+journal.add("slip", t_ns=3, trial=1)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    ended = subprocess.run([sys.executable, "-c", code], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    plan = read_plan(folder)
+    journal, state = resume(folder, plan, "p01", t_ns=9)
+    with journal:
+        assert [event.kind for event in journal.events] == [
+            "session_start", "trial_start", "slip", "trial_end", "session_start",
+        ]  # fmt: skip
+        assert state.status[1] == "aborted_technical"
+        same_block = [trial.trial for trial in plan.of("p01") if trial.block == 1]
+        assert state.next == ((same_block[1], 1) if len(same_block) > 1 else (1, 2))
+
+
+def test_one_program_at_a_time_writes_a_session(tmp_path: Path) -> None:
+    pytest.importorskip("fcntl")
+    with (
+        Journal(tmp_path / "events.jsonl"),
+        pytest.raises(DeviceUnavailableError, match="has this session open"),
+    ):
+        Journal(tmp_path / "events.jsonl")
+
+
+def test_events_that_were_taken_out_are_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "events.jsonl"
+    with Journal(path) as journal:
+        for t_ns in range(3):
+            journal.add("note", t_ns=t_ns)
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(lines[0] + lines[2])
+    with pytest.raises(RecordingError, match="line 2 holds event 3"):
+        read_events(path)
+
+
+def test_trials_are_counted_from_events_with_undo_and_override(folder: Path) -> None:
+    plan = read_plan(folder)
+    with Journal(folder / "x" / "e.jsonl") as journal:
+        journal.add("trial_start", t_ns=0, trial=1)
+        journal.add("slip", t_ns=10**9, trial=1)
+        journal.add("lift_off", t_ns=2 * 10**9, trial=1)
+        wrong = journal.add("slip", t_ns=3 * 10**9, trial=1)
+        journal.add("slip", t_ns=4 * 10**9, trial=1)
+        journal.add("deformation", t_ns=4 * 10**9, trial=1)
+        journal.add("undo", t_ns=5 * 10**9, trial=1, undone=wrong.n)
+        journal.add("trial_end", t_ns=12 * 10**9, trial=1, status="done", success=True)
+        journal.add("override", t_ns=13 * 10**9, trial=1, success=False)
+    (trial,) = trials_of_events(plan.of("p01"), journal.events, where="e")
+    assert (trial.slips, trial.slips_before, trial.deformations, trial.success) == (1, 1, 1, False)
+    assert (trial.duration_s, trial.lift_off_s) == (12.0, 2.0)
+    assert trial.events == tuple(f"e:{n}" for n in range(1, 10))
+
+
+def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> None:
+    for person in ("p01", "p02"):
+        run_all(folder, person)
+        (folder / "courses" / person).mkdir(parents=True)
+        (folder / "courses" / person / "x.csv").write_text("t_s\n")
+    (folder / "report").mkdir()
+    (folder / "report.html").write_text("p01")
+    other = events_path(folder, "p02").read_bytes()
+    gone = withdraw(folder, "p01")
+    assert {path.relative_to(folder).as_posix() for path in gone} == {
+        "sessions/p01",
+        "courses/p01",
+        "report",
+        "report.html",
+    }
+    assert not list(folder.rglob("p01"))
+    assert events_path(folder, "p02").read_bytes() == other
+    assert withdrawn(folder) == {"p01"}
+    assert {trial.participant for trial in study_trials(folder)[1]} == {"p02"}
+    with pytest.raises(RecordingError, match="has withdrawn"):
+        resume(folder, read_plan(folder), "p01", t_ns=0)
+    with pytest.raises(InvalidValueError, match="p99"):
+        withdraw(folder, "p99")
+
+
+def test_a_withdrawal_that_was_cut_short_is_finished(folder: Path) -> None:
+    run_all(folder, "p01")
+    (folder / "withdrawn.txt").write_text("p01\n")
+    assert study_trials(folder)[1] == []
+    assert not (folder / "sessions" / "p01").exists()
+
+
+def test_the_anonymised_copy_has_the_numbers_but_no_names_texts_dates_or_seed(
+    folder: Path, tmp_path: Path
+) -> None:
+    for person in ("p01", "p02", "p03"):
+        run_all(folder, person)
+    withdraw(folder, "p02")
+    new = export(folder, tmp_path / "out", key="a secret")
+    assert set(new) == {"p01", "p03", "p04"}
+    assert set(new.values()) == {"p01", "p02", "p03"}
+    text = "".join(path.read_text() for path in (tmp_path / "out").rglob("*") if path.is_file())
+    assert "anna" not in text
+    assert "long" not in text.replace("long_rest", "")
+    assert "seed" not in text
+    assert str(START_NS)[:10] not in text
+    assert "aborted" not in text
+
+    def numbers(place: Path, person: str) -> list[tuple[object, ...]]:
+        trials = [trial for trial in study_trials(place)[1] if trial.participant == person]
+        return [(t.object, t.condition, t.slips, t.slips_before, t.duration_s) for t in trials]
+
+    for old in ("p01", "p03"):
+        assert numbers(folder, old) == numbers(tmp_path / "out", new[old])
+    assert numbers(folder, "p01")[3][2:] == (4, 1, 12.5)
+
+
+def test_what_is_kept_is_on_the_disk_before_the_call_returns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[int] = []
+    really = os.fsync
+
+    def fsync(handle: int) -> None:
+        really(handle)
+        synced.append(os.fstat(handle).st_size)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    with Journal(tmp_path / "events.jsonl") as journal:
+        journal.add("note", t_ns=1)
+        assert synced[-1] == (tmp_path / "events.jsonl").stat().st_size > 0
+
+
+def test_a_study_killed_ten_times_keeps_its_plan_and_every_event_that_was_acknowledged(folder: Path) -> None:
+    """A program does trials and says each event's number once it is kept; it is killed ten times, anywhere."""
+    code = f"""
+import sys
+from pathlib import Path
+from tega.study import read_plan
+from tega.study.state import derive, resume
+folder = Path({str(folder)!r})
+plan = read_plan(folder)
+journal, state = resume(folder, plan, "p02", t_ns=0)
+def say(event):
+    print(event.n, event.kind, event.trial, flush=True)
+say(journal.events[-1])
+while state.next is not None:
+    trial, attempt = state.next
+    say(journal.add("trial_start", t_ns=0, trial=trial, attempt=attempt))
+    for _ in range(20):
+        say(journal.add("slip", t_ns=1, trial=trial, attempt=attempt))
+    say(journal.add("trial_end", t_ns=2, trial=trial, attempt=attempt, status="done", success=True))
+    state = derive(plan.of("p02"), journal.events)
+"""
+    plan, random = read_plan(folder), np.random.default_rng(4)
+    acknowledged: list[str] = []
+    for _ in range(10):
+        child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        with child, child.stdout as lines:
+            acknowledged += [lines.readline().strip() for _ in range(random.integers(1, 30))]
+            child.kill()
+            acknowledged += [line.strip() for line in lines if line.endswith("\n")]
+        kept = {f"{e.n} {e.kind} {e.trial}" for e in read_events(events_path(folder, "p02"))}
+        assert {line for line in acknowledged if line} <= kept
+        assert read_plan(folder) == plan
+    journal, state = resume(folder, plan, "p02", t_ns=0)
+    with journal:
+        assert state == derive(plan.of("p02"), journal.events)
+
+
+def test_planning_needs_no_extra_package() -> None:
+    code = "import sys, tega.study, tega.cli.study; print({'scipy', 'statsmodels', 'matplotlib'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

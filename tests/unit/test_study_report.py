@@ -1,0 +1,254 @@
+"""The report: from the folder alone, the same bytes each time, every number traced to its events."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("statsmodels")
+
+from tega.cli.main import main
+from tega.errors import InvalidValueError, RecordingError
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.analyse import analyse_study
+from tega.study.coupling import TouchCourse, write_course
+from tega.study.journal import Journal, read_events
+from tega.study.page import report_html
+from tega.study.report import Report, write_report
+from tega.study.state import events_path
+from tega.study.trials import course_path
+
+
+def fill(folder: Path, *, people: int, layout: Any = "abba", courses: bool = True) -> None:
+    """Write a study of made-up trials: haptic ones have fewer slips and take a little less time."""
+    plan = make_plan(
+        participants=people, seed=3, objects=["bottle", "bag"], trials=3, layout=layout, simulated=True
+    )
+    write_plan(plan, folder)
+    random = np.random.default_rng(8)
+    for person in plan.participants:
+        with Journal(events_path(folder, person)) as journal:
+            journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256)
+            t_ns = 0
+            for trial in plan.of(person):
+                haptic = trial.condition == "haptic"
+                journal.add("trial_start", t_ns=t_ns, trial=trial.trial)
+                journal.add("lift_off", t_ns=t_ns + 10**9, trial=trial.trial)
+                for _ in range(random.poisson(1.5 if haptic else 4.0)):
+                    journal.add("slip", t_ns=t_ns + 2 * 10**9, trial=trial.trial)
+                t_ns += int(random.normal(14.0 if haptic else 15.0, 0.5) * 1e9)
+                good = bool(random.random() < 0.9)
+                status: Any = "done" if good else "failed_task"
+                journal.add("trial_end", t_ns=t_ns, trial=trial.trial, status=status, success=good)
+                if courses:
+                    t_s = np.arange(1, 300) / 30
+                    pose = np.round(2 + 2 * np.sin(t_s / 2 + random.random()))
+                    touch = np.clip(np.convolve(pose, np.ones(6) / 24)[: len(t_s)], 0, 1)
+                    write_course(course_path(folder, trial), TouchCourse(t_s, touch, touch**2, pose))
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made") / "study"
+    fill(folder, people=6)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def report(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Report:
+    return write_report(study, tmp_path_factory.mktemp("report"))
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()
+    }
+
+
+def test_the_folder_alone_gives_the_same_bytes_again(study: Path, report: Report, tmp_path: Path) -> None:
+    first = content(report.page.parent)
+    shutil.copytree(study, tmp_path / "elsewhere")
+    second = content(write_report(tmp_path / "elsewhere", tmp_path / "b").page.parent)
+    assert first == second
+    assert {
+        "report.html",
+        "report/analysis.json",
+        "report/fig7.svg",
+        "report/fig8.svg",
+        "report/fig8.csv",
+    } <= set(first)
+    assert not list(tmp_path.rglob(".report-*"))
+
+
+def test_table_1_is_what_the_events_say_counted_by_hand(study: Path, report: Report) -> None:
+    plan = read_plan(study)
+    for condition in ("haptic", "non-haptic"):
+        slips, times_s, good, n = 0, 0.0, 0, 0
+        for person in plan.participants:
+            mine = {t.trial for t in plan.of(person) if (t.object, t.condition) == ("bag", condition)}
+            events = [event for event in read_events(events_path(study, person)) if event.trial in mine]
+            slips += sum(event.kind == "slip" for event in events)
+            n += len(mine)
+            good += sum(bool(event.success) for event in events)
+            times_s += (
+                sum(
+                    (1 if e.kind == "trial_end" else -1 if e.kind == "trial_start" else 0) * e.t_ns
+                    for e in events
+                )
+                / 1e9
+            )
+        rows = list(csv.reader((report.tables / "table1.csv").read_text().splitlines()))
+        column = rows[0].index("bag")
+        of = {(row[0], row[1]): row[column] for row in rows[1:]}
+        assert of[condition, "Slippage"] == f"{slips / n:.1f}"
+        assert of[condition, "Completion Time"] == f"{times_s / n:.1f}"
+        assert of[condition, "Success Rate"] == f"{good}/{n}"
+
+
+def test_every_cell_names_its_trials_and_every_trial_its_events(study: Path) -> None:
+    analysis, _ = analyse_study(study)
+    trials = {trial.id: trial for trial in analysis.trials}
+    assert sorted(one for cell in analysis.cells for one in cell.trials) == sorted(trials)
+    for cell in analysis.cells:
+        mine = [trials[one] for one in cell.trials]
+        assert cell.slips == np.mean([trial.slips for trial in mine])
+        assert {(trial.object, trial.condition) for trial in mine} == {(cell.object, cell.condition)}
+    for trial in trials.values():
+        kinds = []
+        for event in trial.events:
+            path, _, line = event.rpartition(":")
+            kinds.append(json.loads((study / path).read_text().splitlines()[int(line) - 1])["kind"])
+        assert kinds[0] == "trial_start"
+        assert kinds[-1] == "trial_end"
+        assert kinds.count("slip") == trial.slips
+
+
+def test_the_effect_is_found_at_every_level_and_corrected(study: Path) -> None:
+    analysis, _ = analyse_study(study)
+    slips = {t.level: t for t in analysis.tests if (t.metric, t.object) == ("slips", "bottle")}
+    assert set(slips) == {"as printed", "these trials", "people", "adjusted"}
+    people = slips["people"]
+    assert people.p == 2 / 2**6
+    assert people.p_holm is not None
+    assert people.p_holm >= people.p
+    assert people.effect is not None
+    assert 0.2 < people.effect < 0.7
+    assert slips["as printed"].effect is not None
+    assert slips["as printed"].effect < 0
+    assert slips["adjusted"].p is not None
+    assert slips["adjusted"].p < 0.05
+    outside = [t for t in analysis.tests if f"{t.metric}:{t.object}" not in analysis.family]
+    assert outside
+    assert all(t.p_holm is None for t in outside)
+
+
+def test_coupling_is_told_beside_what_it_is_without_an_answer(study: Path) -> None:
+    analysis, courses = analyse_study(study)
+    assert len(courses) == len(analysis.trials)
+    for arm in analysis.arms:
+        assert arm.r is not None
+        assert arm.r > 0.8
+        assert arm.positive == 1
+        assert arm.peak_lag_s is not None
+        assert arm.peak_lag_s > 0  # touch follows the pose: mechanics
+        assert arm.r_others is not None
+    assert {c.what for c in analysis.contrasts} == {"r", "slope"}
+    assert all(sum(use.dwell) == pytest.approx(1) for use in analysis.pose_use)
+
+
+def test_the_page_needs_nothing_else(report: Report) -> None:
+    page = report.page.read_text()
+    assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", page)
+    assert "<script" not in page
+    assert "Everything here is simulated" in page
+    assert page.count("<img ") == page.count('alt="') == 4
+    for target in set(re.findall(r'href="#([^"]+)"', page)):
+        assert page.count(f'id="{target}"') == 1
+    assert str(report.page.parent) not in page
+
+
+def test_p_values_wait_until_the_plan_is_done(tmp_path: Path) -> None:
+    fill(tmp_path / "study", people=2, courses=False)
+    path = events_path(tmp_path / "study", "p02")
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-9]))
+    early, _ = analyse_study(tmp_path / "study")
+    asked, _ = analyse_study(tmp_path / "study", interim=True)
+    assert early.interim
+    assert all(test.p is None for test in early.tests)
+    assert any(test.p is not None for test in asked.tests)
+    assert "p-values are withheld" in report_html(early, {})
+
+
+def test_few_people_get_no_p_over_people(tmp_path: Path) -> None:
+    fill(tmp_path / "study", people=2, layout="period", courses=False)
+    analysis, _ = analyse_study(tmp_path / "study")
+    over = [test for test in analysis.tests if test.level == "people"]
+    assert over
+    assert all(test.p is None and "no p below 6 people" in test.note for test in over)
+
+
+def test_a_study_without_trials_or_a_strange_folder_is_left_alone(tmp_path: Path) -> None:
+    write_plan(make_plan(participants=2), tmp_path / "study")
+    with pytest.raises(RecordingError, match="no finished trial"):
+        write_report(tmp_path / "study")
+    fill(tmp_path / "full", people=2, courses=False)
+    (tmp_path / "full" / "report").mkdir()
+    (tmp_path / "full" / "report" / "mine.txt").write_text("keep")
+    with pytest.raises(InvalidValueError, match="is no report"):
+        write_report(tmp_path / "full")
+    assert (tmp_path / "full" / "report" / "mine.txt").read_text() == "keep"
+
+
+def test_the_anonymised_copy_gives_the_same_table_and_tests(study: Path, tmp_path: Path) -> None:
+    from tega.study.privacy import export
+
+    export(study, tmp_path / "open", key="secret")
+    (ours, _), (theirs, _) = analyse_study(study), analyse_study(tmp_path / "open")
+    for mine, copied in zip(ours.cells, theirs.cells, strict=True):
+        assert (mine.object, mine.condition, mine.successes) == (
+            copied.object,
+            copied.condition,
+            copied.successes,
+        )
+        assert mine.slips == pytest.approx(copied.slips)
+    assert sorted(row.r or 0 for row in ours.couplings) == sorted(row.r or 0 for row in theirs.couplings)
+    for path in (tmp_path / "open" / "courses").rglob("*.csv"):
+        assert path.name.startswith(path.parent.name + "-")
+    for test, again in zip(ours.tests, theirs.tests, strict=True):
+        if test.level == "as printed":
+            assert test.p == pytest.approx(again.p)
+
+
+def test_the_verbs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def call(*words: str, code: int = 0) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(["study", *words])
+        out = capsys.readouterr()
+        assert ended.value.code == code, out.err
+        return out.out if code == 0 else out.err
+
+    folder = str(tmp_path / "s")
+    made = json.loads(call("plan", "--participants", "3", "--out", folder, "--trials", "2", "--json"))
+    assert made["participants"] == 3
+    assert "never overwritten" in call("plan", "--participants", "3", "--out", folder, code=1)
+    assert "p03  not begun" in call("status", folder)
+    assert "no finished trial" in call("report", folder, code=1)
+    assert "p01 has withdrawn" in call("withdraw", folder, "p01", "--yes")
+    assert "p01  withdrawn" in call("status", folder)
+    assert "2 people under new ids" in call("export", folder, "--out", str(tmp_path / "open"))
+    assert json.loads(call("power", "--json"))["rows"][1]["people_for_80"] == 5
+    assert "5.9,2.8" in call("power", "--slips", "many", code=2)
+    full = str(tmp_path / "full")
+    fill(Path(full), people=2, courses=False)
+    told = json.loads(call("report", full, "--json"))
+    assert Path(told["page"]).is_file()
+    assert told["table1"][0] == ["Condition", "Metric", "bottle", "bag"]
+    assert "Table I, simulated" in call("report", full)

@@ -1,0 +1,242 @@
+"""Known answers: worked examples, textbook data, and the paper's printed statistics where its data allow."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("statsmodels")
+
+from tega.study.counts import adjusted_ratio, clopper_pearson, dispersion, poisson_rates, shares
+from tega.study.coupling import correlate, effective_n, fisher_mean, lag_sweep, partial, response_slope
+from tega.study.figures import p_text
+from tega.study.paper import PAPER_P
+from tega.study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
+from tega.study.power import SPREADS, count_power, people_for, time_power
+from tega.study.rank import holm, mann_whitney, shift
+
+close: Any = pytest.approx
+
+# Four people, five trials each: slips without and with touch.
+WITHOUT = [[6, 5, 7, 4, 8], [3, 4, 2, 5, 3], [9, 7, 8, 6, 7], [4, 6, 5, 5, 3]]
+WITH = [[3, 2, 4, 2, 3], [2, 1, 3, 2, 2], [5, 4, 6, 3, 5], [1, 3, 2, 2, 4]]
+POSE = np.array(
+    [*[0] * 4, *[1] * 3, *[2] * 4, *[3] * 6, *[2] * 5, *[3] * 3, *[4] * 4, 3, 3, 2, 2, 1, 1, *[0] * 5], float
+)
+TOUCH = np.array(
+    [
+        0.02, 0.01, 0.02, 0.01, 0.02, 0.05, 0.12, 0.15, 0.28, 0.35, 0.38, 0.40, 0.52, 0.60, 0.63, 0.66,
+        0.64, 0.62, 0.50, 0.45, 0.43, 0.42, 0.44, 0.55, 0.63, 0.66, 0.78, 0.86, 0.90, 0.88, 0.74, 0.66,
+        0.48, 0.40, 0.22, 0.15, 0.05, 0.02, 0.01, 0.02,
+    ]
+)  # fmt: skip
+
+
+def test_mann_whitney_without_ties_is_exact_and_has_its_shift() -> None:
+    x, y = [15.28, 14.91, 16.02, 15.57, 14.40], [16.85, 17.31, 15.90, 16.44, 18.02]
+    found, moved = mann_whitney(x, y), shift(x, y)
+    assert (found.u, found.method, found.a, found.rank_biserial) == (1, "exact", 0.04, close(-0.92))
+    assert found.p == close(0.015873015873)
+    assert found.p_asymptotic == close(0.0215717479477)
+    assert moved == (close(-1.57), close(-2.91), close(-0.42), close(0.968253968254))
+
+
+def test_mann_whitney_with_ties_shows_the_approximation_and_the_exact_p() -> None:
+    x, y = [2, 3, 4, 2, 3, 1, 4, 3, 2, 4], [6, 5, 7, 4, 8, 6, 5, 7, 6, 5]
+    found = mann_whitney(x, y)
+    assert (found.u, found.method) == (1.5, "asymptotic")
+    assert found.p == close(0.000246509165903)
+    assert found.p_conditional == close(4.33003528979e-05)
+    assert shift(x, y) == (-3, -4, -2, close(0.956742947455))
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "printed", "exact"),
+    [
+        # Counts of 0.3 and 0.5 slips, the only ones of ten trials each that give what the paper prints.
+        ("0 0 1 0 1 0 0 1 0 0", "1 0 1 0 1 0 1 0 1 0", "p = 0.398", 0.649916646821),
+        # Counts of 0.5 and 1.3 deformations, likewise.
+        ("1 0 1 0 1 0 1 0 1 0", "2 1 2 0 2 1 2 0 2 1", "p = 0.030", 0.0422394942519),
+        # Times without ties with U = 17 and U = 18.
+        ("14.1 14.3 14.6 14.8 15.0 15.1 15.4 15.7 16.3 17.45", "14.9 15.6 15.9 16.1 16.4 16.6 16.9 17.4 17.8 18.5",
+         "p = 0.014", 0.0114962436944),
+        ("14.1 14.3 14.6 14.8 15.0 15.1 15.4 15.7 16.5 17.45", "14.9 15.6 15.9 16.1 16.4 16.6 16.9 17.4 17.8 18.5",
+         "p = 0.017", 0.0146896447206),
+    ],
+)  # fmt: skip
+def test_the_paper_s_p_values_come_out_of_ten_against_ten(x: str, y: str, printed: str, exact: float) -> None:
+    found = mann_whitney([float(v) for v in x.split()], [float(v) for v in y.split()])
+    assert p_text(found.p_asymptotic) == printed
+    assert found.p_conditional == close(exact)
+
+
+def test_the_paper_s_p_of_0_001_needs_more_than_five_trials_a_condition() -> None:
+    assert mann_whitney([1, 2, 3, 4, 5], [6, 7, 8, 9, 10]).p == close(2 / math.comb(10, 5))
+    assert mann_whitney(range(6), range(10, 16)).p > 0.001
+    assert mann_whitney(range(7), range(10, 17)).p < 0.001
+    assert mann_whitney(range(7), range(10, 17)).p_asymptotic > 0.001
+
+
+def test_only_the_paper_s_two_slip_results_survive_holm() -> None:
+    corrected = dict(zip(PAPER_P, holm(list(PAPER_P.values())), strict=True))
+    assert corrected == {
+        "duration_s:bottle": close(0.070),
+        "duration_s:container": close(0.796),
+        "duration_s:bag": close(0.070),
+        "slips:bottle": close(0.007),
+        "slips:container": close(0.007),
+        "slips:bag": close(0.796),
+        "deformations:bag": close(0.090),
+    }
+
+
+def test_holm_by_hand_and_with_a_test_that_could_not_be_made() -> None:
+    p = [0.0009, 0.0124, 0.0213, 0.0470, 0.3500, 0.0213, 0.8000]
+    assert holm(p) == close([0.0063, 0.0744, 0.1065, 0.141, 0.7, 0.1065, 0.8])
+    assert holm([0.01, None, 0.03]) == [close(0.03), None, close(0.06)]
+
+
+def test_five_of_five_against_four_of_five_shows_nothing() -> None:
+    found = shares(5, 5, 4, 5)
+    assert found == (1.0, close(0.588259598929), close(0.2), close(-0.264324837584), close(0.624465370237))
+    assert shares(10, 10, 8, 10)[:2] == (close(0.473684210526), close(0.239375547071))
+    assert clopper_pearson(4, 5) == (close(0.283582063882), close(0.994949236621))
+    assert clopper_pearson(0, 5) == (0, close(0.521823750105))
+    assert shares(5, 5, 5, 5)[:3] == (1.0, 1.0, 0.0)
+
+
+def test_totals_by_the_conditional_poisson_test() -> None:
+    assert poisson_rates(28, 59) == close((0.00116863749744, 0.474576271186, 0.291362281742, 0.756175644528))
+    assert poisson_rates(0, 3)[1:3] == (0.0, 0.0)
+    assert dispersion([6, 5, 7, 4, 8, 6, 5, 7, 6, 5]) == close(0.242937853107)
+
+
+def test_people_as_clusters_by_hand_and_by_statsmodels() -> None:
+    found = ratio_of_means(np.mean(WITH, axis=1), np.mean(WITHOUT, axis=1))
+    assert found is not None
+    assert found[:3] == close((0.551401869159, 0.421025893396, 0.722150409467))
+    assert found[3:] == close((-7.02259714438, 3, 0.00593130137292))
+    values, first = np.ravel([*WITH, *WITHOUT]), [True] * 20 + [False] * 20
+    person = [p for p in "abcd" for _ in range(5)] * 2
+    model = adjusted_ratio(values, first, [1.0] * 40, person, counts=True)
+    assert model == close(found)
+
+
+def test_within_people_and_over_people() -> None:
+    assert within_person(list(zip(WITH, WITHOUT, strict=True))) == close(3.37238186523e-07)
+    off = np.mean(WITH, axis=1) - np.mean(WITHOUT, axis=1)
+    assert sign_flip(off) == 0.125
+    assert sign_flip([-3.1, -1.3, -1.7, -0.1, -1.5, -3.3, 0.5, -2.2]) == 0.0234375
+    logs = [np.log(np.sum(side, axis=1) + 0.5) for side in (WITH, WITHOUT)]
+    assert paired_log_ratio(*logs) == close(
+        (0.555295993014, 0.45541140516, 0.677088093016, -9.44067489643, 3, 0.00251879019269)
+    )
+
+
+def test_paired_times() -> None:
+    text = """15.3 14.52 16.17|15.64 16.8 15.17;11.62 11.35 13.24|13.09 11.42 9.82;15.84 20.45 17.78|13.26 15.64 14.04
+    ;13.4 13.59 13.29|13.65 12.83 12.17;15.94 16.63 12.98|13.5 12.55 13.61;12.17 13.88 13.79|12.15 11.28 12.04"""
+    sides = [[np.mean(np.log(np.array(s.split(), float))) for s in p.split("|")] for p in text.split(";")]
+    found = paired_log_ratio([s[1] for s in sides], [s[0] for s in sides])
+    assert found is not None
+    assert (found.ratio, found.low, found.high, found.p) == close(
+        (0.913739887753, 0.8316611604, 1.00391917072, 0.0569654443518)
+    )
+
+
+def test_cross_over_takes_the_order_out() -> None:
+    found = cross_over(np.mean(WITH, axis=1), np.mean(WITHOUT, axis=1), [False, True, False, True])
+    assert found == close((-2.4, 0.6, -10.733126292, 0.00856913827357))
+    assert cross_over([1, 2], [2, 3], [True, False]) is None
+
+
+@pytest.mark.parametrize(("first", "second"), [([0, 0, 0], [1, 2, 3]), ([1], [2]), ([2, 2, 2], [2, 2, 2])])
+def test_where_there_is_no_information_there_is_no_ratio(first: list[float], second: list[float]) -> None:
+    assert ratio_of_means(first, second) is None
+
+
+def test_an_arm_without_events_or_two_people_get_no_model() -> None:
+    person = [p for p in "abcd" for _ in range(5)] * 2
+    first = [True] * 20 + [False] * 20
+    assert adjusted_ratio([0] * 20 + [3, 1] * 10, first, range(1, 41), person, counts=True) is None
+    assert adjusted_ratio([1, 2, 3, 4], [True, False] * 2, [1, 2, 3, 4], "aabb", counts=True) is None
+
+
+def test_learning_is_taken_out() -> None:
+    """Counts that only fall with the place in the session: haptic comes later, and has no effect of its own."""
+    random, n = np.random.default_rng(5), 12
+    place = np.tile(np.arange(1, 21), n)
+    first = np.tile(np.arange(20) >= 10, n)
+    person = np.repeat(np.arange(n), 20).astype(str)
+    counts = random.poisson(8 / place**0.7)
+    plain = ratio_of_means(
+        *[[counts[(person == str(p)) & (first == side)].mean() for p in range(n)] for side in (True, False)]
+    )
+    model = adjusted_ratio(counts, first, place, person, counts=True)
+    assert plain is not None
+    assert model is not None
+    assert plain.high < 0.6
+    assert model.low < 1 < model.high
+
+
+def test_correlation_of_a_slow_course() -> None:
+    found = correlate(POSE, TOUCH)
+    assert found == close(
+        (0.908298531762, 40, 8.02244346512, 0.567042256711, 0.983422827754, 0.00175995567666)
+    )
+    assert effective_n(POSE, TOUCH, lags=5) == close(8.55384646561)
+    lags = [
+        0.416913513115,
+        0.631390258182,
+        0.801081066562,
+        0.908298531762,
+        0.978847911004,
+        0.963176643852,
+        0.889190243422,
+    ]
+    assert lag_sweep(POSE, TOUCH, most=3) == [(lag - 3, close(r)) for lag, r in enumerate(lags)]
+    closure = np.zeros(40)
+    for i in range(40):
+        closure[i] = 0.35 * POSE[i] + (0.65 * closure[i - 1] if i else 0)
+    assert partial(POSE, TOUCH, closure) == close(-0.0159, abs=2e-4)
+    assert fisher_mean([0.9, 0.8, 0.7]) == close(0.816439328634)
+    assert fisher_mean([0.9, math.nan]) == close(0.9)
+
+
+def test_somebody_who_answers_has_another_slope_though_not_another_correlation() -> None:
+    """Touch follows the pose in both; one loosens where touch went over its aim. The correlation does not show it."""
+    random = np.random.default_rng(2)
+    slopes, correlations = [], []
+    for answering in (False, True):
+        some, rs = [], []
+        for _ in range(60):
+            pose, touch, want = np.zeros(150), np.zeros(150), 2.5
+            for i in range(1, 150):
+                touch[i] = 0.6 * touch[i - 1] + 0.1 * pose[i - 1] + random.normal(0, 0.02)
+                want += random.normal(0, 0.15) + 0.05 * (2.5 - want)
+                if answering and i >= 4:
+                    want -= 0.5 * (touch[i - 4] - 0.6)
+                pose[i] = np.clip(round(want), 0, 4)
+            touch = np.clip(touch, 0.001, None)
+            some.append(response_slope(pose, touch))
+            rs.append(correlate(pose, touch).r)
+        slopes.append(float(np.mean(some)))
+        correlations.append(fisher_mean(rs))
+    assert slopes[1] < slopes[0] - 0.3
+    assert min(correlations) > 0.5
+
+
+def test_power_as_worked_out_before() -> None:
+    assert time_power(152.8 / 168.5, people=8) == close(0.808510475869)
+    low = count_power(2.8, 5.9, people=6, spread=SPREADS["high"])
+    assert low.paired_t == close(0.80, abs=0.03)
+    assert low.sign_flip == close(0.62, abs=0.04)
+    assert count_power(2.8, 5.9, people=5).sign_flip == 0
+    found = people_for(0.7, 4.2, spread=SPREADS["low"])
+    assert found is not None
+    assert found[0] == 3
+    assert people_for(0.3, 0.5, most=12, runs=400) is None
