@@ -195,6 +195,9 @@ class _Soak:
                 lab.emg.say(kind.how)
             case "hand":
                 lab.hand.say(kind.how)
+                if kind.how == "freeze":
+                    # Angles that do not change are noticed where the hand is to move: the muscles let go.
+                    lab.emg.say("signal flat")
             case "vest":
                 lab.vest.say(kind.how)
             case "program":
@@ -218,6 +221,7 @@ class _Soak:
                 lab.emg.say("signal emg")
             case "hand":
                 lab.hand.say("clear")
+                lab.emg.say("signal emg")
             case "vest":
                 lab.vest.say("clear")
             case "program":
