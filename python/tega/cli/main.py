@@ -33,7 +33,6 @@ _VERBS = {
         "Run", "tega.cli.replay", "replay", "Run the loop on recordings, and compare or write tables."
     ),
     "inspect": _Verb("Run", "tega.cli.inspect", "inspect", "Print what a recording holds."),
-    "soak": _Verb("Measure", "tega.cli.soak", "soak", "Run everything emulated, with faults at random."),
     "export": _Verb("Run", "tega.cli.export", "export", "Write a recording as tables and pictures."),
     "study": _Verb("Study", "tega.cli.study", "study", "Plan a user study, keep its data, report it."),
     "sim-trials": _Verb(
@@ -62,6 +61,7 @@ _VERBS = {
         "Tooling", "tega.cli.emg_score", "emg_score", "Score the levels against a measured force."
     ),
     "bench": _Verb("Tooling", "tega.cli.bench", "bench", "Measure run time against error."),
+    "soak": _Verb("Tooling", "tega.cli.soak", "soak", "Run everything emulated, with faults at random."),
     "stress": _Verb("Tooling", "tega.cli.stress", "stress", "Try the kernels where numbers go wrong."),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
 }
