@@ -18,6 +18,7 @@ import numpy as np
 from tega.calibration.store import calibration_text
 from tega.config import SessionConfig
 from tega.config_text import config_text
+from tega.devices.watched import Watched
 from tega.teleop.loop import FIRST_LEVEL
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import SourceReport
@@ -87,11 +88,11 @@ class SessionTap:
                 finger.source.open()
                 report = SourceReport()
             see = partial(self._frame, name, live=finger.source.info.live)
-            watched: Any = _Watched(finger.source, see)
+            watched: Any = Watched(finger.source, see)
             fingers[name] = finger._replace(source=watched, report=report, measured=None)
         if muscles is not None:
             hear = partial(self._chunk, live=muscles.source.info.live)
-            heard: Any = _Watched(muscles.source, hear)
+            heard: Any = Watched(muscles.source, hear)
             muscles = muscles._replace(source=heard)
         self._prepared = prepared._replace(fingers=fingers, muscles=muscles)
         return self._prepared
@@ -345,23 +346,6 @@ def _versions() -> dict[str, str]:
         except PackageNotFoundError:
             known[package] = "not installed"
     return known
-
-
-class _Watched(Generic[Item]):
-    """A source whose items somebody else sees first; otherwise the source itself."""
-
-    def __init__(self, source: Any, see: Callable[[Item], None]) -> None:
-        self._source = source
-        self._see = see
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._source, name)
-
-    def read(self, timeout_s: float) -> Item | None:
-        item: Item | None = self._source.read(timeout_s)
-        if item is not None:
-            self._see(item)
-        return item
 
 
 class _NotingPacer(Pacer):

@@ -7,19 +7,18 @@ before the run; its pictures are read a second time, at the page's own pace, by 
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tega.devices.base import SkippingSource, TactileFrame, TactileSource
 from tega.devices.registry import driver_class
+from tega.devices.watched import Watched
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.hand_figure import HandFigure
 from tega.view.state import EmgTail, TouchImage, ViewState
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from tega.config import SessionConfig, TactileConfig
     from tega.devices.base import EmgChunk
     from tega.teleop.prepare import Muscles, Prepared
@@ -28,8 +27,6 @@ __all__ = ["SessionFeed"]
 
 # Seconds of muscle signal kept for the page.
 _KEPT_S = 5.0
-
-Item = TypeVar("Item")
 
 
 class SessionFeed:
@@ -56,12 +53,12 @@ class SessionFeed:
         for name, finger in prepared.fingers.items():
             if finger.source.info.live:
                 live = self._pictures[name] = _Live()
-                watched: Any = _Watched(finger.source, live.see)
+                watched: Any = Watched(finger.source, live.see)
                 fingers[name] = finger._replace(source=watched)
             else:
                 self._pictures[name] = _Reread(self._config.tactile.in_use()[name])
         if muscles is not None:
-            heard: Any = _Watched(muscles.source, self._hear)
+            heard: Any = Watched(muscles.source, self._hear)
             muscles = muscles._replace(source=heard)
         self._prepared = prepared
         return prepared._replace(fingers=fingers, muscles=muscles)
@@ -116,23 +113,6 @@ class SessionFeed:
             return None
         unit = muscles.source.info.unit
         return EmgTail(samples, maxima.rate_hz, np.array(muscles.intent.maxima), maxima.kind, unit)
-
-
-class _Watched(Generic[Item]):
-    """A source whose items somebody else sees too; otherwise the source itself."""
-
-    def __init__(self, source: Any, see: Callable[[Item], None]) -> None:
-        self._source = source
-        self._see = see
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._source, name)
-
-    def read(self, timeout_s: float) -> Item | None:
-        item: Item | None = self._source.read(timeout_s)
-        if item is not None:
-            self._see(item)
-        return item
 
 
 class _Live:
