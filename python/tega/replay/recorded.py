@@ -75,7 +75,7 @@ class Recorded(msgspec.Struct):
         hand: Per tick: time, level asked for, frames.
         exchanges: What a real hand was told and said, in order, as recorded.
         skipped: Deadlines that the loop left out.
-        haptics: When the motors were switched off or on: which asking, whether on.
+        haptics: When the motors were switched off or on: which asking, whether on, and at what tick.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
         end: How the loop ended; ``None`` where the recording was cut.
         dropped: Records lost, by topic.
@@ -91,7 +91,7 @@ class Recorded(msgspec.Struct):
     hand: list[tuple[int, int, list[CanFrame]]] = []
     exchanges: list[Any] = []
     skipped: set[int] = set()
-    haptics: list[tuple[int, bool]] = []
+    haptics: list[tuple[int, bool, int]] = []
     imposed: list[tuple[int, int]] = []
     end: tuple[int, str, int] | None = None
     dropped: dict[str, int] = {}
@@ -193,7 +193,7 @@ def _keep(recorded: Recorded, message: Message) -> None:
         case "tega.Skip":
             recorded.skipped.add(value.t_ns)
         case "tega.Haptics":
-            recorded.haptics.append((value.n_asked, value.on))
+            recorded.haptics.append((value.n_asked, value.on, value.t_ns))
         case "tega.Imposed":
             recorded.imposed.append((value.t_ns, value.level))
         case "tega.End":
