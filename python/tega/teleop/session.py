@@ -98,6 +98,7 @@ def run_session(
     settings: str = "SETTINGS.toml",
     go: Callable[[], bool] = lambda: True,
     on_state: Callable[[Transition], None] = lambda _change: None,
+    prepared: Prepared | None = None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -113,6 +114,7 @@ def run_session(
         settings: How the settings file is named in the commands that an error suggests.
         go: Asked all the time whether an armed run may become active.
         on_state: Told of every change of the run's state, in the loop's thread.
+        prepared: What to start with instead of the sources of the settings.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -122,7 +124,7 @@ def run_session(
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
     """
     session, fingers = config.session, config.tactile.in_use()
-    if not fingers and config.emg is None:
+    if not fingers and config.emg is None and prepared is None:
         raise ConfigError(
             "no input: neither a tactile source nor EMG is set",
             "set at least one, such as [tactile.thumb] or [emg]",
@@ -133,20 +135,10 @@ def run_session(
         prepare_folder(session.out_dir)
     with ExitStack() as stack:
         recording = _recording(stack, config)
-        sources: dict[str, TactileSource] = {
-            finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
-            for finger, c in fingers.items()
-        }
-        emg: EmgSource | None = None
-        if config.emg is not None:
-            emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
-        if session.pace == "fast":
-            for source in (*sources.values(), *([] if emg is None else [emg])):
-                if source.info.live:
-                    raise ConfigError(
-                        f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
-                    )
-        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
+        if prepared is None:
+            sources, emg = _sources(stack, config)
+            prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
+        prepared = on_prepared(prepared)
         if recording is not None:
             prepared = recording.watch(prepared)
         disk = Disk()
@@ -168,6 +160,24 @@ def run_session(
             haptics=haptics,
             recording=recording,
         )
+
+
+def _sources(stack: ExitStack, config: SessionConfig) -> tuple[dict[str, TactileSource], EmgSource | None]:
+    """Open the sources of the settings."""
+    sources: dict[str, TactileSource] = {
+        finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
+        for finger, c in config.tactile.in_use().items()
+    }
+    emg: EmgSource | None = None
+    if config.emg is not None:
+        emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
+    if config.session.pace == "fast":
+        for source in (*sources.values(), *([] if emg is None else [emg])):
+            if source.info.live:
+                raise ConfigError(
+                    f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
+                )
+    return sources, emg
 
 
 def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
@@ -338,6 +348,8 @@ def _contacts(
     trace: LatencyTrace | None,
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
+    if finger.stream is not None:
+        return finger.stream
     if finger.measured is not None:
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
@@ -367,6 +379,8 @@ def _levels(
     stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
 ) -> Stream[Block]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
+    if muscles.stream is not None:
+        return muscles.stream
     produce = partial(
         grasp_blocks,
         muscles.source,
