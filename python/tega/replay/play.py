@@ -220,6 +220,7 @@ def _settings(then: SessionConfig, to: SessionConfig, *, pace: float, fast: bool
         ),
         hand=to.hand,
         input=to.input,
+        markers=to.markers,
         safety=msgspec.structs.replace(
             safety,
             late_ms=safety.late_ms * pace,

@@ -36,6 +36,7 @@ from tega.teleop.touch import TouchLoop
 
 if TYPE_CHECKING:
     from tega.haptics import Layout, VestFrame
+    from tega.markers import RunMarkers
     from tega.recording.session import Recording
     from tega.wire import CanFrame
 
@@ -135,6 +136,7 @@ def run_session(
         prepare_folder(session.out_dir)
     with ExitStack() as stack:
         recording = _recording(stack, config)
+        markers = _markers(stack, config)
         if prepared is None:
             sources, emg = _sources(stack, config)
             prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
@@ -145,7 +147,7 @@ def run_session(
         sinks = _sinks(stack, config, prepared, recording, disk)
         inputs = _inputs(stack, config)
         progress("running", 0, 0)
-        guard = _guard(config, prepared, sinks, disk, recording, go=go)
+        guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go)
         guard.observers.append(on_state)
         return _run(
             stack,
@@ -159,6 +161,7 @@ def run_session(
             stop=stop,
             haptics=haptics,
             recording=recording,
+            markers=markers,
         )
 
 
@@ -191,6 +194,17 @@ def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
     return recording
 
 
+def _markers(stack: ExitStack, config: SessionConfig) -> RunMarkers | None:
+    """Open the streams of markers, if there are any."""
+    if config.markers.lsl_out is None and config.markers.lsl_in is None:
+        return None
+    from tega.markers import RunMarkers
+
+    markers = RunMarkers(config.markers)
+    stack.callback(markers.close)
+    return markers
+
+
 def _guard(
     config: SessionConfig,
     prepared: Prepared,
@@ -198,6 +212,7 @@ def _guard(
     disk: Disk,
     recording: Recording | None,
     *,
+    markers: RunMarkers | None,
     go: Callable[[], bool],
 ) -> Guard:
     """Make what watches over the live devices; recordings are not lost and need nobody."""
@@ -215,6 +230,8 @@ def _guard(
     vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
     if recording is not None:
         alerts["recording"] = recording.problem
+    if markers is not None:
+        alerts["markers"] = markers.problem
     if config.session.pace == "real":
         alerts["clock"] = ClockStep()
     if sinks.steered is not None:
@@ -244,6 +261,7 @@ def _run(
     stop: Callable[[], bool],
     haptics: Callable[[], bool],
     recording: Recording | None,
+    markers: RunMarkers | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
@@ -270,6 +288,10 @@ def _run(
         trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
     if recording is not None:
         recording.follow(guard, trace)
+    if markers is not None:
+        real_ns = start_ns if isinstance(clock, SystemClock) else None
+        markers.begin(real_ns, None if recording is None else recording.recorder)
+        markers.follow(guard, inputs)
     flows = stack.enter_context(ExitStack())
     loop = DualLoop(
         pacer=parts.pacer,
@@ -298,6 +320,8 @@ def _run(
             config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace
         )
         summary = summarise(state, error=error)
+        if markers is not None:
+            summary["markers"] = markers.summary()
         try:
             if session.out_dir is not None or recording is not None:
                 stack.pop_all().close()  # the tables are complete before the summary says so
