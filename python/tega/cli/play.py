@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from tega.cli.options import debug_option, json_option
+from tega.cli.page import view_options
 
 __all__ = ["play"]
 
@@ -43,10 +44,19 @@ class _Speed(click.ParamType[float | None]):
     metavar="REASON",
     help="Why a real vest or hand gets more than the recording's speed.",
 )
+@view_options
 @json_option
 @debug_option
 def play(
-    *, session: Path, to: Path | None, sets: tuple[str, ...], speed: float | None, because: str, as_json: bool
+    *,
+    session: Path,
+    to: Path | None,
+    sets: tuple[str, ...],
+    speed: float | None,
+    because: str,
+    view: bool,
+    view_port: int,
+    as_json: bool,
 ) -> None:
     """Play a recorded session to a vest and a hand, drawn, recorded or real.
 
@@ -57,8 +67,10 @@ def play(
     """
     import sys
     import time
+    from functools import partial
 
     from tega.cli.options import Stop, echo_json, stop_keys
+    from tega.cli.page import run_viewed
     from tega.cli.report import print_summary
     from tega.cli.stage import stage
     from tega.errors import ConfigError
@@ -75,6 +87,7 @@ def play(
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
     heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
+    played = partial(play_file, files[0], speed=speed, because=because)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
     with (
@@ -82,9 +95,13 @@ def play(
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not (as_json or drawn_here)) as (progress, observer),
     ):
-        summary = play_file(
-            files[0], config, speed=speed, because=because, progress=progress, observer=observer, stop=stop
-        )
+        if view:
+            summary = run_viewed(
+                config, title=f"TEGA · {files[0].name}", port=view_port, run=played, observer=observer,
+                progress=progress, stop=stop,
+            )  # fmt: skip
+        else:
+            summary = played(config, progress=progress, observer=observer, stop=stop)
     if as_json:
         echo_json(summary)
     else:
@@ -92,10 +109,7 @@ def play(
         print_summary(
             summary, measured={"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
         )
-        played = summary["played"]
-        click.echo(
-            f"played {played['file']} at speed {played['speed']} from its {played['from']}; "
-            f"{played['late_ticks']} ticks late, at worst {played['worst_late_ms']:.1f} ms"
-        )
+        how = summary["played"]
+        click.echo(f"played {how['file']} at speed {how['speed']} from its {how['from']}")
     if summary["ended"] == "stopped":
         raise KeyboardInterrupt

@@ -27,6 +27,7 @@ from tega.teleop.loop import FIRST_LEVEL
 from tega.teleop.prepare import Finger, Muscles, Prepared, Progress
 from tega.teleop.sources import Block, SourceReport
 from tega.teleop.streams import NEVER_NS
+from tega.teleop.summary import write_summary
 
 __all__ = ["PlayClock", "play_file", "playing_to"]
 
@@ -132,18 +133,19 @@ def play_file(
         ConfigError: The speed is not for what it is played to.
         TegaError: Whatever the run says.
     """
-    real = _real(to)
+    live, real = _live(to)
     _check_speed(speed, real, because)
     progress("reading the recording", 0, 0)
     measured = Measured()
     recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
     pace = 1.0 if speed is None else speed
     config = _settings(measured.config, to, pace=pace, fast=speed is None)
-    live = config.hand.driver is not None or config.vest.driver is not None
     # Whole seconds, so that the ticks of the vest lie where they lay.
     lead_ns = math.ceil(LEAD_S * pace) * 1_000_000_000 if live else 0
     clock = PlayClock(speed)
-    words = f"at {speed:g} times its speed" if speed is not None else "as fast as it went"
+    words = "as fast as it went" if speed is None else "at its own speed"
+    if pace != 1:
+        words = f"at {pace:g} times its speed"
     note = f"played from {path.name} {words}{f', because {because}' if because else ''}"
     prepared = _prepared(recorded, measured, lead_ns=lead_ns, note=note)
     haptics = _Switched(recorded, clock, lead_ns, options.pop("haptics", lambda: True))
@@ -157,25 +159,30 @@ def play_file(
         "from": "raw streams" if recorded.head.lossless else "recorded contacts and levels",
         "real": real,
         "lead_s": lead_ns / 1e9,
-        "late_ticks": clock.n_late,
-        "worst_late_ms": clock.worst_late_ns / 1e6,
     }
+    if speed is not None:
+        # The loop counts in the session's time; who waits for a tick waits in real time.
+        summary["pacing"] |= {"overruns": clock.n_late, "worst_late_ms": clock.worst_late_ns / 1e6}
+    if config.session.out_dir is not None:
+        write_summary(summary, config.session.out_dir / "summary.json")
     return summary
 
 
-def _real(to: SessionConfig) -> list[str]:
-    """Return what of the settings is no drawing, file or virtual bus."""
+def _live(to: SessionConfig) -> tuple[bool, list[str]]:
+    """Return whether anything runs on its own clock, and what of that is no drawing and no virtual bus."""
     from tega.devices.python_can import may_have_hardware
 
-    real = []
+    live, real = False, []
     for kind, section in (("vest", to.vest), ("hand", to.hand)):
-        if section.driver is None or section.driver == _DRAWN:
+        if section.driver is None:
             continue
         info = driver_class(section.driver)(section.options).info
+        live = live or info.live
         interface = getattr(section.options, "interface", None)
-        if info.live and (interface is None or may_have_hardware(interface, section.options.channel)):
+        on_a_bus = interface is None or may_have_hardware(interface, section.options.channel)
+        if info.live and section.driver != _DRAWN and on_a_bus:
             real.append(f"{kind}: {info.driver}, {info.label}")
-    return real
+    return live, real
 
 
 def _check_speed(speed: float | None, real: Sequence[str], because: str) -> None:
