@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from reference.waiting import until
 from tega.cli.main import main
 from tega.config import SessionConfig, check_tree
 from tega.config_text import tree_text
@@ -24,6 +24,7 @@ from tega.haptics import VestFrame
 from tega.replay.play import LEAD_S, PlayClock, play_file
 from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
+from tega.teleop.loop import LoopView
 from tega.testing.emulators.vests import seen_by
 from tega.testing.lab import EmulatedLab, emulated_lab
 
@@ -144,17 +145,19 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
         file, checked(to), observer=lambda view: levels.append(view.block[2] if view.block else 0)
     )
     assert summary["ended"] == "complete"
-    assert [change["state"] for change in summary["safety"]["changes"]] == ["armed", "active", "stopped"]
+    states = [change["state"] for change in summary["safety"]["changes"]]
+    assert (states[:2], states[-1]) == (["armed", "active"], "stopped")
     seen = [frame for _, frame in seen_by(lab.vest).history[before:]]
     then = told(file)
     assert len(then) > 10
     # The vest takes the newest frame only; of those that a busy machine makes it miss none comes later.
     left = iter(then)
     assert all(frame in left for frame in seen if any(frame))
-    assert len(seen) > 0.8 * len(then)
     assert not any(seen[-1])
-    recorded = read_recorded(file)
-    assert max(levels) == max(level for _, level, _ in recorded.hand)
+    # A machine that stood still has left deadlines out.
+    if not summary["pacing"]["skipped"]:
+        assert len(seen) > 0.8 * len(then)
+        assert max(levels) == max(level for _, level, _ in read_recorded(file).hand)
     assert lab.limp()
     assert lab.at_rest()
     assert summary["played"]["lead_s"] == LEAD_S
@@ -173,7 +176,8 @@ def test_ctrl_c_in_the_middle_at_twice_the_speed_leaves_both_without_force(
     with subprocess.Popen(
         [*words, "--because", "a test", "--json"], stdout=subprocess.PIPE, text=True
     ) as playing:
-        until(lambda: bool(lab.hand.say("look")["servo_on"]) and not lab.at_rest())
+        while playing.poll() is None and (lab.at_rest() or not lab.hand.say("look")["servo_on"]):
+            time.sleep(0.01)
         playing.send_signal(signal.SIGINT)
         said, _ = playing.communicate()
     assert playing.returncode == 130
@@ -183,6 +187,27 @@ def test_ctrl_c_in_the_middle_at_twice_the_speed_leaves_both_without_force(
     assert summary["safety"]["changes"][-1]["reason"] == "stopped: Ctrl-C"
     assert lab.limp()
     assert lab.at_rest()
+
+
+def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up: Path) -> None:
+    seen: list[tuple[int, int, bool]] = []
+
+    def look(view: LoopView) -> None:
+        if view.block is not None and view.vest is not None:
+            seen.append((view.t_ns, view.block[2], bool(view.vest.intensities.any())))
+
+    # A live driver, and nothing but this terminal's error output behind it.
+    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, observer=look)
+    lead = [(level, felt) for t_ns, level, felt in seen if t_ns < 2 * LEAD_S * 1e9]
+    assert len(lead) > 40
+    assert set(lead) == {(read_recorded(made_up).hand[0][1], False)}
+    assert any(felt for _, _, felt in seen)
+
+
+def test_asked_to_stop_while_it_reads_it_opens_nothing(made_up: Path) -> None:
+    nowhere = checked({"vest": {"driver": "bhaptics-player", "options": {"port": 1}}})
+    with pytest.raises(KeyboardInterrupt):
+        play_file(made_up, nowhere, stop=lambda: True)
 
 
 def refused(call: Callable[[], object]) -> str:

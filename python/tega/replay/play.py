@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar
 import msgspec
 
 from tega.config import SessionConfig, VestConfig, check_tree, load_config
-from tega.devices.base import DeviceInfo
+from tega.devices.base import DeviceInfo, TactileFrame
 from tega.devices.registry import driver_class
 from tega.emg import GraspIntent
 from tega.errors import ConfigError
@@ -131,13 +131,21 @@ def play_file(
     Raises:
         RecordingError: The recording cannot be read.
         ConfigError: The speed is not for what it is played to.
+        KeyboardInterrupt: ``stop`` said so before the loop had begun.
         TegaError: Whatever the run says.
     """
     live, real = _live(to)
     _check_speed(speed, real, because)
     progress("reading the recording", 0, 0)
     measured = Measured()
-    recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
+    stop = options.get("stop", lambda: False)
+
+    def frame(finger: str, picture: TactileFrame, pixels_crc32: int) -> None:
+        if stop():
+            raise KeyboardInterrupt
+        measured.frame(finger, picture, pixels_crc32)
+
+    recorded = read_recorded(path, begin=measured.begin, frame=frame, chunk=measured.chunk)
     pace = 1.0 if speed is None else speed
     config = _settings(measured.config, to, pace=pace, fast=speed is None)
     # Whole seconds, so that the ticks of the vest lie where they lay.
