@@ -21,7 +21,8 @@ from tega.config import SessionConfig, check_tree
 from tega.config_text import tree_text
 from tega.errors import ConfigError
 from tega.haptics import VestFrame
-from tega.replay.play import LEAD_S, PlayClock, play_file
+from tega.replay.play import LEAD_S, play_file
+from tega.replay.play_clock import PlayClock
 from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
 from tega.teleop.loop import LoopView

@@ -8,28 +8,25 @@ is told the same frames.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import msgspec
 
-from tega.config import SessionConfig, VestConfig, check_tree, load_config
-from tega.devices.base import DeviceInfo, TactileFrame
+from tega.config import SessionConfig, VestConfig, load_config
+from tega.devices.base import TactileFrame
 from tega.devices.registry import driver_class
-from tega.emg import GraspIntent
 from tega.errors import ConfigError
-from tega.replay.measured import Measured, contact_items, level_items
-from tega.replay.recorded import Recorded, read_recorded
+from tega.replay.measured import Measured
+from tega.replay.play_clock import PlayClock
+from tega.replay.played_input import Switched, played_input
+from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
-from tega.teleop.loop import FIRST_LEVEL
-from tega.teleop.prepare import Finger, Muscles, Prepared, Progress
-from tega.teleop.sources import Block, SourceReport
-from tega.teleop.streams import NEVER_NS
+from tega.teleop.prepare import Progress
 from tega.teleop.summary import write_summary
 
-__all__ = ["PlayClock", "play_file", "playing_to"]
+__all__ = ["LEAD_S", "play_file", "playing_to"]
 
 LEAD_S = 2
 """Before the first item, in real time at least: the run arms, and a hand goes to where it was."""
@@ -37,46 +34,6 @@ LEAD_S = 2
 SLOWEST, FASTEST = 0.05, 20.0
 
 _DRAWN = "on-screen-vest"
-_LATE_NS = 3_000_000
-
-Item = TypeVar("Item", bound=tuple[Any, ...])
-
-
-class PlayClock:
-    """Time of the session: it stands at 0 until the first tick is waited for, then runs at a speed.
-
-    Args:
-        speed: Seconds of the session a second; ``None`` for a clock that never sleeps.
-
-    Attributes:
-        tick_ns: The deadline last waited for.
-        n_late: Deadlines that were more than 3 ms late, by the machine's clock.
-        worst_late_ns: The latest one, by the machine's clock.
-    """
-
-    def __init__(self, speed: float | None) -> None:
-        self._speed = speed
-        self._began_ns: int | None = None
-        self.tick_ns = self.n_late = self.worst_late_ns = 0
-
-    def now_ns(self) -> int:
-        """Return the time of the session in nanoseconds."""
-        if self._speed is None or self._began_ns is None:
-            return self.tick_ns
-        return math.floor((time.monotonic_ns() - self._began_ns) * self._speed)
-
-    def sleep_until(self, t_ns: int) -> None:
-        """Sleep until the session has come to ``t_ns``."""
-        self.tick_ns = max(self.tick_ns, t_ns)
-        if self._speed is None:
-            return
-        if self._began_ns is None:
-            self._began_ns = time.monotonic_ns()
-        due_ns = self._began_ns + math.ceil(t_ns / self._speed)
-        while (left_ns := due_ns - time.monotonic_ns()) > 0:
-            time.sleep(left_ns * 1e-9)
-        self.n_late += -left_ns > _LATE_NS
-        self.worst_late_ns = max(self.worst_late_ns, -left_ns)
 
 
 def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
@@ -92,7 +49,8 @@ def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
     """
     config = load_config(path, sets=sets).config
     if path is None and config.vest.driver is None and config.hand.driver is None:
-        vest = check_tree({"vest": {"driver": _DRAWN}}, {}, base=Path.cwd()).config.vest
+        drawn = driver_class(_DRAWN).options_type()
+        vest = msgspec.structs.replace(config.vest, driver=_DRAWN, options=drawn)
         config = msgspec.structs.replace(config, vest=vest)
     if config.vest.driver is None and config.hand.driver is None and config.session.out_dir is None:
         raise ConfigError(
@@ -155,8 +113,8 @@ def play_file(
     if pace != 1:
         words = f"at {pace:g} times its speed"
     note = f"played from {path.name} {words}{f', because {because}' if because else ''}"
-    prepared = _prepared(recorded, measured, lead_ns=lead_ns, note=note)
-    haptics = _Switched(recorded, clock, lead_ns, options.pop("haptics", lambda: True))
+    prepared = played_input(recorded, measured, lead_ns=lead_ns, note=note)
+    haptics = Switched(recorded, clock, lead_ns, options.pop("haptics", lambda: True))
     summary = run_session(
         config, clock=clock, prepared=prepared, haptics=haptics, progress=progress, **options
     )
@@ -252,128 +210,3 @@ def _as_felt(then: VestConfig, to: VestConfig) -> dict[str, Any]:
     if any(getattr(to, name) != getattr(plain, name) for name in fitted):
         return {}
     return {name: getattr(then, name) for name in fitted}
-
-
-def _prepared(recorded: Recorded, measured: Measured, *, lead_ns: int, note: str) -> Prepared:
-    """Make of a recording what a run starts with."""
-    head = recorded.head
-    end_ns = lead_ns + (recorded.last_tick_ns if recorded.end is None else recorded.end[0])
-
-    def source(name: str, rate_hz: float | None) -> Any:
-        then = head.sources[name]
-        label = f"{then.driver} {then.label}"
-        return _Played(
-            DeviceInfo(
-                driver="recorded",
-                kind=then.kind,
-                label=label,
-                live=False,
-                rate_hz=rate_hz,
-                channels=then.channels,
-                unit=then.unit,
-                notes=(note,),
-            )
-        )
-
-    fingers = {}
-    for finger in recorded.contacts:
-        items = [
-            (taken + lead_ns, (t_ns + lead_ns, metrics))
-            for taken, (t_ns, metrics) in contact_items(recorded, measured, finger)
-        ]
-        fingers[finger] = Finger(
-            source(finger, head.sources[finger].rate_hz),
-            head.baselines[finger],
-            "recording",
-            SourceReport(n_items=len(items)),
-            stream=_Due(items, end_ns=end_ns),
-        )
-    muscles, emg = None, measured.calibration.emg
-    if "emg" in head.sources and emg is not None:
-        blocks = _asked(recorded, level_items(recorded, measured), len(emg.channels), lead_ns)
-        muscles = Muscles(
-            source("emg", emg.rate_hz),
-            emg,
-            GraspIntent(
-                emg.rate_hz, emg.maxima, tau=emg.tau, kind=emg.kind, preset=measured.config.session.preset
-            ),
-            SourceReport(),
-            stream=_Due(blocks, end_ns=end_ns),
-        )
-    name = head.facts["calibration"]
-    return Prepared(fingers, muscles, measured.calibration, "" if name == "self-calibrated" else name)
-
-
-def _asked(
-    recorded: Recorded, items: Sequence[tuple[int, Block]], n_channels: int, lead_ns: int
-) -> list[tuple[int, Block]]:
-    """Return what the hand was asked for: the muscles' level, or the one that was set against them."""
-    nothing = (0,) * n_channels
-    first = next((level for _, level, _ in recorded.hand), 0) or FIRST_LEVEL
-    asked: list[tuple[int, Block]] = [(0, (0, nothing, first))]
-    block, imposed = (0, nothing, FIRST_LEVEL), 0
-    changes: list[tuple[int, int, Any]] = [(taken, 0, block) for taken, block in items]
-    changes += [(t_ns, 1, level) for t_ns, level in recorded.imposed]
-    for tick_ns, is_imposed, what in sorted(changes, key=lambda change: change[:2]):
-        if is_imposed:
-            imposed = what
-        else:
-            block = what
-        at_ns = lead_ns + (tick_ns if is_imposed else block[0])
-        asked.append((lead_ns + tick_ns, (at_ns, block[1], imposed or block[2])))
-    return asked
-
-
-class _Played:
-    """Stands for a source whose items are there already."""
-
-    def __init__(self, info: DeviceInfo) -> None:
-        self.info = info
-
-
-class _Due(Generic[Item]):
-    """A stream whose items are known later than at the time they are stamped with.
-
-    Args:
-        items: When each is known, and it; in that order.
-        end_ns: When the stream ends.
-    """
-
-    def __init__(self, items: Sequence[tuple[int, Item]], *, end_ns: int) -> None:
-        self._items = items
-        self._next = 0
-        self.end_ns = end_ns
-        self.ended = False
-        self.due_ns = 0
-        self._look()
-
-    def _look(self) -> None:
-        self.ended = self._next >= len(self._items)
-        self.due_ns = NEVER_NS if self.ended else self._items[self._next][0]
-
-    def next_until(self, t_ns: int) -> Item | None:
-        if self.due_ns > t_ns:
-            return None
-        item = self._items[self._next][1]
-        self._next += 1
-        self._look()
-        return item
-
-    def close(self) -> None:
-        self._next = len(self._items)
-        self._look()
-
-
-class _Switched:
-    """Says whether the motors may turn: when they did, and somebody else allows it."""
-
-    def __init__(self, recorded: Recorded, clock: PlayClock, lead_ns: int, other: Callable[[], bool]) -> None:
-        self._changes = [(lead_ns + t_ns, on) for _, on, t_ns in recorded.haptics]
-        self._clock = clock
-        self._other = other
-        self._on = True
-
-    def __call__(self) -> bool:
-        while self._changes and self._changes[0][0] <= self._clock.tick_ns:
-            self._on = self._changes.pop(0)[1]
-        return self._on and self._other()
