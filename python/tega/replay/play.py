@@ -113,6 +113,8 @@ def play_file(
     if pace != 1:
         words = f"at {pace:g} times its speed"
     note = f"played from {path.name} {words}{f', because {because}' if because else ''}"
+    if not recorded.complete:
+        note += "; the recording was cut, and is played as far as it goes"
     prepared = played_input(recorded, measured, lead_ns=lead_ns, note=note)
     haptics = Switched(recorded, clock, lead_ns, options.pop("haptics", lambda: True))
     summary = run_session(
