@@ -10,12 +10,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+from reference.waiting import until
 from tega.cli.main import main
 from tega.config import SessionConfig, check_tree
 from tega.config_text import tree_text
@@ -164,30 +166,40 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
     assert summary["played"]["lead_s"] == LEAD_S
 
 
-def test_ctrl_c_in_the_middle_at_twice_the_speed_leaves_both_without_force(
-    session: Session, tmp_path: Path
-) -> None:
+@contextmanager
+def playing_at_twice_the_speed(session: Session, folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """Play from another process; when it is yielded, the vest is felt and the hand is on."""
     lab, to, file = session
-    settings = tmp_path / "lab.toml"
+    settings = folder / "lab.toml"
     settings.write_text(tree_text(to), encoding="utf-8")
     words = [sys.executable, "-m", "tega.cli", "play", str(file), "--to", str(settings), "--speed", "2"]
-    refused = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert refused.returncode == 1
-    assert "--because" in refused.stderr
-    with subprocess.Popen(
-        [*words, "--because", "a test", "--json"], stdout=subprocess.PIPE, text=True
-    ) as playing:
-        while playing.poll() is None and (lab.at_rest() or not lab.hand.say("look")["servo_on"]):
+    words += ["--because", "a test", "--json"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and (lab.at_rest() or not lab.hand.say("look")["servo_on"]):
             time.sleep(0.01)
-        playing.send_signal(signal.SIGINT)
-        said, _ = playing.communicate()
-    assert playing.returncode == 130
+        assert process.poll() is None
+        yield process
+
+
+def test_ctrl_c_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
+    lab = session.lab
+    with playing_at_twice_the_speed(session, tmp_path) as process:
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate()
+    assert process.returncode == 130
     summary = json.loads(said)
     assert summary["ended"] == "stopped"
     assert summary["played"]["because"] == "a test"
     assert summary["safety"]["changes"][-1]["reason"] == "stopped: Ctrl-C"
     assert lab.limp()
     assert lab.at_rest()
+
+
+def test_a_kill_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
+    with playing_at_twice_the_speed(session, tmp_path) as process:
+        process.kill()
+    until(session.lab.at_rest)
+    until(session.lab.limp)
 
 
 def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up: Path) -> None:
@@ -222,6 +234,8 @@ def test_what_is_real_is_not_played_to_at_any_speed(made_up: Path) -> None:
     assert "speed max is for virtual" in refused(lambda: play_file(made_up, real, speed=None))
     assert "faster than it was recorded" in refused(lambda: play_file(made_up, real, speed=1.5))
     assert "out of range" in refused(lambda: play_file(made_up, real, speed=0.01))
+    on_a_bus = checked({"hand": {"driver": "allegro", "options": {"interface": "slcan", "channel": "x"}}})
+    assert "hand: allegro" in refused(lambda: play_file(made_up, on_a_bus, speed=None))
 
 
 def test_of_a_session_with_several_recordings_one_has_to_be_named(
