@@ -103,7 +103,15 @@ def play_file(
             raise KeyboardInterrupt
         measured.frame(finger, picture, pixels_crc32)
 
-    recorded = read_recorded(path, begin=measured.begin, frame=frame, chunk=measured.chunk)
+    recorded = read_recorded(
+        path,
+        begin=measured.begin,
+        frame=frame,
+        chunk=measured.chunk,
+        pictures_wanted=lambda head: head.lossless,
+    )
+    if stop():
+        raise KeyboardInterrupt
     pace = 1.0 if speed is None else speed
     config = _settings(measured.config, to, pace=pace, fast=speed is None)
     # Whole seconds, so that the ticks of the vest lie where they lay.
