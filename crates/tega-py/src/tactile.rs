@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
 use tega_tactile::{
-    CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveScratch, Options, Order, Outline, Pair,
-    PaperScratch, Scratch, Spread, Weights, many, read_live, read_paper,
+    CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveBaseline, LiveScratch, Options, Order,
+    Outline, Pair, PaperScratch, Scratch, Spread, Weights, many, read_live, read_paper,
 };
 
 use crate::arguments::{choice, image};
@@ -186,6 +186,30 @@ fn read_contact(
     Preset::named(reading, order, outline)?.read(py, frame, baseline, |metrics, _| fields(metrics))
 }
 
+/// A baseline in the form that `live` reads frames against.
+#[pyclass(module = "tega._native", frozen)]
+struct KnownBaseline(LiveBaseline);
+
+#[pymethods]
+impl KnownBaseline {
+    #[new]
+    #[pyo3(signature = (baseline, /, *, order))]
+    fn new(baseline: &Bound<'_, PyAny>, order: &str) -> Result<Self, BindError> {
+        let order = choice("order", order, &ORDERS)?;
+        Ok(Self(LiveBaseline::new(image("baseline", baseline)?.as_array(), order)?))
+    }
+
+    #[pyo3(signature = (frame, /, *, outline))]
+    fn read(&self, py: Python<'_>, frame: &Bound<'_, PyAny>, outline: &str) -> Result<Fields, BindError> {
+        let outline = choice("outline", outline, &OUTLINES)?;
+        let frame = image("frame", frame)?;
+        let view = frame.as_array();
+        let work = || PRESETS.with_borrow_mut(|presets| self.0.read(view, outline, &mut presets.live));
+        let small = view.len() < 3 * DETACH_FROM_PIXELS;
+        Ok(fields(if small { work() } else { py.detach(work) }?))
+    }
+}
+
 #[pyfunction]
 #[pyo3(signature = (frames, baselines, *, reading, order, outline))]
 fn read_contacts(
@@ -265,6 +289,7 @@ pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(contact_metrics_many, m)?)?;
     m.add_function(wrap_pyfunction!(read_contact, m)?)?;
     m.add_function(wrap_pyfunction!(read_contacts, m)?)?;
+    m.add_class::<KnownBaseline>()?;
     m.add_function(wrap_pyfunction!(contact_mask, m)?)?;
     m.add_function(wrap_pyfunction!(pressure_map, m)?)?;
     m.add_function(wrap_pyfunction!(estimate_baseline, m)?)

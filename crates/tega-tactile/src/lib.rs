@@ -32,7 +32,7 @@ pub use baseline::{
     BaselineChoice, BaselineSource, BaselineSurvey, EstimatedBaseline, estimate_baseline, median_image,
 };
 pub use decimal::{Decimal, Weights};
-pub use dent::{ContactPatch, LiveScratch, Outline, read_live};
+pub use dent::{ContactPatch, LiveBaseline, LiveScratch, Outline, read_live};
 pub use error::TactileError;
 pub use frame::{Difference, MAX_SIDE, Order, Pair};
 pub use levels::Scratch;

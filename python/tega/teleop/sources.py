@@ -11,7 +11,7 @@ import numpy as np
 
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame, TactileSource
 from tega.errors import DeviceUnavailableError, RecordingError, ShapeError, TegaError
-from tega.tactile import ContactMetrics, read_contact
+from tega.tactile import ContactMetrics, ContactReader
 from tega.teleop.repeats import STUCK_FRAMES, LastFrame
 
 if TYPE_CHECKING:
@@ -112,8 +112,8 @@ class FrameMeter:
         live: bool,
         start_ns: int = 0,
     ) -> None:
-        self._baseline = baseline
-        self._reading = reading
+        self._shape = baseline.shape
+        self._reader = ContactReader(baseline, reading=reading)
         self._report = report
         self._live = live
         self._start_ns = start_ns if live else 0
@@ -140,7 +140,7 @@ class FrameMeter:
         self.seq = frame.seq
         metrics = last.repeat(frame.image)
         if metrics is None:
-            metrics = _measure(frame.image, self._baseline, self._reading, frame.name)
+            metrics = self._measure(frame)
             last.keep(frame.image, metrics)
         else:
             report.n_identical += 1
@@ -151,6 +151,14 @@ class FrameMeter:
             return None
         report.n_items += 1
         return frame.t_ns - self._start_ns, metrics
+
+    def _measure(self, frame: TactileFrame) -> ContactMetrics:
+        if frame.image.shape != self._shape:
+            raise RecordingError(
+                f"{frame.name}: {_size(frame.image.shape)} pixels, its baseline has {_size(self._shape)}",
+                "give the baseline taken with the same sensor and mode",
+            )
+        return self._reader.read(frame.image)
 
 
 def measured_contacts(
@@ -222,19 +230,8 @@ def measured_contacts(
     return end_ns
 
 
-def _measure(
-    image: NDArray[np.uint8], baseline: NDArray[np.uint8], reading: Literal["paper", "live"], name: str
-) -> ContactMetrics:
-    if image.shape != baseline.shape:
-        raise RecordingError(
-            f"{name}: {_size(image)} pixels, its baseline has {_size(baseline)}",
-            "give the baseline taken with the same sensor and mode",
-        )
-    return read_contact(image, baseline, reading=reading)
-
-
-def _size(image: NDArray[np.uint8]) -> str:
-    return "×".join(str(n) for n in (image.shape[1], image.shape[0], *image.shape[2:]))
+def _size(shape: tuple[int, ...]) -> str:
+    return "×".join(str(n) for n in (shape[1], shape[0], *shape[2:]))
 
 
 class BlockMeter:

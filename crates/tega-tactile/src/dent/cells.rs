@@ -59,10 +59,15 @@ impl Grid {
 }
 
 /// What is averaged over the cells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Source {
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Source<'a> {
+    /// Frame less baseline.
     Difference,
+    /// The same, of a baseline whose sums over whole cells are known: it is not read again.
+    Since(&'a Planes),
     Baseline,
+    /// The sums over whole cells themselves; without whole cells there are none.
+    BaselineSums,
 }
 
 /// Three planes of cell means, in sixteenths of a count, in the order of the pixel's bytes.
@@ -120,14 +125,21 @@ impl Range {
 const OCTET: usize = 24;
 
 /// Averages `source` over each cell.
-pub(super) fn average(pair: &Pair<'_>, grid: &Grid, source: Source, strip: &mut Strip, planes: &mut Planes) {
+pub(super) fn average(
+    pair: &Pair<'_>,
+    grid: &Grid,
+    source: Source<'_>,
+    strip: &mut Strip,
+    planes: &mut Planes,
+) {
     for plane in planes.iter_mut() {
         plane.resize(grid.cells(), 0);
     }
     strip.clear(grid);
     let whole = grid.side == 8 && grid.width.is_multiple_of(8) && grid.height.is_multiple_of(8);
-    match pair.contiguous() {
-        Some((frame, baseline)) if whole => average_octets(frame, baseline, grid, source, strip, planes),
+    match (pair.contiguous(), source) {
+        (Some((frame, baseline)), _) if whole => average_octets(frame, baseline, grid, source, strip, planes),
+        (_, Source::BaselineSums) => planes.iter_mut().for_each(Vec::clear),
         _ => average_rows(pair, grid, source, strip, planes),
     }
 }
@@ -137,7 +149,7 @@ fn average_octets(
     frame: &[u8],
     baseline: &[u8],
     grid: &Grid,
-    source: Source,
+    source: Source<'_>,
     strip: &mut Strip,
     planes: &mut Planes,
 ) {
@@ -154,22 +166,34 @@ fn average_octets(
         for (frame, baseline) in frame.chunks_exact(4 * stride).zip(baseline.chunks_exact(4 * stride)) {
             match source {
                 Source::Difference => simd::add_four_differences(sums, frame, baseline),
-                Source::Baseline => simd::add_four_rows(sums, baseline),
+                Source::Since(_) => simd::add_four_rows(sums, frame),
+                Source::Baseline | Source::BaselineSums => simd::add_four_rows(sums, baseline),
             }
         }
-        simd::fold_octets(&strip.sums, 2, &mut strip.folded);
+        // A sum over 64 pixels, or that in sixteenths of a count.
+        let shift = if matches!(source, Source::Since(_) | Source::BaselineSums) { 0 } else { 2 };
+        simd::fold_octets(&strip.sums, shift, &mut strip.folded);
         for (((octet, a), b), c) in strip.folded.as_chunks::<OCTET>().0.iter().zip(p0).zip(p1).zip(p2) {
             (*a, *b, *c) = (octet[0], octet[1], octet[2]);
+        }
+    }
+    if let Source::Since(known) = source {
+        for (plane, known) in planes.iter_mut().zip(known) {
+            for (mean, known) in plane.iter_mut().zip(known) {
+                *mean = (*mean - known + 2) >> 2;
+            }
         }
     }
 }
 
 /// Any cells, any strides: a row at a time.
-fn average_rows(pair: &Pair<'_>, grid: &Grid, source: Source, strip: &mut Strip, planes: &mut Planes) {
+fn average_rows(pair: &Pair<'_>, grid: &Grid, source: Source<'_>, strip: &mut Strip, planes: &mut Planes) {
     pair.for_each_row(|y, frame, baseline| {
         match source {
-            Source::Difference => simd::add_difference(&mut strip.sums, frame, baseline),
-            Source::Baseline => simd::add_row(&mut strip.sums, baseline),
+            Source::Difference | Source::Since(_) => {
+                simd::add_difference(&mut strip.sums, frame, baseline);
+            }
+            Source::Baseline | Source::BaselineSums => simd::add_row(&mut strip.sums, baseline),
         }
         let row = y / grid.side;
         let first = row * grid.side;

@@ -14,8 +14,6 @@ const SHARE: f64 = 0.04;
 /// Buffers of the closing.
 #[derive(Debug, Default)]
 pub(super) struct Closing {
-    /// The baseline without its dots.
-    pub baseline: Planes,
     /// The frame without its dots, then its difference to the baseline.
     pub difference: Planes,
     open: Vec<i16>,
@@ -25,8 +23,8 @@ pub(super) struct Closing {
 }
 
 impl Closing {
-    /// Fills the baseline's dots; false where it has none.
-    pub fn baseline_has_dots(&mut self, baseline: &Planes, grid: &Grid) -> bool {
+    /// Fills the baseline's dots into `out`; false where it has none.
+    pub fn baseline_has_dots(&mut self, baseline: &Planes, grid: &Grid, out: &mut Planes) -> bool {
         // Dots are dark in the brightest channel too: one plane tells.
         let [b0, b1, b2] = baseline;
         self.open.clear();
@@ -37,19 +35,19 @@ impl Closing {
         if dots as f64 <= SHARE * grid.cells() as f64 {
             return false;
         }
-        for (plane, out) in baseline.iter().zip(&mut self.baseline) {
+        for (plane, out) in baseline.iter().zip(out) {
             closed(plane, grid, &mut self.across, &mut self.dilated, out);
         }
         true
     }
 
-    /// The difference of frame and baseline, both without dots; call after `baseline_has_dots`.
-    pub fn without_dots(&mut self, difference: &Planes, baseline: &Planes, grid: &Grid) {
+    /// The difference of frame and baseline, both without dots; `dotless` is the baseline without its own.
+    pub fn without_dots(&mut self, difference: &Planes, baseline: &Planes, dotless: &Planes, grid: &Grid) {
         for c in 0..3 {
             self.open.clear();
             self.open.extend(difference[c].iter().zip(&baseline[c]).map(|(d, b)| d + b));
             closed(&self.open, grid, &mut self.across, &mut self.dilated, &mut self.difference[c]);
-            for (d, b) in self.difference[c].iter_mut().zip(&self.baseline[c]) {
+            for (d, b) in self.difference[c].iter_mut().zip(&dotless[c]) {
                 *d -= b;
             }
         }

@@ -76,7 +76,7 @@ mod tests {
         let grid = Grid::of(height, width);
         let mut scratch = LiveScratch::default();
         let seen = range(&pair, &grid, Order::Bgr, &mut scratch.strip, f32::INFINITY);
-        (seen, respond_in_full(&pair, &grid, Order::Bgr, &mut scratch))
+        (seen, respond_in_full(&pair, &grid, Order::Bgr, None, &mut scratch))
     }
 
     proptest! {

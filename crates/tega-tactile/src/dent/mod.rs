@@ -15,6 +15,7 @@ mod cells;
 mod dots;
 mod fill;
 mod glance;
+mod known;
 mod outline;
 mod patches;
 mod response;
@@ -29,12 +30,15 @@ pub(crate) use response::{LANES, count_above, lengths, mark_quiet, median, quiet
 pub(crate) use samples::{BUNDLE, Walk, between, walk};
 pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 
+pub use known::LiveBaseline;
+
 use crate::frame::{Order, Pair};
 use crate::metrics::ContactMetrics;
 use basins::Basins;
 use cells::{Grid, Planes, Source, Strip};
 use dots::Closing;
 use fill::{Crossings, Filled};
+use known::Known;
 use outline::Rays;
 use patches::Patches;
 use response::{COUNTS_PER_UNIT, Response};
@@ -86,9 +90,8 @@ pub struct LiveScratch {
     grid: Grid,
     strip: Strip,
     difference: Planes,
-    baseline: Planes,
-    smooth_baseline: [Vec<f32>; 3],
-    column_sums: Vec<i16>,
+    /// Of the last frame's baseline.
+    known: Known,
     closing: Closing,
     response: Response,
     basins: Basins,
@@ -156,9 +159,19 @@ pub fn read_live(
     outline: Outline,
     scratch: &mut LiveScratch,
 ) -> ContactMetrics {
+    read_with(pair, order, outline, None, scratch)
+}
+
+fn read_with(
+    pair: &Pair<'_>,
+    order: Order,
+    outline: Outline,
+    known: Option<&Known>,
+    scratch: &mut LiveScratch,
+) -> ContactMetrics {
     let grid = Grid::of(pair.height(), pair.width());
     scratch.clear_mask(&grid);
-    if !respond(pair, &grid, order, scratch) {
+    if !respond(pair, &grid, order, known, scratch) {
         return ContactMetrics::none(f64::NAN, 0.0, (0, 0));
     }
     scratch.basins.find(&scratch.response.length, &grid);
@@ -190,27 +203,42 @@ pub fn read_live(
 
 /// Computes the response; false where nothing is in contact.
 #[inline(never)]
-fn respond(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch) -> bool {
-    glance::may_touch(pair, grid, order, &mut scratch.strip) && respond_in_full(pair, grid, order, scratch)
+fn respond(
+    pair: &Pair<'_>,
+    grid: &Grid,
+    order: Order,
+    known: Option<&Known>,
+    scratch: &mut LiveScratch,
+) -> bool {
+    glance::may_touch(pair, grid, order, &mut scratch.strip)
+        && respond_in_full(pair, grid, order, known, scratch)
 }
 
 /// The same, reading all of the frame.
-fn respond_in_full(pair: &Pair<'_>, grid: &Grid, order: Order, scratch: &mut LiveScratch) -> bool {
-    cells::average(pair, grid, Source::Difference, &mut scratch.strip, &mut scratch.difference);
-    scratch.response.whiten(&scratch.difference, grid, order);
-    if scratch.response.count_above(GATE) < GATE_CELLS {
+fn respond_in_full(
+    pair: &Pair<'_>,
+    grid: &Grid,
+    order: Order,
+    known: Option<&Known>,
+    scratch: &mut LiveScratch,
+) -> bool {
+    let LiveScratch { strip, difference, response, closing, known: found, .. } = scratch;
+    let source = known.map_or(Source::Difference, Known::difference);
+    cells::average(pair, grid, source, strip, difference);
+    response.whiten(difference, grid, order);
+    if response.count_above(GATE) < GATE_CELLS {
         return false;
     }
-    cells::average(pair, grid, Source::Baseline, &mut scratch.strip, &mut scratch.baseline);
-    let mut baseline = &scratch.baseline;
-    if scratch.closing.baseline_has_dots(baseline, grid) {
-        scratch.closing.without_dots(&scratch.difference, baseline, grid);
-        scratch.response.whiten(&scratch.closing.difference, grid, order);
-        baseline = &scratch.closing.baseline;
+    let known = known.unwrap_or_else(|| {
+        found.find(pair, grid, order, strip, closing);
+        found
+    });
+    if let Some(dotless) = known.dotless() {
+        closing.without_dots(difference, &known.means, dotless, grid);
+        response.whiten(&closing.difference, grid, order);
     }
-    response::smooth_counts(baseline, grid, order, &mut scratch.column_sums, &mut scratch.smooth_baseline);
-    scratch.response.take_out_colour(&scratch.smooth_baseline, grid);
-    scratch.response.count_above(GATE) >= GATE_CELLS
+    response.take_out_colour(&known.smooth, grid);
+    response.count_above(GATE) >= GATE_CELLS
 }
 
 /// Sums over all patches.
