@@ -13,7 +13,7 @@ import msgspec
 
 from tega.bench.machine import Machine, describe_machine
 from tega.calibration import TouchMaxima
-from tega.config import FINGERS, check_tree
+from tega.config import FINGERS, Pace, check_tree
 
 if TYPE_CHECKING:
     from tega.testing.lab import EmulatedLab
@@ -36,6 +36,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         samples_hz: EMG samples a second used.
         hand_hz: Ticks of the loop for the hand a second; 333 are due.
         cpu_cores: Processor time of our process per second.
+        vest: The summary's table of the vest: frames made, sent and left out.
         held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
     """
 
@@ -47,15 +48,20 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     samples_hz: float
     hand_hz: float
     cpu_cores: float
+    vest: dict[str, Any]
     held_ticks: int
 
 
-def bench_loop(*, seconds: float, record: bool) -> LoopBench:
+def bench_loop(
+    *, seconds: float, record: bool, pace: Pace = "by-frame", most_hz: float | None = None
+) -> LoopBench:
     """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
     Args:
         seconds: How long.
-        record: Whether to write the tables as well.
+        record: Whether to record the run and write its tables as well.
+        pace: Of the vest; see ``vest.pace`` of a session's settings.
+        most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
 
     Returns:
         What was measured.
@@ -66,13 +72,18 @@ def bench_loop(*, seconds: float, record: bool) -> LoopBench:
     from tega.teleop.session import run_session
     from tega.testing.lab import emulated_lab
 
-    touch = TouchMaxima(cci_max=7.0, eda_max=4200.0)
+    # In the middle of what the presses below give, so that each of them is felt otherwise.
+    touch = TouchMaxima(cci_max=1.2, eda_max=9000.0)
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
         folder = Path(name)
         with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=touch) as lab:
             lab.tree["session"] = {"duration_s": seconds}
+            lab.tree["vest"]["pace"] = pace
+            if most_hz is not None:
+                lab.tree["vest"]["options"]["most_hz"] = most_hz
             if record:
                 lab.tree["session"]["out_dir"] = str(folder / "out")
+                lab.tree["recording"] = {"dir": str(folder / "recorded")}
             config = check_tree(lab.tree, {}, base=folder).config
             cpu_s: list[float] = []
 
@@ -97,6 +108,7 @@ def bench_loop(*, seconds: float, record: bool) -> LoopBench:
         samples_hz=summary["emg"]["samples"] / wall_s,
         hand_hz=summary["hand"]["ticks"] / wall_s,
         cpu_cores=used_s / wall_s,
+        vest=summary["vest"],
         held_ticks=summary["safety"]["held_ticks"],
     )
 

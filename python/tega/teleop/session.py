@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.calibration import Calibration, TouchMaxima, save_calibration
 from tega.clock import Clock, ManualClock, SystemClock
-from tega.config import DEFAULT_LAYOUT, SessionConfig
+from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace, SessionConfig
 from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
 from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.registry import driver_class
 from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.haptics import FeltMap
+from tega.priority import ahead_of_others
 from tega.recording import RunRecorder, prepare_folder
 from tega.recording.spared import Disk, Spared
 from tega.safety.clock_step import ClockStep
 from tega.safety.guard import Guard, Watched
 from tega.safety.hand_alert import HandAlert
 from tega.safety.states import Transition
+from tega.teleop.bell import Bell
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
@@ -80,10 +82,12 @@ class RunState(NamedTuple):
     sinks: Sinks
     inputs: Inputs
     layout: Layout
+    pace: Pace
     loop: LoopReport
     pacing: PacingReport
     guard: Guard
     trace: LatencyTrace | None
+    real_time: bool
 
 
 def run_session(
@@ -242,7 +246,13 @@ def _run(
     def may_feel() -> bool:
         return haptics() and guard.felt
 
-    parts = LoopParts(Pacer(clock), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, inputs)
+    pace = config.vest.pace or DEFAULT_PACE[session.preset]
+    if not isinstance(clock, SystemClock) or not any(f.source.info.live for f in prepared.fingers.values()):
+        pace = "steady"  # the pictures of a recording come at no moment of ours
+    bell = Bell() if pace == "by-frame" else None
+    parts = LoopParts(
+        Pacer(clock, bell=bell), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, inputs
+    )
     if recording is None:
         start_ns = parts.pacer.start()
     else:
@@ -250,6 +260,7 @@ def _run(
             parts,
             clock,
             layout=layout,
+            pace=pace,
             kept=sinks.kept,
             steered=sinks.steered is not None,
             observed=observer is not None,
@@ -257,7 +268,8 @@ def _run(
     trace = None
     if isinstance(clock, SystemClock):
         budget_ms = config.safety.latency_budget_ms
-        trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
+        steady = pace == "steady"
+        trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms, steady=steady)
     if recording is not None:
         recording.follow(guard, trace)
     flows = stack.enter_context(ExitStack())
@@ -265,7 +277,9 @@ def _run(
         pacer=parts.pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
         contacts={
-            name: _contacts(flows, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
+            name: _contacts(
+                flows, name, finger, reading=session.preset, start_ns=start_ns, trace=trace, bell=bell
+            )
             for name, finger in prepared.fingers.items()
         },
         levels=None if muscles is None else _levels(flows, muscles, start_ns=start_ns, trace=trace),
@@ -275,6 +289,7 @@ def _run(
         recorder=parts.recorder,
         kept=sinks.kept,
         vest_rate_hz=config.vest.rate_hz,
+        by_frame=bell is not None,
         observer=observer,
         haptics=parts.haptics,
         inputs=parts.inputs,
@@ -285,7 +300,17 @@ def _run(
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
         state = RunState(
-            config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace
+            config,
+            prepared,
+            sinks,
+            inputs,
+            layout,
+            pace,
+            loop.report,
+            parts.pacer.report(),
+            guard,
+            trace,
+            real_time,
         )
         summary = summarise(state, error=error)
         try:
@@ -300,8 +325,10 @@ def _run(
         return summary
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
+    real_time = False
     try:
-        loop.run(duration_ns=duration_ns, stop=stop)
+        with ahead_of_others() if trace is not None else nullcontext(enter_result=False) as real_time:
+            loop.run(duration_ns=duration_ns, stop=stop)
     except BaseException as error:
         conclude(error)
         raise
@@ -309,7 +336,7 @@ def _run(
 
 
 def _trace(
-    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float
+    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float, steady: bool
 ) -> LatencyTrace | None:
     """Make what follows frames and blocks through the loop, where there is something live to follow."""
     sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
@@ -322,6 +349,7 @@ def _trace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
         budget_ms=budget_ms,
+        steady=steady,
         # Asked by name: a vest whose frames are recorded stands behind another object.
         vests=[vest for vest in vests if hasattr(vest, "handed_over")],
         answered_ns=getattr(sinks.steered, "answered_ns", None),
@@ -336,6 +364,7 @@ def _contacts(
     reading: Literal["paper", "live"],
     start_ns: int,
     trace: LatencyTrace | None,
+    bell: Bell | None,
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
     if finger.measured is not None:
@@ -357,7 +386,11 @@ def _contacts(
         )
 
     stream: ThreadedStream[Contact] = ThreadedStream(
-        name, produce, live=finger.source.info.live, on_loss=finger.report.drop
+        name,
+        produce,
+        live=finger.source.info.live,
+        on_loss=finger.report.drop,
+        on_item=bell.ring if bell is not None else lambda: None,
     )
     stack.callback(stream.close)
     return stream
@@ -429,6 +462,7 @@ def _sinks(
                     vest,
                     keep_alive_ns=round(config.vest.keep_alive_s * 1e9),
                     period_ns=round(1e9 / config.vest.rate_hz),
+                    in_steps=getattr(vest, "in_steps", False),
                 )
             )
         else:

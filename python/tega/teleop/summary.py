@@ -55,7 +55,8 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     summary["vest"] = {
         "layout": state.layout,
         "rate_hz": config.vest.rate_hz,
-        "frames": loop.n_vest_ticks,
+        "pace": state.pace,
+        "frames": loop.n_vest_ticks + loop.n_vest_between,
         "sent": loop.n_vest_sent,
         "skipped": loop.n_vest_skipped,
         "sinks": [
@@ -78,6 +79,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
             "overruns": pacing.n_overruns,
             "skipped": pacing.n_skipped,
             "worst_late_ms": pacing.worst_late_ms,
+            "real_time": state.real_time,
         }
     summary["safety"] = state.guard.summary()
     if state.trace is not None:
