@@ -14,9 +14,10 @@ import pytest
 
 from tega.calibration import TouchMaxima
 from tega.config import check_tree
-from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, FrameLatency, LatencyTrace, Spread
+from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, FrameLatency, LatencyTrace
 from tega.teleop.loop import LoopView
 from tega.teleop.session import run_session
+from tega.teleop.spread import Spread
 from tega.testing.lab import emulated_lab
 
 MS = 1_000_000

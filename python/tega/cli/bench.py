@@ -165,7 +165,8 @@ def loop(
     vest = report.vest
     out.print(
         f"vest {vest['pace']}: {vest['frames'] / report.seconds:.0f} frames made and "
-        f"{vest['sent'] / report.seconds:.0f} handed to its driver a second"
+        f"{vest['sent'] / report.seconds:.0f} handed to its driver a second; "
+        f"{vest['replaced']} pictures were replaced by newer ones before its link was free"
     )
     out.print(
         f"{pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tega.safety.guard import Guard
     from tega.teleop.keepalive import KeepAlive
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.loop import LoopReport
+    from tega.teleop.loop_report import LoopReport
     from tega.teleop.prepare import Prepared
     from tega.teleop.session import LoopParts
 

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from tega.teleop.hand import Hand
     from tega.teleop.inputs import Inputs
     from tega.teleop.latency import FrameLatency
-    from tega.teleop.loop import LoopReport, Recorder
+    from tega.teleop.loop import Recorder
+    from tega.teleop.loop_report import LoopReport
     from tega.teleop.prepare import Prepared
     from tega.teleop.touch import Felt
     from tega.wire import CanFrame

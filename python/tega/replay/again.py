@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import EmgChunk, TactileFrame
     from tega.haptics import VestFrame
-    from tega.teleop.loop import LoopReport
+    from tega.teleop.loop_report import LoopReport
     from tega.teleop.touch import Felt
     from tega.wire import CanFrame
 

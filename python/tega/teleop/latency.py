@@ -25,13 +25,14 @@ whole     sample to hand-over
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final, NamedTuple, Protocol
 
-__all__ = ["INTENT_STAGES", "TOUCH_STAGES", "FrameLatency", "LatencyTrace", "Spread", "Tells"]
+from tega.teleop.spread import Spread
+
+__all__ = ["INTENT_STAGES", "TOUCH_STAGES", "FrameLatency", "LatencyTrace", "Tells"]
 
 TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", "own", "in-hand", "whole")
 INTENT_STAGES: Final = ("sample", "levels", "wait", "hand-over", "own", "whole")
@@ -41,46 +42,6 @@ _TELL_NS: Final = 1_000_000_000
 _PENDING: Final = 64
 # Recordings of before there was a greatest rate do not tell when it let a frame go.
 _STAMPS_WITHOUT_HELD: Final = 6
-
-
-class Spread:
-    """How numbers are spread, in little memory however many: counted in bins a fiftieth wide.
-
-    Percentiles are right within 2 %, the worst is exact.
-
-    Attributes:
-        n: How many.
-        worst_ns: The largest.
-    """
-
-    _GROWTH = math.log(1.02)
-
-    def __init__(self) -> None:
-        self._bins: dict[int, int] = {}
-        self.n = 0
-        self.worst_ns = 0
-
-    def add(self, ns: int) -> None:
-        """Take one; what is below a microsecond counts as that."""
-        k = int(math.log(max(ns, 1000)) / self._GROWTH)
-        self._bins[k] = self._bins.get(k, 0) + 1
-        self.n += 1
-        self.worst_ns = max(self.worst_ns, ns)
-
-    def at(self, share: float) -> float:
-        """Return the number that so large a share of all stays at or below, in ns; NaN for none."""
-        left = math.ceil(share * self.n)
-        for k in sorted(self._bins):
-            left -= self._bins[k]
-            if left <= 0:
-                return min(math.exp((k + 1) * self._GROWTH), float(self.worst_ns))
-        return math.nan
-
-    def summary_ms(self) -> dict[str, float | int]:
-        """Return count, p50, p95, p99 and worst, milliseconds."""
-        shares = {"p50": 0.5, "p95": 0.95, "p99": 0.99}
-        found = {name: round(self.at(share) / 1e6, 3) for name, share in shares.items() if self.n}
-        return {"n": self.n, **found, "worst": round(self.worst_ns / 1e6, 3)}
 
 
 class FrameLatency(NamedTuple):
@@ -139,6 +100,8 @@ class LatencyTrace:
         observers: Told of every frame and block that has arrived.
         warning: What is over the budget now, and in which stage most of it goes; ``""`` for nothing.
         last_warning: The newest that was not ``""``.
+        n_replaced: Camera frames that would have changed what is felt, but a newer one of the finger came before the
+            vest's link was free; they are in no percentile.
         line: How it stands in one line, p50 and p99 of the whole run; made anew once a second.
     """
 
@@ -161,6 +124,7 @@ class LatencyTrace:
         self._coming: dict[str, deque[tuple[int, int, int]]] = {}
         self._fresh: dict[str, tuple[int, int, int]] = {}
         self._offered: dict[str, tuple[int, int]] = {}
+        self.n_replaced = 0
         self._ticks: dict[int, dict[str, tuple[int, ...]]] = {}
         self._felt: dict[str, int] = {}
         self._block: tuple[int, ...] | None = None
@@ -260,7 +224,15 @@ class LatencyTrace:
         }
 
     def _shown(self, tick_ns: int, free_ns: int, handed_ns: int) -> None:
-        for name, item in self._ticks.pop(tick_ns, {}).items():
+        shown = self._ticks.pop(tick_ns, {})
+        replaced = set()
+        for older_ns in sorted((t_ns for t_ns in self._ticks if t_ns < tick_ns), reverse=True):
+            for name, item in self._ticks.pop(older_ns).items():
+                # What never left by itself has left with this frame, unless the finger has a newer picture in it.
+                if shown.setdefault(name, item)[0] != item[0] != self._felt.get(name):
+                    replaced.add((name, item[0]))
+        self.n_replaced += len(replaced)
+        for name, item in shown.items():
             if (newest := self._fresh.get(name)) is not None and newest[0] == item[0]:
                 del self._fresh[name]
                 self._offered.pop(name, None)

@@ -59,6 +59,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         "frames": loop.n_vest_ticks + loop.n_vest_between,
         "sent": loop.n_vest_sent,
         "skipped": loop.n_vest_skipped,
+        **({} if state.trace is None else {"replaced": state.trace.n_replaced}),
         "sinks": [
             sink.info.driver for sink in (*(vest.sink for vest in state.sinks.kept), *state.sinks.vests)
         ],

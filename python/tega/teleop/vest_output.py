@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from tega.haptics import VestFrame
     from tega.teleop.keepalive import KeepAlive
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.loop import LoopReport
+    from tega.teleop.loop_report import LoopReport
     from tega.teleop.touch import TouchLoop
 
 __all__ = ["VestOutput"]
