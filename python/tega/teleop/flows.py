@@ -53,6 +53,8 @@ def contact_stream(
     bell: Bell | None,
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
+    if finger.stream is not None:
+        return finger.stream
     if finger.measured is not None:
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
@@ -86,6 +88,8 @@ def level_stream(
     stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
 ) -> Stream[Block]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
+    if muscles.stream is not None:
+        return muscles.stream
     produce = partial(
         grasp_blocks,
         muscles.source,
