@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.calibration import TouchMaxima
 from tega.config import check_tree
 from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, FrameLatency, LatencyTrace
-from tega.teleop.loop import LoopView
 from tega.teleop.session import run_session
 from tega.teleop.spread import Spread
-from tega.testing.lab import emulated_lab
+from tega.testing.lab import PRESSED, emulated_lab, pressing
 
 MS = 1_000_000
 
@@ -128,17 +126,11 @@ def test_memory_stays_the_same_however_long_it_runs() -> None:
 
 
 def test_a_run_traces_both_ways(tmp_path: Path) -> None:
-    touch = TouchMaxima(cci_max=1.2, eda_max=9000.0)
     fingers = ("thumb",)
-    with emulated_lab(tmp_path, emg_hz=250.0, hand=True, vest=True, fingers=fingers, touch=touch) as lab:
+    with emulated_lab(tmp_path, emg_hz=250.0, hand=True, vest=True, fingers=fingers, touch=PRESSED) as lab:
         lab.tree["session"] = {"duration_s": 4.0}
-
-        def press(view: LoopView) -> None:
-            if view.counts["vest"] % 4 == 0:
-                lab.sensors["thumb"].say(f"press {0.5 + 0.1 * (view.counts['vest'] // 4 % 5):.1f}")
-
-        config = check_tree(lab.tree, {}, base=tmp_path).config
-        summary: dict[str, Any] = run_session(config, observer=press)
+        with pressing(lab):
+            summary: dict[str, Any] = run_session(check_tree(lab.tree, {}, base=tmp_path).config)
     for path, stages in summary["latency_ms"].items():
         assert stages["whole"]["n"] > 5, path
         parts = [s for name, s in stages.items() if name not in {"own", "in-hand", "whole"}]

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import tempfile
-import threading
 import time
-from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 from tega.bench.machine import Machine, describe_machine
-from tega.calibration import TouchMaxima
 from tega.config import FINGERS, Pace, check_tree
-
-if TYPE_CHECKING:
-    from tega.testing.lab import EmulatedLab
 
 __all__ = ["LoopBench", "bench_loop"]
 
 EMG_HZ = 1000.0
-_PRESS_S = 0.1
 
 
 class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,13 +63,11 @@ def bench_loop(
         MissingExtraError: A package of the extra ``lab`` is not installed.
     """
     from tega.teleop.session import run_session
-    from tega.testing.lab import emulated_lab
+    from tega.testing.lab import PRESSED, emulated_lab, pressing
 
-    # In the middle of what the presses below give, so that each of them is felt otherwise.
-    touch = TouchMaxima(cci_max=1.2, eda_max=9000.0)
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
         folder = Path(name)
-        with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=touch) as lab:
+        with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED) as lab:
             lab.tree["session"] = {"duration_s": seconds}
             lab.tree["vest"]["pace"] = pace
             if most_hz is not None:
@@ -91,12 +82,8 @@ def bench_loop(
                 if what == "running":
                     cpu_s.append(time.process_time())
 
-            over = threading.Event()
-            presses = threading.Thread(target=_press, args=(lab, over), daemon=True)
-            presses.start()
-            summary = run_session(config, progress=progress)
-            over.set()
-            presses.join()
+            with pressing(lab):
+                summary = run_session(config, progress=progress)
             used_s = time.process_time() - cpu_s[0]
     wall_s = summary["duration_s"]
     return LoopBench(
@@ -111,12 +98,3 @@ def bench_loop(
         vest=summary["vest"],
         held_ticks=summary["safety"]["held_ticks"],
     )
-
-
-def _press(lab: EmulatedLab, over: threading.Event) -> None:
-    """Press now more and now less, so that there is something new to feel."""
-    for firmness in cycle((0.5, 0.6, 0.7, 0.8, 0.9)):
-        for sensor in lab.sensors.values():
-            sensor.say(f"press {firmness}")
-        if over.wait(_PRESS_S):
-            return
