@@ -28,11 +28,14 @@ from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.safety.settings import SafetySection
 
+Pace = Literal["steady", "by-frame"]
+
 if TYPE_CHECKING:
     from tega.haptics import Layout
 
 __all__ = [
     "DEFAULT_LAYOUT",
+    "DEFAULT_PACE",
     "FINGERS",
     "CalibrationConfig",
     "EmgConfig",
@@ -58,6 +61,9 @@ ENVIRONMENT_PREFIX = "TEGA_"
 
 DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
 """The vest's layout where the settings name none, by preset."""
+
+DEFAULT_PACE: dict[str, Pace] = {"paper": "steady", "live": "by-frame"}
+"""The vest's pace where the settings name none, by preset."""
 
 
 class _Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -163,7 +169,9 @@ class VestConfig(_Section, frozen=True):
     Attributes:
         driver: Name of a vest driver; none means the frames are only recorded.
         layout: Which motors: ``paper32``, ``x40`` or ``x16``; none means the preset's own.
-        rate_hz: Frames per second.
+        rate_hz: Refreshes per second.
+        pace: ``steady`` makes frames at the refreshes only, ``by-frame`` also whenever a picture of a live fingertip
+            changes what is felt; none means the preset's own.
         keep_alive_s: A frame equal to the last one sent is sent to a real vest again after this long at the latest;
             0 sends every frame. It stays well below the 200 ms after which a vest has to fall silent by itself.
         mirror: ``back`` reverses the back's columns, ``all`` both faces' (a left hand, or a mirrored vest).
@@ -175,6 +183,7 @@ class VestConfig(_Section, frozen=True):
     driver: str | None = None
     layout: Literal["paper32", "x40", "x16"] | None = None
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 30.0
+    pace: Pace | None = None
     keep_alive_s: Annotated[float, msgspec.Meta(ge=0, le=0.15)] = 0.1
     mirror: Literal["none", "back", "all"] = "none"
     threshold: _Threshold | _EachThreshold = 0.0
@@ -390,9 +399,11 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
         config = msgspec.structs.replace(config, calibration=beside)
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
+    preset = config.session.preset
     if config.vest.layout is None:
-        preset = config.session.preset
         values["vest.layout"] = Value(DEFAULT_LAYOUT[preset], f"preset {preset}")
+    if config.vest.pace is None:
+        values["vest.pace"] = Value(DEFAULT_PACE[preset], f"preset {preset}")
     if config.calibration.person is None:
         return LoadedConfig(config, values)
     from tega.calibration.person import with_person

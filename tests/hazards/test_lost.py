@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from hazards.bench import Lab, lab
+from hazards.bench import LONGEST_S, Lab, lab
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.testing.emulators.hid_port import HidBoard, HidPort
@@ -101,8 +103,8 @@ def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: s
         def script() -> None:
             made.until(lambda: made.state == "active" and column(made, 0) and column(made, 1))
             made.sensors["thumb"].say(fault)
-            made.until(lambda: not column(made, 0))
-            assert column(made, 1)
+            # In one look at the vest; a camera that waits for a core may be silent in another.
+            made.until(lambda: [bool(m) for m in seen_by(made.vest).motors[:2]] == [False, True])
             made.until(lambda: "thumb: no picture for" in made.said())
             assert made.state == "active"
             made.sensors["thumb"].say("clear")
@@ -224,32 +226,35 @@ def test_a_lost_vest_holds_the_hand_where_the_settings_say_so(tmp_path: Path) ->
 
 
 def test_a_late_loop_holds_and_the_vest_rests_meanwhile(tmp_path: Path) -> None:
-    slept: list[float] = []
-    rested: list[bool] = []
+    hang_now, hanging, rested = threading.Event(), threading.Event(), threading.Event()
     with lab(tmp_path, vest=True, fingers=("thumb",), safety={"late_ms": 400.0}) as made:
 
         def hang(_view: object) -> None:
-            if slept == [0.0]:
-                slept[:] = [1.0]
+            if hang_now.is_set() and not hanging.is_set():
+                hanging.set()
                 time.sleep(1.0)
+                # Nothing but the vest's own watchdog can let it rest now.
+                assert rested.wait(LONGEST_S)
 
         def script() -> None:
             made.until(lambda: made.state == "active" and column(made, 0))
-            slept[:] = [0.0]
-            made.until(lambda: not column(made, 0), seconds=0.9)
-            rested.append(slept == [1.0])
+            hang_now.set()
+            made.until(hanging.is_set)
+            made.until(lambda: not column(made, 0))
+            rested.set()
             made.until(lambda: "hold" in states(made))
             made.until(lambda: made.state == "active" and column(made, 0))
 
         made.run(script, observe=hang)
-    assert rested == [True]
+    assert rested.is_set()
     late = next(change for change in made.changes if change.state == "hold")
     assert "ms late" in late.reason
     assert made.summary["pacing"]["skipped"] > 0
 
 
 def test_a_slow_camera_does_not_arm(tmp_path: Path) -> None:
-    with lab(tmp_path, vest=True, fingers=("thumb",), camera_hz=20.0) as made:
+    slow: dict[str, Any] = {"camera_hz": 20.0, "safety": {"lowest_rate_share": 0.5}}
+    with lab(tmp_path, vest=True, fingers=("thumb",), **slow) as made:
 
         def script() -> None:
             made.until(lambda: "a second come, 60 are expected" in made.said())

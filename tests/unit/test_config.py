@@ -42,7 +42,9 @@ def test_defaults_need_no_file() -> None:
     loaded = load_config(None, environ={})
     assert loaded.config.session.preset == "live"
     assert loaded.config.tactile.in_use() == {}
-    assert {v.origin for k, v in loaded.values.items() if k != "vest.layout"} == {"default"}
+    assert {v.origin for k, v in loaded.values.items() if k not in {"vest.layout", "vest.pace"}} == {
+        "default"
+    }
     assert loaded.values["vest.layout"] == ("x40", "preset live")
 
 

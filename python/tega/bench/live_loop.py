@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import tempfile
-import threading
 import time
-from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 from tega.bench.machine import Machine, describe_machine
-from tega.calibration import TouchMaxima
-from tega.config import FINGERS, check_tree
-
-if TYPE_CHECKING:
-    from tega.testing.lab import EmulatedLab
+from tega.config import FINGERS, Pace, check_tree
 
 __all__ = ["LoopBench", "bench_loop"]
 
 EMG_HZ = 1000.0
-_PRESS_S = 0.1
 
 
 class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,6 +29,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         samples_hz: EMG samples a second used.
         hand_hz: Ticks of the loop for the hand a second; 333 are due.
         cpu_cores: Processor time of our process per second.
+        vest: The summary's table of the vest: frames made, sent and left out.
         held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
     """
 
@@ -47,15 +41,20 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     samples_hz: float
     hand_hz: float
     cpu_cores: float
+    vest: dict[str, Any]
     held_ticks: int
 
 
-def bench_loop(*, seconds: float, record: bool) -> LoopBench:
+def bench_loop(
+    *, seconds: float, record: bool, pace: Pace = "by-frame", most_hz: float | None = None
+) -> LoopBench:
     """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
     Args:
         seconds: How long.
-        record: Whether to write the tables as well.
+        record: Whether to record the run and write its tables as well.
+        pace: Of the vest; see ``vest.pace`` of a session's settings.
+        most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
 
     Returns:
         What was measured.
@@ -64,15 +63,18 @@ def bench_loop(*, seconds: float, record: bool) -> LoopBench:
         MissingExtraError: A package of the extra ``lab`` is not installed.
     """
     from tega.teleop.session import run_session
-    from tega.testing.lab import emulated_lab
+    from tega.testing.lab import PRESSED, emulated_lab, pressing
 
-    touch = TouchMaxima(cci_max=7.0, eda_max=4200.0)
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
         folder = Path(name)
-        with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=touch) as lab:
+        with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED) as lab:
             lab.tree["session"] = {"duration_s": seconds}
+            lab.tree["vest"]["pace"] = pace
+            if most_hz is not None:
+                lab.tree["vest"]["options"]["most_hz"] = most_hz
             if record:
                 lab.tree["session"]["out_dir"] = str(folder / "out")
+                lab.tree["recording"] = {"dir": str(folder / "recorded")}
             config = check_tree(lab.tree, {}, base=folder).config
             cpu_s: list[float] = []
 
@@ -80,12 +82,8 @@ def bench_loop(*, seconds: float, record: bool) -> LoopBench:
                 if what == "running":
                     cpu_s.append(time.process_time())
 
-            over = threading.Event()
-            presses = threading.Thread(target=_press, args=(lab, over), daemon=True)
-            presses.start()
-            summary = run_session(config, progress=progress)
-            over.set()
-            presses.join()
+            with pressing(lab):
+                summary = run_session(config, progress=progress)
             used_s = time.process_time() - cpu_s[0]
     wall_s = summary["duration_s"]
     return LoopBench(
@@ -97,14 +95,6 @@ def bench_loop(*, seconds: float, record: bool) -> LoopBench:
         samples_hz=summary["emg"]["samples"] / wall_s,
         hand_hz=summary["hand"]["ticks"] / wall_s,
         cpu_cores=used_s / wall_s,
+        vest=summary["vest"],
         held_ticks=summary["safety"]["held_ticks"],
     )
-
-
-def _press(lab: EmulatedLab, over: threading.Event) -> None:
-    """Press now more and now less, so that there is something new to feel."""
-    for firmness in cycle((0.5, 0.6, 0.7, 0.8, 0.9)):
-        for sensor in lab.sensors.values():
-            sensor.say(f"press {firmness}")
-        if over.wait(_PRESS_S):
-            return

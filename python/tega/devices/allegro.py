@@ -21,6 +21,7 @@ from tega.devices.hand_guard import Guard
 from tega.devices.lifecycle import Opened, require
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
+from tega.priority import ahead_of_others
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -340,6 +341,7 @@ class Allegro(Opened):
                 "ip link set can0 up type can bitrate 1000000 restart-ms 100",
             ) from error
 
+    @ahead_of_others()
     def _run(self, link: HandLink) -> None:
         """Exchange frames until told to leave; then let go, and leave whatever happens."""
         leave_ns = 0

@@ -20,6 +20,7 @@ from tega.devices.picture_origin import PictureOrigin
 from tega.devices.video_nodes import find_node
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import ConfigError, DeviceUnavailableError
+from tega.priority import ahead_of_others
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -257,6 +258,7 @@ class Digit(Opened):
                 notes.append("the lights could not be set")
         self._notes = tuple(notes)
 
+    @ahead_of_others()
     def _run(self, capture: Any) -> None:
         """Read until told to leave; a camera that goes away is opened again."""
         back_off_s = _BACK_OFF_S[0]

@@ -36,6 +36,7 @@ class BleOptions(VestOptions, frozen=True):
     Attributes:
         address: The vest's Bluetooth address (on macOS its identifier); empty for the first vest that is heard.
         scan_s: How long to listen for it.
+        most_hz: As above; 20 to 50 writes a second are known to work, and more of them pile up in the radio.
         front_mirror: Swap left and right on the front panel: its sense rests on one published table, see
             ``tega-teleop identify``.
     """

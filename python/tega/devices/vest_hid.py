@@ -36,12 +36,14 @@ class HidVestOptions(VestOptions, frozen=True):
         product_id: Its product number.
         serial: Its serial number; empty for the first one found.
         require_vest: Refuse to open when the board says that it has no vest.
+        most_hz: As above. USB carries one report a millisecond, and each waits for the answer to the one before.
     """
 
     vendor_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] = 0x1209
     product_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] = 0x0001
     serial: str = ""
     require_vest: bool = True
+    most_hz: Annotated[float, msgspec.Meta(ge=10, le=1000)] = 500.0
 
 
 class HidVest(StreamedVest):
@@ -52,6 +54,7 @@ class HidVest(StreamedVest):
     """
 
     name: ClassVar[str] = "hid-vest"
+    in_steps: ClassVar[bool] = False
     summary: ClassVar[str] = (
         "microcontroller on USB with TEGA's own reports (no bHaptics vest is a HID device)"
     )

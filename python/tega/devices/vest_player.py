@@ -6,6 +6,7 @@ import contextlib
 import socket
 import threading
 import time
+from collections import deque
 from typing import Annotated, Any, ClassVar, Final
 from urllib.parse import quote
 
@@ -23,6 +24,8 @@ __all__ = ["PlayerOptions", "PlayerVest"]
 
 _PATH: Final = "/v2/feedbacks"
 _GRACE_S = 2.0  # a Player that has just been asked may take this long to say which devices it has
+_ON_THE_WAY: Final = 2  # frames that the Player may not have read yet
+_BLIND_S = 0.04  # between frames for a Player that does not say whether it has read them
 _PROBE_S = 4.0  # its status is not sent regularly: an empty frame for a foot provokes one
 
 
@@ -34,19 +37,23 @@ class PlayerOptions(VestOptions, frozen=True):
         port: Its port.
         app_name: Under which name it lists this program.
         require_vest: Refuse to open when the Player says that no vest is connected to it.
+        most_hz: As above. Frames wait for the Player's answers anyway, and each replaces the one it plays, so nothing
+            piles up; the pause puts frames that come together into one.
     """
 
     host: str = "127.0.0.1"
     port: Annotated[int, msgspec.Meta(ge=1, le=65535)] = 15881
     app_name: Annotated[str, msgspec.Meta(min_length=1, max_length=64)] = "TEGA"
     require_vest: bool = True
+    most_hz: Annotated[float, msgspec.Meta(ge=10, le=1000)] = 500.0
 
 
 class PlayerVest(StreamedVest):
     """Streams both panels under two constant names; each frame ends by itself after 200 ms.
 
-    Every frame is followed by a websocket ping, and the next one waits for its answer: frames that a slow Player has
-    not read yet do not pile up in between. A Player that answers no pings is fed without that, and a note says so.
+    Every frame is followed by a websocket ping, and the next but one waits for its answer: of a slow Player no more
+    than two frames are on the way. A Player that answers no pings is fed 25 frames a second at most, and a note
+    says so.
 
     Args:
         options: The settings.
@@ -87,11 +94,12 @@ class _PlayerLink:
         self._ws: Any = None
         self._closing = contextlib.ExitStack()
         self._broken: tuple[type[Exception], ...] = (OSError,)
-        self._pong: threading.Event | None = None
+        self._pongs: deque[threading.Event] = deque(maxlen=_ON_THE_WAY)
         self._acknowledges = True
+        self._unasked = False
         self._has_vest: bool | None = None
         self._garbage = 0
-        self._probed_s = 0.0
+        self._probed_s = self._said_s = 0.0
 
     @property
     def present(self) -> bool:
@@ -139,11 +147,11 @@ class _PlayerLink:
             ) from error
         self._say(player_v2_stop())
         self._probe()
-        self._pong = self._ping()
+        pong = self._ping()
         deadline = time.monotonic() + _GRACE_S
-        while time.monotonic() < deadline and (self._has_vest is None or not self._pong.is_set()):
+        while time.monotonic() < deadline and (self._has_vest is None or not pong.is_set()):
             self._hear(0.05)
-        self._acknowledges = self._pong.is_set()
+        self._acknowledges = pong.is_set()
         if o.require_vest and self._has_vest is False:
             raise DeviceUnavailableError(
                 f"the {self._where} has no vest connected",
@@ -151,16 +159,20 @@ class _PlayerLink:
             )
 
     def ready(self, timeout_s: float) -> bool:
-        if self._pong is None or not self._acknowledges:
+        if not self._acknowledges:
+            time.sleep(min(timeout_s, max(0.0, self._said_s + _BLIND_S - time.monotonic())))
             return True
-        return self._pong.wait(timeout_s)
+        return len(self._pongs) < _ON_THE_WAY or self._pongs[0].wait(timeout_s)
 
     def send(self, intensities: NDArray[np.uint8]) -> None:
         self._say(player_v2_message(intensities, duration_ms=HOLD_MS))
-        if self._acknowledges:
-            self._pong = self._ping()
+        self._said_s = time.monotonic()
+        self._unasked = self._acknowledges
 
     def poll(self) -> None:
+        if self._unasked:
+            self._unasked = False
+            self._pongs.append(self._ping())
         if time.monotonic() - self._probed_s > _PROBE_S:
             self._probe()
         self._hear(0.0)

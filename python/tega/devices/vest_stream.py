@@ -4,7 +4,7 @@ A driver makes *links*; a thread of its own connects one, feeds it, and replaces
 its frame over through one slot and never waits for a radio or a socket.
 
 ==================  ==================================================================================
-a frame written     replaces one that was not sent yet
+a frame written     replaces one that was not sent yet; goes out at once, or when the greatest rate lets it
 an equal frame      is sent again after 100 ms
 no frame, 200 ms    zeros, and zeros again every second
 link lost           frames are dropped, a new link is tried after 0.5 s, then up to 5 s; it begins with zeros
@@ -31,6 +31,7 @@ from tega.devices.lifecycle import Opened
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame
+from tega.priority import ahead_of_others
 from tega.safety.motor_budget import DOSE_S, HEAT_SHARE, MotorBudget
 
 if TYPE_CHECKING:
@@ -57,12 +58,14 @@ class VestOptions(Options, frozen=True):
 
     Attributes:
         limit: The highest intensity that is ever sent, percent.
+        most_hz: The greatest rate of frames; one that comes sooner waits for its turn, and a newer one takes its place.
         heat_share: How warm a motor may get, as a share of what full drive for ever would make it.
         dose_s: Seconds of full drive that a motor may give in all; see docs/safety.md.
         open_timeout_s: How long opening may take.
     """
 
     limit: Annotated[int, msgspec.Meta(ge=1, le=100)] = 100
+    most_hz: Annotated[float, msgspec.Meta(ge=10, le=1000)] = 50.0
     heat_share: Annotated[float, msgspec.Meta(ge=0.01, le=1)] = HEAT_SHARE
     dose_s: Annotated[float, msgspec.Meta(ge=10, le=86_400)] = DOSE_S
     open_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0
@@ -115,6 +118,7 @@ class VestCounters(msgspec.Struct, kw_only=True):
     Attributes:
         written: Frames handed over.
         sent: Frames sent, keep-alives and zeros included.
+        held: Frames that had to wait for the greatest rate.
         superseded: Frames replaced by a newer one before they could be sent.
         silenced: Times the watchdog sent zeros.
         lost: Times the link broke.
@@ -123,6 +127,7 @@ class VestCounters(msgspec.Struct, kw_only=True):
 
     written: int = 0
     sent: int = 0
+    held: int = 0
     superseded: int = 0
     silenced: int = 0
     lost: int = 0
@@ -138,11 +143,14 @@ class StreamedVest(Opened):
 
     kind: ClassVar[Kind] = "vest"
     name: ClassVar[str]
+    in_steps: ClassVar[bool] = True
+    """Whether the vest shows 16 steps and nothing between; a bHaptics vest takes four bits a motor."""
 
     def __init__(self, options: VestOptions) -> None:
         self.budget = MotorBudget(limit=options.limit, heat_share=options.heat_share, dose_s=options.dose_s)
         """What the motors may still do; kept over reconnections and openings."""
         self._open_timeout_s = options.open_timeout_s
+        self._gap_s = 1.0 / options.most_hz
         self.counters = VestCounters()
         self._link: VestLink | None = None
         self._thread: threading.Thread | None = None
@@ -152,7 +160,7 @@ class StreamedVest(Opened):
         self._slot = _ZEROS
         self._slot_is_new = False
         self._slot_t_ns = 0
-        self._handed: deque[tuple[int, int]] = deque(maxlen=_KEPT)
+        self._handed: deque[tuple[int, int, int]] = deque(maxlen=_KEPT)
         self._written_s = 0.0
         self._up = threading.Event()
         self._failure: DeviceUnavailableError | None = None
@@ -252,10 +260,16 @@ class StreamedVest(Opened):
         shown = allowed if self.reached else _ZEROS
         return VestFrame(frame.layout, shown[frame.motors])
 
-    def handed_over(self) -> list[tuple[int, int]]:
-        """Return, since the last call, the ``t_ns`` a frame was written with and the monotonic time, ns, it left at."""
+    def handed_over(self) -> list[tuple[int, int, int]]:
+        """Return what left since the last call.
+
+        Returns:
+            Of each frame the ``t_ns`` it was written with, and the monotonic times, ns, until which the greatest rate
+            held it back (0 where it did not) and at which it left.
+        """
         return [self._handed.popleft() for _ in range(len(self._handed))]
 
+    @ahead_of_others()
     def _run(self, connected: threading.Event) -> None:
         retry_s = _RETRY_S[0]
         while not self._stopping:
@@ -286,12 +300,17 @@ class StreamedVest(Opened):
         """Feed a link until the driver is closed or the link breaks."""
         shown, shown_s = _ZEROS, time.monotonic()
         while True:
+            free_ns = 0
             with self._changed:
                 self._changed.wait_for(lambda: self._slot_is_new or self._stopping, _POLL_S)
+                if self._slot_is_new and (held_s := shown_s + self._gap_s - time.monotonic()) > 0:
+                    self.counters.held += 1
+                    self._changed.wait_for(lambda: self._stopping, held_s)
+                    free_ns = time.monotonic_ns()
                 if self._stopping:
                     return
-            link.poll()
             if not link.ready(_POLL_S):
+                link.poll()
                 if time.monotonic() - shown_s > _STALLED_S:
                     raise DeviceUnavailableError(f"{self.name}: takes no frames, for {_STALLED_S:g} s now")
                 continue
@@ -309,7 +328,8 @@ class StreamedVest(Opened):
                 shown, shown_s = wanted, now
                 self.counters.sent += 1
             if is_new:
-                self._handed.append((t_ns, time.monotonic_ns()))
+                self._handed.append((t_ns, free_ns, time.monotonic_ns()))
+            link.poll()  # last, since it may take a while and nobody waits for it
 
 
 def _said(error: Exception) -> DeviceUnavailableError:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from tega.priority import ahead_of_others
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_queue import BoundedQueue, Item
 
@@ -187,6 +188,7 @@ class McapRecorder:
         while not self._closing.wait(SYNC_S):
             self._file.sync()
 
+    @ahead_of_others(last=True)
     def _work(self) -> None:
         """Write until told to close, then what is left."""
         now_ns = time.monotonic_ns()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tega.safety.guard import Guard
     from tega.teleop.keepalive import KeepAlive
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.loop import LoopReport
+    from tega.teleop.loop_report import LoopReport
     from tega.teleop.prepare import Prepared
     from tega.teleop.session import LoopParts
 
@@ -72,15 +72,23 @@ class Recording:
         clock: Clock,
         *,
         layout: str,
+        pace: str,
         kept: Sequence[KeepAlive],
         steered: bool,
         observed: bool,
     ) -> tuple[LoopParts, int]:
         """Begin, and return the loop's parts with a recorder between them, and the start of the session."""
         tap = self.tap
-        pacer = tap.pacer(clock)
+        pacer = tap.pacer(clock, parts.pacer.bell)
         hand = tap.hand(parts.hand)
-        tap.head(layout=layout, live_vest=bool(kept), steered=steered, observed=observed)
+        tap.head(
+            layout=layout,
+            pace=pace,
+            live_vest=bool(kept),
+            in_steps=any(vest.in_steps for vest in kept),
+            steered=steered,
+            observed=observed,
+        )
         start_ns = pacer.start()
         tap.begin(start_ns)
         self._begun = True

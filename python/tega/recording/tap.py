@@ -33,10 +33,12 @@ if TYPE_CHECKING:
     from tega.recording.mcap_recorder import McapRecorder
     from tega.safety.states import Transition
     from tega.tactile import ContactMetrics
+    from tega.teleop.bell import Bell
     from tega.teleop.hand import Hand
     from tega.teleop.inputs import Inputs
     from tega.teleop.latency import FrameLatency
-    from tega.teleop.loop import LoopReport, Recorder
+    from tega.teleop.loop import Recorder
+    from tega.teleop.loop_report import LoopReport
     from tega.teleop.prepare import Prepared
     from tega.teleop.touch import Felt
     from tega.wire import CanFrame
@@ -97,13 +99,15 @@ class SessionTap:
         self._prepared = prepared._replace(fingers=fingers, muscles=muscles)
         return self._prepared
 
-    def pacer(self, clock: Clock) -> Pacer:
+    def pacer(self, clock: Clock, bell: Bell | None) -> Pacer:
         """Return a pacer that notes the deadlines it leaves out."""
         self._clock = clock
-        self._pacer = _NotingPacer(clock, self._skip)
+        self._pacer = _NotingPacer(clock, bell, self._skip)
         return self._pacer
 
-    def head(self, *, layout: str, live_vest: bool, steered: bool, observed: bool) -> None:
+    def head(
+        self, *, layout: str, pace: str, live_vest: bool, in_steps: bool, steered: bool, observed: bool
+    ) -> None:
         """Write the head of the recording, before the session starts."""
         prepared = self._prepared
         if prepared is None:
@@ -117,7 +121,9 @@ class SessionTap:
                 "format": FORMAT,
                 "version": VERSION,
                 "layout": layout,
+                "pace": pace,
                 "live_vest": str(live_vest).lower(),
+                "in_steps": str(in_steps).lower(),
                 "steered": str(steered).lower(),
                 "observed": str(observed).lower(),
                 "lossless": str(self._config.recording.lossless).lower(),
@@ -219,7 +225,7 @@ class SessionTap:
 
     @property
     def tick_ns(self) -> int:
-        """The deadline that the loop last waited for."""
+        """The turn of the loop: the deadline it last waited for, or when it was woken since."""
         return 0 if self._pacer is None else self._pacer.tick_ns
 
     # What is seen.
@@ -349,12 +355,18 @@ def _versions() -> dict[str, str]:
 
 
 class _NotingPacer(Pacer):
-    """A pacer that knows the deadline it last waited for, and tells those that it left out."""
+    """A pacer that knows the turn of the loop, a deadline or between two, and tells the deadlines that it left out."""
 
-    def __init__(self, clock: Clock, on_skip: Callable[[int], None]) -> None:
-        super().__init__(clock)
+    def __init__(self, clock: Clock, bell: Bell | None, on_skip: Callable[[int], None]) -> None:
+        super().__init__(clock, bell=bell)
         self._on_skip = on_skip
         self.tick_ns = self.n_waits = 0
+
+    def doze(self, t_ns: int) -> int:
+        until_ns = super().doze(t_ns)
+        if until_ns < t_ns:
+            self.tick_ns = until_ns
+        return until_ns
 
     def wait(self, t_ns: int) -> bool:
         in_time = super().wait(t_ns)

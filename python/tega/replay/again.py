@@ -7,6 +7,7 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -28,7 +29,7 @@ from tega.teleop.session import touch_loop
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
-    from tega.teleop.loop import LoopReport
+    from tega.teleop.loop_report import LoopReport
     from tega.teleop.touch import Felt
     from tega.wire import CanFrame
 
@@ -133,6 +134,7 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
                 sink,  # type: ignore[arg-type]
                 keep_alive_ns=round(vest.keep_alive_s * 1e9),
                 period_ns=round(1e9 / vest.rate_hz),
+                in_steps=head.facts.get("in_steps") == "true",
             )
         )
 
@@ -158,6 +160,7 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
         recorder=_Keeper(again),
         kept=kept,
         vest_rate_hz=config.vest.rate_hz,
+        by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
         observer=(lambda _view: None) if head.facts["observed"] == "true" else None,
         haptics=haptics,
     )
@@ -197,25 +200,39 @@ class _TakenStream(Generic[Item]):
 
 
 class _RecordedPacer(Pacer):
-    """Leaves out the deadlines that were left out, and knows when the run was over."""
+    """Leaves out the deadlines that were left out, wakes where the loop was woken, and knows when the run was over."""
 
     def __init__(self, recorded: Recorded) -> None:
         super().__init__(ManualClock())
         self._skipped = recorded.skipped
+        taken = {row[1] for contacts in recorded.contacts.values() for row in contacts}
+        taken |= {row[1] for row in recorded.levels}
+        self._turns_ns = deque(sorted(taken))
         self._last_ns = recorded.last_tick_ns
         self._n_most = None if recorded.end is None else recorded.end[2]
         self.tick_ns = -1
         self.n_waits = 0
 
+    def doze(self, t_ns: int) -> int:
+        if not self._turns_ns or self._turns_ns[0] >= t_ns:
+            return t_ns
+        self._reach(self._turns_ns[0])
+        return self.tick_ns
+
     def wait(self, t_ns: int) -> bool:
-        self.tick_ns = t_ns
+        self._reach(t_ns)
         self.n_waits += 1
         return t_ns not in self._skipped
+
+    def _reach(self, t_ns: int) -> None:
+        self.tick_ns = t_ns
+        while self._turns_ns and self._turns_ns[0] <= t_ns:
+            self._turns_ns.popleft()
 
     def over(self) -> bool:
         if self._n_most is None:
             return self.tick_ns >= self._last_ns and self.n_waits > 0
-        return self.n_waits >= self._n_most
+        return self.n_waits >= self._n_most and not self._turns_ns
 
 
 class _Hand:

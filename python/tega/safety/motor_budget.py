@@ -28,7 +28,7 @@ HEAT_SHARE: Final = 0.5
 """Allowed share of the temperature rise that full drive gives in the end: 10 of 20 K."""
 
 DOSE_S: Final = 1800.0
-"""Allowed seconds of full drive of one motor, for as long as its driver lives."""
+"""Allowed seconds of full drive of one motor in a day."""
 
 _EASE: Final = 5.0
 _TAPER: Final = 0.2
@@ -46,6 +46,7 @@ class MotorBudget:
     Attributes:
         heat: θ of each motor, float64 (40,).
         dose_s: D of each motor, float64 (40,), seconds of full drive.
+        carried_s: Of that, what runs before this one used, float64 (40,).
         n_lowered: Frames in which heat or dose took something off a motor.
     """
 
@@ -57,7 +58,19 @@ class MotorBudget:
         self._t_ns: int | None = None
         self.heat = np.zeros(40)
         self.dose_s = np.zeros(40)
+        self.carried_s = np.zeros(40)
         self.n_lowered = 0
+
+    def carry(self, *, dose_s: NDArray[np.float64], heat: NDArray[np.float64]) -> None:
+        """Begin with what was used before.
+
+        Args:
+            dose_s: Float64 (40,), seconds of full drive.
+            heat: Float64 (40,), 0 to 1.
+        """
+        self.carried_s = dose_s.copy()
+        self.dose_s += dose_s
+        self.heat = np.maximum(self.heat, heat)
 
     def allow(self, t_ns: int, wanted: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return what may be shown from now on.
@@ -84,11 +97,20 @@ class MotorBudget:
 
     def words(self) -> tuple[str, ...]:
         """Say what a reader of the results must know of it."""
+        earlier_s = float(self.carried_s.max())
+        said: tuple[str, ...] = ()
+        if earlier_s >= 1:
+            said = (
+                f"earlier runs of the day used up to {earlier_s:.0f} of {self._budget_s:.0f} s of full drive",
+            )
         if not self.n_lowered:
-            return ()
+            return said
         tired = int((self.dose_s > (1 - _TAPER) * self._budget_s).sum())
         why = f"the vibration dose of {tired} motors is nearly used up" if tired else "motors were warm"
-        return (f"intensity was lowered in {self.n_lowered} frames: {why}",)
+        return (
+            *said,
+            f"intensity was lowered in {self.n_lowered} frames: {why}",
+        )
 
     def _pass(self, t_ns: int) -> None:
         """Let what was shown work until now, in steps short enough for the taper to hold."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tega.teleop.loop import DualLoop, LoopReport, LoopView
+from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop_report import LoopReport
 from tega.teleop.session import run_session
 from tega.teleop.touch import Felt, TouchLoop
 

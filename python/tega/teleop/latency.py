@@ -3,13 +3,15 @@
 ========  ==============================================================================================
 stage     from - to
 ========  ==============================================================================================
-touch, of each camera frame when it is first on the vest
-camera    the picture's capture stamp - our program has it
+touch, of each camera frame that changes what the vest is told
+camera    the picture's capture stamp - our program has it in hand
 contact   - its contact is measured
-wait      - the loop makes the next vest frame of it
+wait      - the loop makes a vest frame of it
 map       - the vest frame is made
+held      - the greatest rate of the vest's link lets it go
 hand-over - its bytes are handed to the transport
-own       contact, map and hand-over together: our part, for which there is a budget
+own       contact, map and hand-over together: what we do, without what is waited for
+in-hand   all from having it in hand to the hand-over, every wait included; for this there is a budget
 whole     camera to hand-over
 intent, of each block of EMG when it first steers the hand
 sample    the newest sample's stamp - our program has it
@@ -23,60 +25,23 @@ whole     sample to hand-over
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final, NamedTuple, Protocol
 
-__all__ = ["INTENT_STAGES", "TOUCH_STAGES", "FrameLatency", "LatencyTrace", "Spread", "Tells"]
+from tega.teleop.spread import Spread
 
-TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "hand-over", "own", "whole")
+__all__ = ["INTENT_STAGES", "TOUCH_STAGES", "FrameLatency", "LatencyTrace", "Tells"]
+
+TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", "own", "in-hand", "whole")
 INTENT_STAGES: Final = ("sample", "levels", "wait", "hand-over", "own", "whole")
 
 _LIVE_NS: Final = 5_000_000_000
 _TELL_NS: Final = 1_000_000_000
 _PENDING: Final = 64
-
-
-class Spread:
-    """How numbers are spread, in little memory however many: counted in bins a fiftieth wide.
-
-    Percentiles are right within 2 %, the worst is exact.
-
-    Attributes:
-        n: How many.
-        worst_ns: The largest.
-    """
-
-    _GROWTH = math.log(1.02)
-
-    def __init__(self) -> None:
-        self._bins: dict[int, int] = {}
-        self.n = 0
-        self.worst_ns = 0
-
-    def add(self, ns: int) -> None:
-        """Take one; what is below a microsecond counts as that."""
-        k = int(math.log(max(ns, 1000)) / self._GROWTH)
-        self._bins[k] = self._bins.get(k, 0) + 1
-        self.n += 1
-        self.worst_ns = max(self.worst_ns, ns)
-
-    def at(self, share: float) -> float:
-        """Return the number that so large a share of all stays at or below, in ns; NaN for none."""
-        left = math.ceil(share * self.n)
-        for k in sorted(self._bins):
-            left -= self._bins[k]
-            if left <= 0:
-                return min(math.exp((k + 1) * self._GROWTH), float(self.worst_ns))
-        return math.nan
-
-    def summary_ms(self) -> dict[str, float | int]:
-        """Return count, p50, p95, p99 and worst, milliseconds."""
-        shares = {"p50": 0.5, "p95": 0.95, "p99": 0.99}
-        found = {name: round(self.at(share) / 1e6, 3) for name, share in shares.items() if self.n}
-        return {"n": self.n, **found, "worst": round(self.worst_ns / 1e6, 3)}
+# Recordings of before there was a greatest rate do not tell when it let a frame go.
+_STAMPS_WITHOUT_HELD: Final = 6
 
 
 class FrameLatency(NamedTuple):
@@ -85,7 +50,8 @@ class FrameLatency(NamedTuple):
     Attributes:
         path: ``touch`` or ``intent``.
         source: The finger, or ``emg``.
-        stamps_ns: Times since the start of the session: captured, received, measured, taken up, (made,) handed over.
+        stamps_ns: Times since the start of the session: captured, received, measured, taken up, (made, let go,) handed
+            over.
     """
 
     path: str
@@ -94,18 +60,27 @@ class FrameLatency(NamedTuple):
 
     def stages_ns(self) -> dict[str, int]:
         """Return how long each stage took, by :data:`TOUCH_STAGES` or :data:`INTENT_STAGES`."""
-        steps = [later - sooner for sooner, later in pairwise(self.stamps_ns)]
-        # The wait for the next tick is the vest's own pace, and the camera's way is not ours.
-        own = steps[1] + sum(steps[3:])
-        names = TOUCH_STAGES if self.path == "touch" else INTENT_STAGES
-        return dict(zip(names, (*steps, own, self.stamps_ns[-1] - self.stamps_ns[0]), strict=True))
+        stamps = self.stamps_ns
+        if self.path == "touch" and len(stamps) == _STAMPS_WITHOUT_HELD:
+            stamps = (*stamps[:5], stamps[4], stamps[5])
+        steps = [later - sooner for sooner, later in pairwise(stamps)]
+        whole = stamps[-1] - stamps[0]
+        if self.path == "touch":
+            own = steps[1] + steps[3] + steps[5]
+            return dict(zip(TOUCH_STAGES, (*steps, own, whole - steps[0], whole), strict=True))
+        return dict(zip(INTENT_STAGES, (*steps, steps[1] + sum(steps[3:]), whole), strict=True))
 
 
 class Tells(Protocol):
     """A vest that tells when a frame was handed to its transport."""
 
-    def handed_over(self) -> Sequence[tuple[int, int]]:
-        """Return, since the last call, the time each frame was written with and the monotonic time, ns, it left at."""
+    def handed_over(self) -> Sequence[tuple[int, int, int]]:
+        """Return what left since the last call.
+
+        Returns:
+            Of each frame the time it was written with, and the monotonic times, ns, until which its link's greatest
+            rate held it back (0 for not at all) and at which it left.
+        """
         ...
 
 
@@ -115,7 +90,9 @@ class LatencyTrace:
     Args:
         now_ns: Time since the start of the session.
         start_ns: The monotonic clock's time at that start.
-        budget_ms: What ``own`` of touch may take, 99 frames of 100, within five seconds.
+        budget_ms: What touch may take, 99 frames of 100, within five seconds: ``in-hand``, or ``own`` where the vest
+            is refreshed at a steady pace, whose waits are wanted.
+        steady: Whether it is.
         vests: Those that tell what they hand over.
         answered_ns: Tells when a hand's torques first left at or after a monotonic time; ``None`` without such a hand.
 
@@ -123,6 +100,8 @@ class LatencyTrace:
         observers: Told of every frame and block that has arrived.
         warning: What is over the budget now, and in which stage most of it goes; ``""`` for nothing.
         last_warning: The newest that was not ``""``.
+        n_replaced: Camera frames that would have changed what is felt, but a newer one of the finger came before the
+            vest's link was free; they are in no percentile.
         line: How it stands in one line, p50 and p99 of the whole run; made anew once a second.
     """
 
@@ -132,18 +111,22 @@ class LatencyTrace:
         now_ns: Callable[[], int],
         start_ns: int,
         budget_ms: float,
+        steady: bool = False,
         vests: Sequence[Tells] = (),
         answered_ns: Callable[[int], int | None] | None = None,
     ) -> None:
         self.now_ns = now_ns
         self._start_ns = start_ns
         self._budget_ns = budget_ms * 1e6
+        self._limited = "own" if steady else "in-hand"
         self._vests = vests
         self._answered_ns = answered_ns
         self._coming: dict[str, deque[tuple[int, int, int]]] = {}
         self._fresh: dict[str, tuple[int, int, int]] = {}
-        self._ticks: dict[int, tuple[dict[str, tuple[int, int, int]], int, int]] = {}
-        self._felt: dict[str, tuple[int, int, int]] = {}
+        self._offered: dict[str, tuple[int, int]] = {}
+        self.n_replaced = 0
+        self._ticks: dict[int, dict[str, tuple[int, ...]]] = {}
+        self._felt: dict[str, int] = {}
         self._block: tuple[int, ...] | None = None
         self.spreads = {"touch": _spreads(TOUCH_STAGES), "intent": _spreads(INTENT_STAGES)}
         self._live = _spreads(TOUCH_STAGES)
@@ -168,30 +151,36 @@ class LatencyTrace:
             item = coming.popleft()
             if item[0] == t_ns:
                 self._fresh[name] = item
+                self._offered.pop(name, None)
                 return
 
-    def vest(self, tick_ns: int, began_ns: int, made_ns: int, *, sent: bool) -> None:
+    def vest(self, tick_ns: int, began_ns: int, made_ns: int, *, changed: bool) -> None:
         """Note that a vest frame was made of what is fresh, and collect what the transports have taken.
 
         Args:
             tick_ns: The time it is written with.
             began_ns: When its making began.
             made_ns: When it was made.
-            sent: Whether it went out; a frame that the vest shows already need not.
+            changed: Whether a vest shows something else with it; camera frames that change nothing do not count.
         """
         fresh = {name: item for name, item in self._fresh.items() if name != "emg"}
-        if fresh and sent:
-            self._ticks[tick_ns] = (fresh, began_ns, made_ns)
+        if fresh and changed:
+            # What waits in the driver and is sent with a newer frame has been made with the older one.
+            self._ticks[tick_ns] = {
+                name: (*item, *self._offered.setdefault(name, (began_ns, made_ns)))
+                for name, item in fresh.items()
+            }
             if len(self._ticks) > _PENDING:
                 del self._ticks[next(iter(self._ticks))]
             if not self._vests:
-                self._shown(tick_ns, self.now_ns())
+                self._shown(tick_ns, 0, self.now_ns())
         elif fresh:
-            for name in fresh:
+            # It changes nothing, unless it was offered before and is on its way.
+            for name in fresh.keys() - self._offered.keys():
                 del self._fresh[name]
         for vest in self._vests:
-            for written_ns, at_ns in vest.handed_over():
-                self._shown(written_ns, at_ns - self._start_ns)
+            for written_ns, free_ns, at_ns in vest.handed_over():
+                self._shown(written_ns, free_ns - self._start_ns, at_ns - self._start_ns)
         if made_ns >= self._told_ns + _TELL_NS:
             self._told_ns = made_ns
             self.line = self._said()
@@ -214,8 +203,11 @@ class LatencyTrace:
 
     def _said(self) -> str:
         said = []
-        for path, what in (("touch", "camera to vest"), ("intent", "muscle to hand")):
-            whole, own = self.spreads[path]["whole"], self.spreads[path]["own"]
+        for path, what, ours in (
+            ("touch", "camera to vest", self._limited),
+            ("intent", "muscle to hand", "own"),
+        ):
+            whole, own = self.spreads[path]["whole"], self.spreads[path][ours]
             if whole.n:
                 said.append(
                     f"{what} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f} "
@@ -231,19 +223,24 @@ class LatencyTrace:
             if stages["whole"].n
         }
 
-    def _shown(self, tick_ns: int, handed_ns: int) -> None:
-        found = self._ticks.pop(tick_ns, None)
-        if found is None:
-            return
-        fresh, began_ns, made_ns = found
-        for name, item in fresh.items():
-            if self._fresh.get(name) == item:
+    def _shown(self, tick_ns: int, free_ns: int, handed_ns: int) -> None:
+        shown = self._ticks.pop(tick_ns, {})
+        replaced = set()
+        for older_ns in sorted((t_ns for t_ns in self._ticks if t_ns < tick_ns), reverse=True):
+            for name, item in self._ticks.pop(older_ns).items():
+                # What never left by itself has left with this frame, unless the finger has a newer picture in it.
+                if shown.setdefault(name, item)[0] != item[0] != self._felt.get(name):
+                    replaced.add((name, item[0]))
+        self.n_replaced += len(replaced)
+        for name, item in shown.items():
+            if (newest := self._fresh.get(name)) is not None and newest[0] == item[0]:
                 del self._fresh[name]
+                self._offered.pop(name, None)
             # A frame that went out with two vest frames was felt with the first.
-            if self._felt.get(name) == item:
+            if self._felt.get(name) == item[0]:
                 continue
-            self._felt[name] = item
-            self._arrived("touch", name, (*item, began_ns, made_ns, handed_ns))
+            self._felt[name] = item[0]
+            self._arrived("touch", name, (*item, max(item[-1], free_ns), handed_ns))
 
     def _arrived(self, path: str, source: str, stamps_ns: tuple[int, ...]) -> None:
         way = FrameLatency(path, source, stamps_ns)
@@ -256,12 +253,13 @@ class LatencyTrace:
             observer(way)
 
     def _over_budget(self) -> str:
-        own = self._live["own"]
-        if not own.n or own.at(0.99) <= self._budget_ns:
+        limited = self._live[self._limited]
+        if not limited.n or limited.at(0.99) <= self._budget_ns:
             return ""
-        worst = max(("contact", "map", "hand-over"), key=lambda stage: self._live[stage].at(0.99))
+        stages = ["contact", "map", "hand-over"] + (["wait", "held"] if self._limited == "in-hand" else [])
+        worst = max(stages, key=lambda stage: self._live[stage].at(0.99))
         return (
-            f"latency: our part of camera to vest takes {own.at(0.99) / 1e6:.1f} ms (p99), "
+            f"latency: our part of camera to vest takes {limited.at(0.99) / 1e6:.1f} ms (p99), "
             f"{self._budget_ns / 1e6:g} ms are allowed; most in {worst!r}"
         )
 

@@ -1,5 +1,8 @@
 """The dual loop: touch back to the wearer, intent forward to the hand, on one clock.
 
+The hand has a tick of 3 ms. The vest has one too, 30 times a second; where ``by_frame`` is set, a picture that comes
+between wakes the loop, and what it changes goes out at once.
+
 It knows no device by name. Inputs are streams of stamped items, outputs are sinks, time comes from a pacer, and
 ticks are taken in the order of their deadlines; what is stamped at or before a tick is taken in before it. With
 recorded input and a manual clock it is therefore a function: the same input gives the same output.
@@ -10,16 +13,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
-import msgspec
-
 from tega.errors import TegaError
 from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.inputs import Inputs, Seen
 from tega.teleop.keepalive import KeepAlive
+from tega.teleop.loop_report import LoopReport
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
 from tega.teleop.streams import NEVER_NS, Stream
 from tega.teleop.touch import STALE_NS, Felt, TouchLoop
+from tega.teleop.vest_output import VestOutput
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
@@ -28,7 +31,7 @@ if TYPE_CHECKING:
     from tega.teleop.latency import LatencyTrace
     from tega.wire import CanFrame
 
-__all__ = ["DualLoop", "LoopReport", "LoopView", "Recorder", "Sink"]
+__all__ = ["DualLoop", "LoopView", "Recorder", "Sink"]
 
 Sent_contra = TypeVar("Sent_contra", contravariant=True)
 
@@ -71,7 +74,7 @@ class LoopView(NamedTuple):
         vest: The frame of this tick; ``None`` without tactile sources.
         block: The newest EMG block; ``None`` before the first.
         angles_rad: The hand's 16 joint angles; ``None`` without a hand.
-        counts: What was done since the start: frames of one finger (mean), EMG blocks, hand and vest ticks.
+        counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
         inputs: What the operator's input devices say, by what they are for.
         state: Of the run, and why; ``""`` without a guard.
         alerts: What is wrong, one sentence each.
@@ -90,34 +93,6 @@ class LoopView(NamedTuple):
     reason: str = ""
     alerts: Sequence[str] = ()
     latency: str = ""
-
-
-class LoopReport(msgspec.Struct, kw_only=True):
-    """What the loop did.
-
-    Attributes:
-        end_ns: Time at which it ended.
-        ended: ``complete``, ``duration`` (the set time was over), ``stopped`` (asked to) or ``failed``.
-        n_contacts: Frames taken in, by finger.
-        n_blocks: EMG blocks taken in.
-        n_hand_ticks: Ticks of the hand.
-        n_vest_ticks: Ticks of the vest, each a frame for every sink that takes them all.
-        n_vest_sent: Of these, frames sent to a vest kept alive.
-        n_vest_skipped: Of these, frames not sent to it since they were what it shows already.
-        n_stale_ticks: Vest frames in which a finger was silent for want of a fresh frame, by finger.
-        level_ticks: Hand ticks spent on each level, 1 to 5.
-    """
-
-    end_ns: int = 0
-    ended: str = "failed"
-    n_contacts: dict[str, int] = {}
-    n_blocks: int = 0
-    n_hand_ticks: int = 0
-    n_vest_ticks: int = 0
-    n_vest_sent: int = 0
-    n_vest_skipped: int = 0
-    n_stale_ticks: dict[str, int] = {}
-    level_ticks: dict[int, int] = {}
 
 
 class DualLoop:
@@ -139,7 +114,8 @@ class DualLoop:
         hands: Where CAN frames go.
         recorder: Keeps what came in.
         kept: Vests that are sent what changed, and what did not as a keep-alive.
-        vest_rate_hz: Vest frames per second.
+        vest_rate_hz: Ticks of the vest per second.
+        by_frame: Whether a picture between two ticks wakes the loop; the pacer needs a bell that its source rings.
         observer: Called once per vest tick with what a display may show.
         haptics: Asked once per vest tick; every motor rests while it says no.
         inputs: The operator's input devices, looked at in every turn.
@@ -160,6 +136,7 @@ class DualLoop:
         recorder: Recorder | None,
         kept: Sequence[KeepAlive] = (),
         vest_rate_hz: float = 30.0,
+        by_frame: bool = False,
         observer: Callable[[LoopView], None] | None = None,
         haptics: Callable[[], bool] = lambda: True,
         inputs: Inputs | None = None,
@@ -174,18 +151,17 @@ class DualLoop:
         if levels is not None:
             self._streams.append(levels)
         self._hand = hand
-        self._vests = vests
-        self._kept = kept
         self._hands = hands
         self._recorder = recorder
         self._vest_rate_hz = vest_rate_hz
+        self._by_frame = by_frame
         self._observer = observer
-        self._haptics = haptics
         self._inputs = Inputs({}) if inputs is None else inputs
         self._guard = guard
         self._trace = trace
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
+        self._felt_anew = False
         self._due_ns = 0
         self._end_ns = NEVER_NS
         self.report = LoopReport(
@@ -193,6 +169,7 @@ class DualLoop:
             n_stale_ticks=dict.fromkeys(contacts, 0),
             level_ticks=dict.fromkeys(range(1, 6), 0),
         )
+        self._vest = VestOutput(touch, self.report, vests=vests, kept=kept, haptics=haptics, trace=trace)
 
     def run(self, *, duration_ns: int | None = None, stop: Callable[[], bool] = lambda: False) -> LoopReport:
         """Run.
@@ -222,6 +199,10 @@ class DualLoop:
                     last_ns = duration_ns
                     last_ns, report.ended = self._last_look(duration_ns)
                     break
+                if self._by_frame and (woken_ns := self._pacer.doze(t_ns)) < t_ns:
+                    last_ns = woken_ns if self._take_in(woken_ns) else last_ns
+                    self._follow(woken_ns)
+                    continue
                 in_time = self._pacer.wait(t_ns)
                 last_ns = t_ns
                 self._inputs.look()
@@ -231,14 +212,10 @@ class DualLoop:
                     last_ns, report.ended = self._end_ns, "complete"
                     break
                 self._look(t_ns)
-                if step_at_ns == t_ns:
-                    k_step += 1
-                    if in_time and with_hand:
-                        self._tick_hand(t_ns)
-                if vest_at_ns == t_ns:
-                    k_vest += 1
-                    if in_time:
-                        self._tick_vest(t_ns)
+                k_step += step_at_ns == t_ns
+                k_vest += vest_at_ns == t_ns
+                if in_time:
+                    self._tick(t_ns, hand=with_hand and step_at_ns == t_ns, vest=vest_at_ns == t_ns)
         except BaseException as error:
             report.end_ns = last_ns
             for problem in self._leave(last_ns, _told(error)):
@@ -273,8 +250,13 @@ class DualLoop:
             return self._end_ns, "complete"
         return duration_ns, "duration"
 
-    def _take_in(self, t_ns: int) -> None:
-        """Take in everything stamped up to a time, in the order of the stamps, thumb first among equals."""
+    def _take_in(self, t_ns: int) -> bool:
+        """Take in everything stamped up to a time, in the order of the stamps, thumb first among equals.
+
+        Returns:
+            Whether there was anything.
+        """
+        taken = False
         heads: dict[str, Contact] = {}
         while True:
             for finger, stream in self._contacts:
@@ -284,15 +266,18 @@ class DualLoop:
                 break
             first = min((f for f, _ in self._contacts if f in heads), key=lambda f: heads[f][0])
             self._feel(first, heads.pop(first))
+            taken = self._felt_anew = True
         if self._levels is not None:
             while (block := self._levels.next_until(t_ns)) is not None:
                 self._block = block
+                taken = True
                 self.report.n_blocks += 1
                 if self._trace is not None:
                     self._trace.taken("emg", block[0])
                 if self._recorder is not None:
                     self._recorder.levels(*block)
         self._look_ahead()
+        return taken
 
     def _look_ahead(self) -> None:
         """Note when there is something to take in again, and when the last source ended once all have."""
@@ -314,6 +299,14 @@ class DualLoop:
         if self._recorder is not None:
             self._recorder.contact(t_ns, finger, metrics, felt)
 
+    def _tick(self, t_ns: int, *, hand: bool, vest: bool) -> None:
+        if not vest:
+            self._follow(t_ns)
+        if hand:
+            self._tick_hand(t_ns)
+        if vest:
+            self._tick_vest(t_ns)
+
     def _tick_hand(self, t_ns: int) -> None:
         level = FIRST_LEVEL if self._block is None else self._block[2]
         if self._guard is not None:
@@ -326,27 +319,18 @@ class DualLoop:
         self.report.n_hand_ticks += 1
         self.report.level_ticks[level] += 1
 
+    def _follow(self, t_ns: int) -> None:
+        """Between two ticks, tell the vest what has come, if that changes anything."""
+        if self._by_frame and self._felt_anew:
+            self._felt_anew = False
+            self._vest.follow(t_ns)
+
     def _tick_vest(self, t_ns: int) -> None:
-        frame = None
+        self._felt_anew = False
         if self._contacts:
-            trace = self._trace
-            began_ns = 0 if trace is None else trace.now_ns()
-            frame = self._touch.frame(t_ns) if self._haptics() else self._touch.silence()
-            made_ns = 0 if trace is None else trace.now_ns()
-            sent = False
-            for kept in self._kept:
-                if kept.offer(t_ns, frame):
-                    sent = True
-                    self.report.n_vest_sent += 1
-                else:
-                    self.report.n_vest_skipped += 1
-            if trace is not None:
-                trace.vest(t_ns, began_ns, made_ns, sent=sent)
-                if self._guard is not None:
-                    self._guard.alert("latency", trace.warning)
-            for sink in self._vests:
-                sink.write(t_ns, frame)
-            self.report.n_vest_ticks += 1
+            self._vest.refresh(t_ns)
+            if self._trace is not None and self._guard is not None:
+                self._guard.alert("latency", self._trace.warning)
             for finger, _ in self._contacts:
                 newest = self._newest.get(finger)
                 if newest is None or t_ns - newest[0] > STALE_NS:
@@ -354,7 +338,9 @@ class DualLoop:
         if self._observer is not None:
             angles = None if self._levels is None else self._hand.angles_rad.tolist()
             felt = self._touch.fresh(t_ns)
-            view = LoopView(t_ns, dict(self._newest), felt, frame, self._block, angles, self._counts())
+            view = LoopView(
+                t_ns, dict(self._newest), felt, self._vest.frame, self._block, angles, self._counts()
+            )
             view = view._replace(inputs=self._inputs.seen)
             if (guard := self._guard) is not None:
                 view = view._replace(
@@ -372,7 +358,7 @@ class DualLoop:
             "touch": frames,
             "levels": report.n_blocks,
             "hand": report.n_hand_ticks,
-            "vest": report.n_vest_ticks,
+            "vest": report.n_vest_ticks + report.n_vest_between,
         }
 
     def _leave(self, t_ns: int, reason: str) -> list[Exception]:
@@ -383,12 +369,7 @@ class DualLoop:
                 hand.write(t_ns, self._hand.limp())
             except Exception as error:  # reported by the caller
                 problems.append(error)
-        vests: list[Sink[VestFrame]] = [*self._kept, *self._vests]
-        for vest in vests:
-            try:
-                vest.write(t_ns, self._touch.silence())
-            except Exception as error:  # reported by the caller
-                problems.append(error)
+        problems += self._vest.silence(t_ns)
         if self._guard is not None:
             try:
                 self._guard.stop(t_ns, reason)

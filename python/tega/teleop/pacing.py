@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from tega.clock import Clock
+from tega.teleop.bell import Bell
 
 __all__ = ["Pacer", "PacingReport"]
 
@@ -34,13 +35,16 @@ class Pacer:
     Args:
         clock: The clock.
         overrun_ns: From which lateness on a tick counts as an overrun.
+        bell: What may end a wait early; ``None`` where only deadlines count.
 
     Attributes:
+        bell: The same.
         late_ns: How late the newest tick was.
     """
 
-    def __init__(self, clock: Clock, *, overrun_ns: int = 3_000_000) -> None:
+    def __init__(self, clock: Clock, *, overrun_ns: int = 3_000_000, bell: Bell | None = None) -> None:
         self._clock = clock
+        self.bell = bell
         self._overrun_ns = overrun_ns
         self._start_ns = clock.now_ns()
         self._n_ticks = self._n_overruns = self._n_skipped = 0
@@ -55,6 +59,24 @@ class Pacer:
     def elapsed_ns(self) -> int:
         """Return the time since the start."""
         return self._clock.now_ns() - self._start_ns
+
+    def doze(self, t_ns: int) -> int:
+        """Wait for a deadline, or until something has come before it.
+
+        Args:
+            t_ns: The deadline, counted from the start.
+
+        Returns:
+            The time it is now where something has come, else the deadline, which :meth:`wait` then finds reached.
+        """
+        if self.bell is None or not self.bell.wait((t_ns - self.elapsed_ns()) * 1e-9):
+            return t_ns
+        now_ns = self.elapsed_ns()
+        if now_ns < t_ns:
+            return now_ns
+        # Too late to be early. What has come may be newer than the deadline, and is looked for again after it.
+        self.bell.ring()
+        return t_ns
 
     def wait(self, t_ns: int) -> bool:
         """Wait for a deadline.

@@ -2,35 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, nullcontext
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tega.calibration import Calibration, TouchMaxima, save_calibration
+from tega.calibration import Calibration, TouchMaxima
 from tega.clock import Clock, ManualClock, SystemClock
-from tega.config import DEFAULT_LAYOUT, SessionConfig
-from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
-from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
+from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace, SessionConfig
+from tega.devices.base import EmgSource, TactileSource
 from tega.devices.registry import driver_class
-from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
 from tega.haptics import FeltMap
-from tega.recording import RunRecorder, prepare_folder
-from tega.recording.spared import Disk, Spared
+from tega.priority import ahead_of_others
+from tega.recording import prepare_folder
+from tega.recording.spared import Disk
 from tega.safety.clock_step import ClockStep
 from tega.safety.guard import Guard, Watched
 from tega.safety.hand_alert import HandAlert
 from tega.safety.states import Transition
+from tega.teleop.bell import Bell
+from tega.teleop.flows import contact_stream, latency_trace, level_stream
 from tega.teleop.hand import Hand, ModelledAllegro
-from tega.teleop.inputs import Inputs, Seat
-from tega.teleop.keepalive import KeepAlive
+from tega.teleop.inputs import Inputs
 from tega.teleop.latency import LatencyTrace
-from tega.teleop.loop import DualLoop, LoopReport, LoopView, Recorder, Sink
+from tega.teleop.loop import DualLoop, LoopView, Recorder, Sink
+from tega.teleop.loop_report import LoopReport
 from tega.teleop.pacing import Pacer, PacingReport
-from tega.teleop.prepare import Finger, Muscles, Prepared, Progress, prepare
-from tega.teleop.sources import Block, Contact, grasp_blocks, measured_contacts
-from tega.teleop.streams import PulledStream, Stream, ThreadedStream
+from tega.teleop.prepare import Prepared, Progress, prepare
+from tega.teleop.sinks import Sinks, open_inputs, open_sinks
 from tega.teleop.summary import summarise, write_summary
 from tega.teleop.touch import TouchLoop
 
@@ -41,24 +41,6 @@ if TYPE_CHECKING:
     from tega.wire import CanFrame
 
 __all__ = ["DEFAULT_LAYOUT", "LoopParts", "RunState", "Sinks", "run_session", "touch_loop"]
-
-
-class Sinks(NamedTuple):
-    """What a run writes to.
-
-    Attributes:
-        kept: The vest of the settings, if it is a real one.
-        vests: A vest of the settings that only records, the vest recorder.
-        hands: A hand of the settings that only takes frames, the CAN recorder.
-        steered: A hand of the settings that closes its own loop.
-        recorder: Of contacts and levels; ``None`` without an output folder.
-    """
-
-    kept: list[KeepAlive]
-    vests: list[VestSink]
-    hands: list[HandDriver]
-    steered: SteeredHand | None
-    recorder: RunRecorder | None
 
 
 class LoopParts(NamedTuple):
@@ -81,10 +63,12 @@ class RunState(NamedTuple):
     sinks: Sinks
     inputs: Inputs
     layout: Layout
+    pace: Pace
     loop: LoopReport
     pacing: PacingReport
     guard: Guard
     trace: LatencyTrace | None
+    real_time: bool
 
 
 def run_session(
@@ -144,8 +128,8 @@ def run_session(
         if recording is not None:
             prepared = recording.watch(prepared)
         disk = Disk()
-        sinks = _sinks(stack, config, prepared, recording, disk)
-        inputs = _inputs(stack, config)
+        sinks = open_sinks(stack, config, prepared, recording, disk)
+        inputs = open_inputs(stack, config)
         progress("running", 0, 0)
         guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go)
         guard.observers.append(on_state)
@@ -270,7 +254,13 @@ def _run(
     def may_feel() -> bool:
         return haptics() and guard.felt
 
-    parts = LoopParts(Pacer(clock), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, inputs)
+    pace = config.vest.pace or DEFAULT_PACE[session.preset]
+    if not isinstance(clock, SystemClock) or not any(f.source.info.live for f in prepared.fingers.values()):
+        pace = "steady"  # the pictures of a recording come at no moment of ours
+    bell = Bell() if pace == "by-frame" else None
+    parts = LoopParts(
+        Pacer(clock, bell=bell), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, inputs
+    )
     if recording is None:
         start_ns = parts.pacer.start()
     else:
@@ -278,6 +268,7 @@ def _run(
             parts,
             clock,
             layout=layout,
+            pace=pace,
             kept=sinks.kept,
             steered=sinks.steered is not None,
             observed=observer is not None,
@@ -285,7 +276,10 @@ def _run(
     trace = None
     if isinstance(clock, SystemClock):
         budget_ms = config.safety.latency_budget_ms
-        trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
+        steady = pace == "steady"
+        trace = latency_trace(
+            prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms, steady=steady
+        )
     if recording is not None:
         recording.follow(guard, trace)
     if markers is not None:
@@ -297,16 +291,19 @@ def _run(
         pacer=parts.pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
         contacts={
-            name: _contacts(flows, name, finger, reading=session.preset, start_ns=start_ns, trace=trace)
+            name: contact_stream(
+                flows, name, finger, reading=session.preset, start_ns=start_ns, trace=trace, bell=bell
+            )
             for name, finger in prepared.fingers.items()
         },
-        levels=None if muscles is None else _levels(flows, muscles, start_ns=start_ns, trace=trace),
+        levels=None if muscles is None else level_stream(flows, muscles, start_ns=start_ns, trace=trace),
         hand=parts.hand,
         vests=parts.vests,
         hands=parts.hands,
         recorder=parts.recorder,
         kept=sinks.kept,
         vest_rate_hz=config.vest.rate_hz,
+        by_frame=bell is not None,
         observer=observer,
         haptics=parts.haptics,
         inputs=parts.inputs,
@@ -317,7 +314,17 @@ def _run(
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
         state = RunState(
-            config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace
+            config,
+            prepared,
+            sinks,
+            inputs,
+            layout,
+            pace,
+            loop.report,
+            parts.pacer.report(),
+            guard,
+            trace,
+            real_time,
         )
         summary = summarise(state, error=error)
         if markers is not None:
@@ -334,95 +341,14 @@ def _run(
         return summary
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
+    real_time = False
     try:
-        loop.run(duration_ns=duration_ns, stop=stop)
+        with ahead_of_others() if trace is not None else nullcontext(enter_result=False) as real_time:
+            loop.run(duration_ns=duration_ns, stop=stop)
     except BaseException as error:
         conclude(error)
         raise
     return conclude(None)
-
-
-def _trace(
-    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float
-) -> LatencyTrace | None:
-    """Make what follows frames and blocks through the loop, where there is something live to follow."""
-    sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
-    if prepared.muscles is not None:
-        sources.append(prepared.muscles.source)
-    if not any(source.info.live for source in sources):
-        return None
-    vests: list[Any] = [kept.sink for kept in sinks.kept]
-    return LatencyTrace(
-        now_ns=pacer.elapsed_ns,
-        start_ns=start_ns,
-        budget_ms=budget_ms,
-        # Asked by name: a vest whose frames are recorded stands behind another object.
-        vests=[vest for vest in vests if hasattr(vest, "handed_over")],
-        answered_ns=getattr(sinks.steered, "answered_ns", None),
-    )
-
-
-def _contacts(
-    stack: ExitStack,
-    name: str,
-    finger: Finger,
-    *,
-    reading: Literal["paper", "live"],
-    start_ns: int,
-    trace: LatencyTrace | None,
-) -> Stream[Contact]:
-    """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
-    if finger.stream is not None:
-        return finger.stream
-    if finger.measured is not None:
-        return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
-
-    stamps: dict[str, Any] = {}
-    if trace is not None and finger.source.info.live:
-        stamps["stamp"] = trace.source(name)
-
-    def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
-        return measured_contacts(
-            finger.source,
-            finger.baseline,
-            reading,
-            finger.report,
-            start_ns=start_ns,
-            stopped=stopped,
-            **stamps,
-        )
-
-    stream: ThreadedStream[Contact] = ThreadedStream(
-        name, produce, live=finger.source.info.live, on_loss=finger.report.drop
-    )
-    stack.callback(stream.close)
-    return stream
-
-
-def _levels(
-    stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
-) -> Stream[Block]:
-    """Make the stream of EMG blocks; only a live source is worth a thread."""
-    if muscles.stream is not None:
-        return muscles.stream
-    produce = partial(
-        grasp_blocks,
-        muscles.source,
-        muscles.intent,
-        muscles.report,
-        rate_hz=muscles.maxima.rate_hz,
-        tau=muscles.maxima.tau,
-        start_ns=start_ns,
-    )
-    if not muscles.source.info.live:
-        return PulledStream(produce())
-    if trace is not None:
-        produce = partial(produce, stamp=trace.source("emg"))
-    stream: ThreadedStream[Block] = ThreadedStream(
-        "emg", lambda stopped: produce(stopped=stopped), live=True, on_loss=muscles.report.drop
-    )
-    stack.callback(stream.close)
-    return stream
 
 
 def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:
@@ -434,71 +360,3 @@ def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterabl
         felt = FeltMap(threshold=vest.threshold, step=vest.step)
     layout = vest.layout or DEFAULT_LAYOUT[config.session.preset]
     return TouchLoop(maxima, layout=layout, mirror=vest.mirror, felt=felt)
-
-
-def _inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
-    """Open what the operator holds or steps on."""
-    seats = {}
-    for name, c in config.input.in_use().items():
-        source = stack.enter_context(driver_class(c.driver, "input")(c.options))
-        if config.session.pace == "fast" and source.info.live:
-            raise ConfigError(
-                f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
-            )
-        seats[name] = Seat(source, c.button)
-    return Inputs(seats)
-
-
-def _sinks(
-    stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None, disk: Disk
-) -> Sinks:
-    """Open what is written to: the devices of the settings, then the tables of the output folder."""
-    kept: list[KeepAlive] = []
-    vests: list[VestSink] = []
-    hands: list[HandDriver] = []
-    steered: SteeredHand | None = None
-    if config.vest.driver is not None:
-        vest = stack.enter_context(driver_class(config.vest.driver, "vest")(config.vest.options))
-        if vest.info.live:
-            if recording is not None:
-                vest = recording.vest(vest)
-            kept.append(
-                KeepAlive(
-                    vest,
-                    keep_alive_ns=round(config.vest.keep_alive_s * 1e9),
-                    period_ns=round(1e9 / config.vest.rate_hz),
-                )
-            )
-        else:
-            vests.append(vest)
-    if config.hand.driver is not None:
-        hand: HandDriver | SteeredHand = driver_class(config.hand.driver, "hand")(config.hand.options)
-        if recording is not None:
-            recording.listen(hand)
-        stack.enter_context(hand)
-        if isinstance(hand, SteeredHand):
-            if config.session.pace == "fast":
-                raise ConfigError(
-                    f"session.pace = 'fast', but {hand.info.label} is live", "set session.pace = 'real'"
-                )
-            steered = hand
-        else:
-            hands.append(hand)
-    folder = config.session.out_dir
-    if folder is None:
-        return Sinks(kept, vests, hands, steered, None)
-    vest_table = VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))
-    hand_table = CanRecorder(CanRecorderOptions(file=folder / "can.csv"))
-    vest_table.open()
-    hand_table.open()
-    recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
-    tables: list[Any] = [vest_table, hand_table, recorder]
-    if config.session.pace == "real":
-        # Somebody may be steering a hand; a computation in a hurry had better end with an error.
-        tables = [Spared(table, disk) for table in tables]
-    for table in tables:
-        stack.callback(table.close)
-    vests.append(tables[0])
-    hands.append(tables[1])
-    save_calibration(prepared.calibration, folder / "calibration.toml")
-    return Sinks(kept, vests, hands, steered, tables[2])

@@ -12,8 +12,11 @@ from __future__ import annotations
 import queue
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import nullcontext
 from typing import Any, Generic, Protocol, TypeVar
+
+from tega.priority import ahead_of_others
 
 __all__ = ["NEVER_NS", "Item", "PulledStream", "QueuedStream", "Stream", "ThreadedStream"]
 
@@ -146,6 +149,7 @@ class ThreadedStream(Generic[Item]):
         produce: Makes the iterator; called in the thread with a function that tells when to stop.
         live: Whether the source runs on its own clock.
         on_loss: Called in the thread for every item lost.
+        on_item: Called in the thread when an item can be taken.
         capacity: Items held at most.
     """
 
@@ -156,11 +160,13 @@ class ThreadedStream(Generic[Item]):
         *,
         live: bool,
         on_loss: Callable[[], None] = lambda: None,
+        on_item: Callable[[], None] = lambda: None,
         capacity: int = 64,
     ) -> None:
         self._produce = produce
         self._live = live
         self._on_loss = on_loss
+        self._on_item = on_item
         self._queue: queue.Queue[Item | _End] = queue.Queue(capacity)
         self._stop = threading.Event()
         self._head: Item | None = None
@@ -173,17 +179,22 @@ class ThreadedStream(Generic[Item]):
     def _work(self) -> None:
         end_ns, error = None, None
         try:
-            items = iter(self._produce(self._stop.is_set))
-            while not self._stop.is_set():
-                try:
-                    item = next(items)
-                except StopIteration as stop:
-                    end_ns = stop.value
-                    break
-                self._put(item)
+            with ahead_of_others() if self._live else nullcontext():
+                end_ns = self._pass_on(iter(self._produce(self._stop.is_set)))
         except BaseException as raised:  # carried to the loop, which raises it
             error = raised
         self._put(_End(end_ns, error))
+
+    def _pass_on(self, items: Iterator[Item]) -> int | None:
+        while not self._stop.is_set():
+            try:
+                item = next(items)
+            except StopIteration as stop:
+                end_ns: int | None = stop.value
+                return end_ns
+            self._put(item)
+            self._on_item()
+        return None
 
     def _put(self, item: Item | _End) -> None:
         while not self._stop.is_set():

@@ -55,9 +55,11 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     summary["vest"] = {
         "layout": state.layout,
         "rate_hz": config.vest.rate_hz,
-        "frames": loop.n_vest_ticks,
+        "pace": state.pace,
+        "frames": loop.n_vest_ticks + loop.n_vest_between,
         "sent": loop.n_vest_sent,
         "skipped": loop.n_vest_skipped,
+        **({} if state.trace is None else {"replaced": state.trace.n_replaced}),
         "sinks": [
             sink.info.driver for sink in (*(vest.sink for vest in state.sinks.kept), *state.sinks.vests)
         ],
@@ -78,6 +80,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
             "overruns": pacing.n_overruns,
             "skipped": pacing.n_skipped,
             "worst_late_ms": pacing.worst_late_ms,
+            "real_time": state.real_time,
         }
     summary["safety"] = state.guard.summary()
     if state.trace is not None:

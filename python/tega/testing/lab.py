@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,13 @@ from tega.errors import DeviceUnavailableError
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by
 
-__all__ = ["EmulatedLab", "emulated_lab"]
+__all__ = ["PRESSED", "EmulatedLab", "emulated_lab", "pressing"]
+
+PRESSED = TouchMaxima(cci_max=1.2, eda_max=9000.0)
+"""What counts as full so that each press of :func:`pressing` is felt otherwise."""
 
 _CYTON_HZ = 250.0
+_PRESS_S = 0.1
 
 
 class EmulatedLab:
@@ -111,6 +117,27 @@ def emulated_lab(
         )
         save_calibration(calibration, folder / "calibration.toml")
         yield lab
+
+
+@contextmanager
+def pressing(lab: EmulatedLab) -> Iterator[None]:
+    """Press all fingertips now more and now less, ten times a second, so that there is something new to feel."""
+    over = threading.Event()
+
+    def press() -> None:
+        for firmness in cycle((0.5, 0.6, 0.7, 0.8, 0.9)):
+            for sensor in lab.sensors.values():
+                sensor.say(f"press {firmness}")
+            if over.wait(_PRESS_S):
+                return
+
+    thread = threading.Thread(target=press, name="tega-press", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def _amplifier(stack: ExitStack, rate_hz: float) -> tuple[Emulator, dict[str, Any]]:

@@ -1,0 +1,111 @@
+"""What a person's skin has had of the vest in the last 24 hours, over all runs: a small file beside the calibration.
+
+The dose is a day's (see docs/safety.md), so a second run of the day begins where the first one ended. The heat of the
+motors is kept with it and cools down meanwhile, or a quick restart would give a hot motor another half a minute of
+full drive. Times are the machine's time of day: between two runs there is no other clock.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Annotated, Final, Self
+
+import msgspec
+import numpy as np
+
+from tega.calibration.records import write_bytes
+from tega.errors import CalibrationError
+from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
+
+__all__ = ["DAY_S", "KeptDose"]
+
+DAY_S: Final = 86_400.0
+"""So long a run counts, from its end on."""
+
+SAVE_S: Final = 5.0
+"""What a kill may lose."""
+
+_Each = Annotated[tuple[float, ...], msgspec.Meta(min_length=40, max_length=40)]
+
+
+class _Run(msgspec.Struct):
+    """One run's part: when it ended (seconds, time of day), its own dose, and how warm it left the motors."""
+
+    ended_s: float
+    dose_s: _Each
+    heat: _Each
+
+
+class KeptDose:
+    """Gives a vest's budget what earlier runs used of it, and keeps what this one uses.
+
+    Args:
+        file: Of the person; written when the run begins, every five seconds, and when it ends.
+        budget: The vest's, before its first frame.
+        now_s: The time of day, seconds.
+
+    Raises:
+        CalibrationError: The file cannot be read.
+    """
+
+    def __init__(self, file: Path, budget: MotorBudget, *, now_s: Callable[[], float] = time.time) -> None:
+        self._file = file
+        self._budget = budget
+        self._now_s = now_s
+        began_s = now_s()
+        self._before = [run for run in _read(file) if began_s - run.ended_s < DAY_S]
+        self._carried_s = np.zeros(40)
+        heat = np.zeros(40)
+        for run in self._before:
+            self._carried_s += run.dose_s
+            # A clock that was set back must not cool anything down.
+            cooled = math.exp(-max(0.0, began_s - run.ended_s) / HEAT_TAU_S)
+            heat = np.maximum(heat, cooled * np.array(run.heat))
+        budget.carry(dose_s=self._carried_s, heat=heat)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="tega-dose", daemon=True)
+
+    def save(self) -> None:
+        """Write the file."""
+        used_s = np.maximum(self._budget.dose_s - self._carried_s, 0.0)
+        now = _Run(self._now_s(), tuple(used_s.tolist()), tuple(self._budget.heat.tolist()))
+        runs = [*self._before, now] if used_s.any() else self._before
+        write_bytes(self._file, msgspec.json.encode(runs) + b"\n")
+
+    def __enter__(self) -> Self:
+        """Begin to keep it."""
+        self.save()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Keep it a last time."""
+        self._over.set()
+        self._thread.join()
+        self.save()
+
+    def _work(self) -> None:
+        while not self._over.wait(SAVE_S):
+            try:
+                self.save()
+            except OSError:  # a full disk does not end a run; the last writing tells it
+                continue
+
+
+def _read(file: Path) -> list[_Run]:
+    try:
+        return msgspec.json.decode(file.read_bytes(), type=list[_Run])
+    except FileNotFoundError:
+        return []
+    except (OSError, msgspec.MsgspecError) as error:
+        raise CalibrationError(
+            f"{file.name}: the vibration dose of the last day cannot be read: {error}",
+            "delete the file if this person has not worn the vest for a day",
+        ) from error

@@ -1,0 +1,33 @@
+"""Wakes the loop when a picture has come, so that nobody has to wait for the next tick."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+
+__all__ = ["Bell"]
+
+
+class Bell:
+    """Rung by the sources' threads, waited for by the loop; ringing twice before it is heard counts once."""
+
+    def __init__(self) -> None:
+        # A lock that is held while nothing has happened: the one thing Python waits for without code of its own.
+        self._silent = threading.Lock()
+        self._silent.acquire()
+
+    def ring(self) -> None:
+        """Wake who waits, or the next one who would."""
+        with contextlib.suppress(RuntimeError):  # rung already
+            self._silent.release()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for a ring.
+
+        Args:
+            timeout_s: How long; without time left a ring is not looked for.
+
+        Returns:
+            Whether there was one.
+        """
+        return timeout_s > 0 and self._silent.acquire(timeout=timeout_s)

@@ -1,0 +1,110 @@
+"""From what a session starts with to the streams that its loop takes from, and what follows them through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal
+
+from tega.teleop.latency import LatencyTrace
+from tega.teleop.sources import Block, Contact, grasp_blocks, measured_contacts
+from tega.teleop.streams import PulledStream, Stream, ThreadedStream
+
+if TYPE_CHECKING:
+    from tega.devices.base import EmgSource, TactileSource
+    from tega.teleop.bell import Bell
+    from tega.teleop.pacing import Pacer
+    from tega.teleop.prepare import Finger, Muscles, Prepared
+    from tega.teleop.sinks import Sinks
+
+__all__ = ["contact_stream", "latency_trace", "level_stream"]
+
+
+def latency_trace(
+    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float, steady: bool
+) -> LatencyTrace | None:
+    """Make what follows frames and blocks through the loop, where there is something live to follow."""
+    sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
+    if prepared.muscles is not None:
+        sources.append(prepared.muscles.source)
+    if not any(source.info.live for source in sources):
+        return None
+    vests: list[Any] = [kept.sink for kept in sinks.kept]
+    return LatencyTrace(
+        now_ns=pacer.elapsed_ns,
+        start_ns=start_ns,
+        budget_ms=budget_ms,
+        steady=steady,
+        # Asked by name: a vest whose frames are recorded stands behind another object.
+        vests=[vest for vest in vests if hasattr(vest, "handed_over")],
+        answered_ns=getattr(sinks.steered, "answered_ns", None),
+    )
+
+
+def contact_stream(
+    stack: ExitStack,
+    name: str,
+    finger: Finger,
+    *,
+    reading: Literal["paper", "live"],
+    start_ns: int,
+    trace: LatencyTrace | None,
+    bell: Bell | None,
+) -> Stream[Contact]:
+    """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
+    if finger.stream is not None:
+        return finger.stream
+    if finger.measured is not None:
+        return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
+
+    stamps: dict[str, Any] = {}
+    if trace is not None and finger.source.info.live:
+        stamps["stamp"] = trace.source(name)
+
+    def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
+        return measured_contacts(
+            finger.source,
+            finger.baseline,
+            reading,
+            finger.report,
+            start_ns=start_ns,
+            stopped=stopped,
+            **stamps,
+        )
+
+    stream: ThreadedStream[Contact] = ThreadedStream(
+        name,
+        produce,
+        live=finger.source.info.live,
+        on_loss=finger.report.drop,
+        on_item=bell.ring if bell is not None else lambda: None,
+    )
+    stack.callback(stream.close)
+    return stream
+
+
+def level_stream(
+    stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
+) -> Stream[Block]:
+    """Make the stream of EMG blocks; only a live source is worth a thread."""
+    if muscles.stream is not None:
+        return muscles.stream
+    produce = partial(
+        grasp_blocks,
+        muscles.source,
+        muscles.intent,
+        muscles.report,
+        rate_hz=muscles.maxima.rate_hz,
+        tau=muscles.maxima.tau,
+        start_ns=start_ns,
+    )
+    if not muscles.source.info.live:
+        return PulledStream(produce())
+    if trace is not None:
+        produce = partial(produce, stamp=trace.source("emg"))
+    stream: ThreadedStream[Block] = ThreadedStream(
+        "emg", lambda stopped: produce(stopped=stopped), live=True, on_loss=muscles.report.drop
+    )
+    stack.callback(stream.close)
+    return stream

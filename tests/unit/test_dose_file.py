@@ -1,0 +1,99 @@
+"""The vest's dose is a day's: what one run used, the next of the same person has no more."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.calibration.folder import CalibrationFolder
+from tega.config import check_tree
+from tega.errors import CalibrationError
+from tega.safety.dose_file import DAY_S, KeptDose
+from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
+from tega.teleop import run_session
+from tega.testing.lab import emulated_lab
+
+FULL = np.full(40, 100, np.uint8)
+
+
+def drive(budget: MotorBudget, seconds: float, *, from_s: float = 0.0) -> int:
+    """Ask for full drive, and return what is shown at the end."""
+    return [
+        int(budget.allow(round((from_s + k / 10) * 1e9), FULL)[0]) for k in range(round(10 * seconds) + 1)
+    ][-1]
+
+
+def run(file: Path, *, at_s: float, seconds: float, dose_s: float = 100.0) -> MotorBudget:
+    """Drive a vest for some seconds, beginning at a time of day."""
+    budget, now_s = MotorBudget(heat_share=1.0, dose_s=dose_s), [at_s]
+    with KeptDose(file, budget, now_s=lambda: now_s[0]):
+        drive(budget, seconds)
+        now_s[0] += seconds
+    return budget
+
+
+def test_a_second_run_of_the_day_begins_where_the_first_ended(tmp_path: Path) -> None:
+    file = tmp_path / "p01" / "vest-dose.json"
+    first = run(file, at_s=1000.0, seconds=60.0)
+    assert first.dose_s[0] == pytest.approx(60.0)
+    second = run(file, at_s=5000.0, seconds=10.0)
+    assert second.dose_s == pytest.approx(np.full(40, 70.0))
+    assert "earlier runs of the day used up to 60 of 100 s" in second.words()[0]
+    # The day's budget holds over runs, however many: no restart gets past it.
+    for k in range(10):
+        spent = run(file, at_s=6000.0 + 100 * k, seconds=60.0)
+    assert (spent.dose_s <= 100.0).all()
+    assert drive(spent, 0.1, from_s=60.0) <= 10
+
+
+def test_what_is_older_than_a_day_counts_no_more(tmp_path: Path) -> None:
+    file = tmp_path / "vest-dose.json"
+    run(file, at_s=0.0, seconds=30.0)
+    run(file, at_s=40_000.0, seconds=20.0)
+    assert run(file, at_s=30.0 + DAY_S - 1, seconds=0.0).carried_s[0] == pytest.approx(50.0)
+    assert run(file, at_s=30.0 + DAY_S + 1, seconds=0.0).carried_s[0] == pytest.approx(20.0)
+    assert run(file, at_s=3 * DAY_S, seconds=0.0).carried_s[0] == 0.0
+    assert json.loads(file.read_bytes()) == []
+
+
+@pytest.mark.parametrize(("later_s", "share"), [(0.0, 1.0), (HEAT_TAU_S, np.exp(-1)), (-500.0, 1.0)])
+def test_a_quick_restart_does_not_cool_the_motors_nor_does_a_clock_set_back(
+    tmp_path: Path, later_s: float, share: float
+) -> None:
+    file = tmp_path / "vest-dose.json"
+    warm = run(file, at_s=1000.0, seconds=30.0).heat
+    again = MotorBudget(heat_share=1.0)
+    KeptDose(file, again, now_s=lambda: 1030.0 + later_s)
+    assert warm[0] > 0.3
+    assert again.heat == pytest.approx(share * warm)
+
+
+def test_a_file_that_cannot_be_read_is_no_clean_slate(tmp_path: Path) -> None:
+    file = tmp_path / "vest-dose.json"
+    file.write_text('[{"ended_s": 1, "dose_s": [1], "heat": []}]')
+    with pytest.raises(CalibrationError, match=r"vest-dose\.json"):
+        KeptDose(file, MotorBudget())
+
+
+def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, vest=True, fingers=("thumb",)) as lab:
+        kept = CalibrationFolder(tmp_path / "calibrations").person("p01") / "vest-dose.json"
+        totals: list[float] = []
+        for person in (None, "p01", "p01"):
+            tree: dict[str, Any] = {**lab.tree, "session": {"duration_s": 1.5}}
+            if person is not None:
+                tree["calibration"] = {
+                    **tree["calibration"],
+                    "person": person,
+                    "folder": str(tmp_path / "calibrations"),
+                }
+            run_session(check_tree(tree, {}, base=tmp_path).config)
+            totals.append(
+                sum(sum(r["dose_s"]) for r in json.loads(kept.read_bytes())) if kept.is_file() else 0.0
+            )
+    assert totals[0] == 0.0
+    assert 0 < totals[1] < totals[2]

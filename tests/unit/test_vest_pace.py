@@ -1,0 +1,274 @@
+"""A picture that comes between two refreshes of the vest is felt at once, and no link is told more than it carries."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reference.scripted import MS, Sink, touching
+from tega.calibration import TouchMaxima
+from tega.clock import ManualClock, SystemClock
+from tega.config import check_tree
+from tega.devices.vest_stream import StreamedVest, VestOptions
+from tega.haptics import vest_frame
+from tega.replay import replay_file
+from tega.replay.recorded import read_recorded
+from tega.teleop.bell import Bell
+from tega.teleop.hand import ModelledAllegro
+from tega.teleop.keepalive import KeepAlive
+from tega.teleop.latency import FrameLatency, LatencyTrace
+from tega.teleop.loop import DualLoop
+from tega.teleop.pacing import Pacer
+from tega.teleop.session import run_session
+from tega.teleop.sources import Contact
+from tega.teleop.streams import PulledStream, ThreadedStream
+from tega.teleop.touch import TouchLoop
+from tega.testing.lab import PRESSED, emulated_lab, pressing
+
+LONG_S = 60.0
+
+
+def loop_of(
+    contacts: Any, vest: Sink, *, pacer: Pacer, levels: Any = None, by_frame: bool = True, **how: Any
+) -> DualLoop:
+    touch = TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="x40")
+    return DualLoop(
+        pacer=pacer,
+        touch=touch,
+        contacts=contacts,
+        levels=levels,
+        hand=ModelledAllegro(),
+        vests=[vest],
+        hands=[],
+        recorder=None,
+        by_frame=by_frame,
+        **how,
+    )
+
+
+# What wakes the loop
+
+
+def test_a_ring_ends_a_wait_and_two_before_it_count_once() -> None:
+    bell = Bell()
+    assert not bell.wait(0.001)
+    bell.ring()
+    bell.ring()
+    assert bell.wait(LONG_S)
+    assert not bell.wait(0.001)
+
+
+def test_a_wait_is_cut_short_by_the_bell_alone_and_never_beyond_the_deadline() -> None:
+    silent = Pacer(SystemClock())
+    silent.start()
+    assert silent.doze(50 * MS) == 50 * MS
+    pacer = Pacer(SystemClock(), bell=Bell())
+    pacer.start()
+    assert pacer.bell is not None
+    threading.Timer(0.01, pacer.bell.ring).start()
+    woken_ns = pacer.doze(round(LONG_S * 1e9))
+    assert 0 < woken_ns <= pacer.elapsed_ns()
+    # A ring that comes too late is kept for the turn after the deadline.
+    pacer.bell.ring()
+    assert pacer.doze(woken_ns) == woken_ns
+    assert pacer.doze(round(LONG_S * 1e9)) < round(LONG_S * 1e9)
+
+
+# The loop
+
+
+def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent() -> None:
+    vest, bell = Sink(), Bell()
+    pacer = Pacer(SystemClock(), bell=bell)
+    felt: list[int] = []
+
+    def until(condition: Callable[[], bool]) -> None:
+        end_s = time.monotonic() + LONG_S
+        while not condition():
+            assert time.monotonic() < end_s
+            time.sleep(0.001)
+
+    def camera(stopped: Callable[[], bool]) -> Iterator[Contact]:
+        until(lambda: bool(vest.sent))  # the first refresh; the next one comes a minute later
+        for eda in (50, 50, 80, 0):
+            n = len(vest.sent)
+            yield (pacer.elapsed_ns(), touching(eda))
+            felt.append(eda)
+            if len(felt) == 2:
+                continue  # nothing changes
+            until(lambda n=n: len(vest.sent) > n)  # type: ignore[misc]
+        until(stopped)
+
+    pacer.start()
+    stream: ThreadedStream[Contact] = ThreadedStream("thumb", camera, live=True, on_item=bell.ring)
+    loop = loop_of({"thumb": stream}, vest, pacer=pacer, vest_rate_hz=1 / LONG_S)
+    report = loop.run(stop=lambda: len(felt) == 4)
+    stream.close()
+    assert report.n_contacts == {"thumb": 4}
+    assert (report.n_vest_ticks, report.n_vest_between) == (1, 3)
+    shown = [int(frame.intensities[0]) for _, frame in vest.sent]
+    assert shown[0] == 0
+    assert 0 < shown[1] == shown[2]  # the front follows CCI, which is the same
+    backs = [int(frame.intensities[20]) for _, frame in vest.sent]
+    assert 0 < backs[1] < backs[2]
+    assert (backs[0], backs[3]) == (0, 0)
+    times = [t_ns for t_ns, _ in vest.sent]
+    assert times == sorted(times)
+    assert times[-1] < LONG_S * 1e9
+
+
+def scripted(*, by_frame: bool) -> list[int]:
+    vest = Sink()
+    thumb = PulledStream([(10 * MS, touching(50)), (20 * MS, touching(50)), (40 * MS, touching(0))])
+    levels = PulledStream([(90 * MS, (1, 1, 1), 1)], end_ns=90 * MS)
+    loop = loop_of({"thumb": thumb}, vest, pacer=Pacer(ManualClock()), levels=levels, by_frame=by_frame)
+    loop.run()
+    return [t_ns // MS for t_ns, _ in vest.sent]
+
+
+def test_what_is_taken_in_at_a_tick_of_the_hand_does_not_wait_for_one_of_the_vest() -> None:
+    assert scripted(by_frame=False) == [0, 33, 66, 90]
+    assert scripted(by_frame=True) == [0, 12, 33, 42, 66, 90]
+
+
+@pytest.mark.parametrize("pace", ["by-frame", "steady"])
+def test_a_run_by_frame_is_recorded_and_computed_again_bit_for_bit(tmp_path: Path, pace: str) -> None:
+    fingers = ("thumb", "index")
+    with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=fingers, touch=PRESSED) as lab:
+        lab.tree["session"] = {"duration_s": 3.0}
+        lab.tree["vest"]["pace"] = pace
+        lab.tree["recording"] = {"dir": str(tmp_path / "recorded"), "lossless": True}
+        with pressing(lab):
+            summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config)
+    assert summary["vest"]["pace"] == pace
+    file = tmp_path / "recorded" / summary["recording"]["file"]
+    replay = replay_file(file)
+    assert replay.same, [stream for stream in replay.streams if stream.differ]
+    ticks = {round(k * 1e9 / 30) for k in range(91)}
+    between = [t_ns for t_ns, _, _ in read_recorded(file).vest if t_ns not in ticks]
+    if pace == "steady":
+        assert between == []
+        return
+    assert between
+    other = tmp_path / "other.toml"
+    other.write_text('[vest]\nlayout = "x40"\npace = "steady"\n')
+    again = replay_file(file, config=other)
+    assert any("vest.pace" in said for said in again.changed)
+    frames = next(stream for stream in again.streams if stream.stream == "/vest/frame")
+    assert frames.recorded - frames.replayed == len(between)
+
+
+# What a vest can show
+
+
+def test_frames_that_a_vest_shows_alike_are_sent_once_but_a_motor_that_rests_is_told() -> None:
+    def sent(in_steps: bool, *fronts: float) -> list[int]:
+        vest = Sink()
+        kept = KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33 * MS, in_steps=in_steps)  # type: ignore[arg-type]
+        for k, front in enumerate(fronts):
+            kept.offer(k * MS, vest_frame([front, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+        return [int(frame.intensities[0]) for _, frame in vest.sent]
+
+    assert sent(False, 40, 41, 42, 50) == [40, 41, 42, 50]
+    assert sent(True, 40, 41, 42, 50) == [40, 50]  # steps 6, 6, 6, 8
+    assert sent(True, 2, 0) == [2, 0]  # both are step 0
+
+
+# The greatest rate
+
+
+class _Wire:
+    notes: tuple[str, ...] = ()
+    present = True
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[float, NDArray[np.uint8]]] = []
+
+    def connect(self) -> None: ...
+    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002
+        return True
+
+    def send(self, intensities: NDArray[np.uint8]) -> None:
+        self.sent.append((time.monotonic(), intensities.copy()))
+
+    def poll(self) -> None: ...
+    def close(self) -> None: ...
+    def abort(self) -> None: ...
+
+
+class _Vest(StreamedVest):
+    name = "wire-vest"
+
+    def __init__(self, options: VestOptions) -> None:
+        super().__init__(options)
+        self.wire = _Wire()
+
+    def _new_link(self) -> _Wire:
+        return self.wire
+
+    @property
+    def _label(self) -> str:
+        return "wire"
+
+
+def test_a_link_gets_the_newest_frame_at_its_greatest_rate() -> None:
+    most_hz = 20.0
+    vest = _Vest(VestOptions(most_hz=most_hz))
+    with vest:
+        began_s = time.monotonic()
+        for k in range(200):
+            vest.write(k, vest_frame([k % 100 + 1, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            time.sleep(0.002)
+        handed: list[tuple[int, int, int]] = []
+        end_s = time.monotonic() + LONG_S
+        while not handed or handed[-1][0] != 199:
+            vest.write(199, vest_frame([100, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            handed += vest.handed_over()
+            assert time.monotonic() < end_s
+            time.sleep(0.01)
+        lasted_s = time.monotonic() - began_s
+        n = len(vest.wire.sent)
+    assert 3 <= n <= lasted_s * most_hz + 2
+    assert vest.counters.held > 0
+    held = [(free_ns, at_ns) for _, free_ns, at_ns in handed if free_ns]
+    assert held
+    assert all(free_ns <= at_ns for free_ns, at_ns in held)
+    assert vest.counters.superseded > n
+
+
+class _Link:
+    def __init__(self) -> None:
+        self.handed: list[tuple[int, int, int]] = []
+
+    def handed_over(self) -> list[tuple[int, int, int]]:
+        handed, self.handed = self.handed, []
+        return handed
+
+
+def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_offered() -> None:
+    now = [0]
+    link = _Link()
+    told: list[FrameLatency] = []
+    trace = LatencyTrace(now_ns=lambda: now[0], start_ns=0, budget_ms=5.0, vests=[link])
+    trace.observers.append(told.append)
+    for finger, measured_ms in (("ring", 0), ("thumb", 1), ("ring", 4), ("index", 5)):
+        source = trace.source(finger)
+        now[0] = measured_ms * MS
+        source(measured_ms * MS, measured_ms * MS)
+        trace.taken(finger, measured_ms * MS)
+        trace.vest(measured_ms * MS, measured_ms * MS, measured_ms * MS, changed=True)
+    # All wait in the driver, each in the place of the one before; the last leaves at 20 ms.
+    link.handed = [(5 * MS, 20 * MS, 21 * MS)]
+    trace.vest(33 * MS, 33 * MS, 33 * MS, changed=False)
+    held = {way.source: way.stages_ns()["held"] // MS for way in told}
+    assert held == {"thumb": 19, "ring": 16, "index": 15}
+    assert trace.n_replaced == 1  # the ring's first
+    in_hand = {way.source: way.stages_ns()["in-hand"] // MS for way in told}
+    assert in_hand == {"thumb": 20, "ring": 17, "index": 16}
