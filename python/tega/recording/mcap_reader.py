@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
@@ -36,6 +37,7 @@ class McapReader:
 
     Args:
         path: The file.
+        data: Its content, where it is no file of its own; ``path`` is then only its name.
 
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
@@ -43,8 +45,9 @@ class McapReader:
         cut: Why the file ends early; ``""`` while it has not, and in one that is complete.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, data: bytes | None = None) -> None:
         self.path = path
+        self._data = data
         self.metadata: dict[str, dict[str, str]] = {}
         self.files: dict[str, bytes] = {}
         self.cut = ""
@@ -65,7 +68,7 @@ class McapReader:
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
         try:
-            file = self.path.open("rb")
+            file: IO[bytes] = self.path.open("rb") if self._data is None else io.BytesIO(self._data)
         except OSError as error:
             raise RecordingError(f"{self.path.name}: cannot be read: {error.strerror}") from error
         with file:

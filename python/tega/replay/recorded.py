@@ -17,6 +17,7 @@ from tega.config import SessionConfig, check_tree
 from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.origin import LEAD_IN, span
 from tega.recording.tap import FORMAT
 from tega.tactile import ContactMetrics
 from tega.teleop.touch import Felt
@@ -81,6 +82,8 @@ class Recorded(msgspec.Struct):
         dropped: Records lost, by topic.
         complete: Whether the file was finished, or else recovered or cut.
         n_frames: Pictures, by finger.
+        from_ns: Where it begins, nanoseconds since the start of the session; what is from before that is its lead-in.
+        n_early: Items of the lead-in, by finger, ``emg`` for levels and ``hand`` for exchanges.
     """
 
     head: Head
@@ -97,6 +100,8 @@ class Recorded(msgspec.Struct):
     dropped: dict[str, int] = {}
     complete: bool = False
     n_frames: dict[str, int] = {}
+    from_ns: int = 0
+    n_early: dict[str, int] = {}
 
     @property
     def last_tick_ns(self) -> int:
@@ -132,9 +137,7 @@ def read_recorded(
     recorded: Recorded | None = None
     for message in reader.messages():
         if recorded is None:
-            head = _head(reader)
-            recorded = Recorded(head, {finger: [] for finger in head.baselines})
-            begin(head)
+            recorded = _begin(reader, begin, chunk)
         value, topic = message.value, message.topic
         match message.schema:
             case "foxglove.RawImage" | "foxglove.CompressedImage":
@@ -147,11 +150,8 @@ def read_recorded(
                     numbered = TactileFrame(value.t_ns, value.seq, image, value.name)
                     frame(finger, numbered, value.pixels_crc32)
                     recorded.n_frames[finger] = recorded.n_frames.get(finger, 0) + 1
-            case "tega.EmgSamples":
-                samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
-                chunk(EmgChunk(value.t_ns, value.first_index, samples))
             case _:
-                _keep(recorded, message)
+                _keep(recorded, message, chunk)
     if recorded is None:
         _head(reader)
         raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
@@ -161,9 +161,34 @@ def read_recorded(
     return recorded
 
 
-def _keep(recorded: Recorded, message: Message) -> None:
+def _begin(
+    reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[EmgChunk], None]
+) -> Recorded:
+    """Take in what comes before the first message, and of a trimmed recording its lead-in."""
+    head = _head(reader)
+    recorded = Recorded(head, {finger: [] for finger in head.baselines}, from_ns=span(reader.metadata).from_ns)
+    begin(head)
+    if recorded.from_ns > 0:
+        lead_in = reader.files.get(LEAD_IN)
+        if lead_in is None:
+            raise RecordingError(
+                f"{reader.path.name}: trimmed from {recorded.from_ns / 1e9:g} s on without its lead-in, so that "
+                "filters cannot be brought to where they were: it cannot be computed again",
+                "trim the original again without --no-lead-in",
+            )
+        for message in McapReader(reader.path, data=lead_in).messages():
+            _keep(recorded, message, chunk)
+        recorded.n_early = {finger: len(contacts) for finger, contacts in recorded.contacts.items()}
+        recorded.n_early |= {"emg": len(recorded.levels), "hand": len(recorded.exchanges)}
+    return recorded
+
+
+def _keep(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None]) -> None:
     value = message.value
     match message.schema:
+        case "tega.EmgSamples":
+            samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
+            chunk(EmgChunk(value.t_ns, value.first_index, samples))
         case "tega.Contact":
             metrics = ContactMetrics(
                 mass=value.mass,
