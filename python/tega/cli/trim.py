@@ -11,7 +11,9 @@ from tega.cli.options import debug_option, json_option
 __all__ = ["merge", "trim"]
 
 
-@click.command(epilog="Example: tega-teleop trim sessions/monday --from 12 --to 30 --out sessions/monday-lift")
+@click.command(
+    epilog="Example: tega-teleop trim sessions/monday --from 12 --to 30 --out sessions/monday-lift"
+)
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option("--from", "from_s", type=click.FloatRange(min=0), default=0.0, help="Seconds since its start.")
 @click.option(

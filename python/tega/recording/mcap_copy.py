@@ -127,9 +127,7 @@ class McapCopy:
         if item.schema is not None:
             key = (item.schema.name, item.schema.data)
             if key not in self._schemas:
-                made = self._writer.register_schema(
-                    item.schema.name, item.schema.encoding, item.schema.data
-                )
+                made = self._writer.register_schema(item.schema.name, item.schema.encoding, item.schema.data)
                 self._schemas[key] = made
             schema = self._schemas[key]
         place = (item.channel.topic, schema)

@@ -5,13 +5,17 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 from tega.recording.mcap_schemas import decoder
 
-__all__ = ["McapReader", "Message"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["McapReader", "Message", "read_picture"]
 
 
 class Message(NamedTuple):
@@ -104,3 +108,16 @@ class McapReader:
                     self.metadata.setdefault(record.name, {}).update(record.metadata)
                 elif isinstance(record, records.Attachment):
                     self.files[record.name] = record.data
+
+
+def read_picture(message: Message) -> NDArray[np.uint8]:
+    """Return the picture of an image message, uint8 (H, W, 3) in BGR; what was JPEG is approximate."""
+    import numpy as np
+
+    value = message.value
+    data = np.frombuffer(value.data, np.uint8)
+    if message.schema == "foxglove.RawImage":
+        return data.reshape(value.height, value.width, 3)
+    cv2 = require("cv2", driver="recording", extra="record")
+    decoded: NDArray[np.uint8] = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    return decoded

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -62,10 +63,10 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     parts = sorted((_part(path) for session in sessions for path in session_files(session)), key=_begin)
-    if len(parts) < 2:  # noqa: PLR2004  # one is nothing to merge
+    if len(parts) < 2:
         raise RecordingError("there is only one recording", "name two sessions or more")
     first = parts[0]
-    for before, part in zip(parts, parts[1:], strict=False):
+    for before, part in pairwise(parts):
         _fit(first, part)
         if part.from_ns < before.to_ns:
             over_s = (min(before.to_ns, part.to_ns) - part.from_ns) / 1e9

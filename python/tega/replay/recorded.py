@@ -7,7 +7,7 @@ import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -16,15 +16,12 @@ from tega.calibration.store import Calibration, parse_calibration
 from tega.config import SessionConfig, check_tree
 from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
-from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.origin import LEAD_IN, span
 from tega.recording.tap import FORMAT
 from tega.tactile import ContactMetrics
 from tega.teleop.touch import Felt
 from tega.wire import CanFrame
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["Head", "Recorded", "read_recorded"]
 
@@ -146,12 +143,12 @@ def read_recorded(
                 finger = topic.split("/")[2]
                 picture = pictures.pop(finger, None)
                 if picture is not None:
-                    image = _image(picture)
+                    image = read_picture(picture)
                     numbered = TactileFrame(value.t_ns, value.seq, image, value.name)
                     frame(finger, numbered, value.pixels_crc32)
                     recorded.n_frames[finger] = recorded.n_frames.get(finger, 0) + 1
             case _:
-                _keep(recorded, message, chunk)
+                _take(recorded, message, chunk)
     if recorded is None:
         _head(reader)
         raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
@@ -161,12 +158,12 @@ def read_recorded(
     return recorded
 
 
-def _begin(
-    reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[EmgChunk], None]
-) -> Recorded:
+def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[EmgChunk], None]) -> Recorded:
     """Take in what comes before the first message, and of a trimmed recording its lead-in."""
     head = _head(reader)
-    recorded = Recorded(head, {finger: [] for finger in head.baselines}, from_ns=span(reader.metadata).from_ns)
+    recorded = Recorded(
+        head, {finger: [] for finger in head.baselines}, from_ns=span(reader.metadata).from_ns
+    )
     begin(head)
     if recorded.from_ns > 0:
         lead_in = reader.files.get(LEAD_IN)
@@ -177,18 +174,24 @@ def _begin(
                 "trim the original again without --no-lead-in",
             )
         for message in McapReader(reader.path, data=lead_in).messages():
-            _keep(recorded, message, chunk)
+            _take(recorded, message, chunk)
         recorded.n_early = {finger: len(contacts) for finger, contacts in recorded.contacts.items()}
         recorded.n_early |= {"emg": len(recorded.levels), "hand": len(recorded.exchanges)}
     return recorded
 
 
-def _keep(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None]) -> None:
+def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None]) -> None:
+    if message.schema != "tega.EmgSamples":
+        _keep(recorded, message)
+        return
+    value = message.value
+    samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
+    chunk(EmgChunk(value.t_ns, value.first_index, samples))
+
+
+def _keep(recorded: Recorded, message: Message) -> None:
     value = message.value
     match message.schema:
-        case "tega.EmgSamples":
-            samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
-            chunk(EmgChunk(value.t_ns, value.first_index, samples))
         case "tega.Contact":
             metrics = ContactMetrics(
                 mass=value.mass,
@@ -227,17 +230,6 @@ def _keep(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             recorded.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
         case _:
             pass
-
-
-def _image(message: Message) -> NDArray[np.uint8]:
-    value = message.value
-    if message.schema == "foxglove.RawImage":
-        return np.frombuffer(value.data, np.uint8).reshape(value.height, value.width, 3)
-    from tega.devices.opencv import load_cv2
-
-    cv2 = load_cv2("replay")
-    decoded: NDArray[np.uint8] = cv2.imdecode(np.frombuffer(value.data, np.uint8), cv2.IMREAD_COLOR)
-    return decoded
 
 
 def _head(reader: McapReader) -> Head:
