@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import ConfigError, RecordingError
+from tega.recording.disk import take_tail
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_file import lock
 
@@ -94,6 +95,7 @@ class SessionFolder:
             with part.open("rb") as file:
                 if not lock(file):
                     continue  # somebody is writing it
+                take_tail(part)
             recovered = recover_file(part, part.with_suffix(""))
             part.unlink()
             done.append(recovered)
