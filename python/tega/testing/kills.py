@@ -2,7 +2,8 @@
 
 ``python -m tega.testing.kills --instants 20 --seed 1`` starts a lossless recording in real time as often, kills its
 process (SIGKILL) at a random instant, opens the file with the public ``mcap`` reader, finishes it as the next run
-would, opens that too, and computes it again. What is lost is counted in the finished file. One line per instant, exit code 1 unless every one is good.
+would, opens that too, and computes it again. What is lost is counted in the finished file. One line per instant, exit
+code 1 unless every one is good.
 
 The run is fed by the emulated DIGIT, Cyton and Allegro Hand in processes of their own, and feels an emulated Player;
 ``--synthetic`` takes made-up sources instead, which need nothing and start sooner.
@@ -49,8 +50,8 @@ class Kill(msgspec.Struct, frozen=True):
         at_s: When it came, seconds after the session began.
         messages: What the public reader found in the file as it was left.
         ending: What that reader said where the file breaks off.
-        lost_s: Of what the loop had done by then: from the newest frame of it in the finished file to the newest vest tick that
-            the run itself had come to, as it noted in memory that outlives it.
+        lost_s: Of what the loop had done by then: from the newest frame of it in the finished file to the newest vest
+            tick that the run itself had come to, as it noted in memory that outlives it.
         stood_s: From that tick to the kill. More than a tick or two is a process that the machine did not let run.
         stream_lost_s: Like ``lost_s``, for the stream that lost most, of those that had come at least ten times.
         recovered: Messages in the file once it was finished; the public seeking reader opens it.
