@@ -78,6 +78,7 @@ class InputsTap:
         self._said: dict[str, tuple[Any, ...]] = {}
 
     def __getattr__(self, name: str) -> Any:
+        """Return whatever else the inputs have."""
         return getattr(self._inputs, name)
 
     def look(self) -> dict[str, list[InputEvent]]:
@@ -102,6 +103,7 @@ class SentTap:
         self._tap = tap
 
     def __getattr__(self, name: str) -> Any:
+        """Return whatever else the vest has."""
         return getattr(self._vest, name)
 
     def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
