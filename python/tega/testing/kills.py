@@ -41,6 +41,7 @@ MOST_LOST_S = 0.5
 """What a kill may cost."""
 
 _BEGIN_S = 60.0
+_NOTE_BYTES = 8
 
 
 class Kill(msgspec.Struct, frozen=True):
@@ -149,16 +150,18 @@ def kill_one(path: Path, after_s: float) -> Kill:
     session = path.parent / "session"
     words = [sys.executable, "-m", "tega.testing.kills", "--run", str(path)]
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
-        part, epoch_ns = _begun(session, run)
-        time.sleep(max(0.0, after_s - (time.time_ns() - epoch_ns) / 1e9))
+        part, began_ns = _begun(path, run)
+        time.sleep(max(0.0, after_s - (time.time_ns() - began_ns) / 1e9))
         killed_ns = time.time_ns()
         run.send_signal(signal.SIGKILL)
         run.wait()
     left, ending = _public_reader(part)[1:]
     (recovered,) = SessionFolder(session).recovered
     newest, counts, _ = _public_reader(recovered.path)
-    (tick_ns,) = struct.unpack("<q", path.with_suffix(".tick").read_bytes())
-    alive_ns = epoch_ns + tick_ns
+    reader = McapReader(recovered.path)
+    next(reader.messages(), None)
+    epoch_ns = int(reader.metadata["tega"]["epoch_ns"])
+    alive_ns = epoch_ns + _tick_ns(path)
     # A made-up source is read ahead of its time: the loop's own frames tell how far it had come.
     told = [newest.get(topic, epoch_ns) for topic in ("/hand/frames", "/vest/frame")]
     lost_s = max(0, alive_ns - max(told)) / 1e9
@@ -199,15 +202,21 @@ def _steady(topic: str) -> bool:
     return topic in {"/hand/frames", "/vest/frame", "/emg/samples"} or topic.endswith("/image")
 
 
-def _begun(session: Path, run: subprocess.Popen[str]) -> tuple[Path, int]:
-    """Wait until a session has begun; return its file and the time of day at its start."""
+def _tick_ns(path: Path) -> int:
+    """Return how far a run had come as it noted itself; -1 where it had not begun."""
+    note = path.with_suffix(".tick")
+    data = note.read_bytes() if note.exists() else b""
+    return int(struct.unpack("<q", data)[0]) if len(data) == _NOTE_BYTES else -1
+
+
+def _begun(path: Path, run: subprocess.Popen[str]) -> tuple[Path, int]:
+    """Wait until a session has begun; return its file and the time of day at its start, about."""
     end_s = time.monotonic() + _BEGIN_S
     while time.monotonic() < end_s and run.poll() is None:
-        for part in session.glob("*.mcap.part"):
-            reader = McapReader(part)
-            next(reader.messages(), None)  # the head comes first; of records none need be there yet
-            if epoch_ns := reader.metadata.get("tega", {}).get("epoch_ns"):
-                return part, int(epoch_ns)
+        # Not by the file: a disk that stands still would hold that up.
+        if (tick_ns := _tick_ns(path)) >= 0:
+            (part,) = (path.parent / "session").glob("*.mcap.part")
+            return part, time.time_ns() - tick_ns
         time.sleep(0.01)
     run.kill()
     said = "" if run.stderr is None else run.stderr.read()
@@ -237,8 +246,8 @@ def _run(path: Path) -> None:
     from tega.teleop import run_session
 
     note = path.with_suffix(".tick")
-    note.write_bytes(bytes(8))
-    with note.open("r+b") as file, mmap.mmap(file.fileno(), 8) as tick:
+    note.write_bytes(struct.pack("<q", -1))
+    with note.open("r+b") as file, mmap.mmap(file.fileno(), _NOTE_BYTES) as tick:
         sys.setswitchinterval(0.0005)
         run_session(
             load_config(path).config, observer=lambda view: struct.pack_into("<q", tick, 0, view.t_ns)
