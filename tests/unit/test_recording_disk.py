@@ -232,7 +232,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="the system keeps no files in memory")
 def test_what_a_standing_disk_has_not_taken_outlives_a_kill(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", STUCK, str(tmp_path)], capture_output=True, text=True, check=False
+        [sys.executable, "-c", STUCK, str(tmp_path)], capture_output=True, text=True, check=False, timeout=120
     )
     assert done.returncode == -9, done.stderr
     assert "stuck" in done.stdout

@@ -17,8 +17,17 @@ import numpy as np
 from tega.devices.lifecycle import require
 from tega.errors import ConfigError, RecordingError
 from tega.recording.lerobot.episode import Episode, read_episode
-from tega.recording.lerobot.stats import Colours, figures
-from tega.recording.lerobot.video import CODEC, PIXELS, Video
+from tega.recording.lerobot.stats import figures
+from tega.recording.lerobot.video import (
+    CODEC,
+    FILES_PER_CHUNK,
+    PIXELS,
+    PLACE,
+    VIDEO_MB,
+    VIDEOS,
+    Camera,
+    Place,
+)
 from tega.recording.origin import origins, span
 
 if TYPE_CHECKING:
@@ -27,11 +36,9 @@ if TYPE_CHECKING:
 __all__ = ["export_lerobot"]
 
 FORMAT = "v3.0"
-_PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
-DATA = f"data/{_PLACE}.parquet"
-VIDEOS = f"videos/{{video_key}}/{_PLACE}.mp4"
-EPISODES = f"meta/episodes/{_PLACE}.parquet"
-_FILES_PER_CHUNK, _DATA_MB, _VIDEO_MB = 1000, 100, 200
+DATA = f"data/{PLACE}.parquet"
+EPISODES = f"meta/episodes/{PLACE}.parquet"
+_DATA_MB = 100
 # Columns that every dataset has.
 _COUNTERS = {
     "timestamp": "float32",
@@ -73,69 +80,14 @@ def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: 
     return folder
 
 
-class _Place:
-    """In which file of which chunk something is."""
-
-    def __init__(self) -> None:
-        self.chunk_index = self.file_index = 0
-
-    def next(self) -> None:
-        self.file_index += 1
-        if self.file_index == _FILES_PER_CHUNK:
-            self.chunk_index, self.file_index = self.chunk_index + 1, 0
-
-    def numbers(self) -> dict[str, int]:
-        return {"chunk_index": self.chunk_index, "file_index": self.file_index}
-
-
-class _Camera:
-    """One finger's videos."""
-
-    def __init__(self, folder: Path, key: str, fps: int, shape: tuple[int, int]) -> None:
-        self._folder, self._key, self._fps, self._shape = folder, key, fps, shape
-        self._place = _Place()
-        self._video: Video | None = None
-        self._from_frame = 0
-        self.total, self.episode = Colours(), Colours()
-
-    def begin(self) -> None:
-        """Begin an episode, in a new file where the last one is large."""
-        self.episode = Colours()
-        if self._video is not None and self._video.path.stat().st_size > _VIDEO_MB * 2**20:
-            self.close()
-            self._place.next()
-        if self._video is None:
-            path = self._folder / VIDEOS.format(video_key=self._key, **self._place.numbers())
-            height, width = self._shape
-            self._video = Video(path, fps=self._fps, height=height, width=width)
-        self._from_frame = self._video.n_frames
-
-    def add(self, image: NDArray[np.uint8], n_frames: int) -> None:
-        if self._video is not None:
-            self._video.add(image, n_frames)
-            self.episode.add(image, n_frames)
-
-    def end(self) -> dict[str, Any]:
-        """End the episode, and return where it is."""
-        self.total += self.episode
-        n_frames = 0 if self._video is None else self._video.n_frames
-        times = {"from_timestamp": self._from_frame / self._fps, "to_timestamp": n_frames / self._fps}
-        return {f"videos/{self._key}/{name}": v for name, v in (self._place.numbers() | times).items()}
-
-    def close(self) -> None:
-        if self._video is not None:
-            self._video.close()
-            self._video = None
-
-
 class _Dataset:
     def __init__(self, folder: Path, fps: int, task: str) -> None:
         self._arrow: Any = require("pyarrow", driver="export", extra="lerobot")
         self._parquet: Any = require("pyarrow.parquet", driver="export", extra="lerobot")
         self._folder, self._fps, self._task = folder, fps, task
-        self._cameras: dict[str, _Camera] = {}
+        self._cameras: dict[str, Camera] = {}
         self._features: dict[str, Any] = {}
-        self._place = _Place()
+        self._place = Place()
         self._writer: Any = None
         self._episodes: list[dict[str, Any]] = []
         self._rows: dict[str, list[NDArray[Any]]] = {}
@@ -149,7 +101,7 @@ class _Dataset:
             self._features = features
             for finger, shape in episode.shapes.items():
                 key = f"observation.images.{finger}"
-                self._cameras[finger] = _Camera(self._folder, key, self._fps, shape)
+                self._cameras[finger] = Camera(self._folder, key, self._fps, shape)
         elif features != self._features:
             other = [
                 name
@@ -286,9 +238,9 @@ class _Dataset:
             "total_episodes": n,
             "total_frames": self._n_frames,
             "total_tasks": 1,
-            "chunks_size": _FILES_PER_CHUNK,
+            "chunks_size": FILES_PER_CHUNK,
             "data_files_size_in_mb": _DATA_MB,
-            "video_files_size_in_mb": _VIDEO_MB,
+            "video_files_size_in_mb": VIDEO_MB,
             "fps": self._fps,
             "splits": {"train": f"0:{n}"},
             "data_path": DATA,

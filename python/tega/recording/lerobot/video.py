@@ -7,12 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tega.devices.lifecycle import require
+from tega.recording.lerobot.stats import Colours
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["CODEC", "PIXELS", "Video"]
+__all__ = ["CODEC", "FILES_PER_CHUNK", "PIXELS", "PLACE", "VIDEOS", "VIDEO_MB", "Camera", "Place", "Video"]
+
+PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+"""Where a file is, below its folder."""
+
+VIDEOS = f"videos/{{video_key}}/{PLACE}.mp4"
+FILES_PER_CHUNK, VIDEO_MB = 1000, 200
 
 CODEC, PIXELS = "libsvtav1", "yuv420p"
 # Every other frame can be decoded on its own, since training reads frames at random.
@@ -57,3 +64,73 @@ class Video:
         """Write what the encoder still has, and finish the file."""
         self._file.mux(self._stream.encode())
         self._file.close()
+
+
+class Place:
+    """In which file of which chunk something is."""
+
+    def __init__(self) -> None:
+        self.chunk_index = self.file_index = 0
+
+    def next(self) -> None:
+        """Go on to the next file."""
+        self.file_index += 1
+        if self.file_index == FILES_PER_CHUNK:
+            self.chunk_index, self.file_index = self.chunk_index + 1, 0
+
+    def numbers(self) -> dict[str, int]:
+        """Return both numbers."""
+        return {"chunk_index": self.chunk_index, "file_index": self.file_index}
+
+
+class Camera:
+    """One finger's videos.
+
+    Args:
+        folder: Of the dataset.
+        key: Name of the feature.
+        fps: Frames per second.
+        shape: Height and width of the pictures, even numbers of pixels.
+
+    Attributes:
+        total: Colours of all pictures.
+        episode: Of those of the episode.
+    """
+
+    def __init__(self, folder: Path, key: str, fps: int, shape: tuple[int, int]) -> None:
+        self._folder, self._key, self._fps, self._shape = folder, key, fps, shape
+        self._place = Place()
+        self._video: Video | None = None
+        self._from_frame = 0
+        self.total, self.episode = Colours(), Colours()
+
+    def begin(self) -> None:
+        """Begin an episode, in a new file where the last one is large."""
+        self.episode = Colours()
+        if self._video is not None and self._video.path.stat().st_size > VIDEO_MB * 2**20:
+            self.close()
+            self._place.next()
+        if self._video is None:
+            path = self._folder / VIDEOS.format(video_key=self._key, **self._place.numbers())
+            height, width = self._shape
+            self._video = Video(path, fps=self._fps, height=height, width=width)
+        self._from_frame = self._video.n_frames
+
+    def add(self, image: NDArray[np.uint8], n_frames: int) -> None:
+        """Show a picture, uint8 (H, W, 3) in RGB, for so many frames."""
+        if self._video is not None:
+            self._video.add(image, n_frames)
+            self.episode.add(image, n_frames)
+
+    def end(self) -> dict[str, Any]:
+        """End the episode, and return where it is."""
+        self.total += self.episode
+        n_frames = 0 if self._video is None else self._video.n_frames
+        times = {"from_timestamp": self._from_frame / self._fps, "to_timestamp": n_frames / self._fps}
+        return {f"videos/{self._key}/{name}": v for name, v in (self._place.numbers() | times).items()}
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._video is not None:
+            self._video.close()
+            self._video = None
