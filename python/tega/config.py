@@ -244,7 +244,8 @@ class RecordingSection(_Section, frozen=True):
         dir: Folder of the session, to which every run adds a file; none means nothing is recorded.
         lossless: Pictures as they are, so that a replay computes the same bits; otherwise as JPEG.
         jpeg_quality: 1 to 100.
-        queue_mib: What may wait for the disk; beyond it pictures are dropped and counted.
+        queue_mib: What may wait to be encoded, and again as much for the disk; beyond it pictures are dropped and
+            counted.
         warn_free_mib: A disk with less room than this is warned of.
         stop_free_mib: With less room than this the recording is finished, and the run goes on without.
     """

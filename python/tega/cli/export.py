@@ -1,4 +1,4 @@
-"""``tega-teleop export``: a recording as tables and pictures."""
+"""``tega-teleop export``: a recording as tables and pictures, or as a dataset to learn from."""
 
 from __future__ import annotations
 
@@ -12,30 +12,64 @@ from tega.cli.options import debug_option, json_option
 __all__ = ["export"]
 
 
-@click.command(epilog="Example: tega-teleop export sessions/monday --out tables --pictures")
+@click.command(
+    epilog="Examples: tega-teleop export sessions/monday --out tables --pictures; "
+    "tega-teleop export sessions/monday --out dataset --format lerobot --task 'lift the bottle'"
+)
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")
-@click.option("--format", "kind", type=click.Choice(["csv", "parquet"]), default="csv", show_default=True)
-@click.option("--pictures", is_flag=True, help="Every picture too, in a folder per finger.")
+@click.option(
+    "--format", "kind", type=click.Choice(["csv", "parquet", "lerobot"]), default="csv", show_default=True
+)
+@click.option("--pictures", is_flag=True, help="Every picture too, in a folder per finger (csv, parquet).")
+@click.option(
+    "--fps", type=click.IntRange(1, 240), default=30, show_default=True, help="Frames per second (lerobot)."
+)
+@click.option("--task", default="grasp", show_default=True, help="What was done, in words (lerobot).")
 @json_option
 @debug_option
+@click.pass_context
 def export(
-    *, session: Path, out: Path, kind: Literal["csv", "parquet"], pictures: bool, as_json: bool
+    ctx: click.Context,
+    *,
+    session: Path,
+    out: Path,
+    kind: Literal["csv", "parquet", "lerobot"],
+    pictures: bool,
+    fps: int,
+    task: str,
+    as_json: bool,
 ) -> None:
     """Write a recording as one table per stream, with its settings and calibration beside them.
 
-    SESSION is a file, or a session's folder: then there is a folder per recording. With --json: the tables' paths.
+    SESSION is a file, or a session's folder: then there is a folder per recording. --format lerobot writes one
+    dataset of the format LeRobot v3.0 instead, each recording an episode, pictures as video. With --json: the
+    tables' paths, or the dataset's.
+
+    EMG can identify a person, in tables and datasets alike: publish either only with that person's consent.
     """
     from tega.cli.options import echo_json
-    from tega.recording.export import export_file
     from tega.recording.mcap_folder import session_files
 
-    tables = []
-    for path in session_files(session):
-        folder = out / path.stem if session.is_dir() else out
-        tables += export_file(path, folder, kind=kind, pictures=pictures)
+    files = session_files(session)
+    if kind == "lerobot":
+        from tega.recording.lerobot import export_lerobot
+
+        if pictures:
+            raise click.UsageError("--pictures is for tables; a dataset has them as video")
+        made = [export_lerobot(files, out, fps=fps, task=task)]
+    else:
+        from tega.recording.export import export_file
+
+        for name in ("fps", "task"):
+            if ctx.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT:
+                raise click.UsageError(f"--{name} is for --format lerobot")
+        made = []
+        for path in files:
+            folder = out / path.stem if session.is_dir() else out
+            made += export_file(path, folder, kind=kind, pictures=pictures)
     if as_json:
-        echo_json([str(table) for table in tables])
+        echo_json([str(path) for path in made])
         return
-    for table in tables:
-        click.echo(table)
+    for path in made:
+        click.echo(path)

@@ -51,6 +51,12 @@ def _show(found: Inspection) -> None:
     console.print(f"[bold]{found.file}[/]  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}")
     kind = "lossless" if found.lossless else "pictures as JPEG"
     console.print(f"  {kind}; begun {started:%Y-%m-%d %H:%M:%S} UTC; ended: {found.ended or 'not recorded'}")
+    for step in found.origin:
+        what = f"{step['session']}/{step['file']}"
+        if step["from_ns"] != "0" or step["to_ns"]:
+            end = f"{int(step['to_ns']) / 1e9:g} s" if step["to_ns"] else "its end"
+            what += f", {int(step['from_ns']) / 1e9:g} s to {end}"
+        console.print(f"  made by {step['made_by']} from {what}", markup=False)
     for name, label in found.sources.items():
         console.print(f"  {name}: {label}")
     table = Table(box=None, pad_edge=True)

@@ -35,6 +35,8 @@ _VERBS = {
     "play": _Verb("Run", "tega.cli.play", "play", "Play a recorded session to a vest and a hand."),
     "inspect": _Verb("Run", "tega.cli.inspect", "inspect", "Print what a recording holds."),
     "export": _Verb("Run", "tega.cli.export", "export", "Write a recording as tables and pictures."),
+    "trim": _Verb("Run", "tega.cli.trim", "trim", "Write a part of a recording into a new session."),
+    "merge": _Verb("Run", "tega.cli.trim", "merge", "Put the recordings of several sessions into one."),
     "study": _Verb("Study", "tega.cli.study", "study", "Plan a user study, keep its data, report it."),
     "sim-trials": _Verb(
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."

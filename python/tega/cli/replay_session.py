@@ -51,6 +51,8 @@ def _show(replay: Replay) -> None:
         else "from the contacts and samples as recorded"
     )
     console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s computed again {how}")
+    if replay.from_s > 0:
+        console.print(f"  trimmed: compared from {replay.from_s:g} s on, what came before is its lead-in")
     for change in replay.changed:
         console.print(f"  changed: {change}", markup=False)
     if not replay.complete:

@@ -10,6 +10,7 @@ from tega.devices.lifecycle import require
 from tega.errors import ConfigError
 from tega.recording.csv import CsvWriter
 from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.origin import LEAD_IN
 
 __all__ = ["export_file"]
 
@@ -60,7 +61,8 @@ def export_file(
         name = message.topic.strip("/").replace("/", ".")
         tables.setdefault(name, []).extend(_rows(message, message.log_ns - epoch_ns))
     for name, data in reader.files.items():
-        (folder / name).write_bytes(data)
+        if name != LEAD_IN:
+            (folder / name).write_bytes(data)
     write = _write_csv if kind == "csv" else _write_parquet
     return [write(folder / f"{name}.{kind}", rows) for name, rows in sorted(tables.items()) if rows]
 

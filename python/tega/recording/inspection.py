@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.origin import origins, span
 from tega.teleop.latency import FrameLatency
 
 __all__ = ["Inspection", "Latency", "Marked", "StreamFacts", "inspect_file"]
@@ -73,8 +74,10 @@ class Inspection(msgspec.Struct, frozen=True):
         complete: Whether the run that made it finished it.
         cut: Why reading ended early, in a word; ``""`` where it did not.
         lossless: Whether the pictures are as they were.
+        origin: For one made by `trim` or `merge`, the steps from the run's own file to this one.
+        from_s: Where in its session it begins.
         start: Time of day at the start of the session, nanoseconds since 1970.
-        duration_s: From the start to the newest stamp.
+        duration_s: From there to the newest stamp.
         ended: How the run ended; ``""`` where that was not recorded.
         mib: Size of the file.
         config_sha256: Of the settings' text.
@@ -92,6 +95,8 @@ class Inspection(msgspec.Struct, frozen=True):
     complete: bool
     cut: str
     lossless: bool
+    origin: list[dict[str, str]]
+    from_s: float
     start: int
     duration_s: float
     ended: str
@@ -139,8 +144,10 @@ def inspect_file(path: Path) -> Inspection:
         complete=not reader.cut and "end" in reader.metadata,
         cut=reader.cut,
         lossless=facts.get("lossless") == "true",
+        origin=origins(reader.metadata),
+        from_s=span(reader.metadata).from_ns / 1e9,
         start=seen.epoch_ns,
-        duration_s=seen.newest_ns / 1e9,
+        duration_s=(seen.newest_ns - span(reader.metadata).from_ns) / 1e9,
         ended=seen.ended,
         mib=path.stat().st_size / 2**20,
         config_sha256=facts.get("config_sha256", ""),

@@ -14,6 +14,7 @@ import numpy as np
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 from tega.hand import JOINT_NAMES
+from tega.recording.disk import open_disk
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, message_class, schema_bytes
 
 if TYPE_CHECKING:
@@ -56,44 +57,6 @@ def lock(file: BinaryIO) -> bool:
     return True
 
 
-class _Disk:
-    """The file under the writer. After the first error it takes everything and keeps nothing.
-
-    The writer of the SDK would otherwise try again with every message; whoever owns this looks at :attr:`error`.
-    """
-
-    def __init__(self, raw: BinaryIO) -> None:
-        self._raw = raw
-        self._at = self._end = 0
-        self.error: OSError | None = None
-
-    @property
-    def n_bytes(self) -> int:
-        return self._end
-
-    def write(self, data: bytes) -> int:
-        if self.error is None:
-            try:
-                left = memoryview(data)
-                while left:
-                    left = left[self._raw.write(left) :]
-            except OSError as error:
-                self.error = error
-        self._at += len(data)
-        self._end = max(self._end, self._at)
-        return len(data)
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        at = (0, self._at, self._end)[whence] + offset
-        if self.error is None and at != self._at:
-            self._raw.seek(at)
-        self._at = at
-        return at
-
-    def flush(self) -> None:
-        pass
-
-
 class McapFile:
     """A file that grows by items.
 
@@ -101,6 +64,7 @@ class McapFile:
         path: The file; it must not exist.
         lossless: Pictures as they are; else as JPEG.
         jpeg_quality: 1 to 100.
+        most_bytes: What may wait in memory for the disk.
         raw: Something else to write to, opened for writing without a buffer; the file at ``path`` when ``None``.
 
     Attributes:
@@ -117,6 +81,7 @@ class McapFile:
         *,
         lossless: bool,
         jpeg_quality: int = 95,
+        most_bytes: int = 128 * 1024 * 1024,
         raw: BinaryIO | None = None,
     ) -> None:
         foxglove = require("foxglove", driver="recording", extra="record")
@@ -139,7 +104,7 @@ class McapFile:
                 f"{path.name}: cannot be made: {error.strerror}", f"looked at {path.parent}"
             ) from error
         lock(self._raw)
-        self._disk = _Disk(self._raw)
+        self._disk = open_disk(self._raw, path, most_bytes=most_bytes)
         self._context = foxglove.Context()
         # A thread of its own for compression would only wait for the one that writes.
         self._writer = foxglove.open_mcap(
@@ -149,7 +114,7 @@ class McapFile:
                 chunk_size=_CHUNK_BYTES,
                 compression_level=_LEVEL,
                 compression_threads=0,
-                disable_seeking=not self._raw.seekable(),
+                disable_seeking=True,
             ),
         )
         self._channels: dict[str, Any] = {}
@@ -193,8 +158,9 @@ class McapFile:
             self._message(item.topic, item.kind, item.value, log_ns)
 
     def flush(self) -> None:
-        """Hand everything to the operating system, which outlives this process."""
+        """Hand everything to where it outlives this process."""
         self._writer.flush()
+        self._disk.flush()
 
     def sync(self) -> None:
         """Wait until all that was flushed is on the disk, which outlives the power; any thread may."""
@@ -207,6 +173,7 @@ class McapFile:
         """Write the index and close the file."""
         try:
             self._writer.close()
+            self._disk.close()
         finally:
             with contextlib.suppress(OSError):
                 self._raw.close()

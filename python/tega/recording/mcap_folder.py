@@ -6,8 +6,9 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tega.devices.lifecycle import require
 from tega.errors import ConfigError, RecordingError
+from tega.recording.disk import take_tail
+from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_file import lock
 
 __all__ = ["INDEX_NAME", "Recovered", "SessionFolder", "recover_file", "session_files"]
@@ -94,6 +95,7 @@ class SessionFolder:
             with part.open("rb") as file:
                 if not lock(file):
                     continue  # somebody is writing it
+                take_tail(part)
             recovered = recover_file(part, part.with_suffix(""))
             part.unlink()
             done.append(recovered)
@@ -115,48 +117,15 @@ def recover_file(source: Path, target: Path) -> Recovered:
     Raises:
         MissingExtraError: The package ``mcap`` is not installed.
     """
-    reading = require("mcap.stream_reader", driver="recording", extra="record")
-    records = require("mcap.records", driver="recording", extra="record")
-    writing = require("mcap.writer", driver="recording", extra="record")
     new = target.with_name(f"{target.name}.recovering")
-    n_messages = end_ns = 0
-    problem = ""
     with source.open("rb") as old, new.open("wb") as file:
-        writer = writing.Writer(file, compression=writing.CompressionType.ZSTD)
-        # A file killed before its first flush has nothing, not even a header.
-        writer.start(library="tega")
-        schemas: dict[int, int] = {0: 0}
-        channels: dict[int, int] = {}
-        try:
-            for record in reading.StreamReader(old).records:
-                if isinstance(record, records.Schema):
-                    if record.id not in schemas:
-                        schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-                elif isinstance(record, records.Channel):
-                    if record.id not in channels:
-                        channels[record.id] = writer.register_channel(
-                            record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
-                        )
-                elif isinstance(record, records.Message):
-                    writer.add_message(
-                        channels[record.channel_id],
-                        record.log_time,
-                        record.data,
-                        record.publish_time,
-                        record.sequence,
-                    )
-                    n_messages, end_ns = n_messages + 1, max(end_ns, record.log_time)
-                elif isinstance(record, records.Attachment):
-                    writer.add_attachment(
-                        record.create_time, record.log_time, record.name, record.media_type, record.data
-                    )
-                elif isinstance(record, records.Metadata):
-                    writer.add_metadata(record.name, record.metadata)
-        except Exception as error:  # whatever the damage makes the reader say: all before it is good
-            problem = type(error).__name__
-        writer.finish()
+        # A file killed before its first flush has nothing, not even a header: the copy has one all the same.
+        copy, records = McapCopy(file), McapRecords(old)
+        for record in records:
+            copy.take(record)
+        copy.finish()
     new.replace(target)
-    return Recovered(target, n_messages, end_ns, problem)
+    return Recovered(target, copy.n_messages, copy.end_ns, records.problem)
 
 
 def session_files(path: Path) -> list[Path]:

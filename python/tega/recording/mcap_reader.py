@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 from tega.recording.mcap_schemas import decoder
 
-__all__ = ["McapReader", "Message"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["McapReader", "Message", "read_picture"]
 
 
 class Message(NamedTuple):
@@ -36,6 +41,7 @@ class McapReader:
 
     Args:
         path: The file.
+        data: Its content, where it is no file of its own; ``path`` is then only its name.
 
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
@@ -43,8 +49,9 @@ class McapReader:
         cut: Why the file ends early; ``""`` while it has not, and in one that is complete.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, data: bytes | None = None) -> None:
         self.path = path
+        self._data = data
         self.metadata: dict[str, dict[str, str]] = {}
         self.files: dict[str, bytes] = {}
         self.cut = ""
@@ -65,7 +72,7 @@ class McapReader:
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
         try:
-            file = self.path.open("rb")
+            file: IO[bytes] = self.path.open("rb") if self._data is None else io.BytesIO(self._data)
         except OSError as error:
             raise RecordingError(f"{self.path.name}: cannot be read: {error.strerror}") from error
         with file:
@@ -101,3 +108,16 @@ class McapReader:
                     self.metadata.setdefault(record.name, {}).update(record.metadata)
                 elif isinstance(record, records.Attachment):
                     self.files[record.name] = record.data
+
+
+def read_picture(message: Message) -> NDArray[np.uint8]:
+    """Return the picture of an image message, uint8 (H, W, 3) in BGR; what was JPEG is approximate."""
+    import numpy as np
+
+    value = message.value
+    data = np.frombuffer(value.data, np.uint8)
+    if message.schema == "foxglove.RawImage":
+        return data.reshape(value.height, value.width, 3)
+    cv2 = require("cv2", driver="recording", extra="record")
+    decoded: NDArray[np.uint8] = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    return decoded

@@ -22,7 +22,7 @@ __all__ = ["McapRecorder"]
 _LOG = logging.getLogger(__name__)
 
 # A kill loses what waits in the queue and what came since the last flush: half a second is promised.
-FLUSH_NS = 200_000_000
+FLUSH_NS = 100_000_000
 SYNC_S = 1.0
 STATUS_NS = 500_000_000
 _IDLE_S = 0.01
@@ -68,6 +68,7 @@ class McapRecorder:
             self._part,
             lossless=settings.lossless,
             jpeg_quality=settings.jpeg_quality,
+            most_bytes=round(settings.queue_mib * _MIB),
             raw=raw,
         )
         self._queue = BoundedQueue(most_bytes=round(settings.queue_mib * _MIB), wait=wait)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import io
-import platform
-import sys
 import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -19,13 +16,13 @@ from tega.calibration.store import calibration_text
 from tega.config import SessionConfig
 from tega.config_text import config_text
 from tega.devices.watched import Watched
+from tega.recording.between import HandTap, InputsTap, LoopTap, SentTap, Written
+from tega.recording.versions import versions
 from tega.teleop.loop import FIRST_LEVEL
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import SourceReport
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tega.clock import Clock
     from tega.devices.base import EmgChunk, InputEvent, InputState, TactileFrame
     from tega.hand_link import Received
@@ -47,9 +44,6 @@ __all__ = ["FORMAT", "SessionTap"]
 
 FORMAT = "tega-recording"
 VERSION = "1"
-_PACKAGES = ("tega", "numpy", "msgspec", "foxglove-sdk", "protobuf", "mcap", "opencv-contrib-python-headless")
-
-Item = TypeVar("Item")
 
 
 class SessionTap:
@@ -67,7 +61,7 @@ class SessionTap:
         self._clock: Clock | None = None
         self._start_ns = 0
         self._pacer: _NotingPacer | None = None
-        self._hand: _HandTap | None = None
+        self._hand: HandTap | None = None
         self._lock = threading.Lock()
         self._begun = False
         self._early: list[dict[str, Any]] = []
@@ -130,7 +124,7 @@ class SessionTap:
                 "config_sha256": sha256(text.encode()).hexdigest(),
                 "calibration": prepared.calibration_name or "self-calibrated",
             },
-            "versions": _versions(),
+            "versions": versions(),
             "sources": {name: msgspec.json.encode(info).decode() for name, info in infos.items()},
         }
         files = {
@@ -160,11 +154,11 @@ class SessionTap:
 
     def recorder(self, other: Recorder | None) -> Recorder:
         """Return a recorder of contacts and levels that also passes them on."""
-        return _LoopTap(self, other)
+        return LoopTap(self, other)
 
     def hand(self, hand: Hand) -> Hand:
         """Return a hand whose levels are seen."""
-        self._hand = _HandTap(hand, self._asked)
+        self._hand = HandTap(hand, self._asked)
         return self._hand
 
     def listen(self, driver: object) -> None:
@@ -174,15 +168,15 @@ class SessionTap:
 
     def vest(self, vest: Any) -> Any:
         """Return a vest whose frames are recorded as it says they were sent."""
-        return _SentTap(vest, self)
+        return SentTap(vest, self)
 
-    def write_vest(self) -> _Written[VestFrame]:
+    def write_vest(self) -> Written[VestFrame]:
         """Return a sink that records every frame of the loop."""
-        return _Written(self._vest_frame)
+        return Written(self._vest_frame)
 
-    def write_hand(self) -> _Written[Sequence[CanFrame]]:
+    def write_hand(self) -> Written[Sequence[CanFrame]]:
         """Return a sink that records every tick's CAN frames."""
-        return _Written(self._can_frames)
+        return Written(self._can_frames)
 
     def haptics(self, asked: Callable[[], bool]) -> Callable[[], bool]:
         """Return a function that answers the same and notes when the answer changes."""
@@ -201,7 +195,7 @@ class SessionTap:
 
     def inputs(self, inputs: Inputs) -> Any:
         """Return the operator's inputs; what they say is recorded whenever it changes."""
-        return _InputsTap(inputs, self)
+        return InputsTap(inputs, self)
 
     def end(self, report: LoopReport) -> None:
         """Record how the loop ended."""
@@ -343,17 +337,6 @@ class SessionTap:
         self._recorder.put("/run/skipped", t_ns, "Skip", {"t_ns": t_ns})
 
 
-def _versions() -> dict[str, str]:
-    """Return what the results may depend on."""
-    known = {"python": sys.version.split()[0], "machine": platform.machine(), "system": platform.system()}
-    for package in _PACKAGES:
-        try:
-            known[package] = version(package)
-        except PackageNotFoundError:
-            known[package] = "not installed"
-    return known
-
-
 class _NotingPacer(Pacer):
     """A pacer that knows the turn of the loop, a deadline or between two, and tells the deadlines that it left out."""
 
@@ -375,94 +358,3 @@ class _NotingPacer(Pacer):
         if not in_time:
             self._on_skip(t_ns)
         return in_time
-
-
-class _LoopTap:
-    """What the loop tells its recorder, told twice."""
-
-    def __init__(self, tap: SessionTap, other: Recorder | None) -> None:
-        self._tap = tap
-        self._other = other
-
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
-        if self._other is not None:
-            self._other.contact(t_ns, finger, metrics, felt)
-        self._tap.contact(t_ns, finger, metrics, felt)
-
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
-        if self._other is not None:
-            self._other.levels(t_ns, channels, fused)
-        self._tap.levels(t_ns, channels, fused)
-
-
-class _HandTap:
-    """A hand whose last level is known; otherwise the hand itself."""
-
-    def __init__(self, hand: Hand, see: Callable[[int], None]) -> None:
-        self._hand = hand
-        self._see = see
-        self.level = 0
-
-    @property
-    def angles_rad(self) -> NDArray[np.float64]:
-        return self._hand.angles_rad
-
-    def step(self, level: int) -> Sequence[CanFrame]:
-        self.level = level
-        self._see(level)
-        return self._hand.step(level)
-
-    def limp(self) -> Sequence[CanFrame]:
-        self.level = 0
-        return self._hand.limp()
-
-
-class _InputsTap:
-    """The operator's inputs, looked at by somebody else too."""
-
-    def __init__(self, inputs: Inputs, tap: SessionTap) -> None:
-        self._inputs = inputs
-        self._tap = tap
-        self._said: dict[str, tuple[Any, ...]] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._inputs, name)
-
-    def look(self) -> dict[str, list[InputEvent]]:
-        events = self._inputs.look()
-        for seat, seen in self._inputs.seen.items():
-            said = seen.state[1:]  # without the time at which the device was last heard
-            if self._said.get(seat) != said:
-                self._said[seat] = said
-                self._tap.input_state(seat, seen.state)
-        for seat, pressed in events.items():
-            for event in pressed:
-                self._tap.input_event(seat, event)
-        return events
-
-
-class _SentTap:
-    """A vest whose answers are seen; otherwise the vest itself."""
-
-    def __init__(self, vest: Any, tap: SessionTap) -> None:
-        self._vest = vest
-        self._tap = tap
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._vest, name)
-
-    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
-        sent: VestFrame = self._vest.write(t_ns, frame)
-        self._tap.sent(t_ns, sent)
-        return sent
-
-
-class _Written(Generic[Item]):
-    """A sink that only tells."""
-
-    def __init__(self, tell: Callable[[int, Item], None]) -> None:
-        self._tell = tell
-
-    def write(self, t_ns: int, sent: Item, /) -> object:
-        self._tell(t_ns, sent)
-        return sent

@@ -46,7 +46,8 @@ class Replay(msgspec.Struct, frozen=True):
         lossless: Whether it was computed from the raw streams.
         complete: Whether the recording was finished by the run that made it.
         changed: What of the settings is not the run's own, in words.
-        duration_s: How long the loop ran.
+        from_s: Where in its session the recording begins; what came before was computed too, and not compared.
+        duration_s: How long the loop ran from there on.
         streams: Each one compared.
         pictures: Of JPEG pictures, how approximate they are.
         dropped: Records lost, by topic; what was lost cannot be computed again.
@@ -57,6 +58,7 @@ class Replay(msgspec.Struct, frozen=True):
     lossless: bool
     complete: bool
     changed: list[str]
+    from_s: float
     duration_s: float
     streams: list[Comparison]
     pictures: list[PictureError]
@@ -90,7 +92,8 @@ def replay_file(path: Path, *, config: Path | None = None) -> Replay:
         lossless=recorded.head.lossless,
         complete=recorded.complete,
         changed=measured.changed,
-        duration_s=again.end_ns / 1e9,
+        from_s=recorded.from_ns / 1e9,
+        duration_s=(again.end_ns - recorded.from_ns) / 1e9,
         streams=streams,
         pictures=[] if recorded.head.lossless else picture_errors(recorded, measured),
         dropped=recorded.dropped,
@@ -290,17 +293,21 @@ def _compare_pixels(measured: Measured) -> list[Comparison]:
 def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comparison]:
     streams = []
     for finger, contacts in recorded.contacts.items():
-        ours = [(t, _contact_row(m, f)) for t, _, m, f in contacts]
-        theirs = [(t, _contact_row(m, f)) for t, m, f in again.contacts[finger]]
+        n = recorded.n_early.get(finger, 0)
+        ours = [(t, _contact_row(m, f)) for t, _, m, f in contacts[n:]]
+        theirs = [(t, _contact_row(m, f)) for t, m, f in again.contacts[finger][n:]]
         streams.append(compare(f"/tactile/{finger}/contact", ours, theirs, until_ns=cut_ns))
     if "emg" in recorded.head.sources:
-        ours = [(t, {"channels": c, "fused": f}) for t, _, c, f in recorded.levels]
-        theirs = [(t, {"channels": c, "fused": f}) for t, c, f in again.levels]
+        n = recorded.n_early.get("emg", 0)
+        ours = [(t, {"channels": c, "fused": f}) for t, _, c, f in recorded.levels[n:]]
+        theirs = [(t, {"channels": c, "fused": f}) for t, c, f in again.levels[n:]]
         streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
-    streams.append(compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(again.vest), until_ns=cut_ns))
+    from_ns = recorded.from_ns
+    vest = [row for row in again.vest if row[0] >= from_ns]
+    streams.append(compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(vest), until_ns=cut_ns))
     if recorded.head.live_vest:
         ours = [(t, {"sent": True}) for t in recorded.vest_sent]
-        theirs = [(t, {"sent": True}) for t in again.vest_sent]
+        theirs = [(t, {"sent": True}) for t in again.vest_sent if t >= from_ns]
         streams.append(compare("/vest/sent", ours, theirs, until_ns=cut_ns))
     if "emg" in recorded.head.sources:
         steered = recorded.head.facts["steered"] == "true"
@@ -309,7 +316,7 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
                 (t, {"level": level} | ({} if steered else {"frames": _hex(frames)}))
                 for t, level, frames in rows
             ]
-            for rows in (recorded.hand, again.hand)
+            for rows in (recorded.hand, [row for row in again.hand if row[0] >= from_ns])
         )
         streams.append(compare("/hand/frames", ours, theirs, until_ns=cut_ns))
     return streams

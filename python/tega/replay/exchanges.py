@@ -37,7 +37,8 @@ def compare_exchanges(recorded: Recorded) -> list[Comparison]:
             sent = link.exchange(frames, exchange.t_ns, exchange.level)
         ours.append((exchange.t_ns, {"sent": _text(exchange.sent)}))
         theirs.append((exchange.t_ns, {"sent": _text(sent)}))
-    return [compare("/hand/bus", ours, theirs)]
+    n = recorded.n_early.get("hand", 0)
+    return [compare("/hand/bus", ours[n:], theirs[n:])]
 
 
 def _link(head: Head) -> HandLink:

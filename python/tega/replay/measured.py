@@ -140,6 +140,8 @@ def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[t
     if not recorded.head.lossless:
         return [(taken, (t_ns, metrics)) for t_ns, taken, metrics, _ in recorded.contacts[finger]]
     again = dict(measured.contacts[finger])
+    n_early = recorded.n_early.get(finger, 0)  # of which there are no pictures
+    again |= {t_ns: metrics for t_ns, _, metrics, _ in recorded.contacts[finger][:n_early]}
     taken = [(taken, t_ns) for t_ns, taken, _, _ in recorded.contacts[finger]]
     return [(at, (t_ns, again[t_ns])) for at, t_ns in taken if t_ns in again]
 

@@ -7,7 +7,7 @@ import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -16,14 +16,12 @@ from tega.calibration.store import Calibration, parse_calibration
 from tega.config import SessionConfig, check_tree
 from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
-from tega.recording.mcap_reader import McapReader, Message
+from tega.recording.mcap_reader import McapReader, Message, read_picture
+from tega.recording.origin import LEAD_IN, span
 from tega.recording.tap import FORMAT
 from tega.tactile import ContactMetrics
 from tega.teleop.touch import Felt
 from tega.wire import CanFrame
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["Head", "Recorded", "read_recorded"]
 
@@ -81,6 +79,8 @@ class Recorded(msgspec.Struct):
         dropped: Records lost, by topic.
         complete: Whether the file was finished, or else recovered or cut.
         n_frames: Pictures, by finger.
+        from_ns: Where it begins, nanoseconds since the start of the session; what is from before that is its lead-in.
+        n_early: Items of the lead-in, by finger, ``emg`` for levels and ``hand`` for exchanges.
     """
 
     head: Head
@@ -97,6 +97,8 @@ class Recorded(msgspec.Struct):
     dropped: dict[str, int] = {}
     complete: bool = False
     n_frames: dict[str, int] = {}
+    from_ns: int = 0
+    n_early: dict[str, int] = {}
 
     @property
     def last_tick_ns(self) -> int:
@@ -135,10 +137,8 @@ def read_recorded(
     passed_over: set[str] = set()
     for message in reader.messages(lambda topic: topic.rpartition("/")[2] not in passed_over):
         if recorded is None:
-            head = _head(reader)
-            recorded = Recorded(head, {finger: [] for finger in head.baselines})
-            begin(head)
-            if not pictures_wanted(head):
+            recorded = _begin(reader, begin, chunk)
+            if not pictures_wanted(recorded.head):
                 passed_over.add("image")
         value, topic = message.value, message.topic
         match message.schema:
@@ -148,15 +148,12 @@ def read_recorded(
                 finger = topic.split("/")[2]
                 picture = pictures.pop(finger, None)
                 if picture is not None and picture.value is not None:
-                    image = _image(picture)
+                    image = read_picture(picture)
                     numbered = TactileFrame(value.t_ns, value.seq, image, value.name)
                     frame(finger, numbered, value.pixels_crc32)
                     recorded.n_frames[finger] = recorded.n_frames.get(finger, 0) + 1
-            case "tega.EmgSamples":
-                samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
-                chunk(EmgChunk(value.t_ns, value.first_index, samples))
             case _:
-                _keep(recorded, message)
+                _take(recorded, message, chunk)
     if recorded is None:
         _head(reader)
         raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
@@ -164,6 +161,37 @@ def read_recorded(
     for topic, count in reader.metadata.get("dropped", {}).items():
         recorded.dropped[topic] = int(count)
     return recorded
+
+
+def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[EmgChunk], None]) -> Recorded:
+    """Take in what comes before the first message, and of a trimmed recording its lead-in."""
+    head = _head(reader)
+    recorded = Recorded(
+        head, {finger: [] for finger in head.baselines}, from_ns=span(reader.metadata).from_ns
+    )
+    begin(head)
+    if recorded.from_ns > 0:
+        lead_in = reader.files.get(LEAD_IN)
+        if lead_in is None:
+            raise RecordingError(
+                f"{reader.path.name}: trimmed from {recorded.from_ns / 1e9:g} s on without its lead-in, so that "
+                "filters cannot be brought to where they were: it cannot be computed again",
+                "trim the original again without --no-lead-in",
+            )
+        for message in McapReader(reader.path, data=lead_in).messages():
+            _take(recorded, message, chunk)
+        recorded.n_early = {finger: len(contacts) for finger, contacts in recorded.contacts.items()}
+        recorded.n_early |= {"emg": len(recorded.levels), "hand": len(recorded.exchanges)}
+    return recorded
+
+
+def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None]) -> None:
+    if message.schema != "tega.EmgSamples":
+        _keep(recorded, message)
+        return
+    value = message.value
+    samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
+    chunk(EmgChunk(value.t_ns, value.first_index, samples))
 
 
 def _keep(recorded: Recorded, message: Message) -> None:
@@ -207,17 +235,6 @@ def _keep(recorded: Recorded, message: Message) -> None:
             recorded.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
         case _:
             pass
-
-
-def _image(message: Message) -> NDArray[np.uint8]:
-    value = message.value
-    if message.schema == "foxglove.RawImage":
-        return np.frombuffer(value.data, np.uint8).reshape(value.height, value.width, 3)
-    from tega.devices.opencv import load_cv2
-
-    cv2 = load_cv2("replay")
-    decoded: NDArray[np.uint8] = cv2.imdecode(np.frombuffer(value.data, np.uint8), cv2.IMREAD_COLOR)
-    return decoded
 
 
 def _head(reader: McapReader) -> Head:

@@ -1,0 +1,265 @@
+"""The files of a LeRobot dataset, format v3.0.
+
+The layout is the public one: ``meta/info.json``, ``meta/stats.json``, ``meta/tasks.parquet``,
+``meta/episodes/chunk-000/file-000.parquet``, ``data/chunk-000/file-000.parquet`` with many episodes in a file, and
+``videos/KEY/chunk-000/file-000.mp4`` likewise.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega.devices.lifecycle import require
+from tega.errors import ConfigError, RecordingError
+from tega.recording.lerobot.episode import Episode, read_episode
+from tega.recording.lerobot.stats import figures
+from tega.recording.lerobot.video import (
+    CODEC,
+    FILES_PER_CHUNK,
+    PIXELS,
+    PLACE,
+    VIDEO_MB,
+    VIDEOS,
+    Camera,
+    Place,
+)
+from tega.recording.origin import origins, span
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["export_lerobot"]
+
+FORMAT = "v3.0"
+DATA = f"data/{PLACE}.parquet"
+EPISODES = f"meta/episodes/{PLACE}.parquet"
+_DATA_MB = 100
+# Columns that every dataset has.
+_COUNTERS = {
+    "timestamp": "float32",
+    "frame_index": "int64",
+    "episode_index": "int64",
+    "index": "int64",
+    "task_index": "int64",
+}
+
+
+def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: str = "grasp") -> Path:
+    """Write recordings as a LeRobot dataset, one episode each.
+
+    Args:
+        paths: The recordings; all with the same inputs.
+        folder: Where to; new or empty.
+        fps: Frames per second.
+        task: What was done, in words.
+
+    Returns:
+        The folder.
+
+    Raises:
+        ConfigError: The folder holds something.
+        RecordingError: A recording cannot be read, or has other inputs than the first.
+        MissingExtraError: A package of the extra ``lerobot`` is not installed.
+    """
+    for module in ("pyarrow.parquet", "av"):
+        require(module, driver="export", extra="lerobot")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(f"{folder.name!r} is not an empty folder", "name a new one")
+    folder.mkdir(parents=True, exist_ok=True)
+    dataset = _Dataset(folder, fps, task)
+    try:
+        for path in paths:
+            dataset.add(read_episode(path, fps=fps))
+    finally:
+        dataset.close()
+    return folder
+
+
+class _Dataset:
+    def __init__(self, folder: Path, fps: int, task: str) -> None:
+        self._arrow: Any = require("pyarrow", driver="export", extra="lerobot")
+        self._parquet: Any = require("pyarrow.parquet", driver="export", extra="lerobot")
+        self._folder, self._fps, self._task = folder, fps, task
+        self._cameras: dict[str, Camera] = {}
+        self._features: dict[str, Any] = {}
+        self._place = Place()
+        self._writer: Any = None
+        self._episodes: list[dict[str, Any]] = []
+        self._rows: dict[str, list[NDArray[Any]]] = {}
+        self._sources: list[dict[str, Any]] = []
+        self._n_frames = 0
+
+    def add(self, episode: Episode) -> None:
+        """Add an episode."""
+        features = self._described(episode)
+        if not self._features:
+            self._features = features
+            for finger, shape in episode.shapes.items():
+                key = f"observation.images.{finger}"
+                self._cameras[finger] = Camera(self._folder, key, self._fps, shape)
+        elif features != self._features:
+            other = [
+                name
+                for name in {**features, **self._features}
+                if features.get(name) != self._features.get(name)
+            ]
+            raise RecordingError(
+                f"{episode.path.name}: differs from the first recording in {', '.join(other)}",
+                "export recordings of one setup together",
+            )
+        number, n = len(self._episodes), episode.n_frames
+        frames = np.arange(n)
+        rows: dict[str, NDArray[Any]] = {name: column.values for name, column in episode.columns.items()}
+        rows |= {
+            "timestamp": (frames / self._fps).astype(np.float32),
+            "frame_index": frames,
+            "episode_index": np.full(n, number),
+            "index": self._n_frames + frames,
+            "task_index": np.zeros(n, np.int64),
+        }
+        where = self._write(rows)
+        for camera in self._cameras.values():
+            camera.begin()
+        for finger, image, n_times in episode.pictures():
+            self._cameras[finger].add(np.ascontiguousarray(image[..., ::-1]), n_times)
+        known: dict[str, Any] = {"episode_index": number, "tasks": [self._task], "length": n}
+        known |= {f"data/{name}": value for name, value in where.items()}
+        known |= {"dataset_from_index": self._n_frames, "dataset_to_index": self._n_frames + n}
+        for camera in self._cameras.values():
+            known |= camera.end()
+        known |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
+        stats = {name: figures(values) for name, values in rows.items()}
+        stats |= {f"observation.images.{f}": c.episode.figures() for f, c in self._cameras.items()}
+        known |= {f"stats/{name}/{what}": v for name, known_ in stats.items() for what, v in known_.items()}
+        self._episodes.append(known)
+        self._sources.append(_source(episode, number))
+        self._n_frames += n
+
+    def close(self) -> None:
+        """Finish the files, and write what tells of them."""
+        for camera in self._cameras.values():
+            camera.close()
+        if self._writer is not None:
+            self._writer.close()
+        if not self._episodes:
+            return
+        stats = {name: figures(np.concatenate(parts)) for name, parts in self._rows.items()}
+        stats |= {f"observation.images.{f}": c.total.figures() for f, c in self._cameras.items()}
+        self._json("stats", stats)
+        self._json("info", self._info())
+        self._json("tega", {"episodes": self._sources})
+        names = {name: [episode[name] for episode in self._episodes] for name in self._episodes[0]}
+        path = self._folder / EPISODES.format(chunk_index=0, file_index=0)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._parquet.write_table(self._arrow.table(names), path)
+        self._tasks()
+
+    def _json(self, name: str, content: Mapping[str, Any]) -> None:
+        path = self._folder / "meta" / f"{name}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(content, indent=4, ensure_ascii=False) + "\n", encoding="utf-8")
+
+    def _tasks(self) -> None:
+        """Write the tasks as pandas writes a table whose rows have names."""
+        table = self._arrow.table({"task_index": self._arrow.array([0]), "task": [self._task]})
+        kinds = (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+        columns = [
+            {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
+            for name, kind, numpy in kinds
+        ]
+        pandas = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
+        table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
+        self._parquet.write_table(table, self._folder / "meta" / "tasks.parquet")
+
+    def _described(self, episode: Episode) -> dict[str, Any]:
+        features: dict[str, Any] = {}
+        for finger, (height, width) in episode.shapes.items():
+            if height % 2 or width % 2:
+                raise RecordingError(
+                    f"{episode.path.name}: {finger}: {width}×{height} pixels are not even",
+                    "a video in this format needs even numbers of pixels",
+                )
+            features[f"observation.images.{finger}"] = {
+                "dtype": "video",
+                "shape": [height, width, 3],
+                "names": ["height", "width", "channels"],
+                "info": {
+                    "video.height": height,
+                    "video.width": width,
+                    "video.codec": "av1" if CODEC == "libsvtav1" else CODEC,
+                    "video.pix_fmt": PIXELS,
+                    "video.is_depth_map": False,
+                    "video.fps": self._fps,
+                    "video.channels": 3,
+                    "has_audio": False,
+                },
+            }
+        for name, column in episode.columns.items():
+            shape = list(column.values.shape[1:])
+            features[name] = {"dtype": "float32", "shape": shape, "names": column.names}
+        counters = {"shape": [1], "names": None}
+        return features | {name: {"dtype": kind, **counters} for name, kind in _COUNTERS.items()}
+
+    def _write(self, rows: Mapping[str, NDArray[Any]]) -> dict[str, int]:
+        """Append an episode's rows to the data file, and return which."""
+        path = self._folder / DATA.format(**self._place.numbers())
+        if self._writer is not None and path.stat().st_size > _DATA_MB * 2**20:
+            self._writer.close()
+            self._writer = None
+            self._place.next()
+            path = self._folder / DATA.format(**self._place.numbers())
+        table = self._arrow.table({name: self._column(values) for name, values in rows.items()})
+        if self._writer is None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = self._parquet.ParquetWriter(path, table.schema)
+        self._writer.write_table(table)
+        for name, values in rows.items():
+            self._rows.setdefault(name, []).append(values)
+        return self._place.numbers()
+
+    def _column(self, values: NDArray[Any]) -> Any:
+        column = self._arrow.array(values.ravel())
+        if values.shape[1:] == (1,):
+            return column
+        for n in reversed(values.shape[1:]):
+            column = self._arrow.FixedSizeListArray.from_arrays(column, n)
+        return column
+
+    def _info(self) -> dict[str, Any]:
+        n = len(self._episodes)
+        return {
+            "codebase_version": FORMAT,
+            "robot_type": "allegro_hand",
+            "total_episodes": n,
+            "total_frames": self._n_frames,
+            "total_tasks": 1,
+            "chunks_size": FILES_PER_CHUNK,
+            "data_files_size_in_mb": _DATA_MB,
+            "video_files_size_in_mb": VIDEO_MB,
+            "fps": self._fps,
+            "splits": {"train": f"0:{n}"},
+            "data_path": DATA,
+            "video_path": VIDEOS if self._cameras else None,
+            "features": self._features,
+        }
+
+
+def _source(episode: Episode, number: int) -> dict[str, Any]:
+    """Tell where an episode is from."""
+    head = episode.tables.get("tega", {})
+    return {
+        "episode_index": number,
+        "session": episode.path.resolve().parent.name,
+        "file": episode.path.name,
+        "start_ns": episode.start_ns,
+        "epoch_ns": int(head.get("epoch_ns", "0")),
+        "config_sha256": head.get("config_sha256", ""),
+        "span": span(episode.tables).table(),
+        "origins": origins(episode.tables),
+        "versions": episode.tables.get("versions", {}),
+    }

@@ -1,0 +1,75 @@
+"""The figures of a dataset that a training run normalises with."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Colours", "figures"]
+
+QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
+
+Figures = dict[str, Any]
+
+
+def figures(values: NDArray[Any]) -> Figures:
+    """Return minimum, maximum, mean, standard deviation, count and quantiles over the frames.
+
+    Args:
+        values: Shape (frames, ...).
+    """
+    rows = np.asarray(values, np.float64)
+    rows = rows[:, None] if rows.ndim == 1 else rows
+    known: Figures = {
+        "min": rows.min(0),
+        "max": rows.max(0),
+        "mean": rows.mean(0),
+        "std": rows.std(0),
+        "count": np.array([len(rows)]),
+    }
+    known |= {_key(q): row for q, row in zip(QUANTILES, np.quantile(rows, QUANTILES, axis=0), strict=True)}
+    return {name: value.tolist() for name, value in known.items()}
+
+
+def _key(quantile: float) -> str:
+    return f"q{round(quantile * 100):02d}"
+
+
+class Colours:
+    """Counts of every value of every colour over pictures, from which their figures follow exactly."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros((3, 256), np.int64)
+        self._n = 0
+
+    def add(self, image: NDArray[np.uint8], n_times: int) -> None:
+        """Count a picture, uint8 (H, W, 3) in RGB, so many times."""
+        for channel in range(3):
+            self._counts[channel] += n_times * np.bincount(image[..., channel].ravel(), minlength=256)
+        self._n += n_times
+
+    def __iadd__(self, other: Colours) -> Colours:
+        """Count those of another one too."""
+        self._counts += other._counts
+        self._n += other._n
+        return self
+
+    def figures(self) -> Figures:
+        """Return the figures per colour of values from 0 to 1, each of shape (3, 1, 1)."""
+        levels = np.arange(256) / 255.0
+        share = self._counts / self._counts.sum(1, keepdims=True)
+        mean = share @ levels
+        known: Figures = {
+            "min": [levels[np.flatnonzero(row)[0]] for row in self._counts],
+            "max": [levels[np.flatnonzero(row)[-1]] for row in self._counts],
+            "mean": mean,
+            "std": np.sqrt(np.maximum(share @ levels**2 - mean**2, 0.0)),
+        }
+        below = np.cumsum(share, axis=1)
+        known |= {_key(q): [levels[np.searchsorted(row, q - 1e-12)] for row in below] for q in QUANTILES}
+        shaped = {name: np.reshape(value, (3, 1, 1)).tolist() for name, value in known.items()}
+        return shaped | {"count": [self._n]}

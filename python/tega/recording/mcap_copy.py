@@ -1,0 +1,138 @@
+"""Copies records from one MCAP file into another as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import IO, Any, NamedTuple
+
+from tega.devices.lifecycle import require
+from tega.recording.mcap_schemas import decoder
+
+__all__ = ["McapCopy", "McapRecords", "Record"]
+
+
+class Record(NamedTuple):
+    """A message, an attachment or a table, as the public stream reader gives it.
+
+    Attributes:
+        kind: ``Message``, ``Attachment`` or ``Metadata``.
+        record: It.
+        channel: Of a message, its channel.
+        schema: Of a message, its schema; ``None`` where it has none.
+    """
+
+    kind: str
+    record: Any
+    channel: Any = None
+    schema: Any = None
+
+    def decoded(self) -> Any:
+        """Return a protobuf message's content."""
+        return decoder(self.schema.name, self.schema.data).FromString(self.record.data)
+
+
+class McapRecords:
+    """What is in a file, in the order in which it was written, as far as it can be read.
+
+    Args:
+        file: Opened for reading; needs no index.
+
+    Attributes:
+        problem: Why the rest of it cannot be read; ``""`` while it can.
+
+    Raises:
+        MissingExtraError: The package ``mcap`` is not installed.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._reader = require("mcap.stream_reader", driver="recording", extra="record").StreamReader(file)
+        self.problem = ""
+
+    def __iter__(self) -> Iterator[Record]:
+        """Return what is in it."""
+        schemas: dict[int, Any] = {}
+        channels: dict[int, Any] = {}
+        source = iter(self._reader.records)
+        while True:
+            try:
+                record = next(source)
+            except StopIteration:
+                return
+            except Exception as error:  # whatever the damage makes the reader say: all before it is good
+                self.problem = type(error).__name__
+                return
+            kind = type(record).__name__
+            if kind == "Schema":
+                schemas[record.id] = record
+            elif kind == "Channel":
+                channels[record.id] = record
+            elif kind == "Message" and record.channel_id in channels:
+                channel = channels[record.channel_id]
+                yield Record(kind, record, channel, schemas.get(channel.schema_id))
+            elif kind in {"Attachment", "Metadata"}:
+                yield Record(kind, record)
+
+
+class McapCopy:
+    """A new file with an index, which takes records out of others.
+
+    Args:
+        file: Opened for writing; the caller closes it.
+
+    Attributes:
+        n_messages: Messages written.
+        end_ns: Log time of the newest, nanoseconds since 1970; 0 when there is none.
+
+    Raises:
+        MissingExtraError: The package ``mcap`` is not installed.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        writing = require("mcap.writer", driver="recording", extra="record")
+        self._writer = writing.Writer(file, compression=writing.CompressionType.ZSTD)
+        self._writer.start(library="tega")
+        self._schemas: dict[tuple[str, bytes], int] = {}
+        self._channels: dict[tuple[str, int], int] = {}
+        self.n_messages = self.end_ns = 0
+
+    def take(self, item: Record) -> None:
+        """Write one."""
+        record, writer = item.record, self._writer
+        if item.kind == "Message":
+            writer.add_message(
+                self._channel(item), record.log_time, record.data, record.publish_time, record.sequence
+            )
+            self.n_messages, self.end_ns = self.n_messages + 1, max(self.end_ns, record.log_time)
+        elif item.kind == "Attachment":
+            writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+        else:
+            writer.add_metadata(record.name, record.metadata)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Add a file of our own."""
+        self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def table(self, name: str, values: dict[str, str]) -> None:
+        """Add a table of names and texts of our own."""
+        self._writer.add_metadata(name, values)
+
+    def finish(self) -> None:
+        """Write the index."""
+        self._writer.finish()
+
+    def _channel(self, item: Record) -> int:
+        schema = 0
+        if item.schema is not None:
+            key = (item.schema.name, item.schema.data)
+            if key not in self._schemas:
+                made = self._writer.register_schema(item.schema.name, item.schema.encoding, item.schema.data)
+                self._schemas[key] = made
+            schema = self._schemas[key]
+        place = (item.channel.topic, schema)
+        if place not in self._channels:
+            self._channels[place] = self._writer.register_channel(
+                item.channel.topic, item.channel.message_encoding, schema, item.channel.metadata
+            )
+        return self._channels[place]

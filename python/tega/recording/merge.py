@@ -1,0 +1,140 @@
+"""Recordings of several sessions as one session, in order of time, each as it is."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tega.devices.lifecycle import require
+from tega.errors import RecordingError
+from tega.recording.mcap_copy import McapCopy, McapRecords
+from tega.recording.mcap_folder import SessionFolder, session_files
+from tega.recording.origin import new_session, origin, span
+
+__all__ = ["merge_sessions"]
+
+_HINT = "merge what was recorded with one setup; keep the others apart"
+
+
+class _Part(NamedTuple):
+    """A recording that is to be merged.
+
+    Attributes:
+        path: It.
+        name: What to call it.
+        from_ns: Time of day at which it begins, nanoseconds since 1970.
+        to_ns: Time of day of its newest message.
+        tables: Its metadata.
+        calibration: Its maxima, as text.
+    """
+
+    path: Path
+    name: str
+    from_ns: int
+    to_ns: int
+    tables: dict[str, dict[str, str]]
+    calibration: bytes
+
+    def setup(self) -> dict[str, str]:
+        """Return what has to be the same in all of them, by name."""
+        head = self.tables["tega"]
+        sources = ", ".join(sorted(self.tables.get("sources", {})))
+        known = {"format": head.get("version", ""), "vest": head.get("layout", ""), "inputs": sources}
+        return known | self.tables.get("versions", {})
+
+
+def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
+    """Copy all recordings of several sessions into a new one, in order of time, one file each.
+
+    Nothing of them is changed, so that each computes again as before; its metadata tells where it is from.
+
+    Args:
+        sessions: Recordings, or folders of sessions; at least two recordings in all.
+        out: Folder of the new session: new or empty.
+
+    Returns:
+        The new recordings.
+
+    Raises:
+        RecordingError: One cannot be read, two overlap in time, or they differ in versions, calibration, vest
+            or inputs.
+        ConfigError: ``out`` holds something.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    parts = sorted((_part(path) for session in sessions for path in session_files(session)), key=_begin)
+    if len(parts) < 2:
+        raise RecordingError("there is only one recording", "name two sessions or more")
+    first = parts[0]
+    for before, part in pairwise(parts):
+        _fit(first, part)
+        if part.from_ns < before.to_ns:
+            over_s = (min(before.to_ns, part.to_ns) - part.from_ns) / 1e9
+            raise RecordingError(
+                f"{before.name} and {part.name} overlap by {over_s:.3f} s of the same time",
+                "leave one of them out, or trim them apart",
+            )
+    new_session(out)
+    return [_copy(part, out / f"trial-{k:03d}.mcap") for k, part in enumerate(parts, 1)]
+
+
+def _begin(part: _Part) -> int:
+    return part.from_ns
+
+
+def _part(path: Path) -> _Part:
+    reading: Any = require("mcap.reader", driver="merge", extra="record")
+    name = f"{path.resolve().parent.name}/{path.name}"
+    tables: dict[str, dict[str, str]] = {}
+    try:
+        with path.open("rb") as file:
+            reader = reading.make_reader(file)
+            summary = reader.get_summary()
+            for table in reader.iter_metadata():
+                tables.setdefault(table.name, {}).update(table.metadata)
+            files = {a.name: a.data for a in reader.iter_attachments() if a.name == "calibration.toml"}
+    except Exception as error:  # whatever a damaged file makes the reader say
+        raise RecordingError(
+            f"{name}: cannot be read: {type(error).__name__}", "name its session's folder to have it finished"
+        ) from error
+    if "epoch_ns" not in tables.get("tega", {}):
+        raise RecordingError(f"{name}: no recording of a session", "name a file made with --record")
+    if summary is None or summary.statistics is None:
+        raise RecordingError(f"{name}: has no index", "name its session's folder to have it finished")
+    there, times = span(tables), summary.statistics
+    # A trimmed one has pictures from just before its beginning too.
+    epoch_ns = int(tables["tega"]["epoch_ns"])
+    from_ns = max(times.message_start_time, epoch_ns + there.from_ns)
+    return _Part(path, name, from_ns, times.message_end_time, tables, files.get("calibration.toml", b""))
+
+
+def _fit(first: _Part, part: _Part) -> None:
+    ours, theirs = first.setup(), part.setup()
+    differ = [
+        f"{name} {ours.get(name, 'unknown')} and {theirs.get(name, 'unknown')}"
+        for name in {**ours, **theirs}
+        if ours.get(name) != theirs.get(name)
+    ]
+    if first.calibration != part.calibration:
+        differ.append("another calibration")
+    if differ:
+        raise RecordingError(f"{first.name} and {part.name} do not fit together: {', '.join(differ)}", _HINT)
+
+
+def _copy(part: _Part, target: Path) -> Path:
+    name, step = origin(part.tables, part.path, made_by="merge", part=span(part.tables))
+    new = target.with_name(f"{target.name}.new")
+    try:
+        with part.path.open("rb") as old, new.open("xb") as file:
+            copy = McapCopy(file)
+            copy.table(name, step)
+            for item in McapRecords(old):
+                copy.take(item)
+            copy.finish()
+        new.replace(target)
+    finally:
+        new.unlink(missing_ok=True)
+    lossless = part.tables["tega"].get("lossless") == "true"
+    facts = {"state": "merged", "lossless": lossless, "origin": step}
+    SessionFolder(target.parent).note(target.name, facts)
+    return target

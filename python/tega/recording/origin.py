@@ -1,0 +1,90 @@
+"""What a recording that was made out of others says of them, and where it goes.
+
+Two tables of names and texts in the file tell it: ``span``, the part of the session that is in it, and ``origin-1``,
+``origin-2`` and so on, one for every step from the run's own file to this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from tega.errors import ConfigError
+
+__all__ = ["LEAD_IN", "SPAN", "Span", "new_session", "origin", "origins", "span"]
+
+LEAD_IN = "lead-in.mcap"
+"""Name of the attachment with what came before the span, as far as a replay needs it."""
+
+SPAN = "span"
+_ORIGIN = "origin-"
+
+Tables = Mapping[str, Mapping[str, str]]
+
+
+class Span(NamedTuple):
+    """A part of a session.
+
+    Attributes:
+        from_ns: Its beginning, nanoseconds since the start of the session; 0 where nothing was cut off.
+        to_ns: Its end, not in it; ``None`` where nothing was cut off.
+    """
+
+    from_ns: int = 0
+    to_ns: int | None = None
+
+    def table(self) -> dict[str, str]:
+        """Return it as texts."""
+        return {"from_ns": str(self.from_ns), "to_ns": "" if self.to_ns is None else str(self.to_ns)}
+
+    def __str__(self) -> str:
+        """Return it for people."""
+        end = "its end" if self.to_ns is None else f"{self.to_ns / 1e9:g} s"
+        return f"{self.from_ns / 1e9:g} s to {end}"
+
+
+def span(tables: Tables) -> Span:
+    """Return which part of its session a recording holds."""
+    table = tables.get(SPAN, {})
+    to_ns = table.get("to_ns")
+    return Span(int(table.get("from_ns", "0")), int(to_ns) if to_ns else None)
+
+
+def origins(tables: Tables) -> list[dict[str, str]]:
+    """Return the steps from the run's own file to this one; none for the run's own file."""
+    numbers = sorted(int(name.removeprefix(_ORIGIN)) for name in tables if name.startswith(_ORIGIN))
+    return [dict(tables[f"{_ORIGIN}{n}"]) for n in numbers]
+
+
+def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[str, dict[str, str]]:
+    """Return name and content of the table for one more step.
+
+    Args:
+        tables: Those of the file that it is made from.
+        source: That file.
+        made_by: The verb.
+        part: What of it is taken.
+    """
+    from tega import __version__
+
+    head = tables.get("tega", {})
+    return f"{_ORIGIN}{len(origins(tables)) + 1}", {
+        "made_by": f"tega-teleop {made_by} {__version__}",
+        "session": source.resolve().parent.name,
+        "file": source.name,
+        "epoch_ns": head.get("epoch_ns", ""),
+        "config_sha256": head.get("config_sha256", ""),
+        **part.table(),
+    }
+
+
+def new_session(folder: Path) -> None:
+    """Make the folder for what is made.
+
+    Raises:
+        ConfigError: There is something already.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(f"{folder.name!r} is there already", "name a new or empty folder with --out")
+    folder.mkdir(parents=True, exist_ok=True)

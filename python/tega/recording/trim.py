@@ -1,0 +1,178 @@
+"""A part of a recording as a recording of its own, which still computes to the same bits.
+
+Filters and limits carry what came before. So that a replay of the part can bring them to where they were, the new file
+has, attached and apart from its own messages, the *lead-in*: EMG samples, levels, contacts and the conversation with a
+hand from the start of the session on, but no picture, since a contact depends on its own picture alone.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+from tega.errors import RecordingError
+from tega.recording.mcap_copy import McapCopy, McapRecords, Record
+from tega.recording.mcap_folder import SessionFolder, session_files
+from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
+
+__all__ = ["trim_session"]
+
+# What a replay needs from before the span.
+_LEADING = frozenset(
+    f"tega.{name}"
+    for name in ("Contact", "EmgSamples", "Levels", "HandExchange", "Skip", "Haptics", "Imposed")
+)
+
+
+def trim_session(
+    session: Path, *, from_s: float, to_s: float | None, out: Path, lead_in: bool = True
+) -> Path:
+    """Write a part of a recording into a new session.
+
+    Every message whose log time is in the span is copied as it is, with its own stamps, which go on counting from the
+    start of the session. A picture whose contact the loop took in within the span is in it too, even if it was
+    received just before. Settings, calibration, versions and the untouched pictures are kept.
+
+    Args:
+        session: A recording, or the folder of a session with one.
+        from_s: Beginning of the part, seconds since the start of the session.
+        to_s: Its end; ``None`` for that of the recording.
+        out: Folder of the new session: new or empty.
+        lead_in: Also keep what a replay needs from before the span: it holds EMG samples.
+
+    Returns:
+        The new recording.
+
+    Raises:
+        RecordingError: The recording cannot be read, or holds nothing of the span.
+        ConfigError: ``out`` holds something.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    files = session_files(session)
+    if len(files) > 1:
+        named = ", ".join(path.name for path in files)
+        raise RecordingError(f"{session.name}: holds {len(files)} recordings", f"name one of them: {named}")
+    (source,) = files
+    part = Span(round(from_s * 1e9), None if to_s is None else round(to_s * 1e9))
+    if part.to_ns is not None and part.to_ns <= part.from_ns:
+        raise RecordingError(f"the span {part} holds nothing", "--to has to be after --from")
+    look = _Look(source, part)
+    new_session(out)
+    target = out / "trial-001.mcap"
+    new = target.with_name(f"{target.name}.new")
+    try:
+        with new.open("xb") as file:
+            _copy(source, look, McapCopy(file), lead_in=look.lead_in if lead_in else b"")
+        new.replace(target)
+    finally:
+        new.unlink(missing_ok=True)
+    lossless = look.tables["tega"].get("lossless") == "true"
+    facts = {"state": "trimmed", "lossless": lossless, "origin": look.origin[1]}
+    SessionFolder(out).note(target.name, facts)
+    return target
+
+
+class _Look:
+    """What a first pass finds that has to go with the span.
+
+    Attributes:
+        tables: Metadata of the file.
+        origin: Name and content of the table that tells where the new file is from.
+        felt: Pictures by finger and stamp whose contact was taken in within the span.
+        lead_in: A file of its own with what came before the span; empty where nothing did, or where the recording
+            has itself been trimmed without.
+    """
+
+    def __init__(self, source: Path, part: Span) -> None:
+        self.part = part
+        self.tables: dict[str, dict[str, str]] = {}
+        self.felt: set[tuple[str, int]] = set()
+        self._newest_ns = 0
+        earlier = b""
+        leading = io.BytesIO()
+        copy = McapCopy(leading)
+        with source.open("rb") as file:
+            for item in McapRecords(file):
+                if item.kind == "Message":
+                    self._message(source, item, copy)
+                elif item.kind == "Metadata":
+                    self.tables.setdefault(item.record.name, {}).update(item.record.metadata)
+                elif item.record.name == LEAD_IN:
+                    earlier = item.record.data
+                    for before in McapRecords(io.BytesIO(earlier)):
+                        copy.take(before)
+        copy.finish()
+        self._begun(source)
+        there = span(self.tables)
+        end_ns = self._newest_ns if there.to_ns is None else min(there.to_ns, self._newest_ns)
+        if not there.from_ns <= part.from_ns <= end_ns:
+            raise RecordingError(
+                f"{source.name}: the span {part} is not in it, it goes from {there.from_ns / 1e9:g} s to "
+                f"{end_ns / 1e9:.3f} s",
+                "give seconds since the start of the session, as `tega-teleop inspect` prints them",
+            )
+        if there.to_ns is not None and (part.to_ns is None or part.to_ns > there.to_ns):
+            self.part = part._replace(to_ns=there.to_ns)
+        self.lead_in = leading.getvalue() if part.from_ns > 0 and (earlier or there.from_ns == 0) else b""
+        self.origin = origin(self.tables, source, made_by="trim", part=self.part)
+
+    @property
+    def epoch_ns(self) -> int:
+        """Time of day at the start of the session."""
+        return int(self.tables["tega"]["epoch_ns"])
+
+    def holds(self, record: Any) -> bool:
+        """Return whether a message's log time is in the span."""
+        t_ns = record.log_time - self.epoch_ns
+        from_ns, to_ns = self.part
+        # A hand may have been spoken to before the session began.
+        return (from_ns == 0 or t_ns >= from_ns) and (to_ns is None or t_ns < to_ns)
+
+    def _begun(self, source: Path) -> None:
+        if "epoch_ns" not in self.tables.get("tega", {}):
+            raise RecordingError(
+                f"{source.name}: no recording of a session", "name a file made with --record, or its folder"
+            )
+
+    def _message(self, source: Path, item: Record, copy: McapCopy) -> None:
+        self._begun(source)
+        t_ns = item.record.log_time - self.epoch_ns
+        self._newest_ns = max(self._newest_ns, t_ns)
+        name = "" if item.schema is None else item.schema.name
+        if name == "tega.Contact" and self.holds(item.record):
+            self.felt.add((item.channel.topic.split("/")[2], item.decoded().t_ns))
+        if name in _LEADING and t_ns < self.part.from_ns:
+            copy.take(item)
+
+
+def _copy(source: Path, look: _Look, new: McapCopy, *, lead_in: bytes) -> None:
+    """Read again, and copy what belongs to the span."""
+    begun = False
+    pictures: dict[str, Record] = {}
+    with source.open("rb") as file:
+        for item in McapRecords(file):
+            if item.kind != "Message":
+                if item.record.name not in {SPAN, LEAD_IN}:
+                    new.take(item)
+                continue
+            if not begun:
+                # A reader has to know all this before the first message.
+                begun = True
+                new.table(SPAN, look.part.table())
+                new.table(*look.origin)
+                if lead_in:
+                    new.attach(LEAD_IN, "application/mcap", lead_in)
+            topic: str = item.channel.topic
+            if topic.startswith("/tactile/") and topic.endswith("/image"):
+                pictures[topic.split("/")[2]] = item
+            elif topic.startswith("/tactile/") and topic.endswith("/frame"):
+                finger = topic.split("/")[2]
+                picture = pictures.pop(finger, None)
+                if look.holds(item.record) or (finger, item.decoded().t_ns) in look.felt:
+                    if picture is not None:
+                        new.take(picture)
+                    new.take(item)
+            elif look.holds(item.record):
+                new.take(item)
+    new.finish()

@@ -1,0 +1,22 @@
+"""What the results of a run may depend on besides its settings."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+
+__all__ = ["versions"]
+
+_PACKAGES = ("tega", "numpy", "msgspec", "foxglove-sdk", "protobuf", "mcap", "opencv-contrib-python-headless")
+
+
+def versions() -> dict[str, str]:
+    """Return what the results may depend on."""
+    known = {"python": sys.version.split()[0], "machine": platform.machine(), "system": platform.system()}
+    for package in _PACKAGES:
+        try:
+            known[package] = version(package)
+        except PackageNotFoundError:
+            known[package] = "not installed"
+    return known

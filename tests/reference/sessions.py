@@ -1,0 +1,99 @@
+"""Recorded runs on made-up input, for the tests of recordings."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from mcap.reader import NonSeekingReader
+from mcap.writer import Writer
+
+from tega.config import check_tree
+from tega.recording.mcap_schemas import decoder
+from tega.replay import Replay
+from tega.teleop import run_session
+
+SECONDS = 1.5
+
+
+def tree(folder: Path, **recording: Any) -> dict[str, Any]:
+    touch = {"driver": "synthetic-touch", "options": {"duration_s": SECONDS}}
+    return {
+        "session": {"pace": "fast"},
+        "tactile": {
+            "thumb": touch,
+            "ring": {"driver": "synthetic-touch", "options": {"duration_s": 1.0, "seed": 3}},
+        },
+        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": SECONDS}},
+        "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0, **recording},
+    }
+
+
+def record(folder: Path, **recording: Any) -> Path:
+    summary = run_session(check_tree(tree(folder, **recording), {}, base=Path.cwd()).config)
+    assert summary["recording"]["state"] == "complete"
+    assert summary["recording"]["dropped"] == {}
+    return folder / str(summary["recording"]["file"])
+
+
+def rewritten(
+    source: Path,
+    target: Path,
+    change: Callable[[str, Any], Any] = lambda _topic, value: value,
+    *,
+    files: Mapping[str, bytes] | None = None,
+    tables: Mapping[str, Mapping[str, str]] | None = None,
+) -> Path:
+    """Copy a recording with the public reader and writer, changing messages, attachments and tables on the way."""
+    data = source.read_bytes()
+    with target.open("wb") as new:
+        writer: Any = Writer(new)
+        writer.start()
+        reader = NonSeekingReader(io.BytesIO(data))
+        for attachment in NonSeekingReader(io.BytesIO(data)).iter_attachments():
+            content = (files or {}).get(attachment.name, attachment.data)
+            writer.add_attachment(0, 0, attachment.name, attachment.media_type, content)
+        for table in NonSeekingReader(io.BytesIO(data)).iter_metadata():
+            writer.add_metadata(table.name, {**table.metadata, **(tables or {}).get(table.name, {})})
+        ids: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            assert schema is not None
+            if channel.id not in ids:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                ids[channel.id] = writer.register_channel(channel.topic, "protobuf", schema_id)
+            value = decoder(schema.name, schema.data).FromString(message.data)
+            changed = change(channel.topic, value).SerializeToString()
+            writer.add_message(ids[channel.id], message.log_time, changed, message.publish_time)
+        writer.finish()
+    return target
+
+
+def stream(replay: Replay, name: str) -> Any:
+    return next(s for s in replay.streams if s.stream == name)
+
+
+Raw = tuple[str, int, int, bytes]
+
+
+def messages(path: Path) -> list[Raw]:
+    """Return all messages as they are: topic, log time, publish time, bytes, in the order of the file."""
+    with path.open("rb") as file:
+        found = NonSeekingReader(file).iter_messages(log_time_order=False)
+        return [(c.topic, m.log_time, m.publish_time, m.data) for _, c, m in found]
+
+
+def attached(path: Path) -> dict[str, bytes]:
+    """Return the attachments."""
+    with path.open("rb") as file:
+        return {a.name: a.data for a in NonSeekingReader(file).iter_attachments()}
+
+
+def told(path: Path) -> dict[str, dict[str, str]]:
+    """Return the metadata, tables of one name joined."""
+    tables: dict[str, dict[str, str]] = {}
+    with path.open("rb") as file:
+        for table in NonSeekingReader(file).iter_metadata():
+            tables.setdefault(table.name, {}).update(table.metadata)
+    return tables

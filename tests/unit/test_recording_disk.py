@@ -1,0 +1,255 @@
+"""What becomes of a recording on a bad disk, or when its program is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from reference.sessions import SECONDS, record, stream, tree
+from tega.config import RecordingSection, check_tree
+from tega.config_text import config_text
+from tega.recording.inspection import inspect_file
+from tega.recording.mcap_folder import SessionFolder
+from tega.recording.mcap_queue import BoundedQueue, Item
+from tega.recording.mcap_recorder import McapRecorder
+from tega.replay import replay_file
+from tega.teleop import run_session
+from tega.testing.kills import kill_one, settings
+
+
+def test_kills_at_random_instants_cost_at_most_half_a_second(tmp_path: Path) -> None:
+    instants = random.Random(11)
+    for k in range(3):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        # JPEG files grow so slowly that nothing but a flush brings them to the disk in time.
+        with settings(folder, synthetic=True, lossless=k > 0) as path:
+            kill = kill_one(path, instants.uniform(1.0, 2.0) if k == 0 else instants.uniform(0.3, 2.0))
+        assert kill.good, kill
+        assert kill.messages > 50
+
+
+def test_the_next_run_finishes_what_was_cut(lossless: Path, tmp_path: Path) -> None:
+    data = lossless.read_bytes()
+    folder = tmp_path / "session"
+    folder.mkdir()
+    (folder / "trial-001.mcap.part").write_bytes(data[: len(data) * 2 // 3])
+    record(folder)
+    assert sorted(p.name for p in folder.iterdir()) == ["session.json", "trial-001.mcap", "trial-002.mcap"]
+    states = [trial["state"] for trial in SessionFolder(folder).index()["trials"]]
+    assert states == ["recovered", "complete"]
+    cut = replay_file(folder / "trial-001.mcap")
+    assert cut.same
+    assert not cut.complete
+    assert 10 < stream(cut, "/tactile/thumb/contact").recorded < 90
+
+
+@pytest.mark.parametrize("length", [0, 5, 40, 3000])
+def test_a_file_with_hardly_anything_is_finished_too(lossless: Path, tmp_path: Path, length: int) -> None:
+    (tmp_path / "trial-001.mcap.part").write_bytes(lossless.read_bytes()[:length])
+    (recovered,) = SessionFolder(tmp_path).recovered
+    assert recovered.n_messages == 0
+    with recovered.path.open("rb") as file:
+        assert list(make_reader(file).iter_messages()) == []
+
+
+def image_item(k: int) -> tuple[str, int, str, Any, int]:
+    image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
+    numbers = {"t_ns": k * 1000, "received_ns": k * 1000, "seq": k, "name": f"frame {k}"}
+    return "/tactile/thumb/image", k * 1000, "image", ("thumb", image, numbers), image.nbytes
+
+
+def test_a_disk_that_does_not_keep_up_costs_pictures_which_are_counted(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    let_go, data = threading.Event(), bytearray()
+
+    def slow_disk() -> None:
+        with pipe.open("rb", buffering=0) as file:
+            let_go.wait()
+            while part := file.read(1 << 16):
+                data.extend(part)
+
+    disk = threading.Thread(target=slow_disk)
+    disk.start()
+    folder = SessionFolder(tmp_path / "session")
+    recorder = McapRecorder(
+        folder,
+        RecordingSection(lossless=True, queue_mib=4.0, stop_free_mib=0.0),
+        raw=pipe.open("wb", buffering=0),
+    )
+    recorder.head({"tega": {"format": "test"}}, {})
+    recorder.begin(0, 0)
+    try:
+        for k in range(100):  # 23 MB for a disk that takes nothing: every call returns all the same
+            recorder.put(*image_item(k))
+            recorder.marker(k * 1000, f"after {k}")
+        lost = recorder.dropped
+    finally:
+        let_go.set()
+    facts = recorder.finish()
+    disk.join()
+    assert set(lost) == {"/tactile/thumb/image"}
+    dropped = lost["/tactile/thumb/image"]
+    assert 60 < dropped < 100
+    assert facts["state"] == "complete"
+    assert facts["dropped"] == lost
+    path = tmp_path / "slow.mcap"
+    path.write_bytes(data)
+    found = {s.topic: s for s in inspect_file(path).streams}
+    assert found["/tactile/thumb/image"].messages == 100 - dropped
+    assert found["/tactile/thumb/image"].dropped == dropped
+    assert found["/run/marker"].messages == 100
+
+
+FULL = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (6_000_000, 6_000_000))
+from tega.cli.main import main
+main(["run", sys.argv[1], "--json"])
+"""
+
+
+def run_full(words: list[str]) -> tuple[dict[str, Any], str]:
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    summary: dict[str, Any] = json.loads(done.stdout)
+    return summary, done.stderr
+
+
+def check_full(summary: dict[str, Any], said: str, folder: Path, reason: str) -> None:
+    assert summary["ended"] == "complete"
+    assert summary["hand"]["ticks"] == round(SECONDS / 0.003)
+    recording = summary["recording"]
+    assert recording["state"] == "stopped"
+    assert reason in recording["reason"]
+    assert f"recording stopped: {recording['reason']}; the run goes on" in said
+    assert sum(recording["dropped"].values()) > 100
+    # What had come to the disk is there, and computes the same.
+    (recovered,) = SessionFolder(folder).recovered
+    assert recovered.n_messages > 20
+    assert replay_file(recovered.path).same
+
+
+def test_a_file_that_may_not_grow_stops_the_recording_and_not_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "settings.toml"
+    config = check_tree(tree(tmp_path / "session"), {}, base=tmp_path).config
+    path.write_text(config_text(config))
+    summary, said = run_full([sys.executable, "-c", FULL, str(path)])
+    check_full(summary, said, tmp_path / "session", "File too large")
+
+
+def test_a_full_disk_stops_the_recording_and_not_the_run(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=6m", "tmpfs", str(disk)]
+    try:
+        mounted = subprocess.run(mount, capture_output=True, check=False).returncode == 0
+    except OSError:
+        mounted = False
+    if not mounted:
+        pytest.skip("a small disk cannot be mounted here")
+    try:
+        config = check_tree(tree(disk / "session"), {}, base=tmp_path).config
+        (tmp_path / "settings.toml").write_text(config_text(config))
+        words = [sys.executable, "-m", "tega.cli", "run", str(tmp_path / "settings.toml"), "--json"]
+        summary, said = run_full(words)
+        kept = tmp_path / "kept"
+        kept.mkdir()
+        for part in (disk / "session").glob("*.part"):
+            (kept / part.name).write_bytes(part.read_bytes())
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+    check_full(summary, said, kept, "No space left on device")
+
+
+def test_too_little_room_finishes_the_file_in_time(tmp_path: Path) -> None:
+    config = check_tree(tree(tmp_path, stop_free_mib=1e9), {}, base=tmp_path).config
+    summary = run_session(config)
+    assert summary["ended"] == "complete"
+    assert "recording.stop_free_mib" in summary["recording"]["reason"]
+    assert replay_file(tmp_path / "trial-001.mcap").same
+
+
+def test_what_is_left_out_of_a_queue_is_counted_and_small_things_go_on() -> None:
+    queue = BoundedQueue(most_bytes=1000)
+    for k in range(5):
+        queue.put(Item("/image", k, "image", None, 400))
+        queue.put(Item("/small", k, "Marker", None, 100))
+    assert dict(queue.dropped) == {"/image": 3}
+    taken = [queue.take() for _ in range(len(queue))]
+    assert [item.topic for item in taken if item] == ["/image", "/small"] * 2 + ["/small"] * 3
+    for item in taken:
+        assert item is not None
+        queue.done(item)
+    assert queue.n_bytes == 0
+
+
+STUCK = """
+import io, os, signal, sys, time
+import numpy as np
+from pathlib import Path
+from tega.config import RecordingSection
+from tega.recording.mcap_folder import SessionFolder
+from tega.recording.mcap_recorder import McapRecorder
+
+class Disk(io.FileIO):
+    def write(self, data):
+        if self.tell() > 1_000_000:
+            print("stuck", flush=True)
+            time.sleep(600.0)
+        return super().write(data)
+
+folder = SessionFolder(Path(sys.argv[1]))
+new = folder.path / "new"
+settings = RecordingSection(lossless=True, stop_free_mib=0.0)
+recorder = McapRecorder(folder, settings, raw=Disk(new, "xb"))
+new.rename(folder.path / "trial-001.mcap.part")
+recorder.head({"tega": {"format": "test"}}, {})
+recorder.begin(0, 0)
+for k in range(40):
+    image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
+    numbers = {"t_ns": k, "received_ns": k, "seq": k, "name": ""}
+    recorder.put("/tactile/thumb/image", k, "image", ("thumb", image, numbers), image.nbytes)
+    recorder.marker(k, f"after {k}")
+while recorder.facts()["written"].get("/run/marker", 0) < 40 or recorder.facts()["bytes"] < 40 * 230_400:
+    time.sleep(0.05)
+time.sleep(0.5)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="the system keeps no files in memory")
+def test_what_a_standing_disk_has_not_taken_outlives_a_kill(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", STUCK, str(tmp_path)], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == -9, done.stderr
+    assert "stuck" in done.stdout
+    part, note = tmp_path / "trial-001.mcap.part", tmp_path / "trial-001.mcap.part.tail"
+    assert part.stat().st_size < 6_000_000  # of nine million
+    memory = Path("/dev/shm") / note.read_text()
+    (recovered,) = SessionFolder(tmp_path).recovered
+    found = {s.topic: s.messages for s in inspect_file(recovered.path).streams}
+    assert found["/tactile/thumb/image"] == found["/run/marker"] == 40
+    assert not memory.exists()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["session.json", "trial-001.mcap"]
+
+
+def test_a_note_of_memory_that_is_gone_or_not_ours_is_taken_away_alone(tmp_path: Path) -> None:
+    for name in ("tega-gone", "../tmp", "elsewhere"):
+        (tmp_path / "trial-001.mcap.part").write_bytes(b"")
+        (tmp_path / "trial-001.mcap.part.tail").write_text(name)
+        SessionFolder(tmp_path)
+        assert sorted(p.name for p in tmp_path.iterdir()) == ["session.json", "trial-001.mcap"]
+        (tmp_path / "trial-001.mcap").unlink()

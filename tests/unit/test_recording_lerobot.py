@@ -1,0 +1,196 @@
+"""A session as a LeRobot dataset: the published layout, and in each frame what was known by then."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.sessions import record
+from tega.cli.main import main
+from tega.errors import ConfigError, RecordingError
+from tega.hand import JOINT_NAMES
+from tega.recording.export import export_file
+from tega.recording.lerobot import export_lerobot
+from tega.recording.trim import trim_session
+
+parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
+av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
+
+FPS = 25
+
+
+@pytest.fixture(scope="module")
+def parts(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    part = trim_session(lossless, from_s=0.4, to_s=1.1, out=tmp_path_factory.mktemp("part") / "part")
+    return [lossless, part]
+
+
+@pytest.fixture(scope="module")
+def dataset(parts: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dataset") / "dataset"
+    return export_lerobot(parts, folder, fps=FPS, task="lift the bottle")
+
+
+def info(dataset: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((dataset / "meta" / "info.json").read_text())
+    return content
+
+
+def rows(dataset: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = parquet.read_table(dataset / "data/chunk-000/file-000.parquet").to_pylist()
+    return found
+
+
+def episodes(dataset: Path) -> list[dict[str, Any]]:
+    path = dataset / "meta/episodes/chunk-000/file-000.parquet"
+    found: list[dict[str, Any]] = parquet.read_table(path).to_pylist()
+    return found
+
+
+def test_the_layout_is_the_published_one(dataset: Path) -> None:
+    known = info(dataset)
+    assert known["codebase_version"] == "v3.0"
+    assert known["fps"] == FPS
+    assert (known["total_episodes"], known["total_tasks"]) == (2, 1)
+    assert known["splits"] == {"train": "0:2"}
+    assert known["features"]["observation.images.thumb"]["shape"] == [320, 240, 3]
+    assert known["features"]["observation.state"]["names"] == list(JOINT_NAMES)
+    table, told = rows(dataset), episodes(dataset)
+    assert known["total_frames"] == len(table) == told[-1]["dataset_to_index"]
+    assert [row["index"] for row in table] == list(range(len(table)))
+    for number, episode in enumerate(told):
+        mine = table[episode["dataset_from_index"] : episode["dataset_to_index"]]
+        assert {row["episode_index"] for row in mine} == {number}
+        assert [row["frame_index"] for row in mine] == list(range(episode["length"]))
+        times = np.array([row["timestamp"] for row in mine])
+        assert np.abs(times - np.arange(len(mine)) / FPS).max() < 1e-6
+        span_s = episode["videos/observation.images.thumb/to_timestamp"]
+        span_s -= episode["videos/observation.images.thumb/from_timestamp"]
+        assert span_s == pytest.approx(len(mine) / FPS)
+        assert episode["tasks"] == ["lift the bottle"]
+    for name, feature in known["features"].items():
+        if feature["dtype"] != "video":
+            shape = np.shape(table[0][name])
+            assert shape == (() if feature["shape"] == [1] else tuple(feature["shape"])), name
+    tasks = parquet.read_table(dataset / "meta" / "tasks.parquet").to_pydict()
+    assert tasks == {"task_index": [0], "task": ["lift the bottle"]}
+
+
+def test_a_frame_holds_what_was_newest_by_its_time(dataset: Path, lossless: Path, tmp_path: Path) -> None:
+    export_file(lossless, tmp_path / "tables", pictures=True)
+
+    def table(name: str) -> list[dict[str, str]]:
+        with (tmp_path / "tables" / f"{name}.csv").open(newline="") as file:
+            return list(csv.DictReader(file))
+
+    def newest(name: str, t_ns: int) -> dict[str, str]:
+        return [row for row in table_of[name] if int(row["log_ns"]) <= t_ns][-1]
+
+    streams = ("hand.frames", "tactile.thumb.contact", "emg.levels", "vest.frame", "emg.samples")
+    table_of = {name: table(name) for name in streams}
+    start_ns = json.loads((dataset / "meta" / "tega.json").read_text())["episodes"][0]["start_ns"]
+    for k in (0, 7, 20, 30):
+        row, t_ns = rows(dataset)[k], start_ns + k * 1_000_000_000 // FPS
+        assert row["action"] == float(newest("hand.frames", t_ns)["level"])
+        contact = newest("tactile.thumb.contact", t_ns)
+        thumb = dict(
+            zip(
+                info(dataset)["features"]["observation.touch"]["names"], row["observation.touch"], strict=True
+            )
+        )
+        assert thumb["thumb.eda"] == float(contact["eda"])
+        assert thumb["thumb.cci"] == pytest.approx(float(contact["cci"]))
+        levels = newest("emg.levels", t_ns)
+        assert row["observation.emg_levels"][-1] == float(levels["fused"])
+        vest = newest("vest.frame", t_ns)
+        assert row["observation.vest"] == [float(vest[f"intensities_{m + 1}"]) for m in range(40)]
+        samples = [r for r in table_of["emg.samples"] if int(r["log_ns"]) <= t_ns][-(1000 // FPS) :]
+        expected = [[np.float32(r[f"ch{c}"]) for c in (1, 2, 3)] for r in samples]
+        assert np.array_equal(row["observation.emg"], expected)
+        assert 0 <= row["observation.image_age"][1] < 1 / 60 + 1e-6
+
+
+def test_the_video_shows_the_pictures(dataset: Path, lossless: Path, tmp_path: Path) -> None:
+    import cv2
+
+    export_file(lossless, tmp_path / "tables", pictures=True)
+    start_ns = json.loads((dataset / "meta" / "tega.json").read_text())["episodes"][0]["start_ns"]
+    with (tmp_path / "tables" / "tactile.thumb.frame.csv").open(newline="") as file:
+        frames = list(csv.DictReader(file))
+    path = dataset / "videos/observation.images.thumb/chunk-000/file-000.mp4"
+    with av.open(str(path)) as video:
+        shown = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+    assert len(shown) == info(dataset)["total_frames"]
+    errors = []
+    for k in range(0, episodes(dataset)[0]["length"], 6):
+        t_ns = start_ns + k * 1_000_000_000 // FPS
+        seq = [int(row["seq"]) for row in frames if int(row["log_ns"]) <= t_ns][-1]
+        image = cv2.imread(str(tmp_path / "tables" / "thumb" / f"{seq:06d}.png"))
+        assert image is not None
+        errors.append(np.abs(image[..., ::-1].astype(float) - shown[k]).mean())
+    assert max(errors) < 6.0  # the noise of the sensor is most of it
+
+
+def test_the_figures_are_those_of_the_frames(dataset: Path) -> None:
+    stats = json.loads((dataset / "meta" / "stats.json").read_text())
+    table = rows(dataset)
+    for name in ("action", "observation.touch", "observation.emg", "timestamp"):
+        values = np.array([row[name] for row in table], np.float64)
+        assert np.ravel(stats[name]["mean"]) == pytest.approx(np.ravel(values.mean(0)), rel=1e-6, abs=1e-9)
+        assert np.ravel(stats[name]["max"]) == pytest.approx(np.ravel(values.max(0)))
+        assert np.ravel(stats[name]["q90"]) == pytest.approx(np.ravel(np.quantile(values, 0.9, axis=0)))
+        assert stats[name]["count"] == [len(table)]
+    colours = stats["observation.images.thumb"]
+    assert np.shape(colours["mean"]) == (3, 1, 1)
+    for low, high in (
+        ("min", "q01"),
+        ("q01", "q50"),
+        ("q50", "q99"),
+        ("q99", "max"),
+        ("min", "mean"),
+        ("mean", "max"),
+    ):
+        assert np.all(np.array(colours[low]) <= np.array(colours[high]))
+
+
+def test_other_inputs_and_full_folders_are_refused(
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("mine")
+    with pytest.raises(ConfigError, match="not an empty folder"):
+        export_lerobot([lossless], tmp_path / "full")
+    with pytest.MonkeyPatch.context() as patch:
+        from reference import sessions
+
+        whole = sessions.tree
+        patch.setattr(
+            sessions, "tree", lambda folder, **r: {k: v for k, v in whole(folder, **r).items() if k != "emg"}
+        )
+        other = record(tmp_path / "other")
+    with pytest.raises(RecordingError, match=r"differs from the first recording in .*observation\.emg"):
+        export_lerobot([lossless, other], tmp_path / "mixed")
+    for words in (["--format", "lerobot", "--pictures"], ["--fps", "10"]):
+        with pytest.raises(SystemExit) as ended:
+            main(["export", str(lossless), "--out", str(tmp_path / "new"), *words])
+        assert ended.value.code == 2
+    assert "--fps is for --format lerobot" in capsys.readouterr().err
+
+
+def test_the_public_package_opens_it(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    public = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="needs the package lerobot")
+    steps = {"action": [0.0, 1 / FPS], "observation.images.ring": [-1 / FPS, 0.0]}
+    opened = public.LeRobotDataset("tega/test", root=dataset, delta_timestamps=steps, video_backend="pyav")
+    assert (opened.num_episodes, opened.num_frames) == (2, info(dataset)["total_frames"])
+    for k in (0, 3, len(opened) - 1):
+        item = opened[k]
+        assert item["observation.images.thumb"].shape == (3, 320, 240)
+        assert item["observation.images.ring"].shape == (2, 3, 320, 240)
+        assert item["task"] == "lift the bottle"
+        assert item["action"][0] == rows(dataset)[k]["action"]

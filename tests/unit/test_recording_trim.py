@@ -1,0 +1,191 @@
+"""Sessions made out of sessions: a part of one that still computes to the same bits, and several as one."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reference.sessions import SECONDS, attached, messages, rewritten, stream, told, tree
+from tega.cli.main import main
+from tega.config import check_tree
+from tega.errors import ConfigError, RecordingError
+from tega.recording.export import export_file
+from tega.recording.inspection import inspect_file
+from tega.recording.merge import merge_sessions
+from tega.recording.origin import LEAD_IN
+from tega.recording.trim import trim_session
+from tega.replay import replay_file
+from tega.teleop import run_session
+from tega.testing.emulators.process import Emulator
+
+S = 1_000_000_000
+
+
+def epoch_ns(path: Path) -> int:
+    return int(told(path)["tega"]["epoch_ns"])
+
+
+@pytest.mark.parametrize(("from_s", "to_s"), [(0.311, 0.937), (0.0, 0.7), (0.5, None), (1.2, 99.0)])
+def test_a_part_has_the_same_messages_and_computes_to_the_same_bits(
+    lossless: Path, tmp_path: Path, from_s: float, to_s: float | None
+) -> None:
+    part = trim_session(lossless, from_s=from_s, to_s=to_s, out=tmp_path / "part")
+    start = epoch_ns(lossless) + round(from_s * S)
+    end = epoch_ns(lossless) + round((to_s or 1e6) * S)
+    wanted = [m for m in messages(lossless) if (from_s == 0 or m[1] >= start) and m[1] < end]
+    there = messages(part)
+    # Nothing is missing, nothing is changed; before it there are only pictures whose contact is in it.
+    assert [m for m in there if m[1] >= start or from_s == 0] == wanted
+    assert {m[0].rsplit("/", 1)[1] for m in there if m[1] < start and from_s > 0} <= {"image", "frame"}
+    files = attached(part)
+    assert (files.pop(LEAD_IN, None) is not None) == (from_s > 0)
+    assert files == attached(lossless)
+    tables = told(part)
+    assert tables.pop("span")["from_ns"] == str(round(from_s * S))
+    assert tables.pop("origin-1")["file"] == lossless.name
+    assert tables == told(lossless)
+    replay = replay_file(part)
+    assert replay.same
+    assert replay.from_s == from_s
+    n_contacts = sum(m[0] == "/tactile/thumb/contact" for m in wanted)
+    contact, image = stream(replay, "/tactile/thumb/contact"), stream(replay, "/tactile/thumb/image")
+    assert (contact.recorded, contact.replayed) == (n_contacts, n_contacts)
+    assert image.recorded >= n_contacts > 10
+
+
+def test_what_came_before_is_what_the_filters_need(lossless: Path, tmp_path: Path) -> None:
+    seen = []
+
+    def louder(topic: str, value: Any) -> Any:
+        if topic == "/emg/samples" and value.t_ns < 0.5 * S:
+            seen.append(topic)
+            value.samples[:] = [4.0 * sample for sample in value.samples]
+        return value
+
+    other = rewritten(lossless, tmp_path / "other.mcap", louder)
+    part = trim_session(other, from_s=0.55, to_s=None, out=tmp_path / "part")
+    assert seen
+    replay = replay_file(part)
+    assert stream(replay, "/emg/levels").differ > 0
+    assert stream(replay, "/tactile/thumb/contact").differ == 0
+
+
+def test_without_what_came_before_a_replay_says_why_it_cannot(
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "part"
+    words = ["trim", str(lossless), "--from", "0.5", "--no-lead-in", "--out", str(out)]
+    with pytest.raises(SystemExit) as ended:
+        main([*words, "--json"])
+    assert ended.value.code == 0
+    assert json.loads(capsys.readouterr().out) == [str(out / "trial-001.mcap")]
+    assert LEAD_IN not in attached(out / "trial-001.mcap")
+    with pytest.raises(SystemExit) as ended:
+        main(["replay", str(out)])
+    assert ended.value.code == 1
+    assert "trimmed from 0.5 s on without its lead-in" in capsys.readouterr().err
+    # What is cut out of it later does not compute either.
+    later = trim_session(out, from_s=0.8, to_s=None, out=tmp_path / "later")
+    with pytest.raises(RecordingError, match="without its lead-in"):
+        replay_file(later)
+
+
+def test_a_part_of_a_part_tells_every_step(lossless: Path, tmp_path: Path) -> None:
+    first = trim_session(lossless, from_s=0.3, to_s=1.2, out=tmp_path / "first")
+    second = trim_session(tmp_path / "first", from_s=0.6, to_s=None, out=tmp_path / "second")
+    assert replay_file(second).same
+    found = inspect_file(second)
+    steps = [(o["session"], int(o["from_ns"]), int(o["to_ns"])) for o in found.origin]
+    assert steps == [
+        (lossless.parent.name, 300_000_000, 1_200_000_000),
+        ("first", 600_000_000, 1_200_000_000),
+    ]
+    assert found.from_s == 0.6
+    assert found.duration_s == pytest.approx(0.6, abs=0.01)
+    index = json.loads((tmp_path / "second" / "session.json").read_text())
+    assert index["trials"][0]["origin"] == found.origin[-1]
+    export_file(second, tmp_path / "tables")
+    assert not (tmp_path / "tables" / LEAD_IN).exists()
+    with pytest.raises(RecordingError, match=r"it goes from 0\.3 s to 1\.\d+ s"):
+        trim_session(first, from_s=0.1, to_s=None, out=tmp_path / "third")
+
+
+def test_a_conversation_with_a_hand_is_held_from_its_beginning(tmp_path: Path) -> None:
+    with Emulator("allegro_port") as hand:
+        session = tree(tmp_path / "session") | {"session": {"pace": "real"}}
+        patient = {"silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0}
+        session["hand"] = {"driver": "allegro", "options": {**hand.address, **patient}}
+        run_session(check_tree(session, {}, base=tmp_path).config)
+    part = trim_session(tmp_path / "session", from_s=0.6, to_s=1.3, out=tmp_path / "part")
+    replay = replay_file(part)
+    assert replay.same
+    assert stream(replay, "/hand/bus").recorded > 0  # how often a loaded machine asks is not what is tried
+
+
+def test_nothing_is_overwritten_and_a_wrong_span_is_told(lossless: Path, tmp_path: Path) -> None:
+    early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")
+    late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
+    taken = tmp_path / "taken"
+    taken.mkdir()
+    (taken / "mine.txt").write_text("mine")
+    with pytest.raises(ConfigError, match="is there already"):
+        trim_session(lossless, from_s=0.1, to_s=None, out=taken)
+    with pytest.raises(ConfigError, match="is there already"):
+        merge_sessions([early, late], out=taken)
+    for from_s, to_s, said in ((1.0, 0.5, "holds nothing"), (9.0, None, "is not in it")):
+        with pytest.raises(RecordingError, match=said):
+            trim_session(lossless, from_s=from_s, to_s=to_s, out=tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    assert [p.name for p in taken.iterdir()] == ["mine.txt"]
+
+
+def test_sessions_are_merged_in_order_of_time_as_they_are(lossless: Path, tmp_path: Path) -> None:
+    late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
+    early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")
+    words = ["merge", str(tmp_path / "late"), str(early), "--out", str(tmp_path / "both")]
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 0
+    both = sorted((tmp_path / "both").glob("*.mcap"))
+    assert [messages(path) for path in both] == [messages(early), messages(late)]
+    assert [attached(path) for path in both] == [attached(early), attached(late)]
+    assert [told(path)["origin-2"]["session"] for path in both] == ["early", "late"]
+    assert all(replay_file(path).same for path in both)
+    assert replay_file(both[1]).from_s == 0.8
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"tables": {"versions": {"numpy": "1.0"}}}, r"numpy \S+ and 1\.0"),
+        ({"tables": {"tega": {"layout": "other"}}}, "vest .* and other"),
+        ({"files": {"calibration.toml": b"other"}}, "another calibration"),
+    ],
+)
+def test_what_does_not_fit_together_is_not_merged(
+    lossless: Path, tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
+    early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")
+    other = rewritten(late, tmp_path / "other.mcap", **change)
+    with pytest.raises(RecordingError, match=said):
+        merge_sessions([early, other], out=tmp_path / "both")
+    assert not (tmp_path / "both").exists()
+
+
+def test_recordings_of_the_same_time_are_not_merged(lossless: Path, tmp_path: Path) -> None:
+    part = trim_session(lossless, from_s=1.0, to_s=None, out=tmp_path / "part")
+    with pytest.raises(RecordingError, match=r"overlap by 0\.\d+ s of the same time"):
+        merge_sessions([part, lossless], out=tmp_path / "both")
+    with pytest.raises(RecordingError, match="only one recording"):
+        merge_sessions([part], out=tmp_path / "both")
+    folder = tmp_path / "two"
+    folder.mkdir()
+    for name in ("trial-001.mcap", "trial-002.mcap"):
+        shutil.copy(part, folder / name)
+    with pytest.raises(RecordingError, match="holds 2 recordings"):
+        trim_session(folder, from_s=1.1, to_s=SECONDS, out=tmp_path / "new")

@@ -1,0 +1,185 @@
+"""A recorded run computed again: the same bits, and what shows where they are not."""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from reference.sessions import SECONDS, record, rewritten, stream, tree
+from tega.cli.main import main
+from tega.config import check_tree
+from tega.recording.inspection import inspect_file
+from tega.recording.tap import SessionTap
+from tega.replay import replay_file
+from tega.teleop import run_session
+from tega.teleop.loop import LoopView
+from tega.testing.emulators.process import Emulator
+
+
+def test_a_lossless_recording_is_computed_again_bit_for_bit(lossless: Path) -> None:
+    replay = replay_file(lossless)
+    assert replay.same
+    assert replay.complete
+    rows = {s.stream: (s.recorded, s.replayed, s.differ) for s in replay.streams}
+    n_hand = round(SECONDS / 0.003) + 1
+    assert rows == {
+        "/tactile/thumb/image": (90, 90, 0),
+        "/tactile/ring/image": (60, 60, 0),
+        "/tactile/thumb/contact": (90, 90, 0),
+        "/tactile/ring/contact": (60, 60, 0),
+        "/emg/levels": (15, 15, 0),
+        "/vest/frame": (46, 46, 0),
+        "/hand/frames": (n_hand, n_hand, 0),
+    }
+
+
+def test_one_altered_pixel_shows_wherever_it_is(lossless: Path, tmp_path: Path) -> None:
+    choice = random.Random(5)
+    at = choice.randrange(90)
+    seen = []
+
+    def change(topic: str, value: Any) -> Any:
+        if topic == "/tactile/thumb/image":
+            seen.append(value.timestamp)
+            if len(seen) == at + 1:
+                pixels = bytearray(value.data)
+                pixels[choice.randrange(len(pixels))] ^= 1
+                value.data = bytes(pixels)
+        return value
+
+    replay = replay_file(rewritten(lossless, tmp_path / "altered.mcap", change))
+    assert not replay.same
+    image = stream(replay, "/tactile/thumb/image")
+    assert image.differ == 1
+    assert image.first[0].t_s == pytest.approx(at / 60, abs=1e-6)
+
+
+def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(lossless: Path, tmp_path: Path) -> None:
+    def change(topic: str, value: Any) -> Any:
+        if topic == "/tactile/thumb/image":
+            pixels = np.frombuffer(value.data, np.uint8).reshape(value.height, value.width, 3).copy()
+            pixels[120:160, 90:150] = 255 - pixels[120:160, 90:150]
+            value.data = pixels.tobytes()
+        return value
+
+    path = rewritten(lossless, tmp_path / "altered.mcap", change)
+    replay = replay_file(path)
+    for name in ("/tactile/thumb/image", "/tactile/thumb/contact", "/vest/frame"):
+        assert stream(replay, name).differ > 0
+    for name in ("/tactile/ring/contact", "/emg/levels", "/hand/frames"):
+        assert stream(replay, name).differ == 0
+    with pytest.raises(SystemExit) as ended:
+        main(["replay", str(path)])
+    assert ended.value.code == 1
+
+
+def test_other_settings_say_what_differs(
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text('[vest]\nmirror = "all"\nthreshold = 20.0\n')
+    with pytest.raises(SystemExit) as ended:
+        main(["replay", str(lossless.parent), "--config", str(other), "--json"])
+    assert ended.value.code == 1
+    (replay,) = json.loads(capsys.readouterr().out)
+    assert replay["changed"] == ["vest.mirror: none -> all", "vest.threshold: 0.0 -> 20.0"]
+    differ = {s["stream"]: s["differ"] for s in replay["streams"]}
+    assert differ.pop("/vest/frame") > 10
+    assert set(differ.values()) == {0}
+
+
+def test_jpeg_replays_what_was_computed_exactly_and_tells_the_error_of_the_pictures(tmp_path: Path) -> None:
+    path = record(tmp_path / "jpeg", lossless=False)
+    replay = replay_file(path)
+    assert replay.same
+    assert not replay.lossless
+    thumb, ring = sorted(replay.pictures, key=lambda p: p.finger, reverse=True)
+    assert (thumb.compared, ring.compared) == (90, 60)
+    assert 0 < thumb.eda_max_px < 1000
+    with path.open("rb") as file:
+        names = {s.name for s, _, _ in make_reader(file).iter_messages(["/tactile/thumb/image"]) if s}
+    assert names == {"foxglove.CompressedImage"}
+
+
+def test_a_hand_that_closes_its_own_loop_is_held_the_same_conversation(tmp_path: Path) -> None:
+    with Emulator("allegro_port") as hand:
+        session = tree(tmp_path / "session")
+        session["session"] = {"pace": "real"}
+        session["hand"] = {
+            "driver": "allegro",
+            "options": {**hand.address, "silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0},
+        }
+        summary = run_session(check_tree(session, {}, base=tmp_path).config)
+    replay = replay_file(tmp_path / "session" / summary["recording"]["file"])
+    bus = stream(replay, "/hand/bus")
+    assert bus.recorded > 100
+    assert stream(replay, "/hand/frames").recorded > 50
+    assert replay.same
+
+
+@pytest.mark.parametrize("content", [b"", b"no such thing", b"\x89MCAP0\r\n"])
+def test_what_is_no_recording_is_refused_in_one_sentence(
+    tmp_path: Path, content: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "other.mcap"
+    path.write_bytes(content)
+    with pytest.raises(SystemExit) as ended:
+        main(["replay", str(path)])
+    assert ended.value.code == 1
+    assert "error: other.mcap: " in capsys.readouterr().err
+
+
+def test_a_loop_that_was_late_and_muted_motors_are_replayed_as_they_were(tmp_path: Path) -> None:
+    looks = 0
+
+    def slow(view: LoopView) -> None:
+        if view.t_ns == 500_000_000:
+            time.sleep(0.3)
+
+    def haptics() -> bool:
+        nonlocal looks
+        looks += 1
+        return not 15 < looks < 25
+
+    session = tree(tmp_path / "session") | {"session": {"pace": "real"}}
+    run_session(check_tree(session, {}, base=tmp_path).config, observer=slow, haptics=haptics)
+    path = tmp_path / "session" / "trial-001.mcap"
+    found = {s.topic: s for s in inspect_file(path).streams}
+    assert found["/run/skipped"].messages > 20
+    assert found["/run/haptics"].messages == 2
+    assert replay_file(path).same
+
+
+def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -> None:
+    class Careful:
+        """A hand that is asked for less than the muscles say, as a policy would."""
+
+        def __init__(self, hand: Any) -> None:
+            self._hand = hand
+            self.n = 0
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._hand, name)
+
+        def step(self, level: int) -> Any:
+            self.n += 1
+            return self._hand.step(min(level, 2) if 100 < self.n < 400 else level)
+
+    original = SessionTap.hand
+
+    def careful(tap: SessionTap, hand: Any) -> Any:
+        return Careful(original(tap, hand))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SessionTap, "hand", careful)
+        path = record(tmp_path)
+    found = {s.topic: s for s in inspect_file(path).streams}
+    assert found["/hand/imposed"].messages >= 2
+    assert replay_file(path).same
