@@ -372,7 +372,9 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
             **{seat: with_options(c, "input", f"input.{seat}") for seat, c in config.input.in_use().items()}
         ),
     )
-    if config.calibration.person is not None and config.calibration.folder is None:
+    # A person's calibrations are kept there, and how long the vest's motors take to start.
+    kept_there = config.calibration.person is not None or config.vest.driver is not None
+    if kept_there and config.calibration.folder is None:
         beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
         config = msgspec.structs.replace(config, calibration=beside)
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}

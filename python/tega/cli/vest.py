@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
@@ -23,6 +23,15 @@ __all__ = ["vest"]
 
 _CLICKS = 4
 _CLICK_APART_S = (0.37, 0.61, 0.83, 0.53)
+
+
+class _Wanted(NamedTuple):
+    """What is to be played."""
+
+    settings: SessionConfig
+    percent: int
+    bursts: int
+    sync: Literal["none", "keys", "speaker"]
 
 
 @click.group(epilog="Example: tega-teleop vest onset lab.toml --motor 0")
@@ -85,9 +94,9 @@ def onset(
 ) -> None:
     """Measure how long a motor takes from its frame to its first vibration, with a microphone taped onto it.
 
-    Bursts of half a second are played and heard; the room has to be quiet. The result is kept with the calibrations, by
-    vest, and every later run adds it to its latency. With a phone: --log FILE plays the bursts, then --wav FILE.wav --log
-    FILE reads what the phone has recorded.
+    Bursts of half a second are played and heard; the room has to be quiet. The result is kept with the calibrations,
+    by vest, and every later run adds it to its latency. With a phone: --log FILE plays the bursts, then
+    --wav FILE.wav --log FILE reads what the phone has recorded.
 
     Exit codes: 0 measured, 1 no result (the message says why), 2 usage, 3 no vest or no microphone.
 
@@ -114,12 +123,14 @@ def onset(
         how: Any = sync or "keys"
         if how == "none":
             raise click.UsageError("without clicks nothing says how recording and commands lie in time")
-        _play_for_elsewhere(settings, (motors or (0,))[0], percent, bursts, how, log_file, quiet=as_json)
+        wanted = _Wanted(settings, percent, bursts, how)
+        _play_for_elsewhere(wanted, (motors or (0,))[0], log_file, quiet=as_json)
         if as_json:
             echo_json({"log": str(log_file)})
         return
     else:
-        measured = _measure(settings, motors or (0,), percent, bursts, microphone, sync or "none", keep)
+        heard: Any = sync or "none"
+        measured = _measure(_Wanted(settings, percent, bursts, heard), motors or (0,), microphone, keep)
     home, told = CalibrationFolder(kept), []
     for record, said in measured:
         file = home.keep_onset(record)
@@ -145,13 +156,7 @@ def _read(wav: Path, log_file: Path) -> Iterator[tuple[OnsetRecord, str]]:
 
 
 def _measure(
-    settings: SessionConfig,
-    motors: tuple[int, ...],
-    percent: int,
-    bursts: int,
-    microphone: str | None,
-    sync: Any,
-    keep: Path | None,
+    wanted: _Wanted, motors: tuple[int, ...], microphone: str | None, keep: Path | None
 ) -> Iterator[tuple[OnsetRecord, str]]:
     from tega.onset.clock import by_blocks
     from tega.onset.log import write_log, write_wav
@@ -166,10 +171,10 @@ def _measure(
                 default="", show_default=False, prompt_suffix=" ", err=True,
             )  # fmt: skip
         with Microphone(microphone) as ear:
-            log = _played(settings, motor, percent, bursts, sync)
+            log_with = _played(wanted, motor)
             samples, blocks = ear.heard()
             clock = by_blocks(blocks, ear.rate_hz, latency_s=ear.latency_s)
-        log = log(clock)
+        log = log_with(clock)
         if keep is not None:
             name = f"{log.made:%Y%m%d-%H%M%S}-motor{motor:02}"
             write_wav(keep / f"{name}.wav", samples, ear.rate_hz)
@@ -178,24 +183,20 @@ def _measure(
         yield record, _said(record)
 
 
-def _play_for_elsewhere(
-    settings: SessionConfig, motor: int, percent: int, bursts: int, sync: Any, file: Path, *, quiet: bool
-) -> None:
+def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, quiet: bool) -> None:
     from tega.onset.log import write_log
 
     click.echo(
         "Begin the recording now (WAV, or convert it later), the microphone on the motor and near the "
-        f"{'keyboard' if sync == 'keys' else 'loudspeaker'}.",
+        f"{'keyboard' if wanted.sync == 'keys' else 'loudspeaker'}.",
         err=True,
     )
-    write_log(_played(settings, motor, percent, bursts, sync)(None), file)
+    write_log(_played(wanted, motor)(None), file)
     if not quiet:
         click.echo(f"End the recording. Then: tega-teleop vest onset --wav RECORDING.wav --log {file}")
 
 
-def _played(
-    settings: SessionConfig, motor: int, percent: int, bursts: int, sync: Literal["none", "keys", "speaker"]
-) -> Callable[[Any], OnsetLog]:
+def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
     """Click, play, click again; return what makes the log of it once the recording's clock is known."""
     from tega.calibration.records import utc_now
     from tega.cli.options import Stop, progress_bar
@@ -205,6 +206,7 @@ def _played(
     from tega.errors import ConfigError
     from tega.onset.measure import log_of, play_bursts, watched_vest
 
+    settings = wanted.settings
     if settings.vest.driver is None:
         raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
     layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
@@ -212,7 +214,7 @@ def _played(
     driver = watched_vest(driver_class(settings.vest.driver, "vest")(settings.vest.options))
     with ExitStack() as stack:
         stop = stack.enter_context(Stop())
-        clicks = stack.enter_context(_clicker(sync))
+        clicks = stack.enter_context(_clicker(wanted.sync))
         opened: Any = stack.enter_context(driver)
         shown = stack.enter_context(progress_bar())
         clicks_s = clicks()
@@ -220,17 +222,17 @@ def _played(
             opened,
             motor,
             layout=layout,
-            percent=percent,
-            bursts=bursts,
+            percent=wanted.percent,
+            bursts=wanted.bursts,
             clock=SystemClock(),
             stop=stop,
             told=lambda done, total: shown(f"motor {motor}", done, total),
         )
         clicks_s += clicks()
         info = opened.info
-    made_by: Any = "" if sync == "none" else sync
+    made_by: Any = "" if wanted.sync == "none" else wanted.sync
     return lambda clock: log_of(
-        info, made=made, layout=layout, motor=motor, percent=percent, bursts_s=bursts_s,
+        info, made=made, layout=layout, motor=motor, percent=wanted.percent, bursts_s=bursts_s,
         unsent=unsent, clicks_s=clicks_s, clicks=made_by, clock=clock,
     )  # fmt: skip
 

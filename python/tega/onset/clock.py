@@ -42,13 +42,13 @@ class Block(NamedTuple):
     """A block of sound as it came.
 
     Attributes:
-        index: Number of its first sample.
+        first: Number of its first sample.
         n: Samples.
         at_s: When it came.
         age_s: How old its first sample was then, by the sound system; NaN where that does not tell.
     """
 
-    index: int
+    first: int
     n: int
     at_s: float
     age_s: float
@@ -106,9 +106,7 @@ def by_blocks(blocks: Sequence[Block], rate_hz: float, *, latency_s: float) -> C
     )
 
 
-def _line(
-    index: NDArray[np.float64], at_s: NDArray[np.float64], rate_hz: float
-) -> tuple[float, float]:
+def _line(index: NDArray[np.float64], at_s: NDArray[np.float64], rate_hz: float) -> tuple[float, float]:
     """Fit time of sample 0 and rate; over a short time the rate is taken as it was asked for."""
     if (index[-1] - index[0]) / rate_hz < 10:
         return float(np.median(at_s - index / rate_hz)), rate_hz
@@ -122,8 +120,8 @@ def _line(
 def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.float64]:
     """Return when something short and hard was heard, seconds from the first sample.
 
-    A click is a peak of what is above 2 kHz, ten times the middle level and a fifth of the loudest; its time is where it rose
-    through half of its peak.
+    A click is a peak of what is above 2 kHz, ten times the middle level and a fifth of the loudest; its time is where
+    it rose through half of its peak.
 
     Raises:
         InvalidValueError: The rate is too low to tell a click from a motor.

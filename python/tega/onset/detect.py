@@ -40,6 +40,7 @@ _QUIET_S = (0.32, 0.02)
 _SMOOTH_S = 0.024
 _SETTLED_S = 0.3
 _CLIPPED = 0.985
+_TOO_SOFT = "not four times as loud as the background before it"
 
 
 class BurstOnset(NamedTuple):
@@ -126,9 +127,7 @@ def find_onsets(
         )  # fmt: skip
     strength = _Strength(signal, sound, rate_hz, spin_hz)
     bursts = [
-        strength.burst(c, on_s)
-        if c in heard
-        else BurstOnset(np.nan, np.nan, np.nan, "outside the recording")
+        strength.burst(c, on_s) if c in heard else BurstOnset(np.nan, np.nan, np.nan, "outside the recording")
         for c in commands_s
     ]
     return _judged(spin_hz, _without_strays(bursts))
@@ -148,38 +147,37 @@ class _Strength:
 
     def burst(self, c: float, on_s: float) -> BurstOnset:
         rate = self._rate_hz
-        first, last = int((c - _QUIET_S[0]) * rate), int((c + on_s) * rate)
-        cut = self._sound[first:last]
+        cut = self._sound[int((c - _QUIET_S[0]) * rate) : int((c + on_s) * rate)]
         if np.count_nonzero(np.abs(cut) > _CLIPPED) > 3:
-            return BurstOnset(np.nan, np.nan, np.nan, "the sound clips")
+            return _left_out("the sound clips")
         n_quiet = int((_QUIET_S[0] - _QUIET_S[1]) * rate)
-        cut = _without_hum(cut, rate, n_quiet)
-        passed = self._signal.sosfiltfilt(self._sos, cut)
+        passed = self._signal.sosfiltfilt(self._sos, _without_hum(cut, rate, n_quiet))
         power = np.convolve(np.abs(self._signal.hilbert(passed)) ** 2, self._window, "same")
+        # At either end the window holds too little.
         edge = len(self._window) // 2
-        quiet = power[edge : n_quiet - edge]
+        quiet, power = power[edge : n_quiet - edge], power[: len(power) - edge]
         strength = np.sqrt(np.maximum(power - quiet.mean(), 0.0))
-        loudest = float(np.sqrt(quiet.max()))
+        return self._read(strength, loudest=float(np.sqrt(quiet.max())))
+
+    def _read(self, strength: NDArray[np.float64], *, loudest: float) -> BurstOnset:
+        """Find where the strength rises, from its course since the quiet part began."""
+        rate, edge = self._rate_hz, len(self._window) // 2
         at_c, settled = round(_QUIET_S[0] * rate), round((_QUIET_S[0] + _SETTLED_S) * rate)
-        plateau = strength[settled : len(strength) - edge]
+        plateau = strength[settled:]
         full = float(np.median(plateau))
         over = full / loudest if loudest else np.inf
         if over < 4:
-            return BurstOnset(np.nan, np.nan, over, "not four times as loud as the background before it")
+            return _left_out(_TOO_SOFT, over)
         if plateau.min() < 0.5 * full or plateau.max() > 1.8 * full:
-            return BurstOnset(np.nan, np.nan, over, "not steady: another sound, or the motor stutters")
+            return _left_out("not steady: another sound, or the motor stutters", over)
         t60, t50, t25 = (self._last_below(strength, share * full, settled) for share in (0.6, 0.5, 0.25))
-        if np.isnan(t25):
-            return BurstOnset(np.nan, np.nan, over, "another sound before it")
-        between = strength[at_c - edge : max(at_c - edge, int(t25) - edge)]
-        if len(between) and between.max() > 0.4 * full:
-            return BurstOnset(np.nan, np.nan, over, "another sound before it")
+        before = strength[at_c - edge : 0 if np.isnan(t25) else max(at_c, int(t25)) - edge]
+        if np.isnan(t25) or before.max(initial=0.0) > 0.4 * full:
+            return _left_out("another sound before it", over)
         begin = (t60 * 0.25 - t25 * 0.6) / (0.25 - 0.6)
         delay_s, half_s = (float(begin) - at_c) / rate, (t50 - at_c) / rate
         if not -0.01 <= delay_s <= MOST_DELAY_S:
-            return BurstOnset(
-                np.nan, np.nan, over, f"begins {1e3 * delay_s:.0f} ms after its command, which cannot be"
-            )
+            return _left_out(f"begins {1e3 * delay_s:.0f} ms after its command, which cannot be", over)
         return BurstOnset(delay_s, half_s, over)
 
     @staticmethod
@@ -193,10 +191,14 @@ class _Strength:
         return k + (float((level - low) / (high - low)) if high > low else 0.0)
 
 
+def _left_out(why: str, over: float = np.nan) -> BurstOnset:
+    return BurstOnset(np.nan, np.nan, over, why)
+
+
 def _without_hum(cut: NDArray[np.float64], rate_hz: float, n_quiet: int) -> NDArray[np.float64]:
     """Take out the harmonics of 50 or 60 Hz as they are in the quiet part: they go on the same in the burst."""
     t = np.arange(len(cut)) / rate_hz
-    best, left = cut - cut[:n_quiet].mean(), np.inf
+    best, left = cut, np.inf
     for mains_hz in (50.0, 60.0):
         waves = [np.ones_like(t)]
         for harmonic in range(1, 7):
@@ -204,7 +206,7 @@ def _without_hum(cut: NDArray[np.float64], rate_hz: float, n_quiet: int) -> NDAr
             waves += [np.cos(angle), np.sin(angle)]
         basis = np.stack(waves, axis=1)
         fitted, *_ = np.linalg.lstsq(basis[:n_quiet], cut[:n_quiet], rcond=None)
-        rest = cut - basis @ fitted
+        rest: NDArray[np.float64] = cut - basis @ fitted
         if (power := float(rest[:n_quiet] @ rest[:n_quiet])) < left:
             best, left = rest, power
     return best
@@ -253,8 +255,8 @@ def _judged(spin_hz: float, bursts: list[BurstOnset]) -> Onsets:
     why, _ = max(onsets.left_out().items(), key=lambda one: one[1], default=("too few bursts", 0))
     hints = {
         "the sound clips": "lower the microphone's level",
-        "not four times as loud as the background before it": "the background is too loud: silence the room, "
-        "tape the microphone onto the motor, raise --percent",
+        _TOO_SOFT: "the motor is not heard over the background: is the microphone taped onto this motor? "
+        "Silence the room; raise --percent",
         "outside the recording": "does the recording belong to this log, and does it go to the end?",
     }
     return onsets._replace(
@@ -264,13 +266,14 @@ def _judged(spin_hz: float, bursts: list[BurstOnset]) -> Onsets:
 
 
 def _nothing(commands_s: Sequence[float], problem: str, hint: str) -> Onsets:
-    none = BurstOnset(np.nan, np.nan, np.nan, "nothing heard")
-    return Onsets(float("nan"), (none,) * len(commands_s), problem, hint)
+    return Onsets(float("nan"), (_left_out("nothing heard"),) * len(commands_s), problem, hint)
 
 
 def load_signal() -> Any:
     try:
         from scipy import signal
     except ImportError as error:
-        raise MissingExtraError("the package 'scipy' is not installed", "pip install 'tega[onset]'") from error
+        raise MissingExtraError(
+            "the package 'scipy' is not installed", "pip install 'tega[onset]'"
+        ) from error
     return signal

@@ -42,7 +42,7 @@ class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", ta
     made: datetime
     driver: str
     device: str
-    layout: str
+    layout: Literal["paper32", "x40", "x16"]
     motor: int
     percent: int
     on_s: float
@@ -89,7 +89,9 @@ def read_wav(path: Path) -> tuple[NDArray[np.float64], float]:
     try:
         from scipy.io import wavfile
     except ImportError as error:
-        raise MissingExtraError("the package 'scipy' is not installed", "pip install 'tega[onset]'") from error
+        raise MissingExtraError(
+            "the package 'scipy' is not installed", "pip install 'tega[onset]'"
+        ) from error
     try:
         rate_hz, data = wavfile.read(path)
     except OSError as error:

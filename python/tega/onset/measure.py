@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from datetime import datetime
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,14 +86,14 @@ def play_bursts(
         told: Told how many bursts are done, of how many.
 
     Returns:
-        When the first frame of each burst left, seconds on the monotonic clock; and how many bursts did not leave as wanted.
+        When the first frame of each burst left, seconds on the monotonic clock; and how many did not leave as wanted.
 
     Raises:
         InvalidValueError: The layout has no such motor.
         DeviceUnavailableError: The vest was not reached all the time.
     """
     rests, left_s, unsent = random.Random(seed), list[float](), 0
-    lowest = _Lowest(watched_vest(vest))
+    lowest: Any = _Lowest(watched_vest(vest))
     begin_ns = clock.now_ns() + round(_BEFORE_S * 1e9)
     for k in range(bursts):
         told(k, bursts)
@@ -101,9 +101,7 @@ def play_bursts(
         if stop():
             raise KeyboardInterrupt
         lowest.forget()
-        light_motor(
-            lowest, motor, layout=layout, percent=percent, duration_s=BURST_S, clock=clock, stop=stop
-        )
+        light_motor(lowest, motor, layout=layout, percent=percent, duration_s=BURST_S, clock=clock, stop=stop)
         first = lowest.first_handed_over_s()
         if first is None or lowest.percent < percent:
             unsent += 1
@@ -202,7 +200,7 @@ def log_of(
     info: DeviceInfo,
     *,
     made: datetime,
-    layout: str,
+    layout: Layout,
     motor: int,
     percent: int,
     bursts_s: list[float],

@@ -98,7 +98,8 @@ class Microphone:
             if time.monotonic() > until_s:
                 self.__exit__(None, None, None)
                 raise DeviceUnavailableError(
-                    f"the microphone {self.name!r} gives no sound", "another program may hold it; unplug and plug"
+                    f"the microphone {self.name!r} gives no sound",
+                    "another program may hold it; unplug and plug",
                 )
             time.sleep(0.01)
         return self
@@ -111,6 +112,11 @@ class Microphone:
         if stream is not None:
             stream.close()
 
+    @property
+    def heard_s(self) -> float:
+        """How much has been heard so far, seconds."""
+        return self._n / self.rate_hz
+
     def heard(self) -> tuple[NDArray[np.float64], list[Block]]:
         """Return what was heard and how it came.
 
@@ -119,9 +125,7 @@ class Microphone:
         """
         with self._lock:
             parts, blocks, lost = list(self._parts), list(self._blocks), self._lost
-        if self._stream is not None and (
-            not self._stream.active or time.monotonic() - blocks[-1].at_s > 0.5
-        ):
+        if self._stream is not None and (not self._stream.active or time.monotonic() - blocks[-1].at_s > 0.5):
             raise DeviceUnavailableError(
                 f"the microphone {self.name!r} went away while it recorded", "plug it in and measure again"
             )
@@ -205,5 +209,3 @@ class Speaker:
         t = np.arange(min(n, round(_CLICK_S * RATE_HZ))) / RATE_HZ
         data[: len(t), 0] = 0.8 * np.exp(-t / 0.001) * np.sin(2 * np.pi * _CLICK_HZ * t + 1)
         self._done.set()
-
-

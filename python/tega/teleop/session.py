@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.calibration import Calibration, TouchMaxima, save_calibration
+from tega.calibration.motor_onset import MotorOnset, motor_onset
 from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices.base import EmgSource, HandDriver, SteeredHand, TactileSource, VestSink
@@ -257,7 +258,8 @@ def _run(
     trace = None
     if isinstance(clock, SystemClock):
         budget_ms = config.safety.latency_budget_ms
-        trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
+        motor = motor_onset(config)
+        trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms, motor=motor)
     if recording is not None:
         recording.follow(guard, trace)
     flows = stack.enter_context(ExitStack())
@@ -309,7 +311,13 @@ def _run(
 
 
 def _trace(
-    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float
+    prepared: Prepared,
+    sinks: Sinks,
+    pacer: Pacer,
+    *,
+    start_ns: int,
+    budget_ms: float,
+    motor: MotorOnset | None,
 ) -> LatencyTrace | None:
     """Make what follows frames and blocks through the loop, where there is something live to follow."""
     sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
@@ -325,6 +333,7 @@ def _trace(
         # Asked by name: a vest whose frames are recorded stands behind another object.
         vests=[vest for vest in vests if hasattr(vest, "handed_over")],
         answered_ns=getattr(sinks.steered, "answered_ns", None),
+        motor=motor,
     )
 
 

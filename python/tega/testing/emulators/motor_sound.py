@@ -10,6 +10,7 @@ vibration therefore *begins* at ``delay_ms``. Noise, mains hum and knocks are ad
 It obeys lines on its standard input::
 
     set NAME VALUE         one of SETTINGS
+    forget                 everything before, settings included
     drive SECONDS PERCENT  the motor is told this, at that time since the start
     click SECONDS          a hard, short sound, as of a key that is struck
     knock SECONDS          a dull one
@@ -135,7 +136,10 @@ def main() -> None:
     sound = MotorSound()
 
     def act(words: list[str]) -> dict[str, Any]:
+        nonlocal sound
         match words:
+            case ["forget"]:
+                sound = MotorSound()
             case ["set", name, value]:
                 sound.set(name, float(value))
             case ["drive", at_s, percent]:
@@ -146,7 +150,7 @@ def main() -> None:
                 sound.restart()
                 write_wav(Path(path), sound.samples(float(seconds)))
             case _:
-                raise ValueError("there are set, drive, click, knock, wav")
+                raise ValueError("there are set, forget, drive, click, knock, wav")
         return {}
 
     tell({"rate_hz": RATE_HZ})

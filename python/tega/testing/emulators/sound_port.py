@@ -1,7 +1,7 @@
-"""Stands for the package sounddevice: a microphone that hears an emulated vest, and a loudspeaker that it hears as well.
+"""Stands for the package sounddevice: a microphone that hears an emulated vest, and a loudspeaker that it hears too.
 
-It has the calls that TEGA makes, with that package's arguments, answers and failures. The sound is made in the process of the
-emulated vest; here it is fetched at its own pace, as old as a converter and its buffers make it.
+It has the calls that TEGA makes, with that package's arguments, answers and failures. The sound is made in the
+process of the emulated vest; here it is fetched at its own pace, as old as a converter and its buffers make it.
 """
 
 from __future__ import annotations
@@ -106,7 +106,9 @@ class _Stream:
         first_s = time.monotonic()
         n = round(_BLOCK_S * RATE_HZ)
         k = 0
-        while not self._leave.wait(max(0.0, first_s + (k + 1) * _BLOCK_S + port.latency_s - time.monotonic())):
+        while not self._leave.wait(
+            max(0.0, first_s + (k + 1) * _BLOCK_S + port.latency_s - time.monotonic())
+        ):
             if not port.present:
                 return
             from_s = first_s + k * _BLOCK_S

@@ -5,7 +5,8 @@ every other one, ``clear`` for none, ``limit 80 0.5`` (what to count as too much
 heat as a share of what full drive for ever would make it), or ``look``, answered by everything that was seen.
 
 Its motors can be heard (:mod:`~tega.testing.emulators.motor_sound`): ``sound delay_ms 80`` changes how, ``hear FROM N``
-gives the next N samples, the first call setting the time of the first, ``click S`` and ``knock S`` are heard at that time.
+gives the next N samples, the first call setting the time of the first; ``click S`` and ``knock S`` are heard at that
+time.
 """
 
 from __future__ import annotations
