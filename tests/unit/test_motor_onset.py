@@ -306,7 +306,8 @@ def test_a_microphone_that_is_not_there_goes_away_or_loses_samples() -> None:
 
 
 def test_a_vest_that_goes_away_gives_no_number_and_one_that_limits_does_not_count() -> None:
-    with vest_bench("bhaptics-player", limit=30) as bench, bench.vest as vest:
+    with vest_bench("bhaptics-player", limit=30) as bench, bench.vest as opened:
+        vest: Any = opened
         left_s, unsent = play_bursts(vest, 0, layout="x40", percent=60, bursts=1, clock=SystemClock())
         assert (left_s, unsent) == ([], 1)
         timer = threading.Timer(0.9, bench.peer.say, ["close"])

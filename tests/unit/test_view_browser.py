@@ -66,7 +66,8 @@ def test_the_run_s_state_stands_first_with_the_reason_of_a_hold(moments):
         view.offer(moment._replace(loop=moment.loop._replace(**state)))
         wanted = state["state"].upper()
         until(lambda: wanted in view.page.run_state.content)
-        return cast("str", view.page.run_state.content)
+        content: str = view.page.run_state.content
+        return content
 
     with BrowserView(port=0) as view:
         view.offer(moment)
