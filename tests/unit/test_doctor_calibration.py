@@ -56,7 +56,7 @@ def touch(person: str = "p01", device: str = "D20641", made: datetime = NOW) -> 
 def muscles(settings: str, kind: str = "raw", made: datetime = NOW) -> EmgRecord:
     three = (1.0, 1.0, 1.0)
     return EmgRecord(
-        device="dev_ttyUSB0", driver="chords", made=made, person="p01", kind="raw" if kind == "raw" else "envelope",
+        device="ttyUSB0", driver="chords", made=made, person="p01", kind="raw" if kind == "raw" else "envelope",
         rate_hz=500.0, tau_samples=50, settings=settings, unit="counts", channels=("ch1", "ch2", "ch3"),
         muscles=("a", "b", "c"), offset=three, rest=three, live_max=three, paper_max=three, answers=(three,) * 3,
     )  # fmt: skip
@@ -143,20 +143,18 @@ def test_an_old_one_is_told_with_its_age(lab: Path) -> None:
 
 def test_a_damaged_one_is_wrong(lab: Path) -> None:
     keep_all(lab)
-    (lab / "calibrations" / "people" / "p01" / "emg-dev_ttyUSB0.toml").write_text(
-        "format =", encoding="utf-8"
-    )
+    (lab / "calibrations" / "people" / "p01" / "emg-ttyUSB0.toml").write_text("format =", encoding="utf-8")
     _, wrong = told(lab, "calibration.person=p01")
     assert wrong.status == "wrong"
     assert "damaged" in wrong.finding
 
 
 def test_a_file_that_does_not_fit_or_is_not_there(lab: Path) -> None:
-    (missing,) = told(lab, "calibration.file=none.toml")
+    (missing,) = told(lab, f"calibration.file={lab / 'none.toml'}")
     assert missing.status == "missing"
     maxima = EmgMaxima(kind="raw", rate_hz=500.0, tau=50, channels=("ch1",), maxima=(1.0,))
     save_calibration(Calibration(preset="live", origin="test", emg=maxima), lab / "c.toml")
-    (wrong,) = told(lab, "calibration.file=c.toml")
+    (wrong,) = told(lab, f"calibration.file={lab / 'c.toml'}")
     assert wrong.status == "wrong"
     assert wrong.finding == "c.toml: has no maxima for finger 'thumb'"
     assert wrong.todo[-1].endswith("tega-teleop calibrate lab.toml --person ID")

@@ -214,20 +214,20 @@ def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
     driver = watched_vest(driver_class(settings.vest.driver, "vest")(settings.vest.options))
     with ExitStack() as stack:
         stop = stack.enter_context(Stop())
-        clicks = stack.enter_context(_clicker(wanted.sync))
+        clicks = stack.enter_context(_clicker(wanted.sync, stop))
         opened: Any = stack.enter_context(driver)
-        shown = stack.enter_context(progress_bar())
         clicks_s = clicks()
-        bursts_s, unsent = play_bursts(
-            opened,
-            motor,
-            layout=layout,
-            percent=wanted.percent,
-            bursts=wanted.bursts,
-            clock=SystemClock(),
-            stop=stop,
-            told=lambda done, total: shown(f"motor {motor}", done, total),
-        )
+        with progress_bar() as shown:
+            bursts_s, unsent = play_bursts(
+                opened,
+                motor,
+                layout=layout,
+                percent=wanted.percent,
+                bursts=wanted.bursts,
+                clock=SystemClock(),
+                stop=stop,
+                told=lambda done, total: shown(f"motor {motor}", done, total),
+            )
         clicks_s += clicks()
         info = opened.info
     made_by: Any = "" if wanted.sync == "none" else wanted.sync
@@ -238,7 +238,7 @@ def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
 
 
 @contextmanager
-def _clicker(sync: str) -> Iterator[Callable[[], list[float]]]:
+def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[float]]]:
     """Give what makes a few clicks and returns their times, seconds on the monotonic clock."""
     import time
 
@@ -268,6 +268,8 @@ def _clicker(sync: str) -> Iterator[Callable[[], list[float]]]:
                 )  # fmt: skip
                 times: list[float] = []
                 while len(times) < _CLICKS:
+                    if stop():
+                        raise KeyboardInterrupt
                     pressed = keys.read()
                     times += [time.monotonic()] * pressed.count(" ")
                     click.echo("·" * pressed.count(" "), nl=False, err=True)

@@ -109,7 +109,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
             wrong = f"{file.name}: made for emg kind = {kind!r}, the settings have {config.emg.kind!r}"
     if wrong:
         return Finding(check=CHECK, status="wrong", finding=wrong, todo=(again,))
-    said = f"{file.name} fits these settings; whose it is, on which devices and how old is not written in it"
+    said = f"the file {file.name} fits these settings; whose it is, on which devices and how old is not in it"
     return Finding(check=CHECK, status="fine", finding=said)
 
 
