@@ -396,7 +396,10 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
             **{seat: with_options(c, "input", f"input.{seat}") for seat, c in config.input.in_use().items()}
         ),
     )
-    if config.calibration.person is not None and config.calibration.folder is None:
+    _check_dead_man(config.input.dead_man)
+    # A person's calibrations are kept there, and how long the vest's motors take to start.
+    kept_there = config.calibration.person is not None or config.vest.driver is not None
+    if kept_there and config.calibration.folder is None:
         beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
         config = msgspec.structs.replace(config, calibration=beside)
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
@@ -410,6 +413,17 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     from tega.calibration.person import with_person
 
     return with_person(LoadedConfig(config, values), given=set(origins))
+
+
+def _check_dead_man(seat: InputConfig | None) -> None:
+    """Refuse a dead-man that would stay held for ever if it froze; a driver without the option answers for itself."""
+    if seat is not None and getattr(seat.options, "silent_after_ms", 0.0) is None:
+        raise ConfigError(
+            f"input.dead_man: a {seat.driver} that freezes while it is held would stay held: "
+            "options.silent_after_ms is not set",
+            "set input.dead_man.options.silent_after_ms: 100 where it repeats its report while held; else up to "
+            "10000: it then has to be pressed anew that often",
+        )
 
 
 def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = ()) -> Options:

@@ -146,7 +146,7 @@ def test_a_released_dead_man_holds(tmp_path: Path, how: str) -> None:
         HidPort(HidBoard(foot.port, 0x0C45, 0x7403)).installed(),
         lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 60_000.0}) as made,
     ):
-        made.tree["input"] = {"dead_man": {"driver": "pedal"}}
+        made.tree["input"] = {"dead_man": {"driver": "pedal", "options": {"silent_after_ms": 10_000.0}}}
 
         def script() -> None:
             made.until(lambda: "dead-man: released" in made.said())
@@ -157,6 +157,33 @@ def test_a_released_dead_man_holds(tmp_path: Path, how: str) -> None:
             made.until(lambda: made.state == "hold")
             assert "dead-man" in made.changes[-1].reason
             assert closed(made)
+
+        made.run(script)
+        assert made.limp()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
+def test_a_dead_man_that_freezes_while_it_is_held_holds(tmp_path: Path) -> None:
+    joystick = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3, "silent_after_ms": 100.0}
+    with (
+        Emulator("hid_input", "--device", "pedal-repeating") as foot,
+        HidPort(HidBoard(foot.port, 0x05F3, 0x00FF)).installed(),
+        lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 60_000.0}) as made,
+    ):
+        made.tree["input"] = {"dead_man": {"driver": "pedal", "options": joystick}}
+
+        def script() -> None:
+            made.until(lambda: "dead-man: released" in made.said())
+            foot.say("press 0")
+            made.until(lambda: made.state == "active" and closed(made))
+            foot.say("freeze")
+            made.until(lambda: made.state == "hold")
+            assert "dead-man: no data" in made.changes[-1].reason
+            foot.say("clear")  # the foot is still down: it has to be lifted and put down again
+            foot.say("press 0")
+            foot.say("lift 0")
+            foot.say("press 0")
+            made.until(lambda: made.state == "active")
 
         made.run(script)
         assert made.limp()

@@ -22,6 +22,7 @@ SETTINGS = """
 driver = "spacemouse"
 [input.dead_man]
 driver = "pedal"
+options = { silent_after_ms = 10000 }
 [input.marker]
 driver = "spacemouse"
 button = "right"

@@ -306,6 +306,32 @@ def test_a_pedal_that_repeats_itself_is_released_when_it_freezes() -> None:
         until(lambda: foot.state().held == {"2"})
 
 
+@pytest.mark.parametrize(("device", "numbers"), [("pedal-keyboard", PEDAL), ("spacemouse", TWO)])
+def test_one_that_only_tells_of_changes_has_to_be_pressed_anew(device: str, numbers: tuple[int, int]) -> None:
+    make = pedal if numbers == PEDAL else spacemouse
+    with emulated(device, numbers) as peer, make(silent_after_ms=300.0) as source:
+        for _ in range(2):
+            peer.say("press 0")
+            until(lambda: len(source.state().held) == 1)
+            until(lambda: not source.state().live)  # nobody can tell whether it froze
+            assert source.state().held == frozenset()
+            peer.say("lift 0")
+            until(lambda: source.state().live)
+        assert source.counts.stalled == 2
+        assert [e.pressed for e in source.events()] == [True, False] * 2
+
+
+def test_a_dead_man_that_could_freeze_unseen_is_refused() -> None:
+    for driver in ("pedal", "spacemouse"):
+        tree: dict[str, Any] = {"input": {"dead_man": {"driver": driver}}}
+        with pytest.raises(ConfigError, match=f"a {driver} that freezes while it is held") as error:
+            check_tree(tree, {}, base=Path.cwd())
+        assert "silent_after_ms: 100 where it repeats" in error.value.hint
+        tree["input"]["dead_man"]["options"] = {"silent_after_ms": 5000}
+        check_tree(tree, {}, base=Path.cwd())
+        check_tree({"input": {"marker": {"driver": driver}}}, {}, base=Path.cwd())
+
+
 def test_keys_of_a_keyboard() -> None:
     read = Pedal._keys
     assert read(bytes([0b00010001, 0, 4, 29, 0x3A, 0, 0, 0])) == {
@@ -364,7 +390,11 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
             "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 30.0}}},
             "input": {
                 "motion": {"driver": "spacemouse"},
-                "dead_man": {"driver": "spacemouse", "button": "left"},
+                "dead_man": {
+                    "driver": "spacemouse",
+                    "button": "left",
+                    "options": {"silent_after_ms": 10_000.0},
+                },
                 "marker": {"driver": "pedal", "button": "c"},
             },
         }
@@ -414,7 +444,7 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
 def test_a_run_that_names_a_missing_input_does_not_begin() -> None:
     settings = {
         "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 0.2}}},
-        "input": {"dead_man": {"driver": "pedal"}},
+        "input": {"dead_man": {"driver": "pedal", "options": {"silent_after_ms": 100.0}}},
     }
     with HidPort().installed(), pytest.raises(DeviceUnavailableError, match="no pedal that is known"):
         run_session(check_tree(settings, {}, base=Path.cwd()).config)

@@ -12,7 +12,8 @@ from tega.haptics import VestFrame
 from tega.safety.states import STATES
 from tega.teleop.loop import LoopView
 from tega.teleop.touch import Felt
-from tega.view.terminal import _STATES, render
+from tega.view.run_state import MEANINGS
+from tega.view.terminal import _STATE_STYLES, render
 
 
 def screen(view: LoopView) -> str:
@@ -44,7 +45,7 @@ def test_a_finger_without_fresh_pictures_shows_no_data() -> None:
 
 
 def test_state_reason_and_alerts_stand_first() -> None:
-    assert set(_STATES) == set(STATES)
+    assert set(_STATE_STYLES) == set(MEANINGS) == set(STATES)
     held = VIEW._replace(
         state="hold",
         reason="emg: no signal for 0.3 s",

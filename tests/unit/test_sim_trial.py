@@ -114,8 +114,9 @@ def test_switching_the_vest_off_takes_it_away_at_once() -> None:
 def test_an_observer_sees_pictures_poses_and_muscles() -> None:
     seen: list[Any] = []
     run_trial(TrialPlan(object="bottle"), person=Onlooker(), observer=seen.append)
-    assert len(seen) == 10
-    state = seen[-1]
+    assert len(seen) == 10 + 1  # ten ticks, and the end
+    assert [state.loop.state for state in seen[-2:]] == ["active", "stopped"]
+    state = seen[-2]
     assert set(state.images) == {"thumb", "index", "middle", "ring"}
     assert state.poses.shape == (len(state.shapes), 7)
     assert state.emg.samples.shape == (300, 3)

@@ -59,6 +59,35 @@ def test_every_moment_offered_is_painted_dropped_or_still_waiting(moments):
     assert 40 - 1 <= view.n_painted + view.n_dropped <= 40
 
 
+def test_the_run_s_state_stands_first_with_the_reason_of_a_hold(moments):
+    moment = moments.at(1.0, images=False)
+
+    def shown(view: BrowserView, **state) -> str:
+        view.offer(moment._replace(loop=moment.loop._replace(**state)))
+        wanted = state["state"].upper()
+        until(lambda: wanted in view.page.run_state.content)
+        content: str = view.page.run_state.content
+        return content
+
+    with BrowserView(port=0) as view:
+        view.offer(moment)
+        until(lambda: "1.0 s" in view.page.status.content)
+        assert view.page.run_state.content == ""  # nobody guards it, so it has no state
+        held = shown(view, state="hold", reason="emg: no signal for <0.5 s", alerts=("index: no picture",))
+        assert "the hand keeps its level" in held
+        assert "<b>emg: no signal for &lt;0.5 s</b>" in held
+        assert "! index: no picture" in held
+        again = shown(view, state="active", reason="all is there again")
+        assert "all is there" not in again
+        assert "the muscles steer the hand" in again
+        assert "waiting for the start" in shown(view, state="armed", reason="all is there")
+        assert "emg: no signal yet" in shown(view, state="idle", reason="emg: no signal yet")
+        view.offer(moment._replace(loop=moment.loop._replace(state="stopped", reason="stopped: Ctrl-C")))
+    # The page stays open when nobody serves it any more: it must not go on saying that the hand moves.
+    assert "STOPPED" in view.page.run_state.content
+    assert "Ctrl-C" in view.page.run_state.content
+
+
 @pytest.mark.parametrize("left_out", ["images", "scene", "emg"])
 def test_paints_what_there_is(moments, left_out):
     with BrowserView(port=0) as view:

@@ -93,6 +93,27 @@ def test_buttons_reach_the_program(seen):
     assert controls.paused
 
 
+def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
+    moment = Moments().at(2.0)
+
+    def in_state(state: str, reason: str) -> ViewState:
+        return moment._replace(loop=moment.loop._replace(state=state, reason=reason))
+
+    with BrowserView("TEGA made-up grasp", port=0) as view, opened(browser, view.url) as page:
+        view.offer(in_state("active", "all is there"))
+        page.get_by_text("ACTIVE", exact=True).wait_for(timeout=20_000)
+        assert page.get_by_text("all is there").count() == 0
+        view.offer(in_state("hold", "emg: no signal for 0.5 s"))
+        page.get_by_text("HOLD", exact=True).wait_for(timeout=20_000)
+        page.get_by_text("emg: no signal for 0.5 s").wait_for(timeout=20_000)
+        if folder := os.environ.get("TEGA_PICTURES"):
+            page.screenshot(path=Path(folder) / "view-hold.png")
+        view.offer(in_state("stopped", "stopped: Ctrl-C"))
+        view.__exit__(None, None, None)
+        page.get_by_text("STOPPED", exact=True).wait_for(timeout=20_000)
+        assert page.get_by_text("ACTIVE", exact=True).count() == 0
+
+
 @pytest.mark.parametrize("name", ["bottle", "bag"])
 def test_the_bench_with_an_object_held_up(name, browser):
     """Show a simulated lift at its height; with TEGA_PICTURES, keep the picture in that folder."""

@@ -47,7 +47,8 @@ def test_a_sessions_moments_are_completed_with_pictures_signal_and_hand(tmp_path
         observer=lambda loop: done.append(feed.complete(ViewState(loop.t_ns, loop))),
     )
     feed.close()
-    assert len(done) == round(30 * SECONDS)
+    assert len(done) == round(30 * SECONDS) + 1
+    assert [state.loop.state for state in done[-2:]] == ["active", "stopped"]
     state = done[45]
     assert set(state.images) == {"thumb", "ring"}
     frame, baseline, reading = state.images["thumb"]
@@ -91,7 +92,8 @@ def test_the_view_is_an_observer_of_the_loop(tmp_path):
     with BrowserView(port=0) as view:
         run_session(settings(tmp_path), observer=view)
         until(lambda: view.n_painted + view.n_dropped == view.n_offered)
-    assert view.n_offered == round(30 * SECONDS)
+    assert view.n_offered == round(30 * SECONDS) + 1
+    assert "STOPPED" in view.page.run_state.content
 
 
 def test_a_pausable_clock_leaves_the_pause_out():

@@ -5,6 +5,7 @@
     calibrations/
         gels/D20641/20261121-150405.png     every baseline taken of this sensor,
         gels/D20641/20261121-150405.toml    and what it was like
+        vests/127.0.0.1_15881/20261121-150405-motor07.toml   how long that motor takes to start
         people/p01/touch-D20641.toml        one file per person and device, the newest
         people/p01/emg-ttyUSB0.toml
         people/p01/vest-127.0.0.1_15881.toml
@@ -26,6 +27,7 @@ import msgspec
 from tega.calibration.records import (
     EmgRecord,
     GelRecord,
+    OnsetRecord,
     PracticeRecord,
     Record,
     TouchRecord,
@@ -135,6 +137,27 @@ class CalibrationFolder:
         write_bytes(path, bytes(png))
         write_record(record, path.with_suffix(".toml"))
         return path
+
+    # Vests, whoever wears them.
+
+    def keep_onset(self, record: OnsetRecord) -> Path:
+        """Keep how long a motor takes to start, and return the file."""
+        name = f"{record.made.strftime(_STAMP)}-motor{record.motor:02}.toml"
+        path = self.path / "vests" / record.device / name
+        write_record(record, path)
+        return path
+
+    def onsets(self, device: str) -> list[OnsetRecord]:
+        """Return the newest measurement of each motor of a vest; one that cannot be read is left out."""
+        newest: dict[int, OnsetRecord] = {}
+        for file in sorted((self.path / "vests" / device).glob("*-motor*.toml")):
+            try:
+                record = read_record(file, OnsetRecord)
+            except CalibrationError:
+                continue
+            if record.device == device:
+                newest[record.motor] = record
+        return [newest[motor] for motor in sorted(newest)]
 
     # People.
 

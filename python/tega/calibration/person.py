@@ -22,8 +22,13 @@ __all__ = [
     "Personal",
     "calibrate_command",
     "closed_info",
+    "emg_warnings",
     "felt_by",
+    "live_vest",
+    "needed_record",
     "person_calibration",
+    "touch_warnings",
+    "vest_warnings",
     "whose",
     "with_person",
 ]
@@ -81,23 +86,20 @@ def person_calibration(
     warnings: list[str] = []
     fingers: dict[str, TouchMaxima] = {}
     for finger, source in sources.items():
-        record = _needed(
+        record = needed_record(
             folder, person, TouchRecord, source.info, what=f"finger {finger!r}", settings=settings
         )
         _check_size(record, source, finger, command=calibrate_command(settings, person, "touch"))
         fingers[finger] = record.live if config.session.preset == "live" else record.paper
-        warnings += _touch_warnings(config, folder, finger, record, settings=settings, now=now)
+        warnings += touch_warnings(config, folder, finger, record, settings=settings, now=now)
     muscles = None
     if emg is not None and conditions is not None and config.emg is not None:
-        record_emg = _needed(folder, person, EmgRecord, emg.info, what="EMG", settings=settings)
+        record_emg = needed_record(folder, person, EmgRecord, emg.info, what="EMG", settings=settings)
         _check_emg(record_emg, conditions, config, command=calibrate_command(settings, person, "emg"))
         maxima = record_emg.live_max if config.session.preset == "live" else record_emg.paper_max
         muscles = msgspec.structs.replace(conditions, maxima=maxima)
-        made = max(record_emg.made, record_emg.refreshed or record_emg.made)
-        warnings += _old("EMG", made, config.calibration.emg_old_h, now,
-                         calibrate_command(settings, person, refresh=True))  # fmt: skip
-        warnings += [f"EMG calibration: {note}" for note in record_emg.notes]
-    warnings += _vest_warnings(config, folder, person, settings=settings, now=now)
+        warnings += emg_warnings(record_emg, config, settings=settings, now=now)
+    warnings += vest_warnings(config, folder, person, settings=settings, now=now)
     return Personal(
         Calibration(
             preset=config.session.preset,
@@ -121,9 +123,10 @@ def whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
     return config.person, CalibrationFolder(config.folder)
 
 
-def _needed(
+def needed_record(
     folder: CalibrationFolder, person: str, wanted: type[Any], info: DeviceInfo, *, what: str, settings: str
 ) -> Any:
+    """Return a record that a run needs, or say what there is instead."""
     part: Part = "touch" if wanted is TouchRecord else "emg"
     command = calibrate_command(settings, person, part)
     if not info.live:
@@ -190,7 +193,7 @@ def _said(value: object) -> str:
     return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
-def _touch_warnings(
+def touch_warnings(
     config: SessionConfig,
     folder: CalibrationFolder,
     finger: str,
@@ -199,6 +202,7 @@ def _touch_warnings(
     settings: str,
     now: datetime,
 ) -> list[str]:
+    """Say what is old about a fingertip's maxima and baseline, and what was noted with them."""
     person, limits = record.person, config.calibration
     command = calibrate_command(settings, person, "touch")
     warnings = _old(f"{finger}: maxima", record.made, limits.touch_old_h, now, command)
@@ -212,11 +216,19 @@ def _touch_warnings(
     return warnings + [f"{finger}: {note}" for note in record.notes]
 
 
-def _vest_warnings(
+def emg_warnings(record: EmgRecord, config: SessionConfig, *, settings: str, now: datetime) -> list[str]:
+    """Say that rest and maxima of the muscles are old, and what was noted with them."""
+    made = max(record.made, record.refreshed or record.made)
+    refresh = calibrate_command(settings, record.person, refresh=True)
+    warnings = _old("EMG", made, config.calibration.emg_old_h, now, refresh)
+    return warnings + [f"EMG calibration: {note}" for note in record.notes]
+
+
+def vest_warnings(
     config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
 ) -> list[str]:
     """Say that a vest's thresholds are old or not known: a run without them shows the law's own intensities."""
-    info = _live_vest(config)
+    info = live_vest(config)
     if info is None or config.session.preset != "live":
         return []
     device, command = device_name(info), calibrate_command(settings, person, "vest")
@@ -293,7 +305,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
             name = folder.named(folder.file(person, "emg", emg.device))
             top = emg.live_max if config.session.preset == "live" else emg.paper_max
             values["calibration.emg.maxima"] = Value(top, name)
-    vest_info = _live_vest(config)
+    vest_info = live_vest(config)
     vest = None if vest_info is None else readable(VestRecord, vest_info)
     if vest is not None and config.session.preset == "live":
         threshold, step = felt_by(vest)
@@ -319,7 +331,8 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section), values)
 
 
-def _live_vest(config: SessionConfig) -> DeviceInfo | None:
+def live_vest(config: SessionConfig) -> DeviceInfo | None:
+    """Return what the vest of some settings says of itself, if it is a real one."""
     vest = config.vest
     info = None if vest.driver is None else closed_info(vest.driver, "vest", vest.options)
     return info if info is not None and info.live else None

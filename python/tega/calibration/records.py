@@ -21,6 +21,7 @@ from tega.errors import CalibrationError, ConfigError
 __all__ = [
     "EmgRecord",
     "GelRecord",
+    "OnsetRecord",
     "PracticeRecord",
     "Record",
     "TouchRecord",
@@ -218,6 +219,49 @@ class PracticeRecord(Record, frozen=True, kw_only=True, tag_field="format", tag=
     in_target_percent: float
     rms_error_levels: float
     delay_s: float | None = None
+
+
+class OnsetRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):
+    """How long one motor of a vest takes to start, measured with a microphone, whoever wears it.
+
+    Attributes:
+        layout: Which motors the vest has.
+        motor: Which it was.
+        percent: How hard it was driven.
+        onset_ms: From the frame's hand-over to the transport to the first vibration, middle of the bursts.
+        middle_half_ms: Between these lies half of the bursts.
+        worst_ms: The longest.
+        half_strength_ms: Likewise to half of the vibration's strength, middle of the bursts.
+        bursts: How many there were.
+        used: How many count.
+        left_out: The others, each number with its reason.
+        spin_hz: Turns of the motor a second.
+        clock: How the recording's time was told: ``clicks``, ``stamps`` or ``arrival``.
+        clock_uncertainty_ms: How far all delays together may be off by that.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "onset_ms": "from the frame's hand-over to the transport to the first vibration, middle of the bursts",
+        "middle_half_ms": "half of the bursts lie between these",
+        "half_strength_ms": "to half of the vibration's strength",
+        "left_out": "bursts that do not count, and why",
+        "clock": "how the recording's time was told",
+        "clock_uncertainty_ms": "all delays together may be off by that",
+    }
+
+    layout: Literal["paper32", "x40", "x16"]
+    motor: int
+    percent: int
+    onset_ms: float
+    middle_half_ms: tuple[float, float]
+    worst_ms: float
+    half_strength_ms: float
+    bursts: int
+    used: int
+    left_out: tuple[str, ...] = ()
+    spin_hz: float
+    clock: str
+    clock_uncertainty_ms: float
 
 
 _Any = TypeVar("_Any", bound=Record)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import textwrap
 from pathlib import Path
@@ -27,18 +28,21 @@ _WIDTHS = (60, 110)
 
 @click.command(epilog="Example: tega-teleop doctor lab.toml")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[SETTINGS.toml]", required=False)
+@click.option("--person", metavar="ID", help="Look at this person's calibration; else calibration.person.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."
 )
 @json_option
 @debug_option
-def doctor(*, config: Path | None, sets: tuple[str, ...], udev_rules: bool, as_json: bool) -> None:
+def doctor(
+    *, config: Path | None, person: str | None, sets: tuple[str, ...], udev_rules: bool, as_json: bool
+) -> None:
     """Look for the devices, try them, and say what is wrong, why, and what to do.
 
     Without SETTINGS.toml a DIGIT, an EMG amplifier, a vest and an Allegro Hand are looked for, within 10 s. With it,
-    exactly the devices it names are opened, read for a moment and closed, within 30 s. No motor is switched on and no
-    vest vibrates.
+    exactly the devices it names are opened, read for a moment and closed, within 30 s, and the calibration is looked
+    at: is there one for these devices and this person, and is it fresh. No motor is switched on and no vest vibrates.
 
     Exit codes: 0 all can be used, 3 something is missing or of no use as it is, 1 the settings are faulty, 2 usage.
 
@@ -52,6 +56,8 @@ def doctor(*, config: Path | None, sets: tuple[str, ...], udev_rules: bool, as_j
 
         click.echo(rules(), nl=False)
         return
+    if person is not None:
+        sets = (*sets, f"calibration.person={json.dumps(person)}")
     examination = _examine(config, sets, talk=not as_json)
     if as_json:
         echo_json(as_table(examination))
@@ -79,7 +85,8 @@ def _examine(config: Path | None, sets: tuple[str, ...], *, talk: bool) -> Exami
         click.echo(
             "Trying every device that the settings name; no motor moves, the vest stays silent.\n", err=True
         )
-    return examine(loaded.config, name=config.name if config is not None else "--set")
+    name, given = ("--set", "SETTINGS.toml") if config is None else (config.name, str(config))
+    return examine(loaded.config, name=name, settings=given)
 
 
 def as_table(examination: Examination) -> dict[str, object]:

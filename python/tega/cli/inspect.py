@@ -45,6 +45,8 @@ def _show(found: Inspection) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from tega.calibration.motor_onset import STAGE
+
     console = Console(highlight=False, width=None if Console().is_terminal else 160)
     started = datetime.fromtimestamp(found.start / 1e9, UTC)
     state = "complete" if found.complete else "not finished by its run, read as far as it goes"
@@ -95,6 +97,11 @@ def _show(found: Inspection) -> None:
             figures = (stage.p50_ms, stage.p95_ms, stage.p99_ms, stage.worst_ms)
             table.add_row(stage.stage, str(stage.n), *(f"{figure:.2f}" for figure in figures))
         console.print(table)
+        stages = [stage.stage for stage in found.latency]
+        if "camera to vest: whole" in stages and not any(stage.startswith(STAGE) for stage in stages):
+            console.print(
+                f"  {STAGE}: not measured when this was recorded; the latency ends at the vest's transport"
+            )
     for title, lines in (("markers", found.markers), ("states", found.states), ("log", found.log)):
         if lines:
             console.print(f"  {title}:")

@@ -54,6 +54,9 @@ _VERBS = {
         "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."
     ),
     "identify": _Verb("Hardware", "tega.cli.identify", "identify", "Light the vest's motors one at a time."),
+    "vest": _Verb(
+        "Hardware", "tega.cli.vest", "vest", "Measure how long a motor of the vest takes to start."
+    ),
     "audit": _Verb(
         "Tooling",
         "tega.cli.audit",

@@ -101,6 +101,14 @@ def _print_safety(out: Console, summary: dict[str, Any]) -> None:
         out.print(table)
     for table in latency_tables(summary.get("latency_ms", {})):
         out.print(table)
+    if "motor_onset" in summary:
+        motor = summary["motor_onset"]
+        out.print(
+            "motor onset: not measured, so the latency ends at the vest's transport (tega-teleop vest onset)"
+            if motor is None
+            else motor["said"],
+            markup=False,
+        )
 
 
 def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:

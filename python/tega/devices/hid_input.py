@@ -59,11 +59,15 @@ class HidInputOptions(Options, frozen=True, kw_only=True):
         vendor_id: USB vendor number; none means those that are known.
         product_id: USB product number; none means those that are known.
         serial: Serial number; empty for the first one found.
+        silent_after_ms: While a button is held, without a report for so long it counts as released and the state is "no
+            data", until it is let go. A dead-man has to have it. Around 100 for a device that repeats its report while
+            held; with one that only tells of changes it is how often the button has to be pressed anew. None: never.
     """
 
     vendor_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | None = None
     product_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | None = None
     serial: str = ""
+    silent_after_ms: Annotated[float, msgspec.Meta(ge=20, le=10_000)] | None = None
 
 
 class InputCounts(msgspec.Struct, kw_only=True):
@@ -135,6 +139,14 @@ class HidInput(Opened):
     def _pass_time(self, t_ns: int) -> None:
         """Look whether it has been silent for too long."""
         raise NotImplementedError
+
+    def _mind_silence(self, t_ns: int) -> None:
+        """Let go of a button that is held in silence: no report tells a foot that stays from a frozen pedal."""
+        limit_ms = self._settings.silent_after_ms
+        if limit_ms is None or self._is_stalled or not self._buttons.held:
+            return
+        if t_ns - self._heard_ns > limit_ms * 1e6:
+            self._stall(t_ns)
 
     def _come_to_rest(self) -> None:
         """Forget every motion."""

@@ -39,14 +39,11 @@ class PedalOptions(HidInputOptions, frozen=True, kw_only=True):
         button_byte: Of a joystick, which byte of its report holds the buttons, one bit each, counted from 0; a
             report number in front counts too.
         debounce_ms: How long a contact has to hold to count as pressed; a release counts at once.
-        silent_after_ms: For a pedal that repeats its report while it is held: without one for so long it counts as
-            released and the state is "no data". None for one that only tells of changes.
     """
 
     report: Literal["keyboard", "joystick"] = "keyboard"
     button_byte: Annotated[int, msgspec.Meta(ge=0, le=63)] = 0
     debounce_ms: Annotated[float, msgspec.Meta(ge=0, le=500)] = 20.0
-    silent_after_ms: Annotated[float, msgspec.Meta(ge=20, le=10_000)] | None = None
 
 
 class Pedal(HidInput):
@@ -54,8 +51,8 @@ class Pedal(HidInput):
 
     A keyboard's buttons are called by what they type (``b``, ``left ctrl``, ``key 0x3a``), a joystick's by number
     (``1``). A pedal that is unplugged, or sends what cannot be read, is released at that moment. One that only
-    tells of changes and freezes while it is held stays held: nothing on the wire differs. Where a person's safety
-    hangs on it, use one that repeats its report, set ``silent_after_ms``, and keep an emergency stop in reach.
+    tells of changes and freezes while it is held differs in nothing on the wire from one that is held on: only
+    ``silent_after_ms`` ends that, and a dead-man has to have it. Keep an emergency stop in reach all the same.
 
     Args:
         options: The settings.
@@ -151,8 +148,4 @@ class Pedal(HidInput):
         return {str(bit + 1) for bit in range(8) if mask >> bit & 1}
 
     def _pass_time(self, t_ns: int) -> None:
-        limit_ms = self._options.silent_after_ms
-        if limit_ms is None or self._is_stalled or not self._buttons.held:
-            return
-        if t_ns - self._heard_ns > limit_ms * 1e6:
-            self._stall(t_ns)
+        self._mind_silence(t_ns)

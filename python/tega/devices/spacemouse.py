@@ -134,19 +134,26 @@ class SpaceMouse(HidInput):
             return self._axes(report[1:13], 0, t_ns)
         if kind in {1, 2} and n == 7:
             return self._axes(report[1:7], kind - 1, t_ns)
-        if kind == 3 and n >= 2:
-            mask = int.from_bytes(report[1:], "little")
-            down = {b for b in range(8 * (n - 1)) if mask >> b & 1}
-            names = {_BUTTON_NAMES.get(b, f"button {b + 1}") for b in down}
-            self._say(self._buttons.take(t_ns, names))
-            return True
         if kind == 3:
-            self._say(self._buttons.take(t_ns, frozenset()))
-            return False
+            return self._pressed(report, t_ns)
         if kind == 0x17 and n >= 2:
             self._battery = report[1]
             return True
         return False
+
+    def _pressed(self, report: bytes, t_ns: int) -> bool:
+        """Take a report of the buttons; half a one lets go of all."""
+        if len(report) < 2:
+            self._say(self._buttons.take(t_ns, frozenset()))
+            return False
+        mask = int.from_bytes(report[1:], "little")
+        down = {b for b in range(8 * (len(report) - 1)) if mask >> b & 1}
+        if self._is_stalled and down:
+            # What was held through the silence has to be let go before it counts again.
+            return True
+        self._is_stalled = False
+        self._say(self._buttons.take(t_ns, {_BUTTON_NAMES.get(b, f"button {b + 1}") for b in down}))
+        return True
 
     def _axes(self, body: bytes, first: int, t_ns: int) -> bool:
         """Take three or six axes, the first of them being those of one half."""
@@ -166,6 +173,7 @@ class SpaceMouse(HidInput):
                 self._halves[half] = (0, 0, 0)
                 if t_ns - max(self._half_ns) > _WATCHDOG_NS and not self._is_stalled:
                     self._stall(t_ns)
+        self._mind_silence(t_ns)
 
     def _come_to_rest(self) -> None:
         self._halves = [(0, 0, 0), (0, 0, 0)]

@@ -19,8 +19,8 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that was found out.
 
     Attributes:
-        check: What was examined: ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, or a part of the settings
-            such as ``tactile.thumb``.
+        check: What was examined: ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, ``calibration``, or a
+            part of the settings such as ``tactile.thumb``.
         status: How it is.
         finding: What was found, one sentence.
         why: Why that is so, as far as it is known.

@@ -66,7 +66,7 @@ _NO_MOTION = """
 _NO_PEDAL = """
 # [input.dead_man]                # no pedal that is known was found; any other, or a button of the SpaceMouse
 # driver = "pedal"
-# options = { vendor_id = 0x05f3, product_id = 0x00ff, report = "joystick" }   # as lsusb shows them
+# options = { vendor_id = 0x05f3, product_id = 0x00ff, report = "joystick", silent_after_ms = 5000 }   # lsusb
 """
 
 # What a driver cannot find out by itself, and where to start.
@@ -79,6 +79,12 @@ _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
     "bhaptics-player": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
     "bhaptics-ble": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
     "hid-vest": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
+    "pedal": {
+        "silent_after_ms": (
+            5000,
+            "100 where it repeats itself while held; else it has to be pressed anew this often",
+        ),
+    },
     "allegro": {
         "side": ("right", "right or left; the other one is refused"),
         "torque_share": (0.3, "share of the torque limits; raise it when all is well"),

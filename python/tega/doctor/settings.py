@@ -7,6 +7,7 @@ from typing import Final
 
 from tega.config import SessionConfig
 from tega.doctor.bench import try_all
+from tega.doctor.calibration import check_calibration
 from tega.doctor.case import Case
 from tega.doctor.findings import Examination, Finding
 
@@ -19,14 +20,18 @@ DEADLINE_S: Final = 30.0
 _IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
 
 
-def examine(config: SessionConfig, *, name: str, deadline_s: float = DEADLINE_S) -> Examination:
+def examine(
+    config: SessionConfig, *, name: str, settings: str = "", deadline_s: float = DEADLINE_S
+) -> Examination:
     """Open every device that the settings name, read it for a moment, close it.
 
-    A hand's motors stay off, a vest gets zeros, and what would overwrite a file is not opened.
+    The calibration that a run would use is looked at as well. A hand's motors stay off, a vest gets zeros, and what
+    would overwrite a file is not opened.
 
     Args:
         config: The settings.
         name: Base name of their file.
+        settings: How that is named in the commands that are suggested; ``""`` for its base name.
         deadline_s: How long all devices together may take, side by side.
     """
     cases = cases_of(config)
@@ -42,7 +47,8 @@ def examine(config: SessionConfig, *, name: str, deadline_s: float = DEADLINE_S)
     # Opened twice at once, a device would only complain about that.
     left = {id(case) for case, _ in twice}
     findings = try_all([case for case in cases if id(case) not in left], deadline_s)
-    return Examination(settings=name, findings=(*findings, *(finding for _, finding in twice)))
+    calibration = check_calibration(config, settings=settings or name)
+    return Examination(settings=name, findings=(*findings, *(finding for _, finding in twice), *calibration))
 
 
 def cases_of(config: SessionConfig) -> list[Case]:

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from tega.calibration.motor_onset import STAGE
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import origins, span
 from tega.teleop.latency import FrameLatency
@@ -154,7 +155,9 @@ def inspect_file(path: Path) -> Inspection:
         versions=reader.metadata.get("versions", {}),
         sources=sources,
         streams=[_facts(name, topic, dropped.get(name, 0)) for name, topic in sorted(seen.topics.items())],
-        latency=[_latency(stage, times) for stage, times in seen.stages.items() if any(times) and paced],
+        latency=_with_skin(
+            [_latency(stage, times) for stage, times in seen.stages.items() if any(times) and paced]
+        ),
         markers=seen.markers,
         states=seen.states,
         log=seen.log,
@@ -287,6 +290,17 @@ def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
         dropped=dropped,
         mib=topic.n_bytes / 2**20,
     )
+
+
+def _with_skin(stages: list[Latency]) -> list[Latency]:
+    """Add the way to the skin, where it was known how long the vest's motors take to start."""
+    motor = next((s for s in stages if s.stage.startswith(STAGE)), None)
+    whole = next((s for s in stages if s.stage == "camera to vest: whole"), None)
+    if motor is None or whole is None:
+        return stages
+    rest = [s for s in stages if s is not motor]
+    skin = [v + motor.p50_ms for v in (whole.p50_ms, whole.p95_ms, whole.p99_ms, whole.worst_ms)]
+    return [*rest, motor, Latency("camera to skin, with that", whole.n, *skin)]
 
 
 def _latency(stage: str, times_ns: list[int]) -> Latency:

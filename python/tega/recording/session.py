@@ -109,6 +109,8 @@ class Recording:
         guard.alert_observers.append(self.tap.alert)
         if trace is not None:
             trace.observers.append(self.tap.latency)
+            if trace.motor is not None:
+                self.recorder.value(0, trace.motor.stage, trace.motor.ms)
 
     def problem(self) -> str:
         """Return why no more is recorded, or how much was not; ``""`` while all is well."""

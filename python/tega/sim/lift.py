@@ -11,6 +11,7 @@ import numpy as np
 from tega.clock import ManualClock, PausableClock, SystemClock
 from tega.config import FINGERS
 from tega.emg import GraspIntent
+from tega.safety.guard import Guard
 from tega.sim.arms import worn
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
@@ -166,6 +167,7 @@ class Lift:
             hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
             recorder=self,
             observer=None if observer is None else show,
+            guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
         )
         loop.run(stop=stop)
         self.scorer.close()

@@ -12,6 +12,7 @@ from tega.teleop.sources import Block, Contact, grasp_blocks, measured_contacts
 from tega.teleop.streams import PulledStream, Stream, ThreadedStream
 
 if TYPE_CHECKING:
+    from tega.calibration.motor_onset import MotorOnset
     from tega.devices.base import EmgSource, TactileSource
     from tega.teleop.bell import Bell
     from tega.teleop.pacing import Pacer
@@ -22,7 +23,14 @@ __all__ = ["contact_stream", "latency_trace", "level_stream"]
 
 
 def latency_trace(
-    prepared: Prepared, sinks: Sinks, pacer: Pacer, *, start_ns: int, budget_ms: float, steady: bool
+    prepared: Prepared,
+    sinks: Sinks,
+    pacer: Pacer,
+    *,
+    start_ns: int,
+    budget_ms: float,
+    steady: bool,
+    motor: MotorOnset | None,
 ) -> LatencyTrace | None:
     """Make what follows frames and blocks through the loop, where there is something live to follow."""
     sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
@@ -39,6 +47,7 @@ def latency_trace(
         # Asked by name: a vest whose frames are recorded stands behind another object.
         vests=[vest for vest in vests if hasattr(vest, "handed_over")],
         answered_ns=getattr(sinks.steered, "answered_ns", None),
+        motor=motor,
     )
 
 

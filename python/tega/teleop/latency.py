@@ -13,6 +13,7 @@ hand-over - its bytes are handed to the transport
 own       contact, map and hand-over together: what we do, without what is waited for
 in-hand   all from having it in hand to the hand-over, every wait included; for this there is a budget
 whole     camera to hand-over
+skin      whole and the motor's onset, where that was measured: the middle of the bursts, added to every figure
 intent, of each block of EMG when it first steers the hand
 sample    the newest sample's stamp - our program has it
 levels    - the block's levels are known
@@ -28,14 +29,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 from tega.teleop.spread import Spread
 
-__all__ = ["INTENT_STAGES", "TOUCH_STAGES", "FrameLatency", "LatencyTrace", "Tells"]
+if TYPE_CHECKING:
+    from tega.calibration.motor_onset import MotorOnset
+
+
+__all__ = ["INTENT_STAGES", "SKIN", "TOUCH_STAGES", "FrameLatency", "LatencyTrace", "Tells"]
 
 TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", "own", "in-hand", "whole")
 INTENT_STAGES: Final = ("sample", "levels", "wait", "hand-over", "own", "whole")
+
+SKIN: Final = "skin"
+"""The stage that the motor's onset is part of; there is none where that was not measured."""
 
 _LIVE_NS: Final = 5_000_000_000
 _TELL_NS: Final = 1_000_000_000
@@ -95,6 +103,7 @@ class LatencyTrace:
         steady: Whether it is.
         vests: Those that tell what they hand over.
         answered_ns: Tells when a hand's torques first left at or after a monotonic time; ``None`` without such a hand.
+        motor: What comes after the hand-over, as it was measured; ``None`` where it was not.
 
     Attributes:
         observers: Told of every frame and block that has arrived.
@@ -114,7 +123,9 @@ class LatencyTrace:
         steady: bool = False,
         vests: Sequence[Tells] = (),
         answered_ns: Callable[[int], int | None] | None = None,
+        motor: MotorOnset | None = None,
     ) -> None:
+        self.motor = motor
         self.now_ns = now_ns
         self._start_ns = start_ns
         self._budget_ns = budget_ms * 1e6
@@ -213,15 +224,20 @@ class LatencyTrace:
                     f"{what} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f} "
                     f"(ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
                 )
+                if path == "touch" and self.motor is not None:
+                    said[-1] += f", to the skin {whole.at(0.5) / 1e6 + self.motor.ms:.0f}"
         return " · ".join(said)
 
     def summary(self) -> dict[str, Any]:
         """Return count and percentiles of every stage, milliseconds, by path; paths with nothing are left out."""
-        return {
+        found = {
             path: {stage: spread.summary_ms() for stage, spread in stages.items()}
             for path, stages in self.spreads.items()
             if stages["whole"].n
         }
+        if self.motor is not None and "touch" in found:
+            found["touch"][SKIN] = self.motor.skin_ms(found["touch"]["whole"])
+        return found
 
     def _shown(self, tick_ns: int, free_ns: int, handed_ns: int) -> None:
         shown = self._ticks.pop(tick_ns, {})

@@ -65,7 +65,7 @@ class Recorder(Protocol):
 
 
 class LoopView(NamedTuple):
-    """What a display sees of the loop, once per vest tick.
+    """What a display sees of the loop, once per vest tick, and where there is a guard once more when it has stopped.
 
     Attributes:
         t_ns: Time since the start of the session.
@@ -162,6 +162,7 @@ class DualLoop:
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._felt_anew = False
+        self._shown: LoopView | None = None
         self._due_ns = 0
         self._end_ns = NEVER_NS
         self.report = LoopReport(
@@ -349,6 +350,7 @@ class DualLoop:
                     alerts=tuple(guard.alerts.values()),
                     latency="" if self._trace is None else self._trace.line,
                 )
+            self._shown = view
             self._observer(view)
 
     def _counts(self) -> dict[str, int]:
@@ -373,6 +375,9 @@ class DualLoop:
         if self._guard is not None:
             try:
                 self._guard.stop(t_ns, reason)
+                if self._observer is not None and self._shown is not None:
+                    # A display that goes on showing the last moment must not go on saying that things move.
+                    self._observer(self._shown._replace(state="stopped", reason=self._guard.reason))
             except Exception as error:  # of an observer; reported by the caller
                 problems.append(error)
         return problems

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tega.calibration import Calibration, TouchMaxima
+from tega.calibration.motor_onset import motor_onset
 from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace, SessionConfig
 from tega.devices.base import EmgSource, TactileSource
@@ -278,7 +279,13 @@ def _run(
         budget_ms = config.safety.latency_budget_ms
         steady = pace == "steady"
         trace = latency_trace(
-            prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms, steady=steady
+            prepared,
+            sinks,
+            parts.pacer,
+            start_ns=start_ns,
+            budget_ms=budget_ms,
+            steady=steady,
+            motor=motor_onset(config),
         )
     if recording is not None:
         recording.follow(guard, trace)

@@ -85,6 +85,9 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     summary["safety"] = state.guard.summary()
     if state.trace is not None:
         summary["latency_ms"] = state.trace.summary()
+        if state.sinks.kept:
+            motor = state.trace.motor
+            summary["motor_onset"] = None if motor is None else motor._asdict() | {"said": motor.words}
     summary["notes"] = _notes(state)
     return summary
 

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from tega.haptics import CONTACT_RULES, FINGERS, contact_type
 from tega.teleop.touch import STALE_NS
+from tega.view.run_state import MEANINGS, lines_beside
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
@@ -25,12 +26,12 @@ __all__ = ["TerminalView", "render"]
 
 _BAR_WIDTH = 18
 _REFRESH_S = 0.1
-_STATES = {
-    "idle": ("IDLE", "the hand is open, the vest rests", "black on yellow"),
-    "armed": ("ARMED", "ready; waiting for the start", "black on cyan"),
-    "active": ("ACTIVE", "the muscles steer the hand", "black on green"),
-    "hold": ("HOLD", "the hand keeps its level", "black on dark_orange"),
-    "stopped": ("STOPPED", "", "white on red"),
+_STATE_STYLES = {
+    "idle": "black on yellow",
+    "armed": "black on cyan",
+    "active": "black on green",
+    "hold": "black on dark_orange",
+    "stopped": "white on red",
 }
 _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _CONTACT_COLOURS = {"none": "grey50", "focal": "bold yellow", "broad": "bold cyan", "mixed": "white"}
@@ -129,13 +130,13 @@ def _task(rows: Mapping[str, str]) -> Text:
 
 def _state(view: LoopView) -> Text:
     """Draw the run's state, why it is so where that is no good news, and what is wrong."""
-    name, meaning, style = _STATES[view.state]
-    text = Text.assemble((f" {name} ", f"bold {style}"), f" {meaning}")
-    if view.state != "active":
-        text.append(f"\n{view.reason}", "bold yellow")
-    for alert in view.alerts:
-        if view.state == "active" or alert not in view.reason:
-            text.append(f"\n! {alert}", "yellow")
+    style = _STATE_STYLES[view.state]
+    text = Text.assemble((f" {view.state.upper()} ", f"bold {style}"), f" {MEANINGS[view.state]}")
+    reason, alerts = lines_beside(view)
+    if reason:
+        text.append(f"\n{reason}", "bold yellow")
+    for alert in alerts:
+        text.append(f"\n! {alert}", "yellow")
     return text
 
 

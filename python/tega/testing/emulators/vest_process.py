@@ -3,6 +3,10 @@
 This runs in the emulator's process and knows nothing of TEGA's packets. A line is the name of a fault, which ends
 every other one, ``clear`` for none, ``limit 80 0.5`` (what to count as too much: intensity, and
 heat as a share of what full drive for ever would make it), or ``look``, answered by everything that was seen.
+
+Its motors can be heard (:mod:`~tega.testing.emulators.motor_sound`): ``sound delay_ms 80`` changes how, ``hear FROM N``
+gives the next N samples, the first call setting the time of the first; ``click S`` and ``knock S`` are heard at that
+time.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ import sys
 import time
 from typing import Any, ClassVar, Protocol
 
+from tega.testing.emulators.motor_sound import RATE_HZ, MotorSound
 from tega.testing.emulators.pipe import obey, tell
 
 __all__ = ["Motors", "Vest", "serve"]
@@ -77,10 +82,14 @@ async def serve(vest: Vest) -> None:
         lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
     )
 
+    heard = _Heard(vest.motors)
+
     def act(words: list[str]) -> dict[str, Any]:
         if words[:1] == ["limit"]:
             vest.motors.limit, vest.motors.heat_limit = int(words[1]), float(words[2])
             return {}
+        if words[0] in _HEARD:
+            return heard.act(words)
         if " ".join(words) not in known:
             raise ValueError(f"there are {', '.join(known)}")
         return _seen(vest) if words == ["look"] else {}
@@ -92,6 +101,33 @@ async def serve(vest: Vest) -> None:
         if (name := line.strip()) in vest.faults or name == "clear":
             await vest.fault("" if name == "clear" else name)
         obey(line, act)
+
+
+_HEARD = ("sound", "hear", "click", "knock")
+
+
+class _Heard:
+    """The sound of the motor that is driven hardest, from the first time it is listened to."""
+
+    def __init__(self, motors: Motors) -> None:
+        self._motors, self._sound = motors, MotorSound()
+        self._from_s: float | None = None
+        self._taken = self._n = 0
+
+    def act(self, words: list[str]) -> dict[str, Any]:
+        if words[0] == "sound":
+            self._sound.set(words[1], float(words[2]))
+            return {}
+        if words[0] != "hear":
+            self._sound.strike(float(words[1]) - (self._from_s or 0.0), words[0])
+            return {}
+        if self._from_s is None:
+            self._from_s = float(words[1])
+        for at_s, values in self._motors.history[self._taken :]:
+            self._sound.drive(at_s - self._from_s, max(values))
+        self._taken = len(self._motors.history)
+        self._n += int(words[2])
+        return {"samples": self._sound.samples(self._n / RATE_HZ).tolist()}
 
 
 def _seen(vest: Vest) -> dict[str, Any]:

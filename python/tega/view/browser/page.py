@@ -14,10 +14,12 @@ from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.view.browser.vest import vest_svg
+from tega.view.run_state import MEANINGS, lines_beside
 
 if TYPE_CHECKING:
     import viser
 
+    from tega.teleop.loop import LoopView
     from tega.view.browser.controls import Controls
     from tega.view.state import ViewState
 
@@ -26,6 +28,13 @@ __all__ = ["Page"]
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
 _POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
+_STATE_COLOURS = {
+    "idle": "#e8b500",
+    "armed": "#1098ad",
+    "active": "#2b8a3e",
+    "hold": "#e8590c",
+    "stopped": "#c92a2a",
+}
 _FONT = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
 
@@ -41,6 +50,7 @@ class Page:
 
     Attributes:
         scene: The 3-D scene.
+        run_state: Whether the run is idle, armed, active, in hold or stopped, and why.
         status: The lines of text.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``stop``.
     """
@@ -57,6 +67,7 @@ class Page:
         gui.set_panel_label(title)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
+        self.run_state = gui.add_html("")
         self.status = gui.add_html("")
         self._rates = gui.add_html("")
         self._add_buttons(gui, controls)
@@ -113,7 +124,7 @@ class Page:
                 if state.images:
                     self._images.image = self._sheet.draw(state.images)
             elif turn == 1:
-                self.status.content = _status(state)
+                self.paint_text(state)
                 self._captions.content = _captions(state)
                 self._vest.content = vest_svg(state.loop.vest)
                 self._rates.content = _rates(rates_hz, latency_ms)
@@ -122,11 +133,31 @@ class Page:
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)
 
+    def paint_text(self, state: ViewState) -> None:
+        """Put the run's state and the lines of text on the page."""
+        self.run_state.content = _run_state(state.loop)
+        self.status.content = _status(state)
+
 
 _LEGEND = (
     f'<div style="{_FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">above: cameras · below: touch map, '
     '<b style="color:#27a045">○</b> peak, <b style="color:#3b8cff">○</b> area that EDA counts</div>'
 )
+
+
+def _run_state(view: LoopView) -> str:
+    """Say the run's state first, as the terminal does; nothing where there is no guard."""
+    if not view.state:
+        return ""
+    reason, alerts = lines_beside(view)
+    lines = [
+        f'<b style="background:{_STATE_COLOURS[view.state]};color:#fff;padding:1px 8px;border-radius:3px">'
+        f"{view.state.upper()}</b> {escape(MEANINGS[view.state])}"
+    ]
+    if reason:
+        lines.append(f"<b>{escape(reason)}</b>")
+    lines += [f'<span style="color:#e8590c">! {escape(alert)}</span>' for alert in alerts]
+    return f'<div style="{_FONT};margin:4px 10px;line-height:1.6">{"<br>".join(lines)}</div>'
 
 
 def _status(state: ViewState) -> str:

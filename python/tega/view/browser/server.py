@@ -25,6 +25,7 @@ N_TURNS = 3
 _UNWATCHED_HZ = 2.0
 _LOOK_S = 0.004
 _REST_SHARE = 4.0
+_LAST_S = 0.1
 
 
 class BrowserView:
@@ -174,6 +175,22 @@ class BrowserView:
                 took_s = time.monotonic() - began_s
                 # Where painting takes long the machine is busy: better fewer moments than the run's time.
                 rest_s = max(period_s - took_s, _REST_SHARE * took_s)
+        self._paint_last()
+
+    def _paint_last(self) -> None:
+        """Put the end on the page, which stays open in the browser when nobody serves it any more."""
+        with self._lock:
+            taken, self._slot = self._slot, None
+        state = self._state if taken is None else self._complete(taken[1])
+        if state is None:
+            return
+        try:
+            self.page.paint_text(state)
+            self.n_painted += taken is not None
+            self._server.flush()
+            time.sleep(_LAST_S)  # what is flushed is sent by another thread
+        except Exception as error:  # told when the view is closed
+            self._failure = error
 
     def _paint_next(self, now_s: float) -> bool:
         """Paint a new moment, or more of the last one if no other follows; tell whether there was anything to do."""

@@ -1,0 +1,1 @@
+"""How long a vest's motor takes to start, measured with a microphone."""

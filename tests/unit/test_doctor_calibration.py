@@ -1,0 +1,180 @@
+"""The doctor looks at the calibration that a run would use: is there one, is it this person's, is it fresh."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from tega.calibration import Calibration, EmgMaxima, save_calibration
+from tega.calibration.folder import CalibrationFolder
+from tega.calibration.records import EmgRecord, TouchRecord, VestRecord, write_record
+from tega.calibration.store import TouchMaxima
+from tega.cli.main import main
+from tega.config import load_config
+from tega.doctor.calibration import check_calibration
+from tega.doctor.findings import Finding
+
+NOW = datetime(2026, 11, 21, 15, 0, 0, tzinfo=UTC)
+SETTINGS = """
+[tactile.thumb]
+driver = "digit"
+options = { serial = "D20641" }
+[emg]
+driver = "chords"
+kind = "raw"
+options = { port = "/dev/ttyUSB0" }
+[vest]
+driver = "bhaptics-player"
+"""
+VEST = "127.0.0.1_15881"
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    (tmp_path / "lab.toml").write_text(SETTINGS, encoding="utf-8")
+    return tmp_path
+
+
+def told(lab: Path, *sets: str, now: datetime = NOW) -> list[Finding]:
+    config = load_config(lab / "lab.toml", environ={}, sets=sets).config
+    found = check_calibration(config, settings="lab.toml", now=now)
+    assert {f.check for f in found} <= {"calibration"}
+    return found
+
+
+def touch(person: str = "p01", device: str = "D20641", made: datetime = NOW) -> TouchRecord:
+    full = TouchMaxima(cci_max=1.0, eda_max=9000.0)
+    return TouchRecord(
+        device=device, driver="digit", made=made, person=person, finger="thumb", baseline="", baseline_made=made,
+        width_px=240, height_px=320, n_presses=8, live=full, paper=full,
+    )  # fmt: skip
+
+
+def muscles(settings: str, kind: str = "raw", made: datetime = NOW) -> EmgRecord:
+    three = (1.0, 1.0, 1.0)
+    return EmgRecord(
+        device="ttyUSB0", driver="chords", made=made, person="p01", kind="raw" if kind == "raw" else "envelope",
+        rate_hz=500.0, tau_samples=50, settings=settings, unit="counts", channels=("ch1", "ch2", "ch3"),
+        muscles=("a", "b", "c"), offset=three, rest=three, live_max=three, paper_max=three, answers=(three,) * 3,
+    )  # fmt: skip
+
+
+def worn(made: datetime = NOW) -> VestRecord:
+    return VestRecord(
+        device=VEST, driver="bhaptics-player", made=made, person="p01", layout="x40", ceiling_percent=60,
+        sites=("f1",), threshold_percent=(10.0,), step_percent=(5.0,), named_right=8, named=8, false_alarms=0,
+    )  # fmt: skip
+
+
+def keep_all(lab: Path, made: datetime = NOW, kind: str = "raw") -> None:
+    from tega.calibration.steps_emg import driver_settings
+
+    config = load_config(lab / "lab.toml", environ={}).config
+    assert config.emg is not None
+    home = CalibrationFolder(lab / "calibrations")
+    home.keep(touch(made=made))
+    home.keep(muscles(driver_settings(config.emg), kind, made))
+    home.keep(worn(made))
+
+
+def test_without_one_the_next_command_stands_there(lab: Path) -> None:
+    (finding,) = told(lab)
+    assert finding.status == "missing"
+    assert finding.finding == "there is no calibration for thumb, EMG"
+    assert finding.todo[0].endswith("\ntega-teleop calibrate lab.toml --person ID")
+
+
+def test_where_no_person_is_named_those_there_are_named(lab: Path) -> None:
+    keep_all(lab)
+    (finding,) = told(lab)
+    assert finding.status == "doubt"
+    assert "there are those of p01" in finding.finding
+    assert finding.todo[0].endswith("\ntega-teleop doctor lab.toml --person p01")
+
+
+def test_one_that_is_there_and_fresh_is_fine(lab: Path) -> None:
+    keep_all(lab)
+    (finding,) = told(lab, "calibration.person=p01")
+    assert finding.status == "fine"
+    assert finding.finding == "p01's calibration is there and fresh: thumb, EMG, vest"
+
+
+def test_what_is_missing_of_a_person_names_whose_there_is_and_the_command(lab: Path) -> None:
+    keep_all(lab)
+    thumb, emg, vest = told(lab, "calibration.person=p02")
+    assert (thumb.status, emg.status) == ("missing", "missing")
+    assert "p02 has no calibration on D20641 (there is one of p01)" in thumb.finding
+    assert thumb.todo == ("run this:\ntega-teleop calibrate lab.toml --person p02 --only tactile",)
+    assert emg.todo == ("run this:\ntega-teleop calibrate lab.toml --person p02 --only emg",)
+    assert vest.status == "doubt"  # a run goes without thresholds
+    assert vest.todo == ("run this:\ntega-teleop calibrate lab.toml --person p02 --only vest",)
+
+
+def test_a_copied_one_is_foreign(lab: Path) -> None:
+    keep_all(lab)
+    write_record(touch(person="p07"), lab / "calibrations" / "people" / "p01" / "touch-D20641.toml")
+    fine, foreign = told(lab, "calibration.person=p01")
+    assert fine.status == "fine"
+    assert foreign.status == "wrong"
+    assert "was made for p07 on D20641, not for p01" in foreign.finding
+    assert foreign.todo == ("run this:\ntega-teleop calibrate lab.toml --person p01 --only tactile",)
+
+
+def test_one_made_another_way_is_wrong(lab: Path) -> None:
+    keep_all(lab, kind="envelope")
+    _, wrong = told(lab, "calibration.person=p01")
+    assert wrong.status == "wrong"
+    assert "was calibrated with kind = envelope, the settings have raw" in wrong.finding
+
+
+def test_an_old_one_is_told_with_its_age(lab: Path) -> None:
+    keep_all(lab, made=NOW - timedelta(days=40))
+    found = told(lab, "calibration.person=p01")
+    fine, thumb, emg = found
+    assert fine.finding.endswith(": vest")  # that is good for 90 days
+    assert (thumb.status, emg.status) == ("doubt", "doubt")
+    assert thumb.finding == "thumb: maxima: 40 days old, warned of after 720 hours"
+    assert emg.finding == "EMG: 40 days old, warned of after 12 hours"
+    assert emg.todo == ("run this:\ntega-teleop calibrate lab.toml --person p01 --refresh",)
+
+
+def test_a_damaged_one_is_wrong(lab: Path) -> None:
+    keep_all(lab)
+    (lab / "calibrations" / "people" / "p01" / "emg-ttyUSB0.toml").write_text("format =", encoding="utf-8")
+    _, wrong = told(lab, "calibration.person=p01")
+    assert wrong.status == "wrong"
+    assert "damaged" in wrong.finding
+
+
+def test_a_file_that_does_not_fit_or_is_not_there(lab: Path) -> None:
+    (missing,) = told(lab, f"calibration.file={lab / 'none.toml'}")
+    assert missing.status == "missing"
+    maxima = EmgMaxima(kind="raw", rate_hz=500.0, tau=50, channels=("ch1",), maxima=(1.0,))
+    save_calibration(Calibration(preset="live", origin="test", emg=maxima), lab / "c.toml")
+    (wrong,) = told(lab, f"calibration.file={lab / 'c.toml'}")
+    assert wrong.status == "wrong"
+    assert wrong.finding == "c.toml: has no maxima for finger 'thumb'"
+    assert wrong.todo[-1].endswith("tega-teleop calibrate lab.toml --person ID")
+
+
+def test_recordings_need_none(tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text(
+        '[tactile.thumb]\ndriver = "synthetic-touch"\noptions = { seed = 1, duration_s = 1.0 }\n',
+        encoding="utf-8",
+    )
+    assert told(tmp_path) == []
+
+
+def test_the_verb_takes_a_person(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (lab / "lab.toml").write_text(
+        '[tactile.thumb]\ndriver = "digit"\noptions = { serial = "D20641" }\n', encoding="utf-8"
+    )
+    CalibrationFolder(lab / "calibrations").keep(touch(made=datetime.now(UTC)))
+    with pytest.raises(SystemExit) as ended:
+        main(["doctor", str(lab / "lab.toml"), "--person", "p01", "--json"])
+    assert ended.value.code == 3  # there is no sensor here
+    findings = {f["check"]: f for f in json.loads(capsys.readouterr().out)["findings"]}
+    assert findings["calibration"]["finding"] == "p01's calibration is there and fresh: thumb"

@@ -1,0 +1,368 @@
+"""How long a motor takes to start: found in what an emulated motor sounds like, for what it really took."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.calibration.folder import CalibrationFolder
+from tega.calibration.motor_onset import motor_onset
+from tega.calibration.records import OnsetRecord, read_record
+from tega.cli.main import main
+from tega.clock import SystemClock
+from tega.config import check_tree
+from tega.devices import driver_class
+from tega.errors import CalibrationError, DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.onset.clock import Block, by_blocks, by_clicks
+from tega.onset.detect import Onsets, find_onsets
+from tega.onset.log import OnsetLog, read_log, read_wav, write_log
+from tega.onset.measure import found_in, play_bursts, record_of
+from tega.onset.microphone import Microphone
+from tega.recording.inspection import inspect_file
+from tega.teleop.session import run_session
+from tega.testing.emulators.motor_sound import RATE_HZ
+from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.sound_port import SoundPort
+from tega.testing.emulators.vests import seen_by
+from tega.testing.lab import emulated_lab
+from tega.testing.vest_bench import vest_bench
+
+pytest.importorskip("scipy")
+
+WITHIN_MS = 10.0
+"""What docs/device-vest.md promises of motors like the emulated one."""
+ON_S = 0.5
+
+
+@pytest.fixture(scope="module")
+def motor() -> Iterator[Emulator]:
+    with Emulator("motor_sound") as made:
+        yield made
+
+
+def recorded(motor: Emulator, folder: Path, *, bursts: int = 8, percent: int = 60, **settings: float) -> Any:
+    """Let the emulated motor be told some bursts, and return the sound and when they were."""
+    motor.say("forget")
+    for name, value in settings.items():
+        motor.say(f"set {name} {value}")
+    rests, t_s, commands_s = Random(1), 0.8, []
+    for _ in range(bursts):
+        commands_s.append(t_s)
+        motor.say(f"drive {t_s} {percent}")
+        motor.say(f"drive {t_s + ON_S} 0")
+        t_s += ON_S + rests.uniform(0.9, 1.3)
+    motor.say(f"wav {folder / 'sound.wav'} {t_s}")
+    samples, rate_hz = read_wav(folder / "sound.wav")
+    assert rate_hz == RATE_HZ
+    return samples, commands_s
+
+
+def found(motor: Emulator, folder: Path, **how: Any) -> Onsets:
+    samples, commands_s = recorded(motor, folder, **how)
+    return find_onsets(samples, RATE_HZ, commands_s, on_s=ON_S)
+
+
+@pytest.mark.parametrize(
+    ("delay_ms", "how"),
+    [
+        (15.0, {}),
+        (200.0, {}),
+        (60.0, {"percent": 20}),
+        (130.0, {"percent": 100}),
+        (15.0, {"noise": 0.02}),
+        (200.0, {"hum": 0.2}),
+        (60.0, {"rise_ms": 15}),
+        (130.0, {"rise_ms": 50, "full_hz": 240}),
+        (60.0, {"loud": 0.02, "percent": 30}),
+    ],
+    ids=str,
+)
+def test_the_delay_is_found_whatever_noise_hum_and_intensity(
+    motor: Emulator, tmp_path: Path, delay_ms: float, how: dict[str, Any]
+) -> None:
+    onsets = found(motor, tmp_path, delay_ms=delay_ms, **how)
+    assert onsets.problem == ""
+    assert len(onsets.delays_s) == len(onsets.bursts) == 8
+    assert float(np.median(onsets.delays_s)) * 1e3 == pytest.approx(delay_ms, abs=WITHIN_MS)
+    assert np.median(onsets.halves_s) > np.median(onsets.delays_s)
+
+
+def test_where_no_burst_is_played_nothing_is_found(motor: Emulator, tmp_path: Path) -> None:
+    samples, commands_s = recorded(motor, tmp_path)
+    elsewhere = [c - 0.45 for c in commands_s]
+    assert find_onsets(samples, RATE_HZ, elsewhere, on_s=ON_S).problem
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ({"gain": 0}, "the recording is silent"),
+        ({"noise": 0.15}, "no vibration can be heard|not four times as loud"),
+        ({"loud": 0}, "no vibration can be heard|not four times as loud"),
+        ({"loud": 3}, "the sound clips"),
+    ],
+)
+def test_what_cannot_be_heard_gives_no_number(
+    motor: Emulator, tmp_path: Path, how: dict[str, Any], said: str
+) -> None:
+    onsets = found(motor, tmp_path, **how)
+    assert onsets.delays_s.size == 0
+    with pytest.raises(CalibrationError, match=f"no result: .*({said})") as error:
+        record_of(_found(onsets), LOG)
+    assert error.value.hint
+
+
+def test_knocks_cost_their_bursts_and_are_told(motor: Emulator, tmp_path: Path) -> None:
+    commands_s = recorded(motor, tmp_path)[1]
+    motor.say(f"knock {commands_s[2] - 0.1}")
+    motor.say(f"knock {commands_s[5] + 0.35}")
+    motor.say(f"wav {tmp_path / 'sound.wav'} {commands_s[-1] + 1.5}")
+    onsets = find_onsets(read_wav(tmp_path / "sound.wav")[0], RATE_HZ, commands_s, on_s=ON_S)
+    assert onsets.problem == ""
+    assert sum(onsets.left_out().values()) == 2
+    assert onsets.bursts[2].why
+    assert onsets.bursts[5].why
+    assert float(np.median(onsets.delays_s)) * 1e3 == pytest.approx(60, abs=WITHIN_MS)
+
+
+def test_a_motor_that_is_late_once_is_a_stray(motor: Emulator, tmp_path: Path) -> None:
+    samples, commands_s = recorded(motor, tmp_path)
+    commands_s[4] -= 0.06
+    onsets = find_onsets(samples, RATE_HZ, commands_s, on_s=ON_S)
+    assert onsets.left_out() == {"far from all others": 1}
+
+
+# How recording and commands lie in time.
+
+
+def test_stamps_of_the_sound_system_and_its_drift_are_taken() -> None:
+    random = Random(2)
+    true_hz = 48_000 * (1 + 2e-4)
+    blocks = []
+    for k in range(1500):
+        heard_s = 7.0 + 480 * k / true_hz
+        came_s = heard_s + 0.03 + random.expovariate(1 / 0.004)
+        blocks.append(Block(480 * k, 480, came_s, came_s - heard_s + random.uniform(-2e-4, 2e-4)))
+    clock = by_blocks(blocks, 48_000, latency_s=0.02)
+    assert clock.how == "stamps"
+    assert clock.began_s == pytest.approx(7.0, abs=5e-4)
+    assert clock.rate_hz == pytest.approx(true_hz, rel=1e-5)
+    unstamped = by_blocks([b._replace(age_s=float("nan")) for b in blocks], 48_000, latency_s=0.03)
+    assert unstamped.how == "arrival"
+    assert abs(unstamped.began_s - 7.0) <= unstamped.uncertainty_ms / 1e3
+    zeros = by_blocks([b._replace(age_s=0.0) for b in blocks], 48_000, latency_s=0.03)
+    assert zeros == unstamped
+    with pytest.raises(InvalidValueError, match="3 blocks"):
+        by_blocks(blocks[:3], 48_000, latency_s=0.02)
+
+
+def test_clicks_place_a_recording_that_began_at_any_time(motor: Emulator, tmp_path: Path) -> None:
+    recorded(motor, tmp_path)
+    clicks_s = [0.2, 0.55, 12.1, 12.45, 13.1]
+    for t_s in clicks_s:
+        motor.say(f"click {t_s}")
+    motor.say(f"wav {tmp_path / 'sound.wav'} 13.5")
+    samples, rate_hz = read_wav(tmp_path / "sound.wav")
+    clock = by_clicks(samples, rate_hz, [t + 93.0 for t in clicks_s], source="speaker")
+    assert clock.began_s == pytest.approx(93.0, abs=0.003)
+    assert clock.uncertainty_ms < 15
+    with pytest.raises(InvalidValueError, match=r"of the log's 4 clicks are in the recording"):
+        by_clicks(samples, rate_hz, [1.0, 1.9, 3.1, 3.6], source="keys")
+    with pytest.raises(InvalidValueError, match="2 clicks are in the log"):
+        by_clicks(samples, rate_hz, [1.0, 1.9], source="keys")
+
+
+# Log and recording, as from a phone.
+
+LOG = OnsetLog(
+    made=datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC),
+    driver="bhaptics-player",
+    device="127.0.0.1_15881",
+    layout="x40",
+    motor=21,
+    percent=60,
+    on_s=ON_S,
+    bursts_s=(0.8,),
+)
+
+
+def _found(onsets: Onsets) -> Any:
+    from tega.onset.clock import ClockMap
+    from tega.onset.measure import Found
+
+    return Found(ClockMap(began_s=0, rate_hz=RATE_HZ, uncertainty_ms=8.0, how="clicks"), onsets)
+
+
+def call(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> tuple[str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    said = capsys.readouterr()
+    assert ended.value.code == code, said.err
+    return said.out, said.err
+
+
+def test_a_phone_s_recording_with_its_log(
+    motor: Emulator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, commands_s = recorded(motor, tmp_path, delay_ms=90.0)
+    clicks_s = [0.15, 0.5, commands_s[-1] + 1.0, commands_s[-1] + 1.4]
+    for t_s in clicks_s:
+        motor.say(f"click {t_s}")
+    motor.say(f"wav {tmp_path / 'phone.wav'} {clicks_s[-1] + 0.5}")
+    log = OnsetLog(
+        made=LOG.made, driver=LOG.driver, device=LOG.device, layout="x40", motor=21, percent=60, on_s=ON_S,
+        bursts_s=tuple(c + 40 for c in commands_s), clicks_s=tuple(c + 40 for c in clicks_s), clicks="keys",
+    )  # fmt: skip
+    write_log(log, tmp_path / "bursts.json")
+    assert read_log(tmp_path / "bursts.json") == log
+    words = ("vest", "onset", "--wav", tmp_path / "phone.wav", "--log", tmp_path / "bursts.json")
+    said = json.loads(call(capsys, *words, "--folder", tmp_path / "kept", "--json")[0])
+    record = read_record(Path(said[0]["file"]), OnsetRecord)
+    assert record.onset_ms == pytest.approx(90, abs=WITHIN_MS)
+    assert (record.motor, record.used, record.bursts, record.clock) == (21, 8, 8, "clicks")
+    assert Path(said[0]["file"]).parent == tmp_path / "kept" / "vests" / "127.0.0.1_15881"
+    assert "from the frame's hand-over" in Path(said[0]["file"]).read_text(encoding="utf-8")
+
+    out, _ = call(capsys, *words, "--folder", tmp_path / "kept")
+    assert "motor 21 (back, row 1 of 5" in out
+    assert "may be off by" in out
+    _, err = call(capsys, *words[:4], code=2)
+    assert "needs the --log" in err
+
+
+def test_what_is_no_recording_or_no_log_is_told(tmp_path: Path) -> None:
+    (tmp_path / "x.wav").write_bytes(b"no sound at all")
+    with pytest.raises(RecordingError, match=r"x\.wav: is no WAV file") as error:
+        read_wav(tmp_path / "x.wav")
+    assert "ffmpeg" in error.value.hint
+    with pytest.raises(RecordingError, match=r"x\.wav: is no log of a motor"):
+        read_log(tmp_path / "x.wav")
+    with pytest.raises(CalibrationError, match="nothing says how log and recording lie in time"):
+        found_in(np.zeros(RATE_HZ), RATE_HZ, LOG)
+
+
+# With a microphone here; the vest, its driver's link and the sound are in other processes.
+
+
+@pytest.mark.parametrize(("driver", "sync"), [("bhaptics-player", "speaker"), ("bhaptics-ble", "none")])
+def test_through_driver_and_microphone(
+    driver: str, sync: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with vest_bench(driver) as bench:
+        peer = bench.peer
+        peer.say("limit 60 0.5")
+        peer.say("sound delay_ms 80")
+        port = SoundPort(peer)
+        # Nobody knows of these 40 ms, but for the clicks.
+        port.speaker_ms, port.stamped = 3.0, sync == "none"
+        port.latency_s = 0.04
+        where = ["--set", f"vest.options.port={peer.address['port']}"] if "port" in peer.address else []
+        with port.installed():
+            said, _ = call(
+                capsys, "vest", "onset", "--motor", 7, "--bursts", 6, "--sync", sync, "--set",
+                f"vest.driver={driver}", *where, "--folder", tmp_path, "--keep", tmp_path / "raw", "--json",
+            )  # fmt: skip
+        seen = seen_by(peer)
+    (record,) = [one["record"] for one in json.loads(said)]
+    # The vest's link takes a millisecond or two of its own.
+    assert record["onset_ms"] == pytest.approx(80, abs=WITHIN_MS + 5)
+    assert record["clock"] == ("clicks" if sync == "speaker" else "stamps")
+    assert record["used"] >= 5
+    assert seen.over == 0
+    assert not any(seen.motors)
+    assert {max(values) for _, values in seen.history} <= {0, *range(55, 61)}
+    assert {i for _, values in seen.history for i, v in enumerate(values) if v} == {7}
+    (wav,) = (tmp_path / "raw").glob("*.wav")
+    again = found_in(*read_wav(wav), read_log(wav.with_suffix(".json")))
+    assert float(np.median(again.onsets.delays_s)) * 1e3 == pytest.approx(record["onset_ms"], abs=1.0)
+
+
+def test_a_microphone_that_is_not_there_goes_away_or_loses_samples() -> None:
+    with Emulator("bhaptics_player", "--port", "0") as peer:
+        port = SoundPort(peer)
+        with port.installed():
+            port.present = False
+            with pytest.raises(DeviceUnavailableError, match="no microphone"), Microphone():
+                pass
+            port.present = True
+            with Microphone() as ear:
+                port.present = False
+                with pytest.raises(DeviceUnavailableError, match="went away while it recorded"):
+                    ear.heard()
+            port.present, port.overflows = True, True
+            with Microphone() as ear:
+                while ear.heard_s < 0.5:
+                    threading.Event().wait(0.02)
+                with pytest.raises(DeviceUnavailableError, match="lost samples"):
+                    ear.heard()
+
+
+def test_a_vest_that_goes_away_gives_no_number_and_one_that_limits_does_not_count() -> None:
+    with vest_bench("bhaptics-player", limit=30) as bench, bench.vest as opened:
+        vest: Any = opened
+        left_s, unsent = play_bursts(vest, 0, layout="x40", percent=60, bursts=1, clock=SystemClock())
+        assert (left_s, unsent) == ([], 1)
+        timer = threading.Timer(0.9, bench.peer.say, ["close"])
+        timer.start()
+        with pytest.raises(DeviceUnavailableError, match="did not show motor 0 all the time"):
+            play_bursts(vest, 0, layout="x40", percent=20, bursts=3, clock=SystemClock())
+        timer.join()
+
+
+def test_a_vest_that_does_not_tell_when_a_frame_leaves_is_refused(tmp_path: Path) -> None:
+    recorder: Any = driver_class("vest-recorder", "vest")
+    made = recorder(recorder.options_type(file=tmp_path / "v.csv"))
+    with made as vest, pytest.raises(DeviceUnavailableError, match="does not tell when a frame leaves"):
+        play_bursts(vest, 0, layout="x40", percent=60, bursts=1, clock=SystemClock())
+
+
+# What a run makes of it.
+
+
+def test_a_run_adds_what_was_measured_and_says_when(tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=("thumb",)) as lab:
+        assert lab.vest is not None
+        lab.tree["session"] = {"duration_s": 1.5}
+        lab.tree["recording"] = {"dir": "rec"}
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        without: dict[str, Any] = run_session(config)
+        assert without["motor_onset"] is None
+        assert "skin" not in without["latency_ms"]["touch"]
+        device = f"127.0.0.1_{lab.vest.address['port']}"
+        for motor_number, ms in ((0, 80.0), (7, 90.0)):
+            _keep(tmp_path / "calibrations", device, motor_number, ms)
+        known = motor_onset(config)
+        assert known is not None
+        assert known.ms == 85.0
+        summary: dict[str, Any] = run_session(config)
+    touch = summary["latency_ms"]["touch"]
+    for figure in ("p50", "p95", "p99", "worst"):
+        assert touch["skin"][figure] == pytest.approx(touch["whole"][figure] + 85.0, abs=0.002)
+    assert "measured 2026-11-21: 85 ms ± 8 (motors 0, 7 of" in summary["motor_onset"]["said"]
+    first, second = sorted((tmp_path / "rec").glob("*.mcap"))
+    assert not any("motor onset" in stage.stage for stage in inspect_file(first).latency)
+    stages = {stage.stage: stage for stage in inspect_file(second).latency}
+    assert stages["motor onset, measured 2026-11-21"].p50_ms == 85.0
+    whole, skin = stages["camera to vest: whole"], stages["camera to skin, with that"]
+    assert skin.p50_ms == pytest.approx(whole.p50_ms + 85.0)
+
+
+def _keep(folder: Path, device: str, motor_number: int, ms: float) -> None:
+    home = CalibrationFolder(folder)
+    for made, value in ((LOG.made.replace(hour=3), 1.0), (LOG.made, ms)):  # the newer one counts
+        home.keep_onset(
+            OnsetRecord(
+                device=device, driver="bhaptics-player", made=made, layout="x40", motor=motor_number, percent=60,
+                onset_ms=value, middle_half_ms=(value, value), worst_ms=value, half_strength_ms=value, bursts=15,
+                used=15, spin_hz=150.0, clock="clicks", clock_uncertainty_ms=8.0,
+            )
+        )  # fmt: skip
