@@ -19,6 +19,7 @@ from tega.devices.base import (
     SteeredHand,
     TactileFrame,
     TactileSource,
+    Tracker,
     VestSink,
 )
 from tega.devices.registry import DriverRecord, driver_class, driver_names, list_drivers
@@ -41,6 +42,7 @@ __all__ = [
     "SteeredHand",
     "TactileFrame",
     "TactileSource",
+    "Tracker",
     "VestSink",
     "driver_class",
     "driver_names",

@@ -115,6 +115,12 @@ def _input(device: str, numbers: tuple[int, int], _folder: Path) -> _Options:
 
 
 @contextmanager
+def _hololens(_folder: Path) -> _Options:
+    with Emulator("hololens") as headset:
+        yield dict(headset.address)
+
+
+@contextmanager
 def _vest(driver: str, _folder: Path) -> _Options:
     from tega.testing.vest_bench import vest_bench
 
@@ -170,6 +176,7 @@ BENCHES: dict[str, Bench] = {
     "digit": Bench(f"{_PROCESS}, MJPEG stream through the same VideoCapture", _digit),
     "emg-file": Bench("a file", _emg_file),
     "hid-vest": Bench(f"{_PROCESS}, report bytes over a socket", partial(_vest, "hid-vest"), unix=True),
+    "hololens": Bench(f"{_PROCESS}, TCP on loopback", _hololens, unix=True),
     "images": Bench("files", _images),
     "lsl-emg": Bench("a real outlet in another process", _lsl, ("pylsl",)),
     "on-screen-vest": Bench("a pseudo-terminal", _screen, unix=True),

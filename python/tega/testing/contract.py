@@ -22,6 +22,7 @@ import itertools
 import json
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -31,6 +32,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from tega.arm.frames import FRAMES
+from tega.arm.pose import StampedPose
 from tega.devices.base import (
     Device,
     DeviceInfo,
@@ -46,6 +49,7 @@ from tega.devices.base import (
     SkippingSource,
     SteeredHand,
     TactileSource,
+    Tracker,
     VestSink,
 )
 from tega.devices.registry import driver_class, driver_names
@@ -61,10 +65,12 @@ _PROTOCOLS: dict[str, tuple[type, ...]] = {
     "vest": (VestSink,),
     "hand": (HandDriver, SteeredHand),
     "input": (InputSource,),
+    "tracker": (Tracker,),
 }
 # A recording read by a contract check is expected to end before this many reads.
 _MOST_READS = 100_000
 _LOOK_S = 1.0
+_TRACKED_S, _POLL_S = 3.0, 0.01
 
 
 def check_driver(driver: type[Device], options: Options, *, most_items: int = 64) -> None:
@@ -91,6 +97,8 @@ def check_driver(driver: type[Device], options: Options, *, most_items: int = 64
         _check_hand(device)
     elif isinstance(device, InputSource):
         _check_input(device)
+    elif isinstance(device, Tracker):
+        _check_tracker(device, most_items)
     else:
         _check_sink(device)
 
@@ -174,6 +182,8 @@ def _use(device: Any) -> None:
         device.step(1)
     elif isinstance(device, InputSource):
         device.state()
+    elif device.info.kind == "tracker":
+        device.read(0)
     else:
         device.write(0, allegro_torque_frames(np.zeros(16)))
 
@@ -301,6 +311,23 @@ def _check_input(source: InputSource) -> None:
     except DeviceUnavailableError:
         refused = True
     _rule(refused, "asking a closed device for events raises DeviceUnavailableError")
+
+
+def _check_tracker(tracker: Tracker, most_items: int) -> None:
+    _rule(tracker.frame in FRAMES, f"frame is one of {', '.join(FRAMES)}")
+    poses: list[StampedPose] = []
+    with tracker:
+        for _ in range(round(_TRACKED_S / _POLL_S)):
+            poses += tracker.read(time.monotonic_ns())
+            _rule(isinstance(tracker.problem, str), "problem is text")
+            if len(poses) >= most_items:
+                break
+            time.sleep(_POLL_S)
+    _rule(bool(poses), "an open tracker gives poses")
+    _rule(all(type(p) is StampedPose and type(p.t_ns) is int for p in poses), "poses are StampedPoses")
+    _rule(all(len(p.position_m) == 3 and len(p.quaternion_xyzw) == 4 for p in poses), "a place and a turn")
+    times = [p.t_ns for p in poses]
+    _rule(times == sorted(times), "t_ns never decreases")
 
 
 def _check_sink(sink: Any) -> None:
