@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tega.devices.base import (
+    ArmDriver,
     Device,
     DeviceInfo,
     DiscoveringDevice,
@@ -25,6 +26,7 @@ from tega.devices.base import (
 from tega.devices.registry import DriverRecord, driver_class, driver_names, list_drivers
 
 __all__ = [
+    "ArmDriver",
     "Device",
     "DeviceInfo",
     "DiscoveringDevice",

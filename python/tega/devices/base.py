@@ -1,4 +1,4 @@
-"""What a device driver is: six small protocols and the records that pass through them.
+"""What a device driver is: seven small protocols and the records that pass through them.
 
 A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
 :meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.arm.pose import StampedPose
+    from tega.arm.pose import ArmCommand, StampedPose
+    from tega.arm.robot.words import Health
     from tega.haptics import VestFrame
     from tega.wire import CanFrame
 
 __all__ = [
+    "ArmDriver",
     "ComparingSource",
     "Device",
     "DeviceInfo",
@@ -47,7 +49,7 @@ __all__ = [
     "VestSink",
 ]
 
-Kind = Literal["tactile", "emg", "vest", "hand", "input", "tracker"]
+Kind = Literal["tactile", "emg", "vest", "hand", "input", "tracker", "arm"]
 
 
 class Options(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -356,4 +358,36 @@ class Tracker(Device, Protocol):
         Args:
             now_ns: The time on the monotonic clock, on which the poses are stamped.
         """
+        ...
+
+
+@runtime_checkable
+class ArmDriver(Device, Protocol):
+    """A robot's arm that is told where its hand shall be. No call but ``open`` and ``close`` waits."""
+
+    @property
+    def phase(self) -> str:
+        """What it does: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
+        ...
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with it now, for the operator; ``""`` for nothing."""
+        ...
+
+    @property
+    def health(self) -> Health:
+        """How its loop runs."""
+        ...
+
+    def measured(self) -> StampedPose | None:
+        """Return where its hand is, base's axes; ``None`` before that is known."""
+        ...
+
+    def follow(self, command: ArmCommand) -> None:
+        """Take the newest command; an arm that gets none holds, and in the end rests by itself."""
+        ...
+
+    def recover(self) -> None:
+        """Clear a fault, at the word of a person who has seen that it is safe."""
         ...

@@ -121,6 +121,12 @@ def _hololens(_folder: Path) -> _Options:
 
 
 @contextmanager
+def _franky(_folder: Path) -> _Options:
+    with Emulator("franka_faults") as robot:
+        yield {**robot.address, "robot": "fr3", "realtime": "ignore"}
+
+
+@contextmanager
 def _vest(driver: str, _folder: Path) -> _Options:
     from tega.testing.vest_bench import vest_bench
 
@@ -175,6 +181,7 @@ BENCHES: dict[str, Bench] = {
     "cyton": Bench(f"{_PROCESS}, pseudo-terminal", partial(_serial, "cyton", {}), unix=True),
     "digit": Bench(f"{_PROCESS}, MJPEG stream through the same VideoCapture", _digit),
     "emg-file": Bench("a file", _emg_file),
+    "franky": Bench("franky-sim in another process, through libfranka", _franky, ("franky_sim",), unix=True),
     "hid-vest": Bench(f"{_PROCESS}, report bytes over a socket", partial(_vest, "hid-vest"), unix=True),
     "hololens": Bench(f"{_PROCESS}, TCP on loopback", _hololens, unix=True),
     "images": Bench("files", _images),
@@ -193,6 +200,7 @@ BENCHES: dict[str, Bench] = {
         partial(_serial, "ascii_board", {"rate_hz": 500.0, "bits": 10}),
         unix=True,
     ),
+    "simulated-arm": Bench("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
     "spacemouse": Bench(
         f"{_PROCESS}, report bytes over a socket", partial(_input, "spacemouse", (0x046D, 0xC626)), unix=True
     ),

@@ -33,8 +33,9 @@ import msgspec
 import numpy as np
 
 from tega.arm.frames import FRAMES
-from tega.arm.pose import StampedPose
+from tega.arm.pose import ArmCommand, StampedPose
 from tega.devices.base import (
+    ArmDriver,
     Device,
     DeviceInfo,
     DiscoveringDevice,
@@ -66,11 +67,13 @@ _PROTOCOLS: dict[str, tuple[type, ...]] = {
     "hand": (HandDriver, SteeredHand),
     "input": (InputSource,),
     "tracker": (Tracker,),
+    "arm": (ArmDriver,),
 }
 # A recording read by a contract check is expected to end before this many reads.
 _MOST_READS = 100_000
 _LOOK_S = 1.0
 _TRACKED_S, _POLL_S = 3.0, 0.01
+_STILL_M = 0.002
 
 
 def check_driver(driver: type[Device], options: Options, *, most_items: int = 64) -> None:
@@ -99,6 +102,8 @@ def check_driver(driver: type[Device], options: Options, *, most_items: int = 64
         _check_input(device)
     elif isinstance(device, Tracker):
         _check_tracker(device, most_items)
+    elif isinstance(device, ArmDriver):
+        _check_arm(device)
     else:
         _check_sink(device)
 
@@ -184,6 +189,8 @@ def _use(device: Any) -> None:
         device.state()
     elif device.info.kind == "tracker":
         device.read(0)
+    elif isinstance(device, ArmDriver):
+        device.measured()
     else:
         device.write(0, allegro_torque_frames(np.zeros(16)))
 
@@ -328,6 +335,36 @@ def _check_tracker(tracker: Tracker, most_items: int) -> None:
     _rule(all(len(p.position_m) == 3 and len(p.quaternion_xyzw) == 4 for p in poses), "a place and a turn")
     times = [p.t_ns for p in poses]
     _rule(times == sorted(times), "t_ns never decreases")
+
+
+def _check_arm(arm: ArmDriver) -> None:
+    """Nobody has taken hold: the arm says where it is, and stays there."""
+    nothing = np.zeros(3)
+    with arm:
+        first = last = arm.measured()
+        for number in range(round(_TRACKED_S / _POLL_S)):
+            command = ArmCommand(time.monotonic_ns(), "idle", "contract", None, nothing, nothing, 0)
+            arm.follow(command)
+            last = arm.measured()
+            first = first or last
+            if last is not None and first is not None and number > 50 and last.t_ns > first.t_ns:
+                break
+            time.sleep(_POLL_S)
+        _rule(type(last) is StampedPose, "measured gives a StampedPose")
+        assert first is not None
+        assert last is not None
+        _rule(last.t_ns > first.t_ns, "an open arm tells anew where it is")
+        moved_m = float(np.linalg.norm(np.subtract(first.position_m, last.position_m)))
+        _rule(moved_m < _STILL_M, "without a target it stays where it is")
+        _rule(arm.phase == "ready", "an arm that nobody leads is ready")
+        _rule(arm.problem == "", "an arm that is well has no problem")
+        _rule(arm.health.rate_hz > 0, "it says how its loop runs")
+    refused = False
+    try:
+        arm.follow(ArmCommand(0, "idle", "contract", None, nothing, nothing, 0))
+    except DeviceUnavailableError:
+        refused = True
+    _rule(refused, "leading a closed arm raises DeviceUnavailableError")
 
 
 def _check_sink(sink: Any) -> None:
