@@ -63,6 +63,11 @@ class Inputs:
         self._n_looks = 0
         self.seen: dict[str, Seen] = {}
 
+    @property
+    def seats(self) -> Mapping[str, Seat]:
+        """The devices, by what they are for."""
+        return self._seats
+
     def look(self) -> dict[str, list[InputEvent]]:
         """Look at every device.
 

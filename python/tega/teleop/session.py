@@ -22,6 +22,7 @@ from tega.safety.clock_step import ClockStep
 from tega.safety.guard import Guard, Watched
 from tega.safety.hand_alert import HandAlert
 from tega.safety.states import Transition
+from tega.teleop.arm import Steering, open_arm
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
@@ -84,6 +85,7 @@ class RunState(NamedTuple):
     pacing: PacingReport
     guard: Guard
     trace: LatencyTrace | None
+    steering: Steering | None
 
 
 def run_session(
@@ -122,10 +124,10 @@ def run_session(
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
     """
     session, fingers = config.session, config.tactile.in_use()
-    if not fingers and config.emg is None:
+    if not fingers and config.emg is None and config.arm is None:
         raise ConfigError(
-            "no input: neither a tactile source nor EMG is set",
-            "set at least one, such as [tactile.thumb] or [emg]",
+            "no input: neither a tactile source nor EMG is set, nor an arm",
+            "set at least one, such as [tactile.thumb], [emg] or [arm]",
         )
     if clock is None:
         clock = SystemClock() if session.pace == "real" else ManualClock()
@@ -152,8 +154,11 @@ def run_session(
         disk = Disk()
         sinks = _sinks(stack, config, prepared, recording, disk)
         inputs = _inputs(stack, config)
+        steering = None
+        if config.arm is not None:
+            steering = open_arm(stack, config, inputs)
         progress("running", 0, 0)
-        guard = _guard(config, prepared, sinks, disk, recording, go=go)
+        guard = _guard(config, prepared, sinks, disk, recording, go=go, steering=steering)
         guard.observers.append(on_state)
         return _run(
             stack,
@@ -167,6 +172,7 @@ def run_session(
             stop=stop,
             haptics=haptics,
             recording=recording,
+            steering=steering,
         )
 
 
@@ -189,6 +195,7 @@ def _guard(
     recording: Recording | None,
     *,
     go: Callable[[], bool],
+    steering: Steering | None,
 ) -> Guard:
     """Make what watches over the live devices; recordings are not lost and need nobody."""
     alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
@@ -207,6 +214,8 @@ def _guard(
         alerts["recording"] = recording.problem
     if config.session.pace == "real":
         alerts["clock"] = ClockStep()
+    if steering is not None:
+        alerts["arm"] = lambda: steering.problem
     if sinks.steered is not None:
         from tega.devices.allegro import Allegro
 
@@ -234,6 +243,7 @@ def _run(
     stop: Callable[[], bool],
     haptics: Callable[[], bool],
     recording: Recording | None,
+    steering: Steering | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
@@ -261,6 +271,11 @@ def _run(
     if recording is not None:
         recording.follow(guard, trace)
     flows = stack.enter_context(ExitStack())
+    if steering is not None:
+        steering.start(may_move=lambda: guard.state == "active")
+        flows.callback(steering.stop)
+        if observer is not None:
+            observer = steering.beside(observer)
     loop = DualLoop(
         pacer=parts.pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
@@ -280,12 +295,13 @@ def _run(
         inputs=parts.inputs,
         guard=guard,
         trace=trace,
+        endless=steering is not None,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
         state = RunState(
-            config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace
+            config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace, steering
         )
         summary = summarise(state, error=error)
         try:

@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
+from tega.arm.pose import StampedPose
+from tega.arm.sources.recorded import write_poses
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 
@@ -121,6 +123,13 @@ def _hololens(_folder: Path) -> _Options:
 
 
 @contextmanager
+def _poses(folder: Path) -> _Options:
+    poses = [StampedPose(10_000_000 * k, (0.001 * k, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for k in range(200)]
+    write_poses(folder / "poses.csv", poses)
+    yield {"file": folder / "poses.csv"}
+
+
+@contextmanager
 def _franky(_folder: Path) -> _Options:
     with Emulator("franka_faults") as robot:
         yield {**robot.address, "robot": "fr3", "realtime": "ignore"}
@@ -192,6 +201,7 @@ BENCHES: dict[str, Bench] = {
         partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),
         unix=True,
     ),
+    "poses-file": Bench("a file", _poses),
     "python-can": Bench(
         "python-can's virtual bus", partial(_with, {"interface": "virtual", "channel": "contract"})
     ),
