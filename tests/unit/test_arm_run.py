@@ -22,6 +22,7 @@ from tega.arm import StampedPose
 from tega.arm.sources import write_poses
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
+from tega.replay.play import _settings
 from tega.teleop import LoopView, run_session
 from tega.testing.emulators.process import Emulator
 from tega.testing.lab import EmulatedLab, emulated_lab
@@ -291,6 +292,12 @@ def test_settings_of_an_arm_that_do_not_fit_are_said_in_words(
     config = load_config(None, environ={}, sets=["arm.driver=simulated-arm", *sets]).config
     with pytest.raises(ConfigError, match=said):
         run_session(config)
+
+
+def test_a_recording_that_is_played_moves_no_arm() -> None:
+    then = load_config(None, environ={}, sets=["arm.driver=simulated-arm"]).config
+    assert then.arm is not None
+    assert _settings(then, then, pace=1.0, fast=False).arm is None
 
 
 @pytest.mark.parametrize(

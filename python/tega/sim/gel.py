@@ -60,7 +60,7 @@ class Gel:
     """One unit: its own background, light and noise.
 
     Args:
-        seed: Of everything that differs between units, and of the noise; 0 to 2⁶⁴ - 1.
+        seed: Of everything that differs between units, and of which noise each frame shows; 0 to 2⁶⁴ - 1.
         spread: How much light and background differ from those of the fitted sensor: 0 not at all, 1 as sensors may
             differ, at most 2.
 

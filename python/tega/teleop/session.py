@@ -37,6 +37,7 @@ from tega.teleop.touch import TouchLoop
 
 if TYPE_CHECKING:
     from tega.haptics import Layout, VestFrame
+    from tega.markers import RunMarkers
     from tega.recording.session import Recording
     from tega.wire import CanFrame
 
@@ -100,6 +101,7 @@ def run_session(
     settings: str = "SETTINGS.toml",
     go: Callable[[], bool] = lambda: True,
     on_state: Callable[[Transition], None] = lambda _change: None,
+    prepared: Prepared | None = None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -115,6 +117,7 @@ def run_session(
         settings: How the settings file is named in the commands that an error suggests.
         go: Asked all the time whether an armed run may become active.
         on_state: Told of every change of the run's state, in the loop's thread.
+        prepared: What to start with instead of the sources of the settings.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -124,7 +127,7 @@ def run_session(
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
     """
     session, fingers = config.session, config.tactile.in_use()
-    if not fingers and config.emg is None and config.arm is None:
+    if not fingers and config.emg is None and config.arm is None and prepared is None:
         raise ConfigError(
             "no input: neither a tactile source nor EMG is set, nor an arm",
             "set at least one, such as [tactile.thumb], [emg] or [arm]",
@@ -135,20 +138,11 @@ def run_session(
         prepare_folder(session.out_dir)
     with ExitStack() as stack:
         recording = _recording(stack, config)
-        sources: dict[str, TactileSource] = {
-            finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
-            for finger, c in fingers.items()
-        }
-        emg: EmgSource | None = None
-        if config.emg is not None:
-            emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
-        if session.pace == "fast":
-            for source in (*sources.values(), *([] if emg is None else [emg])):
-                if source.info.live:
-                    raise ConfigError(
-                        f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
-                    )
-        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
+        markers = _markers(stack, config)
+        if prepared is None:
+            sources, emg = _sources(stack, config)
+            prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
+        prepared = on_prepared(prepared)
         if recording is not None:
             prepared = recording.watch(prepared)
         disk = Disk()
@@ -158,7 +152,7 @@ def run_session(
         if config.arm is not None:
             steering = open_arm(stack, config, inputs)
         progress("running", 0, 0)
-        guard = _guard(config, prepared, sinks, disk, recording, go=go, steering=steering)
+        guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go, steering=steering)
         guard.observers.append(on_state)
         return _run(
             stack,
@@ -173,7 +167,26 @@ def run_session(
             haptics=haptics,
             recording=recording,
             steering=steering,
+            markers=markers,
         )
+
+
+def _sources(stack: ExitStack, config: SessionConfig) -> tuple[dict[str, TactileSource], EmgSource | None]:
+    """Open the sources of the settings."""
+    sources: dict[str, TactileSource] = {
+        finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
+        for finger, c in config.tactile.in_use().items()
+    }
+    emg: EmgSource | None = None
+    if config.emg is not None:
+        emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
+    if config.session.pace == "fast":
+        for source in (*sources.values(), *([] if emg is None else [emg])):
+            if source.info.live:
+                raise ConfigError(
+                    f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
+                )
+    return sources, emg
 
 
 def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
@@ -187,6 +200,17 @@ def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
     return recording
 
 
+def _markers(stack: ExitStack, config: SessionConfig) -> RunMarkers | None:
+    """Open the streams of markers, if there are any."""
+    if config.markers.lsl_out is None and config.markers.lsl_in is None:
+        return None
+    from tega.markers import RunMarkers
+
+    markers = RunMarkers(config.markers)
+    stack.callback(markers.close)
+    return markers
+
+
 def _guard(
     config: SessionConfig,
     prepared: Prepared,
@@ -194,6 +218,7 @@ def _guard(
     disk: Disk,
     recording: Recording | None,
     *,
+    markers: RunMarkers | None,
     go: Callable[[], bool],
     steering: Steering | None,
 ) -> Guard:
@@ -212,6 +237,8 @@ def _guard(
     vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
     if recording is not None:
         alerts["recording"] = recording.problem
+    if markers is not None:
+        alerts["markers"] = markers.problem
     if config.session.pace == "real":
         alerts["clock"] = ClockStep()
     if steering is not None:
@@ -244,6 +271,7 @@ def _run(
     haptics: Callable[[], bool],
     recording: Recording | None,
     steering: Steering | None,
+    markers: RunMarkers | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
@@ -270,6 +298,10 @@ def _run(
         trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
     if recording is not None:
         recording.follow(guard, trace)
+    if markers is not None:
+        real_ns = start_ns if isinstance(clock, SystemClock) else None
+        markers.begin(real_ns, None if recording is None else recording.recorder)
+        markers.follow(guard, inputs)
     flows = stack.enter_context(ExitStack())
     if steering is not None:
         steering.start(may_move=lambda: guard.state == "active")
@@ -304,6 +336,8 @@ def _run(
             config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace, steering
         )
         summary = summarise(state, error=error)
+        if markers is not None:
+            summary["markers"] = markers.summary()
         try:
             if session.out_dir is not None or recording is not None:
                 stack.pop_all().close()  # the tables are complete before the summary says so
@@ -354,6 +388,8 @@ def _contacts(
     trace: LatencyTrace | None,
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
+    if finger.stream is not None:
+        return finger.stream
     if finger.measured is not None:
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
@@ -383,6 +419,8 @@ def _levels(
     stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
 ) -> Stream[Block]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
+    if muscles.stream is not None:
+        return muscles.stream
     produce = partial(
         grasp_blocks,
         muscles.source,
