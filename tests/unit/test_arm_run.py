@@ -153,6 +153,7 @@ def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -
     assert (said["driver"], said["holds"], said["refused_commands"]) == ("simulated-arm", 2, 0)
     assert said["led_by"].startswith("HoloLens at 127.0.0.1")
     assert said["state_s"]["following"] > 1
+    assert said["ended"] == "the run has ended"
     assert "arm: simulated: a hand of 1 kg on a damped spring, no robot" in run.summary["notes"]
     assert run.view is not None
     console = Console(width=120, record=True, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
@@ -208,6 +209,7 @@ def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(
         run.starts("stopped: simulated-arm: the arm's process has ended (-9)")
         run.until(lambda: "has ended" in run.alerts)
     assert run.summary["ended"] == "stopped"
+    assert "has ended (-9)" in run.summary["arm"]["ended"]
 
 
 def test_muscles_that_are_lost_hold_the_arm(tmp_path: Path) -> None:
@@ -219,7 +221,7 @@ def test_muscles_that_are_lost_hold_the_arm(tmp_path: Path) -> None:
         run.until(lambda: run.view is not None and run.view.state == "active")
         run.starts("following")
         lab.emg.say("freeze 1")
-        run.starts("holding")
+        run.starts("holding: the run is not active")
 
 
 def test_a_spacemouse_leads_the_arm_and_its_dead_man_is_its_clutch(tmp_path: Path) -> None:

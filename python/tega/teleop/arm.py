@@ -149,8 +149,10 @@ class Steering:
                         _write(writer, (now_ns - start_ns) / 1e9, command, measured)
             except Exception as error:  # told while the run lasts; the arm rests by itself
                 self._error = f"arm: no longer led: {error}"
-        self._chain.stop("the run has ended")
-        self._arm.follow(self._chain.step(time.monotonic_ns(), clutch=False, dead_man=False))
+        if self._command is None or self._command.state != "stopped":
+            self._chain.stop("the run has ended")
+        self._command = self._chain.step(time.monotonic_ns(), clutch=False, dead_man=False)
+        self._arm.follow(self._command)
 
     def turn(self, now_ns: int, measured: StampedPose | None, *, may_move: bool) -> ArmCommand:
         """Take in poses and switches, and send one command."""
@@ -177,6 +179,8 @@ class Steering:
             dead_man=dead_man and may_move,
             measured=measured,
         )
+        if command.state == "holding" and dead_man and not may_move:
+            command = command._replace(reason="the run is not active")
         arm.follow(command)
         self._command = command
         return command
