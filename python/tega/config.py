@@ -21,6 +21,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
+from tega.arm.settings import (
+    ArmSettings,
+    FilterSettings,
+    GateSettings,
+    LimitSettings,
+    MappingSettings,
+    WatchdogSettings,
+)
 from tega.config_errors import Overridden, explain
 from tega.config_lines import value_lines
 from tega.devices.base import Kind, Options
@@ -37,6 +45,7 @@ __all__ = [
     "DEFAULT_LAYOUT",
     "DEFAULT_PACE",
     "FINGERS",
+    "ArmConfig",
     "CalibrationConfig",
     "EmgConfig",
     "HandConfig",
@@ -49,6 +58,7 @@ __all__ = [
     "SessionSection",
     "TactileConfig",
     "TactileSection",
+    "TrackerConfig",
     "Value",
     "VestConfig",
     "check_tree",
@@ -225,16 +235,69 @@ class InputSection(_Section, frozen=True):
     Attributes:
         motion: Six axes that are to move the arm.
         dead_man: A switch that is held as long as things may move.
+        clutch: A switch that is held as long as the arm follows; without one the dead-man is it.
+        recover: A button that says, with the dead-man let go, that the arm may go on after a fault or a stop.
         marker: A switch that marks a moment.
     """
 
     motion: InputConfig | None = None
     dead_man: InputConfig | None = None
+    clutch: InputConfig | None = None
+    recover: InputConfig | None = None
     marker: InputConfig | None = None
 
     def in_use(self) -> dict[str, InputConfig]:
         """Return the inputs that have a device."""
         return {seat: c for seat in self.__struct_fields__ if (c := getattr(self, seat)) is not None}
+
+
+class TrackerConfig(_Section, frozen=True):
+    """What sees the operator's forearm.
+
+    Attributes:
+        driver: Name of a tracker's driver.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class ArmConfig(_Section, frozen=True):
+    """The robot's arm; needs ``input.dead_man``.
+
+    Attributes:
+        driver: Name of an arm's driver.
+        tracker: What sees the forearm; none means that ``input.motion`` is summed up.
+        rate_hz: Commands a second.
+        gate: What a pose has to be like to be believed; these five are those of :mod:`tega.arm.settings`.
+        mapping: How motion of the forearm becomes motion of the target.
+        filter: The One-Euro filter.
+        limits: Where the target may be and how it may move.
+        watchdog: After what time without news something happens.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    tracker: TrackerConfig | None = None
+    rate_hz: Annotated[float, msgspec.Meta(ge=30, le=500)] = 100.0
+    gate: GateSettings = GateSettings()
+    mapping: MappingSettings = MappingSettings()
+    filter: FilterSettings = FilterSettings()
+    limits: LimitSettings = LimitSettings()
+    watchdog: WatchdogSettings = WatchdogSettings()
+    options: Any = msgspec.field(default_factory=dict)
+
+    @property
+    def chain(self) -> ArmSettings:
+        """The settings of the chain."""
+        return ArmSettings(
+            gate=self.gate,
+            mapping=self.mapping,
+            filter=self.filter,
+            limits=self.limits,
+            watchdog=self.watchdog,
+        )
 
 
 class RecordingSection(_Section, frozen=True):
@@ -280,6 +343,7 @@ class SessionConfig(_Section, frozen=True):
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()
     input: InputSection = InputSection()
+    arm: ArmConfig | None = None
     recording: RecordingSection = RecordingSection()
     markers: MarkersSection = MarkersSection()
     safety: SafetySection = SafetySection()
@@ -386,9 +450,14 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     tactile = TactileSection(
         **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}
     )
+    arm = with_options(config.arm, "arm", "arm")
+    if arm is not None:
+        tracker = with_options(arm.tracker, "tracker", "arm.tracker")
+        arm = msgspec.structs.replace(arm, tracker=tracker)
     config = msgspec.structs.replace(
         config,
         tactile=tactile,
+        arm=arm,
         emg=with_options(config.emg, "emg", "emg"),
         vest=with_options(config.vest, "vest", "vest"),
         hand=with_options(config.hand, "hand", "hand"),

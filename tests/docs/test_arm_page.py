@@ -1,4 +1,4 @@
-"""The arm's page: the tests it names exist, its example runs, its defaults are the settings'."""
+"""The arm's pages: the tests it names exist, its example runs, its defaults are the settings'."""
 
 from __future__ import annotations
 
@@ -16,13 +16,19 @@ PAGE = PROJECT / "docs" / "arm.md"
 pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
 
 
-def test_every_test_it_names_exists() -> None:
+@pytest.mark.parametrize(("page", "least"), [("arm", 16), ("device-arm", 5)])
+def test_every_test_it_names_exists(page: str, least: int) -> None:
     written = "".join(
         (PROJECT / "tests" / name).read_text(encoding="utf-8")
-        for name in ("property/test_arm.py", "unit/test_arm.py")
+        for name in (
+            "property/test_arm.py",
+            "unit/test_arm.py",
+            "unit/test_arm_robot.py",
+            "unit/test_arm_run.py",
+        )
     )
-    named = re.findall(r"`(test_\w+)`", PAGE.read_text(encoding="utf-8"))
-    assert len(named) >= 8
+    named = re.findall(r"`(test_\w+)`", PAGE.with_name(f"{page}.md").read_text(encoding="utf-8"))
+    assert len(named) >= least
     for name in named:
         assert f"def {name}(" in written, name
 

@@ -53,6 +53,7 @@ _VERBS = {
     "hand": _Verb(
         "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."
     ),
+    "arm": _Verb("Hardware", "tega.cli.arm", "arm", "Say whether a Franka robot can be steered from here."),
     "identify": _Verb("Hardware", "tega.cli.identify", "identify", "Light the vest's motors one at a time."),
     "vest": _Verb(
         "Hardware", "tega.cli.vest", "vest", "Measure how long a motor of the vest takes to start."

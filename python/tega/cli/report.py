@@ -62,6 +62,11 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
     for name, said in summary.get("inputs", {}).items():
         away = f", no data {100 * said['no_data_share']:.0f} % of the time" if said["no_data_share"] else ""
         out.print(f"{name.replace('_', ' ')}: {said['source']}, {said['presses']} presses{away}")
+    if (arm := summary.get("arm")) is not None:
+        shares = ", ".join(f"{state} {s:.1f} s" for state, s in arm["state_s"].items() if s)
+        out.print(
+            f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}", markup=False
+        )
     _print_safety(out, summary)
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)

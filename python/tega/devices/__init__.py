@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tega.devices.base import (
+    ArmDriver,
     Device,
     DeviceInfo,
     DiscoveringDevice,
@@ -19,11 +20,13 @@ from tega.devices.base import (
     SteeredHand,
     TactileFrame,
     TactileSource,
+    Tracker,
     VestSink,
 )
 from tega.devices.registry import DriverRecord, driver_class, driver_names, list_drivers
 
 __all__ = [
+    "ArmDriver",
     "Device",
     "DeviceInfo",
     "DiscoveringDevice",
@@ -41,6 +44,7 @@ __all__ = [
     "SteeredHand",
     "TactileFrame",
     "TactileSource",
+    "Tracker",
     "VestSink",
     "driver_class",
     "driver_names",

@@ -1,4 +1,4 @@
-"""What a device driver is: five small protocols and the records that pass through them.
+"""What a device driver is: seven small protocols and the records that pass through them.
 
 A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
 :meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
@@ -20,10 +20,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tega.arm.pose import ArmCommand, StampedPose
+    from tega.arm.robot.words import Health
     from tega.haptics import VestFrame
     from tega.wire import CanFrame
 
 __all__ = [
+    "ArmDriver",
     "ComparingSource",
     "Device",
     "DeviceInfo",
@@ -42,10 +45,11 @@ __all__ = [
     "SteeredHand",
     "TactileFrame",
     "TactileSource",
+    "Tracker",
     "VestSink",
 ]
 
-Kind = Literal["tactile", "emg", "vest", "hand", "input"]
+Kind = Literal["tactile", "emg", "vest", "hand", "input", "tracker", "arm"]
 
 
 class Options(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -57,7 +61,7 @@ class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         driver: Name under which the driver is registered.
-        kind: Which of the five protocols it meets.
+        kind: Which of the protocols it meets.
         label: What the device or recording is called: a base name, a serial number, a bus; never a full path.
         live: Whether it runs on the monotonic clock; false for a recording.
         rate_hz: Frames or samples per second; ``None`` where only the open device knows, or for a sink.
@@ -331,4 +335,59 @@ class InputSource(Device, Protocol):
 
     def events(self) -> Sequence[InputEvent]:
         """Return the buttons' events since the last call, oldest first."""
+        ...
+
+
+@runtime_checkable
+class Tracker(Device, Protocol):
+    """What sees where the operator's forearm is; one place and one turn, and never where fingers are."""
+
+    @property
+    def frame(self) -> str:
+        """Axes of its poses, a name of :data:`tega.arm.FRAMES`."""
+        ...
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with it now, for the operator; ``""`` for nothing."""
+        ...
+
+    def read(self, now_ns: int) -> Sequence[StampedPose]:
+        """Return the poses that came since the last call, oldest first; never waits.
+
+        Args:
+            now_ns: The time on the monotonic clock, on which the poses are stamped.
+        """
+        ...
+
+
+@runtime_checkable
+class ArmDriver(Device, Protocol):
+    """A robot's arm that is told where its hand shall be. No call but ``open`` and ``close`` waits."""
+
+    @property
+    def phase(self) -> str:
+        """What it does: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
+        ...
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with it now, for the operator; ``""`` for nothing."""
+        ...
+
+    @property
+    def health(self) -> Health:
+        """How its loop runs."""
+        ...
+
+    def measured(self) -> StampedPose | None:
+        """Return where its hand is, base's axes; ``None`` before that is known."""
+        ...
+
+    def follow(self, command: ArmCommand) -> None:
+        """Take the newest command; an arm that gets none holds, and in the end rests by itself."""
+        ...
+
+    def recover(self) -> None:
+        """Clear a fault, at the word of a person who has seen that it is safe."""
         ...

@@ -19,6 +19,7 @@ from typing import Any, Literal, overload
 import msgspec
 
 from tega.devices.base import (
+    ArmDriver,
     Device,
     EmgSource,
     HandDriver,
@@ -26,6 +27,7 @@ from tega.devices.base import (
     Kind,
     SteeredHand,
     TactileSource,
+    Tracker,
     VestSink,
 )
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
@@ -40,7 +42,7 @@ class DriverRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: Name to use in a settings file.
-        kind: tactile, emg, vest, hand or input; ``""`` when the driver's module does not load.
+        kind: tactile, emg, vest, hand, input, tracker or arm; ``""`` when the driver's module does not load.
         summary: What it is, in one line.
         package: The distribution that brings it.
         ready: Whether the packages it needs are installed (nothing is opened to find out).
@@ -74,6 +76,10 @@ def driver_class(name: str, kind: Literal["vest"]) -> type[VestSink]: ...
 def driver_class(name: str, kind: Literal["hand"]) -> type[HandDriver | SteeredHand]: ...
 @overload
 def driver_class(name: str, kind: Literal["input"]) -> type[InputSource]: ...
+@overload
+def driver_class(name: str, kind: Literal["tracker"]) -> type[Tracker]: ...
+@overload
+def driver_class(name: str, kind: Literal["arm"]) -> type[ArmDriver]: ...
 @overload
 def driver_class(name: str, kind: Kind | None = None) -> type[Device]: ...
 def driver_class(name: str, kind: Kind | None = None) -> type[Device]:

@@ -203,6 +203,7 @@ def _settings(then: SessionConfig, to: SessionConfig, *, pace: float, fast: bool
         ),
         hand=to.hand,
         input=to.input,
+        arm=None,  # its path is not recorded, and a recording must not move a robot
         markers=to.markers,
         safety=msgspec.structs.replace(
             safety,

@@ -65,6 +65,11 @@ class Inputs:
         self.seen: dict[str, Seen] = {}
         self.observers: list[Callable[[str, InputEvent], None]] = []
 
+    @property
+    def seats(self) -> Mapping[str, Seat]:
+        """The devices, by what they are for."""
+        return self._seats
+
     def look(self) -> dict[str, list[InputEvent]]:
         """Look at every device.
 

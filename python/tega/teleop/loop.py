@@ -79,6 +79,7 @@ class LoopView(NamedTuple):
         state: Of the run, and why; ``""`` without a guard.
         alerts: What is wrong, one sentence each.
         latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
+        arm: What the arm does and why, in one line; ``""`` without an arm.
     """
 
     t_ns: int
@@ -93,6 +94,7 @@ class LoopView(NamedTuple):
     reason: str = ""
     alerts: Sequence[str] = ()
     latency: str = ""
+    arm: str = ""
 
 
 class DualLoop:
@@ -121,6 +123,7 @@ class DualLoop:
         inputs: The operator's input devices, looked at in every turn.
         guard: Knows the run's state; without one it is as if always active.
         trace: Follows frames and blocks through the loop.
+        endless: Whether a loop without any source goes on all the same, since something else does.
     """
 
     def __init__(
@@ -142,6 +145,7 @@ class DualLoop:
         inputs: Inputs | None = None,
         guard: Guard | None = None,
         trace: LatencyTrace | None = None,
+        endless: bool = False,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -159,6 +163,7 @@ class DualLoop:
         self._inputs = Inputs({}) if inputs is None else inputs
         self._guard = guard
         self._trace = trace
+        self._endless = endless
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._felt_anew = False
@@ -287,7 +292,7 @@ class DualLoop:
             due_ns = min(due_ns, stream.due_ns)
             ended = ended and stream.ended
         self._due_ns = due_ns
-        if ended:
+        if ended and (self._streams or not self._endless):
             self._end_ns = max((stream.end_ns for stream in self._streams), default=0)
 
     def _feel(self, finger: str, contact: Contact) -> None:

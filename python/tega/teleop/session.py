@@ -22,6 +22,7 @@ from tega.safety.clock_step import ClockStep
 from tega.safety.guard import Guard, Watched
 from tega.safety.hand_alert import HandAlert
 from tega.safety.states import Transition
+from tega.teleop.arm import Steering, open_arm
 from tega.teleop.bell import Bell
 from tega.teleop.flows import contact_stream, latency_trace, level_stream
 from tega.teleop.hand import Hand, ModelledAllegro
@@ -70,6 +71,7 @@ class RunState(NamedTuple):
     guard: Guard
     trace: LatencyTrace | None
     real_time: bool
+    steering: Steering | None
 
 
 def run_session(
@@ -110,10 +112,10 @@ def run_session(
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
     """
     session, fingers = config.session, config.tactile.in_use()
-    if not fingers and config.emg is None and prepared is None:
+    if not fingers and config.emg is None and config.arm is None and prepared is None:
         raise ConfigError(
-            "no input: neither a tactile source nor EMG is set",
-            "set at least one, such as [tactile.thumb] or [emg]",
+            "no input: neither a tactile source nor EMG is set, nor an arm",
+            "set at least one, such as [tactile.thumb], [emg] or [arm]",
         )
     if clock is None:
         clock = SystemClock() if session.pace == "real" else ManualClock()
@@ -131,8 +133,11 @@ def run_session(
         disk = Disk()
         sinks = open_sinks(stack, config, prepared, recording, disk)
         inputs = open_inputs(stack, config)
+        steering = None
+        if config.arm is not None:
+            steering = open_arm(stack, config, inputs)
         progress("running", 0, 0)
-        guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go)
+        guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go, steering=steering)
         guard.observers.append(on_state)
         return _run(
             stack,
@@ -146,6 +151,7 @@ def run_session(
             stop=stop,
             haptics=haptics,
             recording=recording,
+            steering=steering,
             markers=markers,
         )
 
@@ -199,6 +205,7 @@ def _guard(
     *,
     markers: RunMarkers | None,
     go: Callable[[], bool],
+    steering: Steering | None,
 ) -> Guard:
     """Make what watches over the live devices; recordings are not lost and need nobody."""
     alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
@@ -219,6 +226,8 @@ def _guard(
         alerts["markers"] = markers.problem
     if config.session.pace == "real":
         alerts["clock"] = ClockStep()
+    if steering is not None:
+        alerts["arm"] = lambda: steering.problem
     if sinks.steered is not None:
         from tega.devices.allegro import Allegro
 
@@ -246,6 +255,7 @@ def _run(
     stop: Callable[[], bool],
     haptics: Callable[[], bool],
     recording: Recording | None,
+    steering: Steering | None,
     markers: RunMarkers | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
@@ -294,6 +304,11 @@ def _run(
         markers.begin(real_ns, None if recording is None else recording.recorder)
         markers.follow(guard, inputs)
     flows = stack.enter_context(ExitStack())
+    if steering is not None:
+        steering.start(may_move=lambda: guard.state == "active")
+        flows.callback(steering.stop)
+        if observer is not None:
+            observer = steering.beside(observer)
     loop = DualLoop(
         pacer=parts.pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
@@ -316,6 +331,7 @@ def _run(
         inputs=parts.inputs,
         guard=guard,
         trace=trace,
+        endless=steering is not None,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
@@ -332,20 +348,9 @@ def _run(
             guard,
             trace,
             real_time,
+            steering,
         )
-        summary = summarise(state, error=error)
-        if markers is not None:
-            summary["markers"] = markers.summary()
-        try:
-            if session.out_dir is not None or recording is not None:
-                stack.pop_all().close()  # the tables are complete before the summary says so
-        finally:
-            if recording is not None:
-                recording.ended(loop.report)
-                summary["recording"] = recording.finish(summary)
-        if session.out_dir is not None:
-            write_summary(summary, session.out_dir / "summary.json")
-        return summary
+        return _conclude(stack, state, recording, markers, error)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
     real_time = False
@@ -356,6 +361,30 @@ def _run(
         conclude(error)
         raise
     return conclude(None)
+
+
+def _conclude(
+    stack: ExitStack,
+    state: RunState,
+    recording: Recording | None,
+    markers: RunMarkers | None,
+    error: BaseException | None,
+) -> dict[str, Any]:
+    """Close what is open and write down what was."""
+    summary = summarise(state, error=error)
+    out_dir = state.config.session.out_dir
+    if markers is not None:
+        summary["markers"] = markers.summary()
+    try:
+        if out_dir is not None or recording is not None:
+            stack.pop_all().close()  # the tables are complete before the summary says so
+    finally:
+        if recording is not None:
+            recording.ended(state.loop)
+            summary["recording"] = recording.finish(summary)
+    if out_dir is not None:
+        write_summary(summary, out_dir / "summary.json")
+    return summary
 
 
 def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:

@@ -73,6 +73,8 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     }
     if inputs := state.inputs.summary():
         summary["inputs"] = inputs
+    if state.steering is not None:
+        summary["arm"] = state.steering.summary()
     if config.session.pace == "real":
         pacing = state.pacing
         summary["pacing"] = {
@@ -167,6 +169,8 @@ def _notes(state: RunState) -> list[str]:
         notes.append(state.trace.last_warning)
     notes += [f"vest: {note}" for vest in state.sinks.kept for note in vest.sink.info.notes]
     notes += state.inputs.notes()
+    if state.steering is not None:
+        notes += [f"arm: {note}" for note in state.steering.notes()]
     return notes
 
 

@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
+from tega.arm.pose import StampedPose
+from tega.arm.sources.recorded import write_poses
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 
@@ -115,6 +117,25 @@ def _input(device: str, numbers: tuple[int, int], _folder: Path) -> _Options:
 
 
 @contextmanager
+def _hololens(_folder: Path) -> _Options:
+    with Emulator("hololens") as headset:
+        yield dict(headset.address)
+
+
+@contextmanager
+def _poses(folder: Path) -> _Options:
+    poses = [StampedPose(10_000_000 * k, (0.001 * k, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for k in range(200)]
+    write_poses(folder / "poses.csv", poses)
+    yield {"file": folder / "poses.csv"}
+
+
+@contextmanager
+def _franky(_folder: Path) -> _Options:
+    with Emulator("franka_faults") as robot:
+        yield {**robot.address, "robot": "fr3", "realtime": "ignore"}
+
+
+@contextmanager
 def _vest(driver: str, _folder: Path) -> _Options:
     from tega.testing.vest_bench import vest_bench
 
@@ -169,7 +190,9 @@ BENCHES: dict[str, Bench] = {
     "cyton": Bench(f"{_PROCESS}, pseudo-terminal", partial(_serial, "cyton", {}), unix=True),
     "digit": Bench(f"{_PROCESS}, MJPEG stream through the same VideoCapture", _digit),
     "emg-file": Bench("a file", _emg_file),
+    "franky": Bench("franky-sim in another process, through libfranka", _franky, ("franky_sim",), unix=True),
     "hid-vest": Bench(f"{_PROCESS}, report bytes over a socket", partial(_vest, "hid-vest"), unix=True),
+    "hololens": Bench(f"{_PROCESS}, TCP on loopback", _hololens, unix=True),
     "images": Bench("files", _images),
     "lsl-emg": Bench("a real outlet in another process", _lsl, ("pylsl",)),
     "on-screen-vest": Bench("a pseudo-terminal", _screen, unix=True),
@@ -178,6 +201,7 @@ BENCHES: dict[str, Bench] = {
         partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),
         unix=True,
     ),
+    "poses-file": Bench("a file", _poses),
     "python-can": Bench(
         "python-can's virtual bus", partial(_with, {"interface": "virtual", "channel": "contract"})
     ),
@@ -186,6 +210,7 @@ BENCHES: dict[str, Bench] = {
         partial(_serial, "ascii_board", {"rate_hz": 500.0, "bits": 10}),
         unix=True,
     ),
+    "simulated-arm": Bench("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
     "spacemouse": Bench(
         f"{_PROCESS}, report bytes over a socket", partial(_input, "spacemouse", (0x046D, 0xC626)), unix=True
     ),

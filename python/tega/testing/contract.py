@@ -22,6 +22,7 @@ import itertools
 import json
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -31,7 +32,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from tega.arm.frames import FRAMES
+from tega.arm.pose import ArmCommand, StampedPose
 from tega.devices.base import (
+    ArmDriver,
     Device,
     DeviceInfo,
     DiscoveringDevice,
@@ -46,6 +50,7 @@ from tega.devices.base import (
     SkippingSource,
     SteeredHand,
     TactileSource,
+    Tracker,
     VestSink,
 )
 from tega.devices.registry import driver_class, driver_names
@@ -61,10 +66,14 @@ _PROTOCOLS: dict[str, tuple[type, ...]] = {
     "vest": (VestSink,),
     "hand": (HandDriver, SteeredHand),
     "input": (InputSource,),
+    "tracker": (Tracker,),
+    "arm": (ArmDriver,),
 }
 # A recording read by a contract check is expected to end before this many reads.
 _MOST_READS = 100_000
 _LOOK_S = 1.0
+_TRACKED_S, _POLL_S = 3.0, 0.01
+_STILL_M = 0.002
 
 
 def check_driver(driver: type[Device], options: Options, *, most_items: int = 64) -> None:
@@ -91,6 +100,10 @@ def check_driver(driver: type[Device], options: Options, *, most_items: int = 64
         _check_hand(device)
     elif isinstance(device, InputSource):
         _check_input(device)
+    elif isinstance(device, Tracker):
+        _check_tracker(device, most_items)
+    elif isinstance(device, ArmDriver):
+        _check_arm(device)
     else:
         _check_sink(device)
 
@@ -174,6 +187,10 @@ def _use(device: Any) -> None:
         device.step(1)
     elif isinstance(device, InputSource):
         device.state()
+    elif device.info.kind == "tracker":
+        device.read(0)
+    elif isinstance(device, ArmDriver):
+        device.measured()
     else:
         device.write(0, allegro_torque_frames(np.zeros(16)))
 
@@ -301,6 +318,53 @@ def _check_input(source: InputSource) -> None:
     except DeviceUnavailableError:
         refused = True
     _rule(refused, "asking a closed device for events raises DeviceUnavailableError")
+
+
+def _check_tracker(tracker: Tracker, most_items: int) -> None:
+    _rule(tracker.frame in FRAMES, f"frame is one of {', '.join(FRAMES)}")
+    poses: list[StampedPose] = []
+    with tracker:
+        for _ in range(round(_TRACKED_S / _POLL_S)):
+            poses += tracker.read(time.monotonic_ns())
+            _rule(isinstance(tracker.problem, str), "problem is text")
+            if len(poses) >= most_items:
+                break
+            time.sleep(_POLL_S)
+    _rule(bool(poses), "an open tracker gives poses")
+    _rule(all(type(p) is StampedPose and type(p.t_ns) is int for p in poses), "poses are StampedPoses")
+    _rule(all(len(p.position_m) == 3 and len(p.quaternion_xyzw) == 4 for p in poses), "a place and a turn")
+    times = [p.t_ns for p in poses]
+    _rule(times == sorted(times), "t_ns never decreases")
+
+
+def _check_arm(arm: ArmDriver) -> None:
+    """Nobody has taken hold: the arm says where it is, and stays there."""
+    nothing = np.zeros(3)
+    with arm:
+        first = last = arm.measured()
+        for number in range(round(_TRACKED_S / _POLL_S)):
+            command = ArmCommand(time.monotonic_ns(), "idle", "contract", None, nothing, nothing, 0)
+            arm.follow(command)
+            last = arm.measured()
+            first = first or last
+            if last is not None and first is not None and number > 50 and last.t_ns > first.t_ns:
+                break
+            time.sleep(_POLL_S)
+        _rule(type(last) is StampedPose, "measured gives a StampedPose")
+        assert first is not None
+        assert last is not None
+        _rule(last.t_ns > first.t_ns, "an open arm tells anew where it is")
+        moved_m = float(np.linalg.norm(np.subtract(first.position_m, last.position_m)))
+        _rule(moved_m < _STILL_M, "without a target it stays where it is")
+        _rule(arm.phase == "ready", "an arm that nobody leads is ready")
+        _rule(arm.problem == "", "an arm that is well has no problem")
+        _rule(arm.health.rate_hz > 0, "it says how its loop runs")
+    refused = False
+    try:
+        arm.follow(ArmCommand(0, "idle", "contract", None, nothing, nothing, 0))
+    except DeviceUnavailableError:
+        refused = True
+    _rule(refused, "leading a closed arm raises DeviceUnavailableError")
 
 
 def _check_sink(sink: Any) -> None:

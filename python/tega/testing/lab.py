@@ -14,6 +14,7 @@ import numpy as np
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
+from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by
 
@@ -35,11 +36,15 @@ class EmulatedLab:
         emg: The emulated amplifier, if there is one.
         hand: The emulated hand, if there is one.
         vest: The emulated vest, if there is one.
+        headset: The emulated headset, if there is an arm.
+        cap: The emulated SpaceMouse, if there is an arm; its buttons are dead-man, clutch and recover.
     """
 
     emg: Emulator
     hand: Emulator
     vest: Emulator
+    headset: Emulator
+    cap: Emulator
 
     def __init__(self) -> None:
         self.tree: dict[str, Any] = {}
@@ -63,6 +68,7 @@ def emulated_lab(
     hand: bool = False,
     vest: bool = False,
     fingers: Sequence[str] = (),
+    arm: bool = False,
     camera_hz: float = 60.0,
     touch: TouchMaxima | None = None,
 ) -> Iterator[EmulatedLab]:
@@ -74,6 +80,7 @@ def emulated_lab(
         hand: An Allegro Hand behind a serial CAN adapter.
         vest: A vest behind the vendor's Player.
         fingers: DIGITs, each with something pressed into its gel.
+        arm: A simulated arm, led by a wrist that a headset sees, with the buttons of a SpaceMouse.
         camera_hz: Pictures a second that they really give.
         touch: What counts as full touch; ``None`` for so little that what is pressed is felt fully.
 
@@ -108,6 +115,8 @@ def emulated_lab(
             sensor = Emulator("digit", "--rate-hz", str(camera_hz), "--seed", str(seed))
             lab.sensors[finger] = stack.enter_context(sensor)
             tree.setdefault("tactile", {})[finger] = _fingertip(sensor, folder / f"{finger}.npy")
+        if arm:
+            _arm(stack, lab)
         full = touch or TouchMaxima(cci_max=0.01, eda_max=500.0)
         calibration = Calibration(
             preset="live",
@@ -149,6 +158,17 @@ def _amplifier(stack: ExitStack, rate_hz: float) -> tuple[Emulator, dict[str, An
     # A fast board on a busy machine takes longer to prove its rate.
     options = {"port": board.port, "rate_hz": rate_hz, "measure_s": 1.0, "start_s": 20.0}
     return board, {"driver": "chords", "kind": "raw", "options": options}
+
+
+def _arm(stack: ExitStack, lab: EmulatedLab) -> None:
+    """Start headset and SpaceMouse, and set an arm that follows them."""
+    lab.headset = stack.enter_context(Emulator("hololens"))
+    lab.cap = stack.enter_context(Emulator("hid_input", "--device", "spacemouse"))
+    stack.enter_context(HidPort(HidBoard(lab.cap.port, 0x046D, 0xC626)).installed())
+    buttons = {"dead_man": "left", "clutch": "right", "recover": "button 3"}
+    lab.tree["input"] = {seat: {"driver": "spacemouse", "button": b} for seat, b in buttons.items()}
+    tracker = {"driver": "hololens", "options": dict(lab.headset.address)}
+    lab.tree["arm"] = {"driver": "simulated-arm", "tracker": tracker}
 
 
 def _fingertip(sensor: Emulator, baseline: Path) -> dict[str, Any]:

@@ -1,0 +1,75 @@
+"""What stands behind the arm's process: a robot, or what is simulated of one."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from tega.arm.robot.words import Quaternion, Triple
+
+__all__ = ["Body", "Seen"]
+
+
+class Seen(NamedTuple):
+    """Where the hand is.
+
+    Attributes:
+        t_ns: When it was there, monotonic clock; does not rise while the robot says nothing new.
+        place: Metres, base's axes.
+        turn: x, y, z, w.
+    """
+
+    t_ns: int
+    place: Triple
+    turn: Quaternion
+
+
+class Body(Protocol):
+    """An arm. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick."""
+
+    facts: tuple[str, ...]
+
+    def open(self) -> None:
+        """Connect; nothing moves but what its options ask for.
+
+        Raises:
+            TegaError: It is not there, or not the one that the settings ask for.
+        """
+        ...
+
+    def see(self) -> Seen:
+        """Return where the hand is."""
+        ...
+
+    def begin(self) -> None:
+        """Begin to follow, with the present pose as the first target."""
+        ...
+
+    def lead(self, place: Triple, turn: Quaternion, velocity_m_s: Triple, velocity_rad_s: Triple) -> None:
+        """Give it its next target."""
+        ...
+
+    def rest(self) -> None:
+        """Begin to come to rest, with damping and without force; returns at once."""
+        ...
+
+    @property
+    def in_control(self) -> bool:
+        """Whether it still follows or comes to rest."""
+        ...
+
+    def fault(self) -> str:
+        """Return what has ended its motion or keeps it from moving, ``""`` for nothing."""
+        ...
+
+    def recover(self) -> str:
+        """Clear a fault that a person has seen; return what is still wrong, ``""`` for nothing."""
+        ...
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of the commands that the robot itself took in time."""
+        ...
+
+    def close(self) -> None:
+        """Come to rest and let go."""
+        ...

@@ -1,0 +1,172 @@
+"""What a Franka robot's control interface says of itself, and which software fits it.
+
+The robot's own handshake is all that is spoken here: it tells the server's version without moving anything, and without
+libfranka, so that it works where the library is the wrong one or is not installed.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+import struct
+from importlib.metadata import PackageNotFoundError, files, version
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from tega.errors import DeviceUnavailableError, WrongDeviceError
+
+__all__ = [
+    "PORT",
+    "Library",
+    "fitting_server",
+    "installed_library",
+    "machine_findings",
+    "server_version",
+    "the_fix",
+]
+
+PORT: Final = 1337
+_HEADER: Final = struct.Struct("<III")
+_CONNECT: Final = 0
+_STATUS: Final = {0: "accepted", 1: "of another version"}
+
+# Highest libfranka below which a robot server's number holds, and that number; the makers' table of compatibility.
+_SERVERS: Final = (
+    ((0, 8), 3),
+    ((0, 9), 4),
+    ((0, 10), 5),
+    ((0, 13, 3), 6),
+    ((0, 14, 1), 7),
+    ((0, 15), 8),
+    ((0, 18), 9),
+)
+_NEWEST: Final = 10
+_PANDA_SERVERS: Final = range(3, 6)
+
+
+class Library(NamedTuple):
+    """The libfranka that an installed package brings.
+
+    Attributes:
+        package: The package.
+        version: Its version.
+        libfranka: The library's, such as ``0.21.2``; ``""`` where that cannot be told.
+        server: The robot server that it speaks to; ``None`` where that cannot be told.
+    """
+
+    package: str
+    version: str
+    libfranka: str
+    server: int | None
+
+
+def fitting_server(libfranka: str) -> int | None:
+    """Return the number of the robot server that a libfranka speaks to; ``None`` if it is no version.
+
+    Example:
+        >>> fitting_server("0.9.2"), fitting_server("0.21.2"), fitting_server("?")
+        (5, 10, None)
+    """
+    if not re.fullmatch(r"\d+(\.\d+)+", libfranka):
+        return None
+    numbers = tuple(map(int, libfranka.split(".")))
+    return next((server for below, server in _SERVERS if numbers < below), _NEWEST)
+
+
+def installed_library(package: str = "franky-control") -> Library | None:
+    """Return the libfranka that a package brings, by the names of its files; ``None`` if it is not installed."""
+    try:
+        own = version(package)
+    except PackageNotFoundError:
+        return None
+    for file in files(package) or ():
+        if found := re.search(r"libfranka.*\.so\.(\d+\.\d+\.\d+)$", Path(file).name):
+            return Library(package, own, found[1], fitting_server(found[1]))
+    return Library(package, own, "", None)
+
+
+def server_version(host: str, *, timeout_s: float = 2.0) -> int:
+    """Ask a robot for the version of its server, and hang up.
+
+    The robot takes one client at a time: do not ask while another steers it.
+
+    Raises:
+        DeviceUnavailableError: Nobody answers; the hint says what to look at.
+        WrongDeviceError: What answers is no robot.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states:
+        states.bind(("", 0))
+        try:
+            with socket.create_connection((host, PORT), timeout=timeout_s) as link:
+                # Version 0 fits no robot: it answers with its own and sends nothing more. A simulator may go on.
+                body = struct.pack("<HH", 0, states.getsockname()[1])
+                link.sendall(_HEADER.pack(_CONNECT, 1, _HEADER.size + len(body)) + body)
+                data = b""
+                while len(data) < _HEADER.size + 4:
+                    more = link.recv(64)
+                    if not more:
+                        raise ConnectionResetError(f"it hung up after {len(data)} bytes")
+                    data += more
+        except TimeoutError as error:
+            raise DeviceUnavailableError(
+                f"the robot at {host} does not answer on port {PORT}",
+                "is FCI activated in Desk, are the brakes open, and is no other program connected?",
+            ) from error
+        except OSError as error:
+            raise DeviceUnavailableError(
+                f"the robot at {host} cannot be reached: {error.strerror or error}",
+                "is the cable in the control box's LAN port, and this its address? Activate FCI in Desk",
+            ) from error
+    command, number, _size = _HEADER.unpack_from(data)
+    status, server = struct.unpack_from("<HH", data, _HEADER.size)
+    if (command, number) != (_CONNECT, 1) or status not in _STATUS:
+        raise WrongDeviceError(f"what answers at {host}:{PORT} is no Franka robot", "check the address")
+    return int(server)
+
+
+def the_fix(server: int, library: Library | None) -> str:
+    """Return what to install so that a robot of that server can be steered; ``""`` if what is there fits."""
+    if library is not None and library.server == server:
+        return ""
+    if server in _PANDA_SERVERS:
+        return (
+            f"this is a Panda with robot server {server}: install franky-control's wheel for it from the index that "
+            f"franky's own documentation names, path by-robot-server-version/{server}/"
+        )
+    if server == _NEWEST:
+        return "pip install 'franky-control>=2,<3'"
+    return (
+        f"robot server {server} is an FR3's: install franky-control's wheel from the index that franky's own "
+        f"documentation names, path by-robot-server-version/{server}/"
+    )
+
+
+def machine_findings() -> list[tuple[bool, str, str]]:
+    """Look at what libfranka wants of this machine: for each, whether it is so, what it is, and what to do."""
+    import resource
+
+    realtime = Path("/sys/kernel/realtime")
+    is_rt = realtime.is_file() and realtime.read_text().strip() == "1"
+    priority = resource.getrlimit(resource.RLIMIT_RTPRIO)[0] if hasattr(resource, "RLIMIT_RTPRIO") else 0
+    unlimited = priority in {resource.RLIM_INFINITY, -1}
+    governors = {
+        path.read_text().strip()
+        for path in Path("/sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")
+    }
+    return [
+        (
+            is_rt,
+            f"kernel {'with' if is_rt else 'without'} PREEMPT_RT",
+            "boot a real-time kernel; realtime = 'ignore' goes without, for a simulator",
+        ),
+        (
+            unlimited or priority >= 99,
+            f"highest real-time priority {'unlimited' if unlimited else priority}",
+            "give your user rtprio 99 in /etc/security/limits.conf and log in again",
+        ),
+        (
+            governors <= {"performance"},
+            f"processor's governor {', '.join(sorted(governors)) or 'not shown'}",
+            "cpupower frequency-set -g performance",
+        ),
+    ]

@@ -1,0 +1,140 @@
+"""What a run and the arm's process say to each other; msgpack, one message a datagram."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import msgspec
+
+from tega.arm.pose import ArmState
+
+__all__ = ["Asked", "Failed", "Health", "Leave", "Phase", "Ready", "Recover", "Told", "decode", "encode"]
+
+Phase = Literal["ready", "following", "resting", "faulted"]
+Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class Asked(msgspec.Struct, frozen=True, tag=True):
+    """Where the hand shall be.
+
+    Attributes:
+        session: Whose command it is; the arm listens to one session only.
+        sequence: Its number, rising.
+        t_ns: When it was made, monotonic clock.
+        state: Of the chain.
+        engagements: How often the operator has taken hold.
+        place: Metres; ``None`` asks nothing of the arm.
+        turn: x, y, z, w.
+        velocity_m_s: Of the target.
+        velocity_rad_s: Its turning.
+    """
+
+    session: int
+    sequence: int
+    t_ns: int
+    state: ArmState
+    engagements: int
+    place: Triple | None = None
+    turn: Quaternion | None = None
+    velocity_m_s: Triple = (0.0, 0.0, 0.0)
+    velocity_rad_s: Triple = (0.0, 0.0, 0.0)
+
+    def malformed(self) -> str:
+        """Return why it cannot be followed, ``""`` if it can."""
+        if (self.place is None) != (self.turn is None):
+            return "it has a place or a turn, but not both"
+        numbers = (*(self.place or ()), *(self.turn or ()), *self.velocity_m_s, *self.velocity_rad_s)
+        if not all(map(math.isfinite, numbers)):
+            return "a number in it is not finite"
+        if self.turn is not None and abs(math.hypot(*self.turn) - 1) > 1e-3:
+            return f"its quaternion has length {math.hypot(*self.turn):.4g}, not 1"
+        return ""
+
+
+class Recover(msgspec.Struct, frozen=True, tag=True):
+    """A person has seen that it is safe: clear the fault."""
+
+
+class Leave(msgspec.Struct, frozen=True, tag=True):
+    """Let the arm come to rest, and end."""
+
+
+class Health(msgspec.Struct, frozen=True):
+    """How the arm's loop runs, over its last second.
+
+    Attributes:
+        rate_hz: Its ticks a second.
+        worst_ms: The longest time between two.
+        late: Ticks in all that came after more than two periods.
+        refused: Commands in all that were not obeyed.
+        success_rate: Share of the commands that the robot itself took in time; ``None`` where it does not say.
+    """
+
+    rate_hz: float = 0.0
+    worst_ms: float = 0.0
+    late: int = 0
+    refused: int = 0
+    success_rate: float | None = None
+
+
+class Told(msgspec.Struct, frozen=True, tag=True):
+    """Where the hand is, and how the arm is.
+
+    Attributes:
+        t_ns: When the hand was there, monotonic clock.
+        place: Metres.
+        turn: x, y, z, w.
+        phase: What the arm does.
+        reason: Why, in words.
+        refusal: Why the last command that was not obeyed was not.
+        health: Of its loop.
+    """
+
+    t_ns: int
+    place: Triple
+    turn: Quaternion
+    phase: Phase
+    reason: str
+    refusal: str = ""
+    health: Health = Health()
+
+
+class Ready(msgspec.Struct, frozen=True, tag=True):
+    """The arm is there.
+
+    Attributes:
+        facts: What is known of it, a line each, such as its versions.
+    """
+
+    facts: tuple[str, ...]
+
+
+class Failed(msgspec.Struct, frozen=True, tag=True):
+    """The arm could not be opened.
+
+    Attributes:
+        kind: Name of the error's class in :mod:`tega.errors`.
+        message: What is wrong.
+        hint: What to do.
+    """
+
+    kind: str
+    message: str
+    hint: str
+
+
+Message = Asked | Recover | Leave | Told | Ready | Failed
+_decoder = msgspec.msgpack.Decoder(Message)
+encode = msgspec.msgpack.Encoder().encode
+
+
+def decode(data: bytes) -> Message:
+    """Return a message.
+
+    Raises:
+        msgspec.DecodeError: It is none.
+    """
+    message: Message = _decoder.decode(data)
+    return message

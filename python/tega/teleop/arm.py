@@ -1,0 +1,264 @@
+"""The arm in a run: forearm poses through the chain to the arm's process, in a thread of its own.
+
+It shares nothing with the dual loop but the run's state, so neither keeps the other waiting.
+"""
+
+from __future__ import annotations
+
+import csv
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import IO, Any
+
+from tega.arm.chain import ArmChain
+from tega.arm.pose import ArmCommand, PoseSource, StampedPose
+from tega.arm.sources.rates import RatePoses
+from tega.config import ArmConfig, SessionConfig
+from tega.devices.base import ArmDriver, Tracker
+from tega.devices.registry import driver_class
+from tega.errors import ConfigError
+from tega.teleop.inputs import Inputs, Seat
+from tega.teleop.loop import LoopView
+
+__all__ = ["Steering", "open_arm"]
+
+_LEAVE_S = 5.0
+_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+
+
+class Steering:
+    """Leads an arm for as long as a run lasts.
+
+    Args:
+        config: The arm's settings.
+        arm: The open arm.
+        source: Where poses come from.
+        tracker: The same, if it is a device; tells what is wrong with it.
+        led_by: What it is called.
+        seats: The operator's switches: ``dead_man``, and if there are ``clutch`` and ``recover``.
+        table: Where to write what happened, a line a command; ``None`` for nowhere.
+    """
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        arm: ArmDriver,
+        source: PoseSource,
+        *,
+        tracker: Tracker | None,
+        led_by: str,
+        seats: dict[str, Seat],
+        table: Path | None,
+    ) -> None:
+        self._config, self._arm, self._source = config, arm, source
+        self._tracker, self._led_by, self._seats = tracker, led_by, seats
+        self._table = table
+        self._chain = ArmChain(config.chain)
+        self._leaving = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._command: ArmCommand | None = None
+        self._error = ""
+        self._was_pressed = self._wants_clear = False
+        self._state_s: dict[str, float] = dict.fromkeys(("idle", "following", "holding", "stopped"), 0.0)
+        self._turns = self._late = 0
+        self._worst_ms = 0.0
+        self._last_ns: int | None = None
+
+    def start(self, *, may_move: Callable[[], bool]) -> None:
+        """Begin to lead the arm.
+
+        Args:
+            may_move: Asked at every turn; the arm holds while it says no.
+        """
+        self._thread = threading.Thread(target=self._run, args=(may_move,), name="tega-arm", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Have the arm rest, and end."""
+        self._leaving.set()
+        if self._thread is not None:
+            self._thread.join(_LEAVE_S)
+            self._thread = None
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with arm, tracker or what leads them; ``""`` for nothing."""
+        said = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem]
+        if not any(said) and self._command is not None and self._command.state == "stopped":
+            said = [f"arm: stopped: {self._command.reason}"]
+        return "; ".join(s for s in said if s)
+
+    @property
+    def words(self) -> str:
+        """What the arm does, why, and how its loop runs, in one line."""
+        command, health = self._command, self._arm.health
+        if command is None:
+            return "not yet"
+        took = "" if health.success_rate is None else f", robot took {100 * health.success_rate:.0f} %"
+        return (
+            f"{command.state}: {command.reason} "
+            f"({self._arm.phase}, {health.rate_hz:.0f} Hz, worst {health.worst_ms:.0f} ms{took})"
+        )
+
+    def beside(self, observer: Callable[[LoopView], None]) -> Callable[[LoopView], None]:
+        """Return an observer that is also shown what the arm does."""
+
+        def observe(view: LoopView) -> None:
+            observer(view._replace(arm=self.words))
+
+        return observe
+
+    def summary(self) -> dict[str, Any]:
+        """Return what a run says of the arm."""
+        info, health = self._arm.info, self._arm.health
+        holds = 0 if self._command is None else self._command.engagements
+        return {
+            "driver": info.driver,
+            "source": info.label,
+            "led_by": self._led_by,
+            "holds": holds,
+            "state_s": {state: round(s, 3) for state, s in self._state_s.items()},
+            "commands": self._turns,
+            "late_commands": self._late,
+            "worst_ms": round(self._worst_ms, 3),
+            "arm_late_ticks": health.late,
+            "refused_commands": health.refused,
+            "ended": self._error or ("" if self._command is None else self._command.reason),
+        }
+
+    def notes(self) -> list[str]:
+        """Return what a reader of the results must know."""
+        return [*self._arm.info.notes, *(() if self._tracker is None else self._tracker.info.notes)]
+
+    def _run(self, may_move: Callable[[], bool]) -> None:
+        period_s = 1 / self._config.rate_hz
+        next_s = time.monotonic()
+        with ExitStack() as stack:
+            try:
+                writer = self._open_table(stack)
+                start_ns = time.monotonic_ns()
+                while not self._leaving.wait(max(0.0, next_s - time.monotonic())):
+                    next_s = max(next_s + period_s, time.monotonic() - period_s)
+                    now_ns = time.monotonic_ns()
+                    measured = self._arm.measured()
+                    command = self.turn(now_ns, measured, may_move=may_move())
+                    if writer is not None:
+                        _write(writer, (now_ns - start_ns) / 1e9, command, measured)
+            except Exception as error:  # told while the run lasts; the arm rests by itself
+                self._error = f"arm: no longer led: {error}"
+        if self._command is None or self._command.state != "stopped":
+            self._chain.stop("the run has ended")
+        self._command = self._chain.step(time.monotonic_ns(), clutch=False, dead_man=False)
+        self._arm.follow(self._command)
+
+    def turn(self, now_ns: int, measured: StampedPose | None, *, may_move: bool) -> ArmCommand:
+        """Take in poses and switches, and send one command."""
+        arm, chain = self._arm, self._chain
+        self._count(now_ns)
+        dead_man = self._held("dead_man")
+        pressed = self._held("recover")
+        if pressed and not self._was_pressed and not dead_man:
+            self._wants_clear = True
+            if arm.phase == "faulted":
+                arm.recover()
+        self._was_pressed = pressed
+        if arm.phase in {"faulted", "gone"} and (said := arm.problem):
+            # With the clutch still pressed it must not go on by itself once the fault is cleared.
+            if self._command is None or self._command.state != "stopped":
+                chain.stop(said)
+        elif self._wants_clear:
+            self._wants_clear = False
+            chain.clear()
+        command = chain.step(
+            now_ns,
+            self._source.read(now_ns),
+            clutch=self._held("clutch") if "clutch" in self._seats else dead_man,
+            dead_man=dead_man and may_move,
+            measured=measured,
+        )
+        if command.state == "holding" and dead_man and not may_move:
+            command = command._replace(reason="the run is not active")
+        arm.follow(command)
+        self._command = command
+        return command
+
+    def _held(self, name: str) -> bool:
+        if (seat := self._seats.get(name)) is None:
+            return False
+        held = seat.source.state().held
+        return bool(held) if seat.button is None else seat.button in held
+
+    def _count(self, now_ns: int) -> None:
+        self._turns += 1
+        if self._last_ns is not None:
+            away_ms = (now_ns - self._last_ns) / 1e6
+            self._worst_ms = max(self._worst_ms, away_ms)
+            self._late += away_ms > 2e3 / self._config.rate_hz
+            if self._command is not None:
+                self._state_s[self._command.state] += away_ms / 1e3
+        self._last_ns = now_ns
+
+    def _open_table(self, stack: ExitStack) -> Any:
+        if self._table is None:
+            return None
+        file: IO[str] = stack.enter_context(self._table.open("w", newline="", encoding="utf-8"))
+        writer = csv.writer(file, lineterminator="\n")
+        arm, target = ([f"{what}_{c}" for c in _COLUMNS] for what in ("arm", "target"))
+        writer.writerow(["t_s", "state", "reason", "holds", *arm, *target])
+        return writer
+
+
+def _write(writer: Any, t_s: float, command: ArmCommand, measured: StampedPose | None) -> None:
+    row: list[Any] = [f"{t_s:.6f}", command.state, command.reason, command.engagements]
+    for place, turn in (
+        (None, None) if measured is None else (measured.position_m, measured.quaternion_xyzw),
+        (None, None) if command.target is None else command.target,
+    ):
+        row += [""] * 7 if place is None or turn is None else [f"{float(x):.6f}" for x in (*place, *turn)]
+    writer.writerow(row)
+
+
+def open_arm(stack: ExitStack, config: SessionConfig, inputs: Inputs) -> Steering:
+    """Open arm and tracker of the settings; the stack closes them, the arm last.
+
+    Raises:
+        ConfigError: Something that the arm needs is not set, or does not fit.
+        DeviceUnavailableError: A device is not there.
+    """
+    c, seats = config.arm, dict(inputs.seats)
+    if c is None:
+        raise ConfigError("no arm is set", "set arm.driver")
+    if config.session.pace == "fast":
+        raise ConfigError("session.pace = 'fast', but an arm moves in real time", "set session.pace = 'real'")
+    if "dead_man" not in seats:
+        raise ConfigError(
+            "arm: no dead-man switch is set, and without one nothing would stop the arm at once",
+            "set [input.dead_man], such as a pedal or a SpaceMouse's button",
+        )
+    if c.tracker is None and "motion" not in seats:
+        raise ConfigError(
+            "arm: nothing leads it: neither arm.tracker nor input.motion is set",
+            "set [arm.tracker], or [input.motion] with a SpaceMouse",
+        )
+    tracker: Tracker | None = None
+    source: PoseSource
+    if c.tracker is not None:
+        tracker = driver_class(c.tracker.driver, "tracker")(c.tracker.options)
+        source, led_by, frame = tracker, tracker.info.label, tracker.frame
+    else:
+        motion = seats["motion"].source
+        source, led_by, frame = RatePoses(motion.state), motion.info.label, RatePoses.frame
+    if frame != c.mapping.frame:
+        raise ConfigError(
+            f"arm.mapping.frame is {c.mapping.frame!r}, but {led_by} gives poses in the axes {frame!r}",
+            f"set arm.mapping.frame = {frame!r}",
+        )
+    arm = stack.enter_context(driver_class(c.driver, "arm")(c.options))
+    if tracker is not None:
+        stack.enter_context(tracker)
+    table = None if config.session.out_dir is None else config.session.out_dir / "arm.csv"
+    switches = {name: seat for name, seat in seats.items() if name in {"dead_man", "clutch", "recover"}}
+    return Steering(c, arm, source, tracker=tracker, led_by=led_by, seats=switches, table=table)

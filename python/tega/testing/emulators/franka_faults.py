@@ -1,0 +1,198 @@
+"""franky-sim's robot with faults that it does not have by itself: ``python -m tega.testing.emulators.franka_faults``.
+
+Physics, protocol and joints are franky-sim's own (an FR3 in MuJoCo, robot server 10). It knows no limits and no
+reflexes; here they are **injected**: what a real robot would do to end up there, and when, is not shown by this. It
+obeys::
+
+    reflex            a cartesian_reflex ends the motion; cleared by the recovery
+    late              a communication_constraints_violation ends the motion; likewise
+    press, release    the stop: ends the motion; recovery is refused until it is released
+    locked            a fault that no recovery clears
+    rate SHARE        the success rate of the commands
+    freeze, thaw      the robot says nothing any more
+    refuse N          a robot server N that takes no other library; from the next connection on
+    look              joints, load and mode
+    end               no fault any more
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import select
+import struct
+import sys
+import time
+from typing import Any
+
+from tega.testing.emulators.pipe import obey, tell
+
+__all__ = ["main"]
+
+# Numbers of libfranka's errors.
+_ERRORS = {"cartesian_reflex": 7, "communication_constraints_violation": 25}
+_N_ERRORS = 41
+
+
+class _Fault:
+    """What is wrong now."""
+
+    def __init__(self) -> None:
+        self.error = ""
+        self.stopped = self.locked = self.frozen = False
+        self.rate = 1.0
+        self.refuse: int | None = None
+
+
+def _server_class(fault: _Fault) -> Any:
+    """Return franky-sim's server with the fault in it."""
+    protocol = importlib.import_module("franky_sim.franka_robot_protocol")
+    base: Any = importlib.import_module("franky_sim.franka_robot_server")
+    wire: Any = importlib.import_module("franky_sim.franka_server")
+
+    class Recovery(protocol.AutomaticErrorRecoveryCommand):  # type: ignore[name-defined,misc]
+        def handle(self, server: Any) -> None:  # noqa: ARG002  # the shape of franky-sim's commands
+            status = protocol.AutomaticErrorRecoveryStatus
+            if fault.stopped:
+                self.reply(status.kCommandRejectedDueToActivatedSafetyFunctions)
+            elif fault.locked:
+                self.reply(status.kManualErrorRecoveryRequiredRejected)
+            else:
+                fault.error = ""
+                self.reply(status.kSuccess)
+
+    class Connect(wire.ConnectCommand):  # type: ignore[misc]
+        def handle(self, server: Any, command_type_struct: str = "I") -> None:
+            if fault.refuse is None:
+                super().handle(server, command_type_struct=command_type_struct)
+                return
+            header = struct.pack("<III", 0, self.command_id, 20)
+            self.client_socket.sendall(header + struct.pack("<HH4x", 1, fault.refuse))
+
+    base.AutomaticErrorRecoveryCommand = Recovery
+    wire.ConnectCommand = Connect
+
+    class Server(base.FrankaRobotServer):  # type: ignore[misc]
+        def abort(self, status: Any) -> None:
+            """End the motion as a robot does that stops by itself."""
+            motion = self.current_motion_id
+            self.stop_motion(send_preemption_signal=False)
+            if motion:
+                command = protocol.RobotCommand.kMove
+                protocol.BaseCommand.send_response(self._tcp_socket, command, motion, status)
+            self.reset_current_motion_id()
+
+        @property
+        def robot_state(self) -> Any:
+            state = super().robot_state
+            mode = protocol.RobotMode
+            errors = [False] * _N_ERRORS
+            if fault.error:
+                errors[_ERRORS[fault.error]] = True
+                state = state.replace(robot_mode=mode.kReflex)
+            if fault.stopped:
+                state = state.replace(robot_mode=mode.kUserStopped)
+            return state.replace(
+                errors=tuple(errors),
+                reflex_reason=tuple(errors),
+                control_command_success_rate=fault.rate,
+            )
+
+    return Server
+
+
+class _Emulator:
+    def __init__(self, host: str) -> None:
+        self._fault = _Fault()
+        simulator = importlib.import_module("franky_sim.mujoco_simulator").MujocoSimulator
+        self._sim = simulator(enable_visualization=False)
+        self._server_type, self._host = _server_class(self._fault), host
+        self._status = importlib.import_module("franky_sim.franka_robot_protocol").MoveStatus
+
+    def run(self) -> None:
+        with self._sim as sim:
+            robot = sim.add_robot()
+            self._server = self._server_type(robot, [self._host] if self._host else self._hosts())
+            self._server.init()
+            sim.start()
+            tell({"host": self._server.hostname})
+            next_s = time.monotonic()
+            while not sys.stdin.closed:
+                ready, _, _ = select.select([sys.stdin], [], [], max(0.0, next_s - time.monotonic()))
+                if ready:
+                    line = sys.stdin.readline()
+                    if not line:
+                        break
+                    obey(line, self._act)
+                if time.monotonic() < next_s:
+                    continue
+                # A machine that is busy makes it slow, not jerky.
+                next_s = max(next_s + 1e-3, time.monotonic() - 5e-3)
+                if not self._fault.frozen:
+                    self._server.process_commands()
+                    sim.step()
+                    with contextlib.suppress(OSError):
+                        self._server.send_state()
+            self._server.cleanup()
+
+    @staticmethod
+    def _hosts() -> Any:
+        hosts = importlib.import_module("franky_sim").LocalHostnames()
+        return (host for number, host in zip(range(1, 200), hosts, strict=False) if number > 20)
+
+    def _act(self, words: list[str]) -> dict[str, Any] | None:
+        fault, verb = self._fault, words[0]
+        if verb == "reflex":
+            fault.error = "cartesian_reflex"
+            self._server.abort(self._status.kReflexAborted)
+        elif verb == "late":
+            fault.error = "communication_constraints_violation"
+            self._server.abort(self._status.kReflexAborted)
+        elif verb in {"press", "release"}:
+            fault.stopped = verb == "press"
+            if fault.stopped:
+                self._server.abort(self._status.kPreemptedDueToActivatedSafetyFunctions)
+        elif verb == "locked":
+            fault.locked, fault.error = True, "cartesian_reflex"
+            self._server.abort(self._status.kReflexAborted)
+        elif verb == "rate":
+            fault.rate = float(words[1])
+        elif verb in {"freeze", "thaw"}:
+            fault.frozen = verb == "freeze"
+        elif verb == "refuse":
+            fault.refuse = int(words[1])
+        elif verb == "end":
+            fault.error, fault.stopped, fault.locked, fault.frozen, fault.refuse = (
+                "",
+                False,
+                False,
+                False,
+                None,
+            )
+            fault.rate = 1.0
+        elif verb == "look":
+            state = self._server.robot_state
+            return {
+                "q": list(state.q),
+                "place": list(state.O_T_EE[12:15]),
+                "mode": state.robot_mode.name,
+                "load_kg": state.m_load,
+                "load_centre_m": list(state.F_x_Cload),
+            }
+        else:
+            raise KeyError(verb)
+        return None
+
+
+def main() -> None:
+    """Run it until the standard input closes."""
+    parser = argparse.ArgumentParser(description="franky-sim's robot, with faults injected.")
+    parser.add_argument(
+        "--host", default="", help="loopback address to listen at; none: the first that is free"
+    )
+    _Emulator(parser.parse_args().host).run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,340 @@
+"""An arm in a run: a headset, a SpaceMouse's buttons and an arm, each in a process of its own."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from tega.arm import StampedPose
+from tega.arm.sources import write_poses
+from tega.config import check_tree, load_config
+from tega.errors import ConfigError
+from tega.replay.play import _settings
+from tega.teleop import LoopView, run_session
+from tega.testing.emulators.process import Emulator
+from tega.testing.lab import EmulatedLab, emulated_lab
+from tega.view.terminal import render
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+
+_DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
+_NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+class Run:
+    """A run in a thread, and what it shows."""
+
+    def __init__(self, lab: EmulatedLab, folder: Path) -> None:
+        self.lab, self.out = lab, folder / "out"
+        self.view: LoopView | None = None
+        self.seen: list[str] = []
+        self.summary: dict[str, Any] = {}
+        self.error: BaseException | None = None
+        self._over = threading.Event()
+        tree = {**lab.tree, "session": {"out_dir": str(self.out)}}
+        self._config = check_tree(tree, {}, base=folder).config
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self) -> Run:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join(30)
+        if self.error is not None:
+            raise self.error
+
+    def _run(self) -> None:
+        try:
+            self.summary = run_session(self._config, observer=self._observe, stop=self._over.is_set)
+        except BaseException as error:
+            self.error = error
+
+    def _observe(self, view: LoopView) -> None:
+        self.view = view
+        said = view.arm.split(" (")[0]
+        if said not in self.seen[-1:]:
+            self.seen.append(said)
+
+    @property
+    def arm(self) -> str:
+        return "" if self.view is None else self.view.arm
+
+    @property
+    def alerts(self) -> str:
+        return "" if self.view is None else "; ".join(self.view.alerts)
+
+    def until(self, enough: Callable[[], object]) -> None:
+        """Wait; counted, so that a machine that stands still for a while is no failure."""
+        for _ in range(1500):
+            if enough():
+                return
+            if self.error is not None:
+                raise self.error
+            time.sleep(0.01)
+        state = None if self.view is None else (self.view.state, self.view.reason)
+        raise AssertionError((self.arm, self.alerts, state, self.seen))
+
+    def later(self, s: float) -> None:
+        """Let the run go on for so long, on its own clock."""
+        begin_ns = 0 if self.view is None else self.view.t_ns
+        self.until(lambda: self.view is not None and self.view.t_ns > begin_ns + 1e9 * s)
+
+    def starts(self, *words: str) -> None:
+        """Wait until the arm's line starts with one of the words."""
+        self.until(lambda: self.arm.startswith(words))
+
+    def press(self, *buttons: int) -> None:
+        for button in buttons:
+            self.lab.cap.say(f"press {button}")
+
+    def lift(self, *buttons: int) -> None:
+        for button in buttons:
+            self.lab.cap.say(f"lift {button}")
+
+    def hold(self) -> None:
+        """Take hold of the arm."""
+        self.lift(_DEAD_MAN, _CLUTCH)
+        self.starts("idle: the clutch is open")
+        self.press(_DEAD_MAN, _CLUTCH)
+        self.starts("following")
+
+    def rows(self) -> list[dict[str, str]]:
+        with (self.out / "arm.csv").open(encoding="utf-8") as file:
+            return list(csv.DictReader(file))
+
+
+@contextmanager
+def running(folder: Path, change: Callable[[dict[str, Any]], None] = lambda _tree: None) -> Iterator[Run]:
+    with emulated_lab(folder, arm=True) as lab:
+        change(lab.tree)
+        with Run(lab, folder) as run:
+            yield run
+
+
+def places(rows: list[dict[str, str]], what: str) -> list[tuple[float, tuple[float, ...]]]:
+    named = [f"{what}_{c}_m" for c in "xyz"]
+    return [(float(r["t_s"]), tuple(float(r[n]) for n in named)) for r in rows if r[named[0]]]
+
+
+def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -> None:
+    with running(tmp_path) as run:
+        run.hold()
+        run.lab.headset.say("wave 0.1 0.3")
+        run.until(lambda: run.view is not None and run.view.t_ns > 4e9)
+        run.lift(_DEAD_MAN)
+        run.starts("holding: the dead-man switch is released")
+        run.press(_DEAD_MAN)
+        run.starts("following")
+        run.lift(_CLUTCH)
+        run.starts("idle: the clutch is open")
+    rows = run.rows()
+    went = [x for _, (x, _, _) in places(rows, "arm")]
+    assert max(went) - min(went) > 0.05
+    targets = places(rows, "target")
+    for (t_s, place), (later_s, later) in pairwise(targets):
+        assert math.dist(place, later) <= 0.25 * (later_s - t_s) + 1e-5
+        assert 0.30 <= later[0] <= 0.70
+    said = run.summary["arm"]
+    assert (said["driver"], said["holds"], said["refused_commands"]) == ("simulated-arm", 2, 0)
+    assert said["led_by"].startswith("HoloLens at 127.0.0.1")
+    assert said["state_s"]["following"] > 1
+    assert said["ended"] == "the run has ended"
+    assert "arm: simulated: a hand of 1 kg on a damped spring, no robot" in run.summary["notes"]
+    assert run.view is not None
+    console = Console(width=120, record=True, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
+    console.print(render(run.view, title="", rates_hz={}))
+    console.file.close()
+    assert "arm   idle: the clutch is open" in console.export_text()
+
+
+def test_taking_hold_and_letting_go_moves_nothing(tmp_path: Path) -> None:
+    with running(tmp_path) as run:
+        for _ in range(3):
+            run.hold()
+    targets = [place for _, place in places(run.rows(), "target")]
+    # The emulated wrist trembles by 0.2 mm.
+    assert max(math.dist(targets[0], place) for place in targets) < 2e-3
+
+
+def test_after_a_stop_a_person_says_with_the_dead_man_let_go_that_it_goes_on(tmp_path: Path) -> None:
+    with running(tmp_path) as run:
+        run.hold()
+        run.lab.headset.say("freeze")
+        run.starts("stopped: no pose came for more than 1000 ms")
+        run.until(lambda: "hololens" in run.alerts)
+        run.lab.headset.say("clear")
+        run.until(lambda: "hololens" not in run.alerts)
+        run.press(_RECOVER)  # while the dead-man is held it says nothing
+        run.later(0.5)
+        assert run.arm.startswith("stopped")
+        run.lift(_RECOVER, _DEAD_MAN, _CLUTCH)
+        run.later(0.2)
+        run.press(_RECOVER)
+        run.starts("idle")
+        run.hold()
+    assert run.summary["arm"]["state_s"]["stopped"] > 0
+
+
+def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tega.devices.simulated_arm import SimulatedArm
+
+    pids: list[int] = []
+    opened = SimulatedArm.open
+
+    def open_and_tell(arm: SimulatedArm) -> None:
+        opened(arm)
+        pids.append(arm.pid())
+
+    monkeypatch.setattr(SimulatedArm, "open", open_and_tell)
+    with running(tmp_path) as run:
+        run.hold()
+        os.kill(pids[0], signal.SIGKILL)
+        run.starts("stopped: simulated-arm: the arm's process has ended (-9)")
+        run.until(lambda: "has ended" in run.alerts)
+    assert run.summary["ended"] == "stopped"
+    assert "has ended (-9)" in run.summary["arm"]["ended"]
+
+
+def test_muscles_that_are_lost_hold_the_arm(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, arm=True, emg_hz=250.0) as lab, Run(lab, tmp_path) as run:
+        run.starts("idle")
+        run.press(_DEAD_MAN)
+        run.until(lambda: run.view is not None and run.view.state == "active")
+        run.hold()
+        run.until(lambda: run.view is not None and run.view.state == "active")
+        run.starts("following")
+        lab.emg.say("freeze 1")
+        run.starts("holding: the run is not active")
+
+
+def test_a_spacemouse_leads_the_arm_and_its_dead_man_is_its_clutch(tmp_path: Path) -> None:
+    def by_cap(tree: dict[str, Any]) -> None:
+        del tree["arm"]["tracker"], tree["input"]["clutch"]
+        tree["input"]["motion"] = {"driver": "spacemouse"}
+        tree["arm"]["mapping"] = {"frame": "base"}
+
+    with running(tmp_path, by_cap) as run:
+        run.starts("idle: the clutch is open")
+        run.press(_DEAD_MAN)
+        run.starts("following")
+        run.lab.cap.say("push 0 -350 0 0 0 0")  # away from the operator
+        run.until(lambda: run.view is not None and run.view.inputs["motion"].state.motion[0] > 0.9)
+        run.later(0.5)
+        run.lab.cap.say("push 0 0 0 0 0 0")
+        run.later(0.5)
+        run.lift(_DEAD_MAN)
+        run.starts("idle: the clutch is open")
+    went = [x for _, (x, _, _) in places(run.rows(), "arm")]
+    assert went[-1] - went[0] > 0.02
+
+
+def test_a_recorded_path_moves_the_arm_as_it_was_recorded(tmp_path: Path) -> None:
+    # Up by 10 cm and aside by 5, in two seconds of a minimum-jerk move; then still.
+    poses = []
+    for k in range(400):
+        u = min(max((k / 60 - 3) / 2, 0), 1)
+        s = 10 * u**3 - 15 * u**4 + 6 * u**5
+        wobble = 1e-5 * (k % 2)
+        poses.append(StampedPose(round(k / 60 * 1e9), (wobble, 0.05 * s, 0.1 * s), _NO_TURN))
+    write_poses(tmp_path / "path.csv", poses)
+
+    def recorded(tree: dict[str, Any]) -> None:
+        file = {"file": str(tmp_path / "path.csv"), "frame": "base"}
+        tree["arm"]["tracker"] = {"driver": "poses-file", "options": file}
+        tree["arm"]["mapping"] = {"frame": "base"}
+
+    with running(tmp_path, recorded) as run:
+        run.hold()
+        run.until(lambda: "path.csv has ended" in run.alerts or run.arm.startswith("stopped"))
+    went = [place for _, place in places(run.rows(), "arm")]
+    moved = [b - a for a, b in zip(went[0], went[-1], strict=True)]
+    assert moved == pytest.approx([0.0, 0.05, 0.1], abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("sets", "said"),
+    [
+        (("input.dead_man.driver=spacemouse",), "nothing leads it"),
+        ((), "no dead-man switch is set"),
+        (("session.pace=fast",), "an arm moves in real time"),
+        (
+            (
+                "input.dead_man.driver=spacemouse",
+                "arm.tracker.driver=hololens",
+                "arm.tracker.options.host=h",
+                "arm.mapping.frame=base",
+            ),
+            "set arm.mapping.frame = 'openxr'",
+        ),
+    ],
+)
+def test_settings_of_an_arm_that_do_not_fit_are_said_in_words(
+    sets: tuple[str, ...], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tega.devices.spacemouse import SpaceMouse
+
+    monkeypatch.setattr(SpaceMouse, "open", lambda _self: None)
+    config = load_config(None, environ={}, sets=["arm.driver=simulated-arm", *sets]).config
+    with pytest.raises(ConfigError, match=said):
+        run_session(config)
+
+
+def test_a_recording_that_is_played_moves_no_arm() -> None:
+    then = load_config(None, environ={}, sets=["arm.driver=simulated-arm"]).config
+    assert then.arm is not None
+    assert _settings(then, then, pace=1.0, fast=False).arm is None
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("arm.limits.speed_m_s", "9", "arm.limits.speed_m_s"),
+        ("arm.limits.low_m", "[0.8, -0.4, 0.0]", "workspace's x goes from 0.8 to 0.7 m"),
+        ("arm.watchdog.hold_ms", "500", "are not in order"),
+        ("arm.options.speed", "1", "did you mean 'speed_m_s'"),
+        ("arm.tracker.driver", "spacemouse", "kind 'input', not 'tracker'"),
+    ],
+)
+def test_a_wrong_setting_of_the_arm_is_named(key: str, value: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        load_config(None, environ={}, sets=["arm.driver=simulated-arm", f"{key}={value}"])
+
+
+def test_a_reflex_of_the_robot_stops_the_arm_until_the_button_says_that_it_may_go_on(tmp_path: Path) -> None:
+    pytest.importorskip("franky", reason="comes with the extra arm-sim")
+    pytest.importorskip("franky_sim", reason="comes with the extra arm-sim")
+    with Emulator("franka_faults") as robot:
+
+        def on_robot(tree: dict[str, Any]) -> None:
+            options = {**robot.address, "robot": "fr3", "realtime": "ignore"}
+            tree["arm"] |= {"driver": "franky", "options": options, "limits": {"upright": [0.0, 0.0, -1.0]}}
+
+        with running(tmp_path, on_robot) as run:
+            run.hold()
+            run.until(lambda: "(following," in run.arm)
+            robot.say("reflex")
+            run.starts("stopped: franky: ")
+            assert "cartesian_reflex" in run.alerts or "cartesian_reflex" in run.arm
+            run.lift(_DEAD_MAN, _CLUTCH)
+            run.press(_RECOVER)
+            run.starts("idle")
+            run.hold()
+            run.until(lambda: "(following," in run.arm)
+            assert "robot took 100 %" in run.arm

@@ -1,0 +1,312 @@
+"""The HoloLens source against an emulated headset in another process, over a real connection."""
+
+from __future__ import annotations
+
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tega.arm import ArmChain, ArmCommand, StampedPose
+from tega.devices.device_clock import DeviceClock
+from tega.devices.hololens import HoloLens, HoloLensOptions
+from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.testing.emulators.process import Emulator
+
+
+@pytest.fixture
+def headset() -> Iterator[Emulator]:
+    with Emulator("hololens") as emulator:
+        yield emulator
+
+
+def opened(headset: Emulator, **options: object) -> HoloLens:
+    return HoloLens(HoloLensOptions(**headset.address, **options))  # type: ignore[arg-type]
+
+
+def until(lens: HoloLens, enough: Callable[[list[StampedPose]], bool]) -> list[StampedPose]:
+    """Read poses until there are enough; return them."""
+    poses: list[StampedPose] = []
+    # Counted, not timed: a machine that stands still for a while is no failure.
+    for _ in range(5000):
+        if enough(poses):
+            return poses
+        poses += lens.read(time.monotonic_ns())
+        time.sleep(0.002)
+    raise AssertionError((lens.problem, lens.counts, poses[-3:]))
+
+
+def some(lens: HoloLens, *, valid: bool = True) -> list[StampedPose]:
+    """Read on until ten poses in a row are so."""
+    return until(lens, lambda poses: len(poses) >= 10 and all(p.valid == valid for p in poses[-10:]))[-10:]
+
+
+class Steered:
+    """The chain on a headset's poses, with an arm that is where it is told to be."""
+
+    def __init__(self, lens: HoloLens) -> None:
+        self.lens = lens
+        self.chain = ArmChain()
+        self.at = StampedPose(0, (0.5, 0.0, 0.3), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
+        self.reasons: list[str] = []
+
+    def until(self, enough: Callable[[ArmCommand], bool], *, clutch: bool = True) -> ArmCommand:
+        """Go on at about 100 Hz until a command is such."""
+        for _ in range(1000):
+            now_ns = time.monotonic_ns()
+            command = self.chain.step(
+                now_ns,
+                self.lens.read(now_ns),
+                clutch=clutch,
+                dead_man=True,
+                measured=self.at._replace(t_ns=now_ns),
+            )
+            if command.target is not None:
+                self.at = StampedPose(now_ns, command.target.position_m, command.target.quaternion_xyzw)
+            if command.reason not in self.reasons[-1:]:
+                self.reasons.append(command.reason)
+            if enough(command):
+                return command
+            time.sleep(0.01)
+        raise AssertionError((command.state, command.reason, self.lens.problem))
+
+    def hold(self) -> None:
+        """Take hold of the arm."""
+        self.until(lambda c: c.reason == "the clutch is open", clutch=False)
+        self.until(lambda c: c.state == "following")
+
+    def way_m(self, start: StampedPose) -> float:
+        """Return how far the arm is from where it was."""
+        return math.dist(list(start.position_m), list(self.at.position_m))
+
+
+def test_the_wrist_is_taken_out_of_a_packet_and_nothing_else(headset: Emulator) -> None:
+    headset.say("at 0.31 -0.22 -0.53")
+    headset.say("turn 0 0.6 0 0.8")
+    with opened(headset) as lens:
+        # Every other joint is somewhere else in each packet: none of it may be seen in the poses.
+        for pose in some(lens):
+            assert pose.position_m == pytest.approx((0.31, -0.22, -0.53), abs=2e-3)
+            assert pose.quaternion_xyzw == pytest.approx((0, 0.6, 0, 0.8), abs=1e-6)
+        assert lens.counts.repeated == 0
+        assert lens.problem == ""
+    with opened(headset, hand="left") as lens:
+        # The left hand of the emulated headset does not tremble: a pose that stays the same is not a new one.
+        (pose,) = until(lens, lambda _: lens.counts.repeated > 5)
+        assert pose.position_m == pytest.approx((-0.2, -0.3, -0.4))
+
+
+def test_a_hand_that_is_lost_keeps_its_bytes_and_is_not_believed(headset: Emulator) -> None:
+    with opened(headset) as lens:
+        last = some(lens)[-1]
+        headset.say("lose")
+        lost = some(lens, valid=False)
+        assert lost[-1].position_m == pytest.approx(last.position_m, abs=2e-3)
+        headset.say("find")
+        some(lens)
+        assert lens.counts.lost >= 10
+        headset.say("no-hands")
+        some(lens, valid=False)
+
+
+def test_a_wrist_that_is_guessed_counts_only_if_that_is_wanted(headset: Emulator) -> None:
+    headset.say("guess")
+    with opened(headset) as lens:
+        some(lens, valid=False)
+        assert any("guessed" in note for note in lens.info.notes)
+    with opened(headset, guessed=True) as lens:
+        some(lens)
+
+
+@pytest.mark.parametrize("fault", ["same", "old-time"])
+def test_a_pose_that_is_not_new_is_none(headset: Emulator, fault: str) -> None:
+    with opened(headset) as lens:
+        steered = Steered(lens)
+        steered.hold()
+        headset.say(fault)
+        steered.until(lambda c: c.state == "stopped")
+        assert steered.reasons[-3:] == [
+            "no pose came for more than 100 ms",
+            "no pose came for more than 300 ms; let the clutch go and press it again",
+            "no pose came for more than 1000 ms",
+        ]
+        assert lens.counts.repeated > 10
+        assert lens.problem == ""
+
+
+def test_an_origin_that_is_elsewhere_after_a_restart_does_not_move_the_arm(headset: Emulator) -> None:
+    with opened(headset) as lens:
+        steered = Steered(lens)
+        steered.hold()
+        before = steered.at
+        # 5 cm: less than what the gate calls a jump.
+        headset.say("restart 0.05 0 0")
+        command = steered.until(lambda c: c.state == "idle")
+        assert command.reason.endswith("let the clutch go and press it again")
+        steered.until(lambda c: c.reason == "the clutch is open", clutch=False)
+        assert steered.way_m(before) < 0.005
+        steered.hold()
+        packets = lens.counts.packets
+        steered.until(lambda _: lens.counts.packets > packets + 30)
+        assert steered.way_m(before) < 0.01
+        assert lens.counts.connections == 2
+
+
+def test_what_was_held_up_by_the_network_is_as_old_as_it_is(headset: Emulator) -> None:
+    with opened(headset) as lens:
+        steered = Steered(lens)
+        steered.hold()
+        before = steered.at
+        headset.say("stall 0.8")
+        headset.say("wave 0.3 1")
+        packets = lens.counts.packets
+        steered.until(lambda _: lens.counts.packets > packets + 60)
+        assert steered.way_m(before) < 0.01
+        assert any("press it again" in reason for reason in steered.reasons)
+        assert lens.counts.connections == 1
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [("nan", "not finite"), ("zero-turn", "length 0, not 1"), ("lose", "calls it lost")],
+)
+def test_a_wrist_that_cannot_be_steers_nothing(headset: Emulator, fault: str, reason: str) -> None:
+    with opened(headset) as lens:
+        steered = Steered(lens)
+        steered.hold()
+        before = steered.at
+        headset.say(fault)
+        command = steered.until(lambda c: c.state == "idle")
+        assert reason in command.reason
+        assert steered.way_m(before) < 0.005
+
+
+def test_a_wrist_that_jumps_does_not_move_the_arm(headset: Emulator) -> None:
+    with opened(headset) as lens:
+        steered = Steered(lens)
+        steered.hold()
+        before, packets = steered.at, lens.counts.packets
+        headset.say("jump 0.4 0 0")
+        steered.until(lambda _: lens.counts.packets > packets + 20)
+        assert steered.way_m(before) < 0.005
+
+
+def test_the_arm_follows_the_wrist(headset: Emulator) -> None:
+    with opened(headset) as lens:
+        steered = Steered(lens)
+        steered.hold()
+        before = steered.at
+        # From -0.4 to -0.5 along the headset's z is 10 cm forward, in steps that a hand can make.
+        for step in range(1, 11):
+            headset.say(f"at 0.2 -0.3 {-0.4 - step / 100:.2f}")
+            packets = lens.counts.packets
+            steered.until(lambda _, n=packets: lens.counts.packets > n + 4)  # type: ignore[misc]
+        moved = steered.until(lambda c: c.target is not None and c.target.position_m[0] > 0.59)
+        assert moved.state == "following"
+        assert moved.target is not None
+        assert abs(moved.target.position_m[1] - before.position_m[1]) < 0.01
+
+
+def test_a_connection_that_says_nothing_is_dropped_and_made_anew(headset: Emulator) -> None:
+    with opened(headset, silent_s=0.3) as lens:
+        some(lens)
+        headset.say("freeze")
+        until(lens, lambda _: lens.counts.silent >= 2)
+        assert "nothing came for 0.3 s, connecting again" in lens.problem
+        headset.say("clear")
+        some(lens)
+        assert lens.problem == ""
+
+
+@pytest.mark.parametrize("fault", ["cut", "odd-size"])
+def test_a_stream_out_of_step_is_dropped_and_made_anew(headset: Emulator, fault: str) -> None:
+    with opened(headset) as lens:
+        some(lens)
+        headset.say(fault)
+        until(lens, lambda _: lens.counts.broken > 0)
+        headset.say("clear")
+        some(lens)
+
+
+def test_a_headset_that_goes_and_comes_is_found_again(headset: Emulator) -> None:
+    with opened(headset) as lens:
+        some(lens)
+        headset.say("hide")
+        until(lens, lambda _: "cannot be reached" in lens.problem)
+        headset.say("show")
+        some(lens)
+        assert lens.problem == ""
+        assert any("made anew" in note for note in lens.info.notes)
+
+
+def test_a_headset_that_is_killed_is_said_to_be_gone() -> None:
+    with Emulator("hololens") as headset, opened(headset) as lens:
+        some(lens)
+        headset.kill()
+        until(lens, lambda _: "cannot be reached" in lens.problem)
+
+
+def test_what_is_wrong_at_the_start_is_said_in_words(headset: Emulator) -> None:
+    headset.say("hide")
+    with pytest.raises(DeviceUnavailableError, match="cannot be reached: Connection refused"):
+        opened(headset).open()
+    headset.say("show")
+    headset.say("freeze")
+    with pytest.raises(DeviceUnavailableError, match=r"only 0 of a packet's 1948 bytes came within 0\.2 s"):
+        opened(headset, connect_s=0.2).open()
+    headset.say("clear")
+    headset.say("odd-size")
+    with pytest.raises(WrongDeviceError, match="a packet of 1937 bytes"):
+        opened(headset).open()
+
+
+def test_another_server_is_no_headset() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            client, _ = server.accept()
+            with client:
+                client.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                client.recv(1)
+
+        answering = threading.Thread(target=answer)
+        answering.start()
+        options = HoloLensOptions(host="127.0.0.1", port=server.getsockname()[1])
+        with pytest.raises(WrongDeviceError, match="another program"):
+            HoloLens(options).open()
+        answering.join()
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 10**8), st.integers(0, 3 * 10**9), st.booleans()), min_size=1, max_size=60
+    )
+)
+def test_a_device_s_time_never_goes_back_and_is_never_after_it_came(
+    packets: list[tuple[int, int, bool]],
+) -> None:
+    clock, device_ns, arrival_ns, last_ns = DeviceClock(), 0, 0, 0
+    for way_ns, late_ns, restarts in packets:
+        device_ns = 0 if restarts else device_ns + way_ns
+        arrival_ns = max(arrival_ns, arrival_ns + way_ns + late_ns // 1000)
+        t_ns = clock.to_host_ns(device_ns, arrival_ns)
+        assert last_ns <= t_ns <= arrival_ns
+        last_ns = t_ns
+
+
+def test_a_burst_after_a_stall_is_old_and_a_restart_is_not() -> None:
+    clock, step_ns = DeviceClock(), 16_666_667
+    for n in range(100):
+        assert clock.to_host_ns(n * step_ns, 5 + n * step_ns) == 5 + n * step_ns
+    # Three seconds of packets at once: each was measured when it was.
+    arrival_ns = 300 * step_ns
+    for n in range(100, 280):
+        assert clock.to_host_ns(n * step_ns, arrival_ns) == 5 + n * step_ns
+    assert clock.n_leaps == 0
+    assert clock.to_host_ns(0, arrival_ns + 1) == arrival_ns + 1
+    assert clock.n_leaps == 1
