@@ -28,6 +28,7 @@ Kind = Literal[
     "drop",
     "note",
     "override",
+    "rating",
     "undo",
 ]
 
@@ -48,6 +49,8 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
         undone: ``undo``: number of the event that does not count.
         source: Who says so: ``auto``, or a rater's id.
         text: A note, or the reason of an end or a correction. Left out of anonymised copies.
+        item: ``rating``: what was asked, such as ``tlx.effort``.
+        value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over.
     """
 
     n: Annotated[int, msgspec.Meta(ge=1)]
@@ -60,6 +63,8 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
     undone: int | None = None
     source: str = ""
     text: str = ""
+    item: str = ""
+    value: float | None = None
 
 
 def _parse(content: bytes, path: Path) -> tuple[list[Event], int]:
@@ -147,9 +152,24 @@ class Journal:
         undone: int | None = None,
         source: str = "",
         text: str = "",
+        item: str = "",
+        value: float | None = None,
     ) -> Event:
         """Add an event; when this returns it is on the disk. Arguments as in :class:`Event`."""
-        event = Event(len(self.events) + 1, t_ns, kind, trial, attempt, status, success, undone, source, text)
+        event = Event(
+            n=len(self.events) + 1,
+            t_ns=t_ns,
+            kind=kind,
+            trial=trial,
+            attempt=attempt,
+            status=status,
+            success=success,
+            undone=undone,
+            source=source,
+            text=text,
+            item=item,
+            value=value,
+        )
         self._put(msgspec.json.encode(event) + b"\n")
         self.events.append(event)
         return event
