@@ -7,6 +7,8 @@
     journal.py   a session's events, appended and synced one by one
     state.py     what the events say: which trials are done, which comes next
     lead/        leading a session through its trials
+    observe/     a rater's console beside it
+    observers.py the raters' files
     privacy.py   withdrawal and the anonymised copy
     trials.py    one row a trial, with the events it comes from
     rank.py people.py counts.py shares.py coupling.py power.py    the statistics, each with its source

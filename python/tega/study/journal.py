@@ -7,6 +7,7 @@ a crash has cut off was never promised, and goes when the file is opened again.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Annotated, Literal, Self
 
@@ -14,7 +15,7 @@ import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
 
-__all__ = ["Event", "Journal", "Kind", "Status", "read_events"]
+__all__ = ["Event", "Journal", "Kind", "Status", "counting", "read_events"]
 
 Kind = Literal[
     "session_start",
@@ -104,6 +105,12 @@ def read_events(path: Path) -> list[Event]:
         RecordingError: Another line is no event, or lines are missing.
     """
     return _parse(path.read_bytes(), path)[0] if path.exists() else []
+
+
+def counting(events: Sequence[Event], trial: int, attempt: int) -> list[Event]:
+    """Return an attempt's events without those that were undone."""
+    undone = {event.undone for event in events if event.kind == "undo"}
+    return [e for e in events if e.trial == trial and e.attempt == attempt and e.n not in undone]
 
 
 class Journal:

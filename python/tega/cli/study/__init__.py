@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from tega.cli.study.observe import observe
 from tega.cli.study.plan import plan, status
 from tega.cli.study.power import power
 from tega.cli.study.privacy import export, withdraw
@@ -19,5 +20,5 @@ def study() -> None:
     """Plan a user study, run it, see how it stands, let people withdraw, and report it."""
 
 
-for _verb in (plan, run, status, report, withdraw, export, power, simulate):
+for _verb in (plan, run, observe, status, report, withdraw, export, power, simulate):
     study.add_command(_verb)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from tega.clock import Clock, SystemClock
 from tega.errors import DeviceUnavailableError
-from tega.study.journal import Journal
+from tega.study.journal import Journal, counting
 from tega.study.lead.board import Board, board_path, write_board
 from tega.study.lead.desk import ENTER, Desk, Screen
 from tega.study.lead.questions import QUESTIONS, answer_of, blocks_to_ask
-from tega.study.lead.trial import EXPERIMENTER, LedTrial, Task, counting, keys_of, undo_last
+from tega.study.lead.trial import EXPERIMENTER, LedTrial, Task, keys_of, undo_last
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.state import SessionState, derive, resume
 

@@ -9,7 +9,7 @@ import msgspec
 
 from tega.errors import TegaError
 from tega.study.coupling import TouchCourse, write_course
-from tega.study.journal import Event, Journal, Kind, Status
+from tega.study.journal import Event, Journal, Kind, Status, counting
 from tega.study.lead.desk import ENTER
 from tega.study.lead.going import Going, in_thread
 from tega.study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
@@ -298,12 +298,6 @@ class LedTrial:
     def undo(self) -> Event | None:
         """Undo what the experimenter last added to this attempt."""
         return undo_last(self._journal, self.trial.trial, self.attempt, t_ns=self._clock.now_ns())
-
-
-def counting(events: list[Event], trial: int, attempt: int) -> list[Event]:
-    """Return an attempt's events without those that were undone."""
-    undone = {event.undone for event in events if event.kind == "undo"}
-    return [e for e in events if e.trial == trial and e.attempt == attempt and e.n not in undone]
 
 
 def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> Event | None:
