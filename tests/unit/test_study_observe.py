@@ -178,12 +178,22 @@ def test_a_key_that_is_held_down_counts_once(folder: Path) -> None:
     main = begin(folder, time.monotonic_ns())
     main.add("trial_start", t_ns=time.monotonic_ns(), trial=1, source="auto")
 
-    async def play(_app, made) -> None:
-        await made.press("s", "s", "s")
+    async def play(app, _made) -> None:
+        from textual.events import Key
+
+        began_s = time.monotonic() - 5
+        for after_s in (0.0, 0.03, 0.06, 0.5):
+            key = Key("s", "s")
+            key.time = began_s + after_s
+            app.on_key(key)
 
     pilot(folder, play)
     main.close()
-    assert kinds(observer_path(folder, "p01", "r1")).count("slip") < 3
+    slips = [e for e in read_events(observer_path(folder, "p01", "r1")) if e.kind == "slip"]
+    assert len(slips) == 2
+    # The moment is that of the key, not that of the five seconds later at which it was handled.
+    assert slips[1].t_ns - slips[0].t_ns == pytest.approx(0.5e9, abs=0.05e9)
+    assert time.monotonic_ns() - slips[0].t_ns > 4 * S
 
 
 def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Path) -> None:
