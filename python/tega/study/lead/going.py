@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from tega.study.coupling import TouchCourse
+from tega.study.touch_rows import TouchRow
 
 if TYPE_CHECKING:
     from tega.clock import Clock
@@ -58,6 +59,8 @@ class Going:
         self._view_zero_ns = self._newest_ns = 0
         self._seen: deque[Seen] = deque()
         self._rows: list[tuple[float, float, float, float]] = []
+        self._touch: list[TouchRow] = []
+        self._newest_touch: dict[str, int] = {}
         self._presses = 0
         self.state, self.reason = "preparing", ""
         self.alerts: tuple[str, ...] = ()
@@ -102,6 +105,20 @@ class Going:
         self._newest_ns = view.t_ns
         if self._presses > pressed:
             self._seen.append(Seen("mark", t_s))
+        for finger, (at_ns, contact) in view.contacts.items():
+            if self._newest_touch.get(finger) != at_ns >= self._view_zero_ns:
+                self._newest_touch[finger] = at_ns
+                self._touch.append(
+                    TouchRow(
+                        (at_ns - self._view_zero_ns) / 1e9,
+                        finger,
+                        int(contact.in_contact),
+                        contact.eda,
+                        contact.mass,
+                        contact.peak,
+                        *contact.centroid_xy,
+                    )
+                )
         if view.block is not None:
             touching = [
                 felt
@@ -157,6 +174,10 @@ class Going:
             if not rows or row[0] - rows[-1][0] > 1e-3:
                 rows.append(row)
         return TouchCourse(*np.array(rows, dtype=np.float64).reshape(-1, 4).T)
+
+    def touch(self) -> list[TouchRow]:
+        """Return every new contact that a look at the loop has shown since the trial's start."""
+        return list(self._touch)
 
 
 def in_thread(work: Callable[[], None]) -> tuple[threading.Thread, list[BaseException]]:

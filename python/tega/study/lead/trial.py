@@ -13,6 +13,7 @@ from tega.study.journal import Event, Journal, Kind, Status, counting
 from tega.study.lead.desk import ENTER
 from tega.study.lead.going import Going, in_thread
 from tega.study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
+from tega.study.touch_rows import touch_path, write_touch
 from tega.study.trials import course_path
 
 if TYPE_CHECKING:
@@ -256,6 +257,8 @@ class LedTrial:
         before = course.t_s <= end.t_s
         path = course_path(self._folder, self.trial)
         write_course(path, TouchCourse(*(column[before] for column in course)))
+        where = touch_path(self._folder, self.trial.participant, self.trial.id, self.attempt)
+        write_touch(where, [row for row in self.going.touch() if row.t_s <= end.t_s])
         if self._raised and end.status in {"done", "failed_task"}:
             end = end._replace(status="aborted_technical", why=_told(self._raised[0]))
         dropped = any(event.kind == "drop" for event in self.events())
