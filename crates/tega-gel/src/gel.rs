@@ -41,7 +41,8 @@ pub struct Gel {
     canvas: Canvas,
     drifted: Vec<u8>,
     epoch: Option<u64>,
-    touch: Touch,
+    /// Whether anything lies against the gel.
+    touches: bool,
 }
 
 impl Gel {
@@ -61,29 +62,45 @@ impl Gel {
             canvas: Canvas::new(),
             drifted: vec![0; PICTURE],
             epoch: None,
-            touch: nothing(),
+            touches: false,
         })
     }
 
-    /// Presses these shapes, and none else, into the gel.
+    /// Presses these shapes, and none else, into the gel; returns whether anything lies against it.
     ///
     /// # Errors
     ///
     /// A number of an indenter is out of range, or there are more than [`MAX_INDENTERS`].
-    pub fn press(&mut self, indenters: &[Indenter]) -> Result<Touch, GelError> {
+    pub fn press(&mut self, indenters: &[Indenter]) -> Result<bool, GelError> {
         if indenters.len() > MAX_INDENTERS {
             return Err(GelError::TooMany { got: indenters.len(), limit: MAX_INDENTERS });
         }
         indenters.iter().enumerate().try_for_each(|(index, indenter)| indenter.check(index))?;
-        let pressing =
+        self.touches =
             indenters.iter().any(|i| i.force_n > 0.0) && simd::solve(&mut self.membrane, indenters);
-        self.touch = if pressing { self.look() } else { nothing() };
-        Ok(self.touch)
+        Ok(self.touches)
     }
 
-    /// What is true of the latest press.
+    /// Measures what is true of the latest press; it is not measured before it is asked for.
     pub fn touch(&self) -> Touch {
-        self.touch
+        if !self.touches {
+            return Touch { centre_xy: [f64::NAN; 2], ..Touch::default() };
+        }
+        let found = simd::measure(&self.membrane);
+        let cell = CELL_PX as f64;
+        let middle = |of: f32| cell * f64::from(of) / f64::from(found.sum) + (cell - 1.0) / 2.0;
+        let area_px = found.cells * CELL_PX * CELL_PX;
+        Touch {
+            touches: true,
+            area_px,
+            area_mm2: area_px as f64 / (PX_PER_MM * PX_PER_MM),
+            depth_mm: f64::from(found.depth),
+            centre_xy: if found.cells > 0 {
+                [middle(found.right), middle(found.down)]
+            } else {
+                [f64::NAN; 2]
+            },
+        }
     }
 
     /// Paints the latest press as frame `index` shows it.
@@ -95,7 +112,7 @@ impl Gel {
         check(out)?;
         self.drift(index);
         let noise = (&self.noise, self.noise.part(index));
-        let membrane = self.touch.touches.then_some(&self.membrane);
+        let membrane = self.touches.then_some(&self.membrane);
         simd::paint(&mut self.canvas, membrane, &self.unit, &self.drifted, noise, out);
         Ok(())
     }
@@ -115,7 +132,7 @@ impl Gel {
     /// Marks the touching pixels of the latest press; their number is [`Touch::area_px`].
     pub fn contact_mask(&self, out: &mut [bool]) {
         out.fill(false);
-        if !self.touch.touches {
+        if !self.touches {
             return;
         }
         for (y, row) in out.chunks_exact_mut(WIDTH).enumerate() {
@@ -128,7 +145,7 @@ impl Gel {
     /// Copies the gel's displacement under the picture, millimetres, one value a cell of 4 pixels: [`CELLS`].
     pub fn displacement(&self, out: &mut [f32]) {
         out.fill(0.0);
-        if !self.touch.touches {
+        if !self.touches {
             return;
         }
         for (r, row) in out.chunks_exact_mut(CELLS[1]).enumerate() {
@@ -143,29 +160,6 @@ impl Gel {
             self.epoch = Some(epoch);
         }
     }
-
-    /// Measures the solved gel.
-    fn look(&self) -> Touch {
-        let found = simd::measure(&self.membrane);
-        let cell = CELL_PX as f64;
-        let middle = |of: f32| cell * f64::from(of) / f64::from(found.sum) + (cell - 1.0) / 2.0;
-        let area_px = found.cells * CELL_PX * CELL_PX;
-        Touch {
-            touches: true,
-            area_px,
-            area_mm2: area_px as f64 / (PX_PER_MM * PX_PER_MM),
-            depth_mm: f64::from(found.depth),
-            centre_xy: if found.cells > 0 {
-                [middle(found.right), middle(found.down)]
-            } else {
-                [f64::NAN; 2]
-            },
-        }
-    }
-}
-
-fn nothing() -> Touch {
-    Touch { centre_xy: [f64::NAN; 2], ..Touch::default() }
 }
 
 fn check(out: &[u8]) -> Result<(), GelError> {

@@ -159,7 +159,11 @@ pub(crate) fn guess(grid: &Level, i: usize, force: f32) -> f32 {
         let (inside, over) = (inside.iter().sum::<f32>() * cell, over.iter().sum::<f32>() * cell);
         let length = LENGTH_MM as f32;
         let beside = depth * length * (over.sqrt() + 2.0 * length);
-        depth *= (force / (STIFFNESS_N_MM3 as f32 * (inside + beside))).clamp(0.25, 4.0).sqrt();
+        let change = (force / (STIFFNESS_N_MM3 as f32 * (inside + beside))).clamp(0.25, 4.0).sqrt();
+        depth *= change;
+        if (0.95..1.05).contains(&change) {
+            break;
+        }
     }
     depth
 }

@@ -13,10 +13,11 @@
 //!     pose_mm: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.4]],
 //!     force_n: 3.0,
 //! };
-//! let touch = gel.press(&[ball])?;
+//! assert!(gel.press(&[ball])?);
 //! let mut picture = vec![0; PICTURE];
 //! gel.paint(0, &mut picture)?;
-//! assert!(touch.depth_mm > 0.7 && touch.depth_mm < 1.2);
+//! let depth_mm = gel.touch().depth_mm;
+//! assert!(depth_mm > 0.7 && depth_mm < 1.2);
 //! # Ok::<(), tega_gel::GelError>(())
 //! ```
 #![deny(unsafe_code)] // allowed in `simd` alone

@@ -1,5 +1,11 @@
-//! The camera's noise: a sheet larger than the picture, drawn once a unit, of which each frame shows another part.
+//! The camera's noise: a sheet larger than the picture, of which each frame of each unit shows another part.
+//!
+//! The sheet is drawn once and is the same for all units: four fingers in turn find it in the cache. At one place two
+//! units' noise is then still unrelated, as their parts lie elsewhere, but for one frame in some 5,000.
 
+use std::sync::OnceLock;
+
+use crate::paint::nearest;
 use crate::rng::Stream;
 use crate::unit::{HEIGHT, LINE, WIDTH, spline};
 
@@ -24,10 +30,13 @@ const KNOT_EPOCHS: u64 = 8;
 const DRIFT: [f32; 3] = [0.53, 0.30, 0.69];
 const OFFSET: [f32; 3] = [0.97, 0.79, 1.06];
 
+/// The sheet's own, unrelated to any unit's.
+const SHEET_SEED: u64 = 0x7465_6761;
+
 /// One unit's noise.
 #[derive(Debug, Clone)]
 pub(crate) struct Noise {
-    sheet: Vec<i8>,
+    sheet: &'static [i8],
     frames: Stream,
     drift: Stream,
 }
@@ -42,20 +51,8 @@ pub(crate) struct Part {
 
 impl Noise {
     pub(crate) fn new(seed: u64) -> Self {
-        let (rows, cols) = (HEIGHT + ROOM_ROWS, WIDTH + ROOM_COLS);
-        let planes: [Vec<f32>; 3] =
-            std::array::from_fn(|k| plane(Stream::new(seed, 10 + k as u64), rows, cols));
-        let mix = cholesky();
-        let mut sheet = vec![0; rows * SHEET_LINE];
-        for (i, pixel) in sheet.chunks_exact_mut(3).enumerate() {
-            for (channel, out) in pixel.iter_mut().enumerate() {
-                let sum: f32 = (0..=channel).map(|k| mix[channel][k] * planes[k][i]).sum();
-                // Rounding to counts adds a twelfth of a count's square.
-                let sigma = (SIGMA[channel] * SIGMA[channel] - 1.0 / 12.0).sqrt();
-                *out = (sigma * sum).round().clamp(-29.0, 29.0) as i8;
-            }
-        }
-        Self { sheet, frames: Stream::new(seed, 20), drift: Stream::new(seed, 21) }
+        static SHEET: OnceLock<Vec<i8>> = OnceLock::new();
+        Self { sheet: SHEET.get_or_init(sheet), frames: Stream::new(seed, 20), drift: Stream::new(seed, 21) }
     }
 
     /// The part that a frame shows. Two frames in a row never show the same one.
@@ -103,22 +100,38 @@ impl Noise {
         }
         for y in 0..HEIGHT {
             let v = (y as f32 - 159.5) / 160.0;
-            let (mut level, mut slope) = ([0.0; LINE], [0.0; LINE]);
-            for (j, (level, slope)) in level.iter_mut().zip(&mut slope).enumerate() {
-                let term = terms[j % 3];
-                (*level, *slope) = (term[0] + term[2] * v, term[1] + term[3] * v);
-            }
+            // Of the three colours, again and again.
+            let level = terms.map(|term| term[0] + term[2] * v);
+            let slope = terms.map(|term| term[1] + term[3] * v);
+            let (level, slope) = ([level; WIDTH], [slope; WIDTH]);
             let line = y * LINE..(y + 1) * LINE;
-            let drifts = level.iter().zip(&slope).zip(&across);
+            let drifts = level.as_flattened().iter().zip(slope.as_flattened()).zip(&across);
             for ((out, still), ((level, slope), u)) in
                 out[line.clone()].iter_mut().zip(&still[line]).zip(drifts)
             {
                 let drifted = still + (level + slope * u);
                 let kept = if drifted < 225.0 { drifted } else { 225.0 };
-                *out = ((if kept > 30.0 { kept } else { 30.0 }) + 0.5) as i32 as u8;
+                *out = nearest(if kept > 30.0 { kept } else { 30.0 }) as u8;
             }
         }
     }
+}
+
+fn sheet() -> Vec<i8> {
+    let (rows, cols) = (HEIGHT + ROOM_ROWS, WIDTH + ROOM_COLS);
+    let planes: [Vec<f32>; 3] =
+        std::array::from_fn(|k| plane(Stream::new(SHEET_SEED, 10 + k as u64), rows, cols));
+    let mix = cholesky();
+    let mut sheet = vec![0; rows * SHEET_LINE];
+    for (i, pixel) in sheet.chunks_exact_mut(3).enumerate() {
+        for (channel, out) in pixel.iter_mut().enumerate() {
+            let sum: f32 = (0..=channel).map(|k| mix[channel][k] * planes[k][i]).sum();
+            // Rounding to counts adds a twelfth of a count's square.
+            let sigma = (SIGMA[channel] * SIGMA[channel] - 1.0 / 12.0).sqrt();
+            *out = (sigma * sum).round().clamp(-29.0, 29.0) as i8;
+        }
+    }
+    sheet
 }
 
 /// Deviation 1: the share that neighbours have in common, and each pixel's own.

@@ -175,9 +175,10 @@ fn shade(out: &mut [i16], light: [&[f32]; 3], normals: &[[f32; LIT_COLS]; 3]) {
     }
 }
 
-/// The nearest integer, of a number within ±4 million: adding 1.5 · 2²³ leaves it in the last bits.
+/// The nearest integer, of a number within ±4 million: adding 1.5 · 2²³ leaves it in the last bits. A cast that minds NaN
+/// would be done one by one.
 #[inline(always)]
-fn nearest(value: f32) -> i16 {
+pub(crate) fn nearest(value: f32) -> i16 {
     (value + 12_582_912.0).to_bits() as i32 as i16
 }
 

@@ -139,6 +139,12 @@ impl Indenter {
                 let (r, l) = (radius as f32, half_length as f32);
                 let round = Round::new([ax, ay], r);
                 let r2 = r * r;
+                let last = x0 - cx + (out.len() as f32 - 1.0) * step;
+                if round.stays_within(az, [x0 - cx, last], dy, l) {
+                    // A long bar lies over the whole row: its ends are not looked for.
+                    for_each(out, x0 - cx, step, |dx| -round.cut(dx, dy).0);
+                    return;
+                }
                 for_each(out, x0 - cx, step, |dx| {
                     let (enter, leave) = round.cut(dx, dy);
                     let along = az[0] * dx + az[1] * dy + az[2] * enter;
@@ -191,23 +197,41 @@ struct Round {
     axes: [[f32; 3]; 2],
     r2: f32,
     square: f32,
+    per: f32,
 }
 
 impl Round {
     fn new(axes: [[f32; 3]; 2], radius: f32) -> Self {
         let square = axes[0][2] * axes[0][2] + axes[1][2] * axes[1][2];
-        Self { axes, r2: radius * radius, square: if square < 1e-9 { 1e-9 } else { square } }
+        let square = if square < 1e-9 { 1e-9 } else { square };
+        Self { axes, r2: radius * radius, square, per: 1.0 / square }
     }
 
     /// Where the line enters and leaves; the other way round where it misses.
     #[inline(always)]
     fn cut(&self, dx: f32, dy: f32) -> (f32, f32) {
+        let (half, under) = self.meet(dx, dy);
+        let root = if under > 0.0 { under.sqrt() } else { 0.0 };
+        let (enter, leave) = ((-half - root) * self.per, (-half + root) * self.per);
+        if under > 0.0 { (enter, leave) } else { (f32::MAX, f32::MIN) }
+    }
+
+    /// How far the line's nearest point to the bar's axis lies along it, and by how much it meets the bar: not where
+    /// negative.
+    #[inline(always)]
+    fn meet(&self, dx: f32, dy: f32) -> (f32, f32) {
         let [u, v] = self.axes;
         let (su, sv) = (u[0] * dx + u[1] * dy, v[0] * dx + v[1] * dy);
         let half = su * u[2] + sv * v[2];
-        let under = half * half - self.square * (su * su + sv * sv - self.r2);
-        let root = if under > 0.0 { under.sqrt() } else { 0.0 };
-        let (enter, leave) = ((-half - root) / self.square, (-half + root) / self.square);
-        if under > 0.0 { (enter, leave) } else { (f32::MAX, f32::MIN) }
+        (half, half * half - self.square * (su * su + sv * sv - self.r2))
+    }
+
+    /// Whether a row's lines all meet the bar, and within a length either way of its middle; false where in doubt.
+    fn stays_within(&self, axis: [f32; 3], ends: [f32; 2], dy: f32, length: f32) -> bool {
+        // `half` is straight along the row and `under` bends down: both are at their worst at an end of it.
+        let [first, last] = ends.map(|dx| self.meet(dx, dy));
+        let deepest = (first.0.abs().max(last.0.abs()) + (self.square * self.r2).sqrt()) * self.per;
+        let across = (axis[0] * ends[0]).abs().max((axis[0] * ends[1]).abs());
+        first.1 > 0.0 && last.1 > 0.0 && across + (axis[1] * dy).abs() + axis[2].abs() * deepest < length
     }
 }

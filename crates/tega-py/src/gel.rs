@@ -2,7 +2,7 @@
 
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
-use tega_gel::{CELLS, HEIGHT, Indenter, PICTURE, Shape, Touch, WIDTH};
+use tega_gel::{CELLS, HEIGHT, Indenter, PICTURE, Shape, WIDTH};
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
 
@@ -22,8 +22,14 @@ impl Gel {
     }
 
     #[pyo3(signature = (indenters, /))]
-    fn press(&mut self, indenters: Vec<Pressing<'_>>) -> Result<Found, BindError> {
-        Ok(found(self.0.press(&collect(indenters)?)?))
+    fn press(&mut self, indenters: Vec<Pressing<'_>>) -> Result<bool, BindError> {
+        Ok(self.0.press(&collect(indenters)?)?)
+    }
+
+    fn touch(&self) -> Found {
+        let touch = self.0.touch();
+        let [x, y] = touch.centre_xy;
+        (touch.touches, touch.area_px, touch.area_mm2, touch.depth_mm, (x, y))
     }
 
     #[pyo3(signature = (indenters, index, /, *, out))]
@@ -33,7 +39,7 @@ impl Gel {
         indenters: Vec<Pressing<'py>>,
         index: u64,
         out: Picture<'py>,
-    ) -> Result<Found, BindError> {
+    ) -> Result<(), BindError> {
         let indenters = collect(indenters)?;
         let mut lent = out
             .try_readwrite()
@@ -46,11 +52,11 @@ impl Gel {
             ))
         })?;
         let gel = &mut self.0;
-        let touch = py.detach(|| {
-            let touch = gel.press(&indenters)?;
-            gel.paint(index, pixels).map(|()| touch)
+        py.detach(|| {
+            gel.press(&indenters)?;
+            gel.paint(index, pixels)
         })?;
-        Ok(found(touch))
+        Ok(())
     }
 
     #[pyo3(signature = (index, /))]
@@ -104,11 +110,6 @@ fn collect(indenters: Vec<Pressing<'_>>) -> Result<Vec<Indenter>, BindError> {
             Ok(Indenter { shape, pose_mm, force_n })
         })
         .collect()
-}
-
-fn found(touch: Touch) -> Found {
-    let [x, y] = touch.centre_xy;
-    (touch.touches, touch.area_px, touch.area_mm2, touch.depth_mm, (x, y))
 }
 
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {

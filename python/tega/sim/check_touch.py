@@ -1,18 +1,19 @@
-"""What the simulated touch is worth, as numbers and pictures: ``python -m tega.sim.check_touch [FOLDER]``.
+"""What the simulated touch is worth, as numbers and pictures: ``python -m tega.sim.check_touch``.
 
-Prints the tables of ``docs/sim-touch.md`` and writes its two pictures into FOLDER, default ``docs/images``. Recorded
-presses are looked for in the folder that ``TEGA_DATA`` names; without them the tables that need them are left out.
+Prints the tables of ``docs/sim-touch.md`` and writes its two pictures into a folder, ``docs/images`` unless told.
+Recorded presses are looked for in the folder that ``TEGA_DATA`` names; without them the tables that need them are left
+out.
 Needs the extras ``lab`` and ``view``.
 """
 
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import click
 import numpy as np
 from numpy.typing import NDArray
 
@@ -227,11 +228,17 @@ def _spread(values: list[float]) -> str:
     return f"{middle:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def main() -> int:
-    """Print the tables, write the pictures."""
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument(
+    "out", type=click.Path(exists=True, file_okay=False, path_type=Path), default=Path("docs/images")
+)
+def main(out: Path) -> None:
+    """Print the tables of docs/sim-touch.md and write its pictures into the folder OUT, docs/images unless told.
+
+    Recorded presses are looked for in the folder that the variable TEGA_DATA names, else in ../shared/data.
+    """
     from tega.view.gel import draw_presses, draw_readings
 
-    out = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images")
     sections = {
         "force and depth": _golden_table(),
         "touching radius": _radius_table(),
@@ -251,11 +258,10 @@ def main() -> int:
     else:
         sections["recorded presses"] = [f"left out: no recordings at {folder}"]
     for title, lines in sections.items():
-        sys.stdout.write("\n".join(["", f"## {title}", "", *lines]) + "\n")
+        click.echo("\n".join(["", f"## {title}", "", *lines]))
     draw_presses(out / "sim-touch.png")
     draw_readings(out / "sim-touch-readings.png")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -14,6 +14,7 @@ from tega.sim.lab import lab_of
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.streams import Streams
 from tega.sim.trial import run_trial
+from tega.sim.world.scene import import_mujoco
 
 if TYPE_CHECKING:
     from tega.sim.rig import Person
@@ -86,6 +87,7 @@ def run_demo(
 
     for plan in plans:
         lab_of(plan.seed, plan.preset)  # before the clock runs: calibration belongs to no trial
+    import_mujoco()  # nor does the loading of a package
     started = time.perf_counter()
     while left and not stop():
         plan, streams = left.pop(0), Streams()

@@ -60,7 +60,7 @@ class Gel:
     """One unit: its own background, light and noise.
 
     Args:
-        seed: Of everything that differs between units, and of the noise; 0 to 2⁶⁴ - 1.
+        seed: Of everything that differs between units, and of which noise each frame shows; 0 to 2⁶⁴ - 1.
         spread: How much light and background differ from those of the fitted sensor: 0 not at all, 1 as sensors may
             differ, at most 2.
 
@@ -76,12 +76,11 @@ class Gel:
 
     def __init__(self, seed: int, *, spread: float = 1.0) -> None:
         self._gel = _native.Gel(seed, spread=spread)
-        self._truth = GelTruth._make(self._gel.press([]))
 
     def frame(
         self, indenters: Sequence[Indenter], index: int, *, out: NDArray[np.uint8] | None = None
     ) -> NDArray[np.uint8]:
-        """Return the picture of these shapes pressed in, and set :attr:`truth`.
+        """Return the picture of these shapes pressed in; :attr:`truth` is then of this press.
 
         Where nothing touches nothing is solved and nothing shaded: the picture is the still one and new noise, so
         that no two frames are equal. Ask :meth:`press` first to leave such frames out altogether.
@@ -101,7 +100,7 @@ class Gel:
         """
         if out is None:
             out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-        self._truth = GelTruth._make(self._gel.frame(_poses(indenters), index, out=out))
+        self._gel.frame(_poses(indenters), index, out=out)
         return out
 
     def press(self, indenters: Sequence[Indenter]) -> GelTruth:
@@ -109,13 +108,13 @@ class Gel:
 
         Args and errors are those of :meth:`frame`.
         """
-        self._truth = GelTruth._make(self._gel.press(_poses(indenters)))
-        return self._truth
+        self._gel.press(_poses(indenters))
+        return self.truth
 
     @property
     def truth(self) -> GelTruth:
-        """What is true of the latest press."""
-        return self._truth
+        """What is true of the latest press, measured when asked for."""
+        return GelTruth._make(self._gel.touch())
 
     def still(self, index: int = 0) -> NDArray[np.uint8]:
         """Return the untouched gel without noise, as it is by frame ``index``, uint8 (320, 240, 3), BGR."""

@@ -21,7 +21,7 @@ __all__ = ["SimulatedAllegro", "SimulatedBus"]
 
 COUNTS_PER_TORQUE = 1200.0
 # Torques come a thousand times as often as anything else, and in sets: the firmware takes their words as they lie.
-_TORQUES, _FINGER = Struct("<16h"), Struct("<4h")
+_FINGER, _WORD, _SET_BYTES = Struct("<4h"), np.dtype("<i2"), 32
 
 
 class SimulatedAllegro:
@@ -95,8 +95,8 @@ class SimulatedBus:
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no clock
         """Act on frames in their order."""
         words = b"".join([frame.data for frame in frames])
-        if len(words) == _TORQUES.size and [frame.id for frame in frames] == self._set_ids:
-            self._counts[:] = _TORQUES.unpack(words)
+        if len(words) == _SET_BYTES and [frame.id for frame in frames] == self._set_ids:
+            self._counts = np.frombuffer(words, _WORD).astype(np.float64)
         else:
             for frame in frames:
                 self._take(frame)

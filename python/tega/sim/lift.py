@@ -143,7 +143,11 @@ class Lift:
         rig, world = self.rig, self.rig.world
 
         def encoders() -> NDArray[np.float64]:
-            return np.rint(world.angles_rad / ALLEGRO_RAD_PER_COUNT) * ALLEGRO_RAD_PER_COUNT
+            angles = world.angles_rad
+            angles /= ALLEGRO_RAD_PER_COUNT
+            np.rint(angles, out=angles)
+            angles *= ALLEGRO_RAD_PER_COUNT
+            return angles
 
         def show(view: LoopView) -> None:
             if observer is not None:

@@ -15,8 +15,8 @@ from tega.sim.world.effects import effects, levels, slip_forces
 from tega.sim.world.lift import Lift, lift
 from tega.sim.world.objects import OBJECTS
 from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
-from tega.sim.world.scene import Physics
-from tega.sim.world.study import REFERENCE, Error, bounds, compare
+from tega.sim.world.scene import Physics, physics_for
+from tega.sim.world.study import REFERENCE, Error, bounds, compare, stiff_walls
 
 __all__ = ["main"]
 
@@ -28,7 +28,8 @@ __all__ = ["main"]
 @click.option("--jobs", default=1, show_default=True, help="Lifts at a time in the comparison of settings.")
 @click.option("--pictures", type=click.Path(path_type=Path), help="Folder to draw into.")
 @click.option(
-    "--only", type=click.Choice(["forces", "levels", "effects", "flex", "repeat", "long", "settings"])
+    "--only",
+    type=click.Choice(["forces", "levels", "effects", "flex", "repeat", "long", "settings", "stiff"]),
 )
 def main(*, long_s: float, jobs: int, pictures: Path | None, only: str | None) -> None:
     """Check the simulated world and print what was found."""
@@ -48,6 +49,8 @@ def main(*, long_s: float, jobs: int, pictures: Path | None, only: str | None) -
         _long(long_s)
     if only in (None, "settings"):
         errors = _settings(jobs)
+    if only in (None, "stiff"):
+        _stiff()
     if pictures is not None:
         from tega.sim.world.pictures import draw_all
 
@@ -156,6 +159,17 @@ def _settings(jobs: int) -> dict[str, Error]:
             f"{'' if error.same_outcomes else '  OTHER OUTCOME'}"
         )
     return errors
+
+
+def _stiff() -> None:
+    click.echo(f"A bag of 0.15 kg with stiffer walls: steps against one of {1e3 * REFERENCE.timestep_s:g} ms")
+    for row in stiff_walls():
+        chosen = row.physics == physics_for(row.spec, None)
+        click.echo(
+            f"  {row.spec.stiffness_n_m:7g} N/m  step {1e3 * row.physics.timestep_s:4g} ms"
+            f"  turns {row.turn_rad:4.2f} rad  force {100 * row.force_share:5.1f} %"
+            f"  slip {1e3 * row.slip_m:5.2f} mm{'  chosen' if chosen else ''}"
+        )
 
 
 if __name__ == "__main__":

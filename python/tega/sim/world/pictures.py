@@ -149,7 +149,9 @@ def _settings(figure: Any, errors: dict[str, Error]) -> Any:
     marks = {0.5: "s", 1.0: "D", 1.5: "o", 3.0: "^"}
     kinds = dict.fromkeys(name.rsplit(", ", 1)[0] for name in errors)
     colours = dict(
-        zip(kinds, ("#2166ac", "#b2182b", "#4d9221", "#7b3294", "#999999", "#e08214"), strict=False)
+        zip(
+            kinds, ("#2166ac", "#b2182b", "#4d9221", "#7b3294", "#35978f", "#999999", "#e08214"), strict=False
+        )
     )
     for name, error in errors.items():
         kind, step = name.rsplit(", ", 1)

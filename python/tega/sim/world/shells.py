@@ -6,12 +6,13 @@ finger dents the wall where it is, without denting it for the others. The palm a
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from tega.sim.world.allegro import FINGERS
 from tega.sim.world.objects import ObjectSpec
 
-__all__ = ["object_body", "object_tendons", "shell_mass_kg"]
+__all__ = ["object_body", "object_tendons", "shell_mass_kg", "wall_rad_s"]
 
 # Light bodies make soft contacts, as their stiffness scales with mass; so shells are given a fair share of it.
 _SHELL_SHARE: Final = 0.08
@@ -21,6 +22,11 @@ _REACH_M: Final = 0.9
 def shell_mass_kg(spec: ObjectSpec) -> float:
     """Return the mass of one shell, kg; the core has the rest."""
     return _SHELL_SHARE * spec.mass_kg
+
+
+def wall_rad_s(spec: ObjectSpec) -> float:
+    """Return how fast the wall under one fingertip oscillates on its springs, rad/s."""
+    return math.sqrt(spec.stiffness_n_m / shell_mass_kg(spec))
 
 
 def object_body(spec: ObjectSpec) -> str:

@@ -9,17 +9,18 @@ import numpy as np
 
 from tega.sim.world.allegro import FULL_DUTY_NM
 from tega.sim.world.lift import LIFT_M, Lift, lift
-from tega.sim.world.objects import ObjectSpec
+from tega.sim.world.objects import OBJECTS, ObjectSpec
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
+from tega.sim.world.shells import wall_rad_s
 from tega.sim.world.world import World
 
-__all__ = ["CASES", "REFERENCE", "SETTINGS", "Bounds", "Error", "bounds", "compare"]
+__all__ = ["CASES", "REFERENCE", "SETTINGS", "Bounds", "Error", "Stiff", "bounds", "compare", "stiff_walls"]
 
 CASES: Final = (("bottle", 3), ("bottle", 4), ("container", 2), ("container", 3), ("bag", 3), ("bag", 4))
 """Object and level of the lifts compared: for each object one that barely holds and one that does."""
 
-REFERENCE: Final = Physics(timestep_s=2.5e-4, tolerance=1e-10)
+REFERENCE: Final = Physics(timestep_s=2.5e-4, tolerance=1e-12)
 """What errors are counted from."""
 
 SETTINGS: Final[dict[str, Physics]] = {
@@ -29,6 +30,7 @@ SETTINGS: Final[dict[str, Physics]] = {
         ("impratio 100", {"impratio": 100.0}),
         ("discrete", {"integrator": "discrete"}),
         ("impratio 10, noslip 3", {"impratio": 10.0, "noslip": 3}),
+        ("tolerance 1e-8", {"tolerance": 1e-8}),
         ("tolerance 1e-5", {"tolerance": 1e-5}),
         ("hard onset", {"onset": 0.95, "width_m": 0.001}),
     )
@@ -119,6 +121,45 @@ def _creep_m_s(one: Lift) -> float:
 def _chatter_n(one: Lift) -> float:
     forces = np.array([truth.pad_force_n for truth in one.trace if truth.t_s > _TOUCHES_S])
     return float(np.abs(np.diff(forces, axis=0)).mean(axis=0).max())
+
+
+class Stiff(NamedTuple):
+    """A lift of a light object with a stiff wall, with a step and with the reference's.
+
+    Attributes:
+        spec: The object.
+        physics: How the motion was computed.
+        turn_rad: How far the wall's own oscillation turns in a step, radians.
+        force_share: Error of the highest pad force, as a share of it.
+        slip_m: Error of the slip at the end.
+    """
+
+    spec: ObjectSpec
+    physics: Physics
+    turn_rad: float
+    force_share: float
+    slip_m: float
+
+
+def stiff_walls(name: str = "bag", level: int = 4, mass_kg: float = 0.15) -> list[Stiff]:
+    """Return what steps do to a light object, from a soft wall to the stiffest: which default they need.
+
+    Args:
+        name: The object.
+        level: Closure level.
+        mass_kg: How light it is made.
+    """
+    found = []
+    for stiffness_n_m in (250.0, 1000.0, 3000.0, 10_000.0):
+        spec = OBJECTS[name].with_(mass_kg=mass_kg, stiffness_n_m=stiffness_n_m)
+        exact = lift(spec, level, physics=REFERENCE)
+        for step_s in (3e-3, 1.5e-3, 7.5e-4):
+            physics = Physics(timestep_s=step_s)
+            one = lift(spec, level, physics=physics)
+            force = abs(one.peak_force_n / exact.peak_force_n - 1)
+            turn = wall_rad_s(spec) * step_s
+            found.append(Stiff(spec, physics, turn, force, abs(one.slip_m - exact.slip_m)))
+    return found
 
 
 class Bounds(NamedTuple):
