@@ -129,7 +129,7 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
     pytest.importorskip("mujoco")
     folder = study(tmp_path)
     plan = read_plan(folder)
-    desk = Experimenter({"trial": "d", "rest": "uf"})
+    desk = Experimenter({"trial": "d", "ready": "uf"})
     state = lead_session(folder, "p01", SimulatedBench(plan, "p01", real_time=False), desk, time_scale=0.1)
     assert state.next is None
     events = events_of(folder)

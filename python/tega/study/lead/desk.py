@@ -6,7 +6,7 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
@@ -22,6 +22,7 @@ __all__ = ["ENTER", "Desk", "LineDesk", "Screen", "TerminalDesk", "desk_for"]
 
 ENTER = "\n"
 _LINE_EVERY_S = 5.0
+_LOOK_S = 0.05
 
 
 class Screen(NamedTuple):
@@ -64,9 +65,13 @@ class Desk(Protocol):
         ...
 
 
-def desk_for() -> LineDesk | TerminalDesk:
-    """Return the desk that fits where this runs."""
-    return TerminalDesk() if sys.stdin.isatty() and sys.stderr.isatty() else LineDesk()
+def desk_for(stop: Callable[[], bool]) -> LineDesk | TerminalDesk:
+    """Return the desk that fits where this runs.
+
+    Args:
+        stop: Asked while a typed line is waited for; :meth:`Desk.line` then raises KeyboardInterrupt.
+    """
+    return TerminalDesk(stop) if sys.stdin.isatty() and sys.stderr.isatty() else LineDesk(stop)
 
 
 class LineDesk:
@@ -76,7 +81,8 @@ class LineDesk:
         KeyboardInterrupt: From :meth:`keys` and :meth:`line`: stdin has ended, so whoever led has gone.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, stop: Callable[[], bool] = lambda: False) -> None:
+        self._stop = stop
         self._heard: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._shown: tuple[object, ...] = ()
         self._shown_s = 0.0
@@ -127,18 +133,24 @@ class LineDesk:
     def line(self, prompt: str) -> str:
         """Wait for a line."""
         click.echo(f"? {prompt}", err=True)
-        line = self._heard.get()
-        if line is None:
-            raise KeyboardInterrupt
-        return line
+        while not self._stop():
+            try:
+                line = self._heard.get(timeout=_LOOK_S)
+            except queue.Empty:
+                continue
+            if line is None:
+                break
+            return line
+        raise KeyboardInterrupt
 
 
 class TerminalDesk:
     """A picture that is redrawn in place on stderr, and single keys."""
 
-    def __init__(self) -> None:
+    def __init__(self, stop: Callable[[], bool] = lambda: False) -> None:
         from rich.console import Console
 
+        self._stop = stop
         self._console = Console(stderr=True, highlight=False)
         self._live: Live | None = None
         self._keys: Keys | None = None
@@ -182,16 +194,22 @@ class TerminalDesk:
         return [ENTER if key in {"\r", "\n"} else key for key in self._keys.read()]
 
     def line(self, prompt: str) -> str:
-        """Ask below the picture's place, with the terminal as it was before."""
-        self.__exit__(None, None, None)
-        try:
-            self._console.print(f"[bold cyan]{prompt}[/] ", end="")
-            said = sys.stdin.readline()
-            if not said:
-                raise KeyboardInterrupt
-            return said.rstrip("\n")
-        finally:
-            self.__enter__()
+        """Ask in the picture's place; Backspace takes back, and other keys' sequences are passed over."""
+        typed = ""
+        while not self._stop():
+            for key in self.keys():
+                if key == ENTER:
+                    self._console.print(f"{prompt} {typed}", markup=False)
+                    return typed
+                if key in {"\x7f", "\x08"}:
+                    typed = typed[:-1]
+                elif len(key) == 1 and key.isprintable():
+                    typed += key
+            self.show(
+                Screen("question", prompt, f"{typed}_", (), [("Enter", "answer"), ("Backspace", "take back")])
+            )
+            time.sleep(_LOOK_S)
+        raise KeyboardInterrupt
 
 
 def _panel(screen: Screen) -> RenderableType:
