@@ -40,6 +40,7 @@ __all__ = [
     "InputConfig",
     "InputSection",
     "LoadedConfig",
+    "MarkersSection",
     "RecordingSection",
     "SessionConfig",
     "SessionSection",
@@ -247,6 +248,18 @@ class RecordingSection(_Section, frozen=True):
     stop_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 256.0
 
 
+class MarkersSection(_Section, frozen=True):
+    """Markers by the Lab Streaming Layer; needs the extra ``lsl``.
+
+    Attributes:
+        lsl_out: Name of the stream on which a run tells its states, faults, trials and pedals; none means it does not.
+        lsl_in: Name of another program's stream of markers, which are recorded; none means none are.
+    """
+
+    lsl_out: str | None = None
+    lsl_in: str | None = None
+
+
 class SessionConfig(_Section, frozen=True):
     """Everything a session needs to know, checked, with absolute paths and typed driver options."""
 
@@ -258,6 +271,7 @@ class SessionConfig(_Section, frozen=True):
     hand: HandConfig = HandConfig()
     input: InputSection = InputSection()
     recording: RecordingSection = RecordingSection()
+    markers: MarkersSection = MarkersSection()
     safety: SafetySection = SafetySection()
 
 

@@ -146,7 +146,8 @@ def test_the_figure_is_the_simulated_hand():
         for other in names:
             there = np.linalg.norm(drawn[one][:3] - drawn[other][:3])
             here = np.linalg.norm(poses[names.index(one), :3] - poses[names.index(other), :3])
-            assert here == pytest.approx(there, abs=1e-5)
+            # What the world draws is a step of physics behind its angles.
+            assert here == pytest.approx(there, abs=5e-5)
 
 
 def test_run_with_view_says_where_and_prints_the_summary(tmp_path, capsys):

@@ -32,6 +32,7 @@ _VERBS = {
     "replay": _Verb(
         "Run", "tega.cli.replay", "replay", "Run the loop on recordings, and compare or write tables."
     ),
+    "play": _Verb("Run", "tega.cli.play", "play", "Play a recorded session to a vest and a hand."),
     "inspect": _Verb("Run", "tega.cli.inspect", "inspect", "Print what a recording holds."),
     "export": _Verb("Run", "tega.cli.export", "export", "Write a recording as tables and pictures."),
     "study": _Verb("Study", "tega.cli.study", "study", "Plan a user study, keep its data, report it."),

@@ -69,6 +69,7 @@ def run_viewed(
     observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
     can_pause: bool = False,
+    run: Callable[..., dict[str, Any]] | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Run a session with the page open.
@@ -80,7 +81,8 @@ def run_viewed(
         observer: Of the terminal's view, called as well.
         stop: Asked whether to end; the page's button is another way.
         can_pause: Whether the run may stand still: with recordings, and with nothing that moves.
-        options: Further arguments of ``run_session``.
+        run: Runs it, called like ``run_session``; that itself when ``None``.
+        options: Further arguments of it.
 
     Returns:
         The summary.
@@ -110,9 +112,10 @@ def run_viewed(
             if observer is not None:
                 observer(loop)
 
-        return run_session(
+        if can_pause:
+            options["clock"] = PausableClock(lambda: controls.paused and not stop())
+        return (run or run_session)(
             config,
-            clock=PausableClock(lambda: controls.paused and not stop()) if can_pause else None,
             observer=observe,
             stop=ends,
             on_prepared=feed.watch,

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import time
-from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
 
 from tega.devices.base import Found, Options
-from tega.devices.lifecycle import require
 from tega.devices.live_emg import Arrived, LiveEmg, LiveEmgOptions
+from tega.devices.lsl import EXTRA, load_lsl, to_monotonic_s
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
@@ -54,7 +51,7 @@ class LslEmg(LiveEmg):
 
     name: ClassVar[str] = "lsl-emg"
     summary: ClassVar[str] = "any Lab Streaming Layer stream of numbers"
-    extra: ClassVar[str] = "lsl"
+    extra: ClassVar[str] = EXTRA
     requires: ClassVar[tuple[str, ...]] = ("pylsl",)
     options_type: ClassVar[type[Options]] = LslEmgOptions
 
@@ -76,7 +73,7 @@ class LslEmg(LiveEmg):
         Raises:
             MissingExtraError: pylsl is not installed.
         """
-        lsl = _load_lsl()
+        lsl = load_lsl(LslEmg.name)
         return [
             Found(
                 driver=cls.name,
@@ -97,7 +94,7 @@ class LslEmg(LiveEmg):
             DeviceUnavailableError: There is none or more than one, or it is not made of numbers.
         """
         o = self._options
-        lsl = _load_lsl()
+        lsl = load_lsl(LslEmg.name)
         found = lsl.resolve_byprop(o.by, o.value, minimum=1, timeout=o.start_s)
         if len(found) != 1:
             said = (
@@ -132,8 +129,7 @@ class LslEmg(LiveEmg):
                 f"lsl-emg: {o.value!r} was found, but did not connect: {error}",
                 "see that no firewall blocks TCP 16572 to 16604",
             ) from error
-        # The library's clock and ours are the same on Linux and differ by a constant elsewhere.
-        self._to_monotonic_s = time.monotonic() - float(lsl.local_clock())
+        self._to_monotonic_s = to_monotonic_s(lsl)
         self._last_s = None
 
     def _arrived(self) -> Arrived | None:
@@ -182,13 +178,3 @@ class LslEmg(LiveEmg):
 
     def _label(self) -> str:
         return self._options.value.replace("/", "_").replace("\\", "_")
-
-
-def _load_lsl() -> Any:
-    """Import pylsl; where nobody has configured its library, only its errors are printed."""
-    own = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
-    if not any(file.exists() for file in own):
-        quiet = files("tega").joinpath("data", "lsl_api.cfg")
-        # Read once, when the library is loaded.
-        os.environ.setdefault("LSLAPICFG", str(quiet))
-    return require("pylsl", driver=LslEmg.name, extra=LslEmg.extra)

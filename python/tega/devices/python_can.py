@@ -14,7 +14,7 @@ from tega.errors import ConfigError, DeviceUnavailableError
 if TYPE_CHECKING:
     from tega.wire import CanFrame
 
-__all__ = ["PythonCan", "PythonCanOptions"]
+__all__ = ["PythonCan", "PythonCanOptions", "may_have_hardware"]
 
 _NO_HARDWARE = frozenset({"virtual", "udp_multicast"})
 
@@ -38,6 +38,11 @@ class PythonCanOptions(Options, frozen=True):
     bus: dict[str, Any] = msgspec.field(default_factory=dict)
     open_loop: bool = False
     send_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.01
+
+
+def may_have_hardware(interface: str, channel: str | int) -> bool:
+    """Tell whether there may be a real hand on one of python-can's buses."""
+    return interface not in _NO_HARDWARE and not str(channel).startswith("vcan")
 
 
 class PythonCan(Opened):
@@ -81,8 +86,7 @@ class PythonCan(Opened):
         """
         o = self._options
         self.close()
-        simulated = o.interface in _NO_HARDWARE or str(o.channel).startswith("vcan")
-        if not simulated and not o.open_loop:
+        if may_have_hardware(o.interface, o.channel) and not o.open_loop:
             raise ConfigError(
                 f"python-can: interface {o.interface!r} may have a real hand behind it, and these torques come from "
                 "a joint model that does not read the hand's angles",

@@ -118,6 +118,10 @@ class McapRecorder:
         """Mark a moment, such as a trial's beginning or a pressed pedal."""
         self.put("/run/marker", t_ns, "Marker", {"t_ns": t_ns, "text": text, "source": source})
 
+    def heard_marker(self, t_ns: int, received_ns: int, value: Mapping[str, Any]) -> None:
+        """Record another program's marker: its ``text``, ``source``, ``stamp_s`` there and the ``correction_s``."""
+        self.put("/markers", received_ns, "Marker", {"t_ns": t_ns, "received_ns": received_ns, **value})
+
     def run_state(self, t_ns: int, state: str, reason: str = "") -> None:
         """Say what the run is doing from now on."""
         self.put("/run/state", t_ns, "State", {"t_ns": t_ns, "state": state, "reason": reason})

@@ -7,7 +7,6 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -15,56 +14,27 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import msgspec
 import numpy as np
 
-from tega.calibration import load_calibration
 from tega.clock import ManualClock
-from tega.config import load_config
-from tega.emg import GraspIntent
-from tega.errors import TegaError
 from tega.replay.compare import Comparison, compare
 from tega.replay.exchanges import compare_exchanges
-from tega.replay.recorded import Head, Recorded, read_recorded
+from tega.replay.measured import Measured, PictureError, contact_items, level_items, picture_errors
+from tega.replay.recorded import Recorded, read_recorded
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
 from tega.teleop.session import touch_loop
-from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter, SourceReport
 
 if TYPE_CHECKING:
-    from tega.calibration import Calibration
-    from tega.config import SessionConfig
-    from tega.devices.base import EmgChunk, TactileFrame
     from tega.haptics import VestFrame
     from tega.teleop.loop import LoopReport
     from tega.teleop.touch import Felt
     from tega.wire import CanFrame
 
-__all__ = ["PictureError", "Replay", "replay_file"]
+__all__ = ["Replay", "replay_file"]
 
 Item = TypeVar("Item", bound=tuple[Any, ...])
-
-
-class PictureError(msgspec.Struct, frozen=True):
-    """How far the contacts measured in JPEG pictures are from those recorded from the pictures themselves.
-
-    Attributes:
-        finger: Whose pictures.
-        compared: Frames compared.
-        contact_changed: Frames in which contact is seen in one of them only.
-        eda_mean_px: Mean error of the area over all frames, pixels.
-        eda_max_px: The largest.
-        cci_mean: Mean error of the concentration.
-        cci_max: The largest.
-    """
-
-    finger: str
-    compared: int
-    contact_changed: int
-    eda_mean_px: float
-    eda_max_px: float
-    cci_mean: float
-    cci_max: float
 
 
 class Replay(msgspec.Struct, frozen=True):
@@ -107,7 +77,7 @@ def replay_file(path: Path, *, config: Path | None = None) -> Replay:
         RecordingError: The recording cannot be read.
         ConfigError: The other settings cannot be used.
     """
-    measured = _Measured(config)
+    measured = Measured(config)
     recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
     again = _run(recorded, measured)
     cut_ns = None if recorded.end is not None else recorded.last_tick_ns
@@ -121,84 +91,10 @@ def replay_file(path: Path, *, config: Path | None = None) -> Replay:
         changed=measured.changed,
         duration_s=again.end_ns / 1e9,
         streams=streams,
-        pictures=[] if recorded.head.lossless else _picture_errors(recorded, measured),
+        pictures=[] if recorded.head.lossless else picture_errors(recorded, measured),
         dropped=recorded.dropped,
         same=not any(stream.differ for stream in streams),
     )
-
-
-class _Measured:
-    """What the raw streams give when they are measured again."""
-
-    def __init__(self, other: Path | None) -> None:
-        self._other = other
-        self.config: SessionConfig
-        self.calibration: Calibration
-        self.contacts: dict[str, list[Contact]] = {}
-        self.blocks: list[Block] = []
-        self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
-        self.changed: list[str] = []
-        self._meters: dict[str, FrameMeter] = {}
-        self._muscles: BlockMeter | None = None
-
-    def begin(self, head: Head) -> None:
-        self.config, self.calibration = head.config, head.calibration
-        kind = head.tree.get("emg", {}).get("kind", "raw")
-        if self._other is not None:
-            kind = self._change(head, kind)
-        for finger, baseline in head.baselines.items():
-            # A picture out of a JPEG has no bits of its own to compare with the one before.
-            live = head.sources[finger].live and head.lossless
-            preset = self.config.session.preset
-            self._meters[finger] = FrameMeter(baseline, preset, SourceReport(), live=live)
-            self.contacts[finger], self.pixels[finger] = [], []
-        emg = self.calibration.emg
-        if "emg" in head.sources and emg is not None:
-            intent = GraspIntent(
-                emg.rate_hz, emg.maxima, tau=emg.tau, kind=kind, preset=self.config.session.preset
-            )
-            self._muscles = BlockMeter(
-                intent, SourceReport(), rate_hz=emg.rate_hz, tau=emg.tau, live=head.sources["emg"].live
-            )
-
-    def _change(self, head: Head, kind: str) -> Any:
-        """Take over what other settings say of the computation, and note it."""
-        other = load_config(self._other).config
-        if other.calibration.file is not None:
-            self.calibration = load_calibration(other.calibration.file)
-            if self.calibration != head.calibration:
-                self.changed.append(f"calibration: {other.calibration.file.name}")
-        vest = msgspec.structs.replace(other.vest, driver=None, options={})
-        hand = msgspec.structs.replace(other.hand, driver=None, options={})
-        for name, old, new in (
-            ("session.preset", head.config.session.preset, other.session.preset),
-            ("emg.kind", kind, kind if other.emg is None else other.emg.kind),
-            *((f"vest.{f}", getattr(head.config.vest, f), getattr(vest, f)) for f in vest.__struct_fields__),
-            *((f"hand.{f}", getattr(head.config.hand, f), getattr(hand, f)) for f in hand.__struct_fields__),
-        ):
-            if old != new:
-                self.changed.append(f"{name}: {old} -> {new}")
-        session = msgspec.structs.replace(head.config.session, preset=other.session.preset)
-        self.config = msgspec.structs.replace(head.config, session=session, vest=vest, hand=hand)
-        return kind if other.emg is None else other.emg.kind
-
-    def frame(self, finger: str, frame: TactileFrame, pixels_crc32: int) -> None:
-        now = zlib.crc32(frame.image.tobytes())
-        self.pixels[finger].append((frame.t_ns, {"pixels_crc32": pixels_crc32}, {"pixels_crc32": now}))
-        try:
-            contact = self._meters[finger].take(frame)
-        except TegaError:  # a bad picture of a live sensor, dropped then as now
-            return
-        if contact is not None:
-            self.contacts[finger].append(contact)
-
-    def chunk(self, chunk: EmgChunk) -> None:
-        if self._muscles is None:
-            return
-        try:
-            self.blocks += self._muscles.take(chunk)
-        except TegaError:
-            return
 
 
 class _Again(msgspec.Struct):
@@ -212,14 +108,14 @@ class _Again(msgspec.Struct):
     end_ns: int = 0
 
 
-def _run(recorded: Recorded, measured: _Measured) -> _Again:
+def _run(recorded: Recorded, measured: Measured) -> _Again:
     head, config = recorded.head, measured.config
     again = _Again({finger: [] for finger in recorded.contacts})
     pacer = _RecordedPacer(recorded)
     hand = _Hand(recorded, pacer, config.hand.device_id)
     with_emg = "emg" in head.sources
     asked = 0
-    on = dict(recorded.haptics)
+    on = {n_asked: on for n_asked, on, _ in recorded.haptics}
     state = True
 
     def haptics() -> bool:
@@ -247,10 +143,10 @@ def _run(recorded: Recorded, measured: _Measured) -> _Again:
         again.hand.append((t_ns, hand.level, list(frames)))
 
     contacts = {
-        finger: _TakenStream(_contact_items(recorded, measured, finger), pacer, recorded)
+        finger: _TakenStream(contact_items(recorded, measured, finger), pacer, recorded)
         for finger in recorded.contacts
     }
-    levels = _TakenStream(_level_items(recorded, measured), pacer, recorded) if with_emg else None
+    levels = _TakenStream(level_items(recorded, measured), pacer, recorded) if with_emg else None
     loop = DualLoop(
         pacer=pacer,
         touch=touch_loop(config, measured.calibration, recorded.contacts),
@@ -270,26 +166,6 @@ def _run(recorded: Recorded, measured: _Measured) -> _Again:
     report: LoopReport = loop.run(duration_ns=duration_ns, stop=pacer.over)
     again.end_ns = report.end_ns
     return again
-
-
-def _contact_items(recorded: Recorded, measured: _Measured, finger: str) -> list[tuple[int, Contact]]:
-    """Pair every frame the loop took in with what is measured in it now."""
-    if not recorded.head.lossless:
-        return [(taken, (t_ns, metrics)) for t_ns, taken, metrics, _ in recorded.contacts[finger]]
-    again = dict(measured.contacts[finger])
-    taken = [(taken, t_ns) for t_ns, taken, _, _ in recorded.contacts[finger]]
-    return [(at, (t_ns, again[t_ns])) for at, t_ns in taken if t_ns in again]
-
-
-def _level_items(recorded: Recorded, measured: _Measured) -> list[tuple[int, Block]]:
-    """Pair every block that the loop took in with what the samples say now."""
-    items, blocks = [], iter(measured.blocks)
-    for t_ns, taken, _, _ in recorded.levels:
-        for block in blocks:  # those between were lost on the way to the loop
-            if block[0] == t_ns:
-                items.append((taken, block))
-                break
-    return items
 
 
 class _TakenStream(Generic[Item]):
@@ -386,7 +262,7 @@ class _Keeper:
         self._again.levels.append((t_ns, tuple(channels), fused))
 
 
-def _compare_pixels(measured: _Measured) -> list[Comparison]:
+def _compare_pixels(measured: Measured) -> list[Comparison]:
     """Tell pictures whose pixels are not those that were taken, whether or not they change what is felt."""
     return [
         compare(f"/tactile/{finger}/image", [(t, a) for t, a, _ in rows], [(t, b) for t, _, b in rows])
@@ -434,25 +310,3 @@ def _vest_rows(rows: Sequence[tuple[int, str, bytes]]) -> list[tuple[int, dict[s
 
 def _hex(frames: Sequence[CanFrame]) -> str:
     return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)
-
-
-def _picture_errors(recorded: Recorded, measured: _Measured) -> list[PictureError]:
-    errors = []
-    for finger, contacts in recorded.contacts.items():
-        again = dict(measured.contacts[finger])
-        pairs = [(m, again[t]) for t, _, m, _ in contacts if t in again]
-        eda = np.array([float(abs(a.eda - b.eda)) for a, b in pairs] or [0.0])
-        cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0])
-        changed = sum(a.in_contact != b.in_contact for a, b in pairs)
-        errors.append(
-            PictureError(
-                finger,
-                len(pairs),
-                changed,
-                eda.mean().item(),
-                eda.max().item(),
-                cci.mean().item(),
-                cci.max().item(),
-            )
-        )
-    return errors

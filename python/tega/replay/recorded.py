@@ -75,7 +75,7 @@ class Recorded(msgspec.Struct):
         hand: Per tick: time, level asked for, frames.
         exchanges: What a real hand was told and said, in order, as recorded.
         skipped: Deadlines that the loop left out.
-        haptics: When the motors were switched off or on: which asking, whether on.
+        haptics: When the motors were switched off or on: which asking, whether on, and at what tick.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
         end: How the loop ended; ``None`` where the recording was cut.
         dropped: Records lost, by topic.
@@ -91,7 +91,7 @@ class Recorded(msgspec.Struct):
     hand: list[tuple[int, int, list[CanFrame]]] = []
     exchanges: list[Any] = []
     skipped: set[int] = set()
-    haptics: list[tuple[int, bool]] = []
+    haptics: list[tuple[int, bool, int]] = []
     imposed: list[tuple[int, int]] = []
     end: tuple[int, str, int] | None = None
     dropped: dict[str, int] = {}
@@ -113,6 +113,7 @@ def read_recorded(
     begin: Callable[[Head], None] = lambda _head: None,
     frame: Callable[[str, TactileFrame, int], None] = lambda _finger, _frame, _crc32: None,
     chunk: Callable[[EmgChunk], None] = lambda _chunk: None,
+    pictures_wanted: Callable[[Head], bool] = lambda _head: True,
 ) -> Recorded:
     """Read a recording.
 
@@ -122,6 +123,7 @@ def read_recorded(
         frame: Given every picture, one at a time (all together they do not fit into memory), and the checksum that its
             pixels had when they were taken.
         chunk: Given the EMG samples as they came.
+        pictures_wanted: Asked after ``begin`` whether ``frame`` is to be given them; else they are passed over.
 
     Raises:
         RecordingError: It is no recording of a session, or cut before anything was known.
@@ -130,11 +132,14 @@ def read_recorded(
     reader = McapReader(path)
     pictures: dict[str, Message] = {}
     recorded: Recorded | None = None
-    for message in reader.messages():
+    passed_over: set[str] = set()
+    for message in reader.messages(lambda topic: topic.rpartition("/")[2] not in passed_over):
         if recorded is None:
             head = _head(reader)
             recorded = Recorded(head, {finger: [] for finger in head.baselines})
             begin(head)
+            if not pictures_wanted(head):
+                passed_over.add("image")
         value, topic = message.value, message.topic
         match message.schema:
             case "foxglove.RawImage" | "foxglove.CompressedImage":
@@ -142,7 +147,7 @@ def read_recorded(
             case "tega.Frame":
                 finger = topic.split("/")[2]
                 picture = pictures.pop(finger, None)
-                if picture is not None:
+                if picture is not None and picture.value is not None:
                     image = _image(picture)
                     numbered = TactileFrame(value.t_ns, value.seq, image, value.name)
                     frame(finger, numbered, value.pixels_crc32)
@@ -193,7 +198,7 @@ def _keep(recorded: Recorded, message: Message) -> None:
         case "tega.Skip":
             recorded.skipped.add(value.t_ns)
         case "tega.Haptics":
-            recorded.haptics.append((value.n_asked, value.on))
+            recorded.haptics.append((value.n_asked, value.on, value.t_ns))
         case "tega.Imposed":
             recorded.imposed.append((value.t_ns, value.level))
         case "tega.End":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from tega.devices.base import InputEvent, InputSource, InputState
@@ -55,6 +55,7 @@ class Inputs:
 
     Attributes:
         seen: What each said at the last look.
+        observers: Told of every event of a button that is meant, and what the device is for.
     """
 
     def __init__(self, seats: Mapping[str, Seat]) -> None:
@@ -62,6 +63,7 @@ class Inputs:
         self._no_data_looks = dict.fromkeys(seats, 0)
         self._n_looks = 0
         self.seen: dict[str, Seen] = {}
+        self.observers: list[Callable[[str, InputEvent], None]] = []
 
     def look(self) -> dict[str, list[InputEvent]]:
         """Look at every device.
@@ -75,6 +77,9 @@ class Inputs:
         for name, (source, button) in self._seats.items():
             state = source.state()
             events[name] = [e for e in source.events() if button in {None, e.button}]
+            for event in events[name]:
+                for observer in self.observers:
+                    observer(name, event)
             before = self.seen[name].n_presses if name in self.seen else 0
             held = bool(state.held) if button is None else button in state.held
             seen[name] = Seen(state, held, before + sum(e.pressed for e in events[name]))

@@ -17,7 +17,8 @@ from tega.emg import GraspIntent
 from tega.errors import CalibrationError
 from tega.teleop.baseline import find_baseline
 from tega.teleop.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
-from tega.teleop.sources import Contact, SourceReport, measured_contacts
+from tega.teleop.sources import Block, Contact, SourceReport, measured_contacts
+from tega.teleop.streams import Stream
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,6 +41,7 @@ class Finger(NamedTuple):
         baseline_origin: Where that came from.
         report: What becomes of the frames.
         measured: All frames, where they had to be measured beforehand.
+        stream: What is known of the finger from somewhere else; its source is then not read.
     """
 
     source: TactileSource
@@ -47,6 +49,7 @@ class Finger(NamedTuple):
     baseline_origin: str
     report: SourceReport
     measured: list[Contact] | None = None
+    stream: Stream[Contact] | None = None
 
 
 class Muscles(NamedTuple):
@@ -57,12 +60,14 @@ class Muscles(NamedTuple):
         maxima: Its maxima and the conditions they hold under.
         intent: Samples to levels.
         report: What becomes of the samples.
+        stream: The levels, where they are known from somewhere else; its source is then not read.
     """
 
     source: EmgSource
     maxima: EmgMaxima
     intent: GraspIntent
     report: SourceReport
+    stream: Stream[Block] | None = None
 
 
 class Prepared(NamedTuple):

@@ -36,6 +36,7 @@ from tega.teleop.touch import TouchLoop
 
 if TYPE_CHECKING:
     from tega.haptics import Layout, VestFrame
+    from tega.markers import RunMarkers
     from tega.recording.session import Recording
     from tega.wire import CanFrame
 
@@ -98,6 +99,7 @@ def run_session(
     settings: str = "SETTINGS.toml",
     go: Callable[[], bool] = lambda: True,
     on_state: Callable[[Transition], None] = lambda _change: None,
+    prepared: Prepared | None = None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -113,6 +115,7 @@ def run_session(
         settings: How the settings file is named in the commands that an error suggests.
         go: Asked all the time whether an armed run may become active.
         on_state: Told of every change of the run's state, in the loop's thread.
+        prepared: What to start with instead of the sources of the settings.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -122,7 +125,7 @@ def run_session(
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
     """
     session, fingers = config.session, config.tactile.in_use()
-    if not fingers and config.emg is None:
+    if not fingers and config.emg is None and prepared is None:
         raise ConfigError(
             "no input: neither a tactile source nor EMG is set",
             "set at least one, such as [tactile.thumb] or [emg]",
@@ -133,27 +136,18 @@ def run_session(
         prepare_folder(session.out_dir)
     with ExitStack() as stack:
         recording = _recording(stack, config)
-        sources: dict[str, TactileSource] = {
-            finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
-            for finger, c in fingers.items()
-        }
-        emg: EmgSource | None = None
-        if config.emg is not None:
-            emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
-        if session.pace == "fast":
-            for source in (*sources.values(), *([] if emg is None else [emg])):
-                if source.info.live:
-                    raise ConfigError(
-                        f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
-                    )
-        prepared = on_prepared(prepare(config, sources, emg, progress=progress, stop=stop, settings=settings))
+        markers = _markers(stack, config)
+        if prepared is None:
+            sources, emg = _sources(stack, config)
+            prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
+        prepared = on_prepared(prepared)
         if recording is not None:
             prepared = recording.watch(prepared)
         disk = Disk()
         sinks = _sinks(stack, config, prepared, recording, disk)
         inputs = _inputs(stack, config)
         progress("running", 0, 0)
-        guard = _guard(config, prepared, sinks, disk, recording, go=go)
+        guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go)
         guard.observers.append(on_state)
         return _run(
             stack,
@@ -167,7 +161,26 @@ def run_session(
             stop=stop,
             haptics=haptics,
             recording=recording,
+            markers=markers,
         )
+
+
+def _sources(stack: ExitStack, config: SessionConfig) -> tuple[dict[str, TactileSource], EmgSource | None]:
+    """Open the sources of the settings."""
+    sources: dict[str, TactileSource] = {
+        finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
+        for finger, c in config.tactile.in_use().items()
+    }
+    emg: EmgSource | None = None
+    if config.emg is not None:
+        emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
+    if config.session.pace == "fast":
+        for source in (*sources.values(), *([] if emg is None else [emg])):
+            if source.info.live:
+                raise ConfigError(
+                    f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
+                )
+    return sources, emg
 
 
 def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
@@ -181,6 +194,17 @@ def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
     return recording
 
 
+def _markers(stack: ExitStack, config: SessionConfig) -> RunMarkers | None:
+    """Open the streams of markers, if there are any."""
+    if config.markers.lsl_out is None and config.markers.lsl_in is None:
+        return None
+    from tega.markers import RunMarkers
+
+    markers = RunMarkers(config.markers)
+    stack.callback(markers.close)
+    return markers
+
+
 def _guard(
     config: SessionConfig,
     prepared: Prepared,
@@ -188,6 +212,7 @@ def _guard(
     disk: Disk,
     recording: Recording | None,
     *,
+    markers: RunMarkers | None,
     go: Callable[[], bool],
 ) -> Guard:
     """Make what watches over the live devices; recordings are not lost and need nobody."""
@@ -205,6 +230,8 @@ def _guard(
     vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
     if recording is not None:
         alerts["recording"] = recording.problem
+    if markers is not None:
+        alerts["markers"] = markers.problem
     if config.session.pace == "real":
         alerts["clock"] = ClockStep()
     if sinks.steered is not None:
@@ -234,6 +261,7 @@ def _run(
     stop: Callable[[], bool],
     haptics: Callable[[], bool],
     recording: Recording | None,
+    markers: RunMarkers | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
@@ -260,6 +288,10 @@ def _run(
         trace = _trace(prepared, sinks, parts.pacer, start_ns=start_ns, budget_ms=budget_ms)
     if recording is not None:
         recording.follow(guard, trace)
+    if markers is not None:
+        real_ns = start_ns if isinstance(clock, SystemClock) else None
+        markers.begin(real_ns, None if recording is None else recording.recorder)
+        markers.follow(guard, inputs)
     flows = stack.enter_context(ExitStack())
     loop = DualLoop(
         pacer=parts.pacer,
@@ -288,6 +320,8 @@ def _run(
             config, prepared, sinks, inputs, layout, loop.report, parts.pacer.report(), guard, trace
         )
         summary = summarise(state, error=error)
+        if markers is not None:
+            summary["markers"] = markers.summary()
         try:
             if session.out_dir is not None or recording is not None:
                 stack.pop_all().close()  # the tables are complete before the summary says so
@@ -338,6 +372,8 @@ def _contacts(
     trace: LatencyTrace | None,
 ) -> Stream[Contact]:
     """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
+    if finger.stream is not None:
+        return finger.stream
     if finger.measured is not None:
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
 
@@ -367,6 +403,8 @@ def _levels(
     stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
 ) -> Stream[Block]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
+    if muscles.stream is not None:
+        return muscles.stream
     produce = partial(
         grasp_blocks,
         muscles.source,

@@ -50,13 +50,14 @@ class SessionFeed:
     def watch(self, prepared: Prepared) -> Prepared:
         """Take note of what a run starts with, and return it with sources that are looked at as they are read."""
         fingers, muscles = dict(prepared.fingers), prepared.muscles
+        sections = self._config.tactile.in_use()
         for name, finger in prepared.fingers.items():
             if finger.source.info.live:
                 live = self._pictures[name] = _Live()
                 watched: Any = Watched(finger.source, live.see)
                 fingers[name] = finger._replace(source=watched)
-            else:
-                self._pictures[name] = _Reread(self._config.tactile.in_use()[name])
+            elif name in sections:  # a session that is played has no pictures to be read
+                self._pictures[name] = _Reread(sections[name])
         if muscles is not None:
             heard: Any = Watched(muscles.source, self._hear)
             muscles = muscles._replace(source=heard)
@@ -69,7 +70,8 @@ class SessionFeed:
             return state
         images = {}
         for name, finger in prepared.fingers.items():
-            frame = self._pictures[name].at(state.t_ns)
+            pictures = self._pictures.get(name)
+            frame = None if pictures is None else pictures.at(state.t_ns)
             if frame is not None and frame.image.shape == finger.baseline.shape:
                 images[name] = TouchImage(frame.image, finger.baseline, self._config.session.preset)
         shapes = poses = None

@@ -1,0 +1,115 @@
+"""``tega-teleop play``: a recorded session felt and done again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tega.cli.options import debug_option, json_option
+from tega.cli.page import view_options
+
+__all__ = ["play"]
+
+
+class _Speed(click.ParamType[float | None]):
+    """A factor, or ``max``."""
+
+    name = "x"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
+        if value == "max":
+            return None
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is no speed, such as 0.5, 1 or max", param, ctx)
+
+
+@click.command(epilog="Example: tega-teleop play sessions/monday/trial-002.mcap --to lab.toml --speed 0.5")
+@click.argument("session", type=click.Path(path_type=Path))
+@click.option(
+    "--to", type=click.Path(path_type=Path), metavar="LAB.toml",
+    help="Settings whose vest, hand, inputs and limits it is played to; else a vest drawn in this terminal.",
+)  # fmt: skip
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@click.option(
+    "--speed", type=_Speed(), default="1", show_default=True,
+    help="Times the speed of the recording, 0.05 to 20; max for as fast as it goes (nothing real then).",
+)  # fmt: skip
+@click.option(
+    "--because",
+    default="",
+    metavar="REASON",
+    help="Why a real vest or hand gets more than the recording's speed.",
+)
+@view_options
+@json_option
+@debug_option
+def play(
+    *,
+    session: Path,
+    to: Path | None,
+    sets: tuple[str, ...],
+    speed: float | None,
+    because: str,
+    view: bool,
+    view_port: int,
+    as_json: bool,
+) -> None:
+    """Play a recorded session to a vest and a hand, drawn, recorded or real.
+
+    SESSION is a recording made with run --record, or a session's folder with one. Everything behind the input is an
+    ordinary run: drivers, limits, states, and the ways out; in a terminal the space bar or q stop it, as does Ctrl-C.
+
+    A real hand first goes to where it was, for two seconds. With --json the summary is printed, with a table "played".
+    """
+    import sys
+    import time
+    from functools import partial
+
+    from tega.cli.options import Stop, echo_json, stop_keys
+    from tega.cli.page import run_viewed
+    from tega.cli.report import print_summary
+    from tega.cli.stage import stage
+    from tega.errors import ConfigError
+    from tega.recording.mcap_folder import session_files
+    from tega.replay.play import play_file, playing_to
+
+    files = session_files(session)
+    if len(files) > 1:
+        raise ConfigError(
+            f"{session.name}: holds {len(files)} recordings, and one can be played",
+            f"name one, such as {session / files[-1].name}",
+        )
+    config = playing_to(to, sets=sets)
+    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
+    sys.setswitchinterval(0.0005)
+    heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
+    played = partial(play_file, files[0], speed=speed, because=because)
+    drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
+    started = time.perf_counter()
+    with (
+        Stop() as stop,
+        stop_keys(stop, enabled=not as_json),
+        stage(heading, enabled=not (as_json or drawn_here)) as (progress, observer),
+    ):
+        if view:
+            summary = run_viewed(
+                config, title=f"TEGA · {files[0].name}", port=view_port, run=played, observer=observer,
+                progress=progress, stop=stop,
+            )  # fmt: skip
+        else:
+            summary = played(config, progress=progress, observer=observer, stop=stop)
+    if as_json:
+        echo_json(summary)
+    else:
+        wall_s = time.perf_counter() - started
+        print_summary(
+            summary, measured={"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
+        )
+        how = summary["played"]
+        click.echo(f"played {how['file']} at speed {how['speed']} from its {how['from']}")
+    if summary["ended"] == "stopped":
+        raise KeyboardInterrupt

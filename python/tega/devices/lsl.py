@@ -1,0 +1,37 @@
+"""The library of the Lab Streaming Layer, as TEGA loads it."""
+
+from __future__ import annotations
+
+import os
+import time
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from tega.devices.lifecycle import require
+
+__all__ = ["load_lsl", "to_monotonic_s"]
+
+EXTRA = "lsl"
+
+
+def load_lsl(who: str) -> Any:
+    """Import pylsl; where nobody has configured its library, only its errors are printed.
+
+    Args:
+        who: Who needs it, for the message.
+
+    Raises:
+        MissingExtraError: pylsl is not installed.
+    """
+    own = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
+    if not any(file.exists() for file in own):
+        quiet = files("tega").joinpath("data", "lsl_api.cfg")
+        # Read once, when the library is loaded.
+        os.environ.setdefault("LSLAPICFG", str(quiet))
+    return require("pylsl", driver=who, extra=EXTRA)
+
+
+def to_monotonic_s(lsl: Any) -> float:
+    """Return what to add to the library's clock for ours: the same on Linux, a constant elsewhere."""
+    return time.monotonic() - float(lsl.local_clock())

@@ -1,0 +1,178 @@
+"""What the raw streams of a recording give when they are measured again, paired with when the loop took them in."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.calibration import load_calibration
+from tega.config import load_config
+from tega.emg import GraspIntent
+from tega.errors import TegaError
+from tega.replay.recorded import Head, Recorded
+from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter, SourceReport
+
+if TYPE_CHECKING:
+    from tega.calibration import Calibration
+    from tega.config import SessionConfig
+    from tega.devices.base import EmgChunk, TactileFrame
+
+__all__ = ["Measured", "PictureError", "contact_items", "level_items", "picture_errors"]
+
+
+class PictureError(msgspec.Struct, frozen=True):
+    """How far the contacts measured in JPEG pictures are from those recorded from the pictures themselves.
+
+    Attributes:
+        finger: Whose pictures.
+        compared: Frames compared.
+        contact_changed: Frames in which contact is seen in one of them only.
+        eda_mean_px: Mean error of the area over all frames, pixels.
+        eda_max_px: The largest.
+        cci_mean: Mean error of the concentration.
+        cci_max: The largest.
+    """
+
+    finger: str
+    compared: int
+    contact_changed: int
+    eda_mean_px: float
+    eda_max_px: float
+    cci_mean: float
+    cci_max: float
+
+
+class Measured:
+    """What the raw streams give when they are measured again; its methods are for ``read_recorded``.
+
+    Args:
+        other: Settings whose preset, calibration, kind of EMG, vest and hand take the place of the run's own.
+
+    Attributes:
+        config: The settings of the run, as changed.
+        calibration: Its maxima, likewise.
+        contacts: By finger, as a live loop would get them.
+        blocks: Levels likewise.
+        pixels: By finger and picture: stamp, checksum as recorded, checksum now.
+        changed: What of the settings is not the run's own, in words.
+    """
+
+    def __init__(self, other: Path | None = None) -> None:
+        self._other = other
+        self.config: SessionConfig
+        self.calibration: Calibration
+        self.contacts: dict[str, list[Contact]] = {}
+        self.blocks: list[Block] = []
+        self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
+        self.changed: list[str] = []
+        self._meters: dict[str, FrameMeter] = {}
+        self._muscles: BlockMeter | None = None
+
+    def begin(self, head: Head) -> None:
+        """Take what is known before the first picture."""
+        self.config, self.calibration = head.config, head.calibration
+        kind = head.tree.get("emg", {}).get("kind", "raw")
+        if self._other is not None:
+            kind = self._change(head, kind)
+        for finger, baseline in head.baselines.items():
+            # A picture out of a JPEG has no bits of its own to compare with the one before.
+            live = head.sources[finger].live and head.lossless
+            preset = self.config.session.preset
+            self._meters[finger] = FrameMeter(baseline, preset, SourceReport(), live=live)
+            self.contacts[finger], self.pixels[finger] = [], []
+        emg = self.calibration.emg
+        if "emg" in head.sources and emg is not None:
+            intent = GraspIntent(
+                emg.rate_hz, emg.maxima, tau=emg.tau, kind=kind, preset=self.config.session.preset
+            )
+            self._muscles = BlockMeter(
+                intent, SourceReport(), rate_hz=emg.rate_hz, tau=emg.tau, live=head.sources["emg"].live
+            )
+
+    def _change(self, head: Head, kind: str) -> Any:
+        """Take over what other settings say of the computation, and note it."""
+        other = load_config(self._other).config
+        if other.calibration.file is not None:
+            self.calibration = load_calibration(other.calibration.file)
+            if self.calibration != head.calibration:
+                self.changed.append(f"calibration: {other.calibration.file.name}")
+        vest = msgspec.structs.replace(other.vest, driver=None, options={})
+        hand = msgspec.structs.replace(other.hand, driver=None, options={})
+        for name, old, new in (
+            ("session.preset", head.config.session.preset, other.session.preset),
+            ("emg.kind", kind, kind if other.emg is None else other.emg.kind),
+            *((f"vest.{f}", getattr(head.config.vest, f), getattr(vest, f)) for f in vest.__struct_fields__),
+            *((f"hand.{f}", getattr(head.config.hand, f), getattr(hand, f)) for f in hand.__struct_fields__),
+        ):
+            if old != new:
+                self.changed.append(f"{name}: {old} -> {new}")
+        session = msgspec.structs.replace(head.config.session, preset=other.session.preset)
+        self.config = msgspec.structs.replace(head.config, session=session, vest=vest, hand=hand)
+        return kind if other.emg is None else other.emg.kind
+
+    def frame(self, finger: str, frame: TactileFrame, pixels_crc32: int) -> None:
+        """Measure a picture and note its checksum beside the one it had when it was taken."""
+        now = zlib.crc32(frame.image.tobytes())
+        self.pixels[finger].append((frame.t_ns, {"pixels_crc32": pixels_crc32}, {"pixels_crc32": now}))
+        try:
+            contact = self._meters[finger].take(frame)
+        except TegaError:  # a bad picture of a live sensor, dropped then as now
+            return
+        if contact is not None:
+            self.contacts[finger].append(contact)
+
+    def chunk(self, chunk: EmgChunk) -> None:
+        """Take EMG samples."""
+        if self._muscles is None:
+            return
+        try:
+            self.blocks += self._muscles.take(chunk)
+        except TegaError:
+            return
+
+
+def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[tuple[int, Contact]]:
+    """Pair every frame the loop took in with what is measured in it now."""
+    if not recorded.head.lossless:
+        return [(taken, (t_ns, metrics)) for t_ns, taken, metrics, _ in recorded.contacts[finger]]
+    again = dict(measured.contacts[finger])
+    taken = [(taken, t_ns) for t_ns, taken, _, _ in recorded.contacts[finger]]
+    return [(at, (t_ns, again[t_ns])) for at, t_ns in taken if t_ns in again]
+
+
+def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Block]]:
+    """Pair every block that the loop took in with what the samples say now."""
+    items, blocks = [], iter(measured.blocks)
+    for t_ns, taken, _, _ in recorded.levels:
+        for block in blocks:  # those between were lost on the way to the loop
+            if block[0] == t_ns:
+                items.append((taken, block))
+                break
+    return items
+
+
+def picture_errors(recorded: Recorded, measured: Measured) -> list[PictureError]:
+    """Compare what is measured in JPEG pictures with what was measured in the pictures themselves."""
+    errors = []
+    for finger, contacts in recorded.contacts.items():
+        again = dict(measured.contacts[finger])
+        pairs = [(m, again[t]) for t, _, m, _ in contacts if t in again]
+        eda = np.array([float(abs(a.eda - b.eda)) for a, b in pairs] or [0.0])
+        cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0])
+        changed = sum(a.in_contact != b.in_contact for a, b in pairs)
+        errors.append(
+            PictureError(
+                finger,
+                len(pairs),
+                changed,
+                eda.mean().item(),
+                eda.max().item(),
+                cci.mean().item(),
+                cci.max().item(),
+            )
+        )
+    return errors

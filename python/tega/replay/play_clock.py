@@ -1,0 +1,47 @@
+"""A clock that runs at the speed at which a session is played, and counts how late it is kept."""
+
+from __future__ import annotations
+
+import math
+import time
+
+__all__ = ["PlayClock"]
+
+_LATE_NS = 3_000_000
+
+
+class PlayClock:
+    """Time of the session: it stands at 0 until the first tick is waited for, then runs at a speed.
+
+    Args:
+        speed: Seconds of the session a second; ``None`` for a clock that never sleeps.
+
+    Attributes:
+        tick_ns: The deadline last waited for.
+        n_late: Deadlines that were more than 3 ms late, by the machine's clock.
+        worst_late_ns: The latest one, by the machine's clock.
+    """
+
+    def __init__(self, speed: float | None) -> None:
+        self._speed = speed
+        self._began_ns: int | None = None
+        self.tick_ns = self.n_late = self.worst_late_ns = 0
+
+    def now_ns(self) -> int:
+        """Return the time of the session in nanoseconds."""
+        if self._speed is None or self._began_ns is None:
+            return self.tick_ns
+        return math.floor((time.monotonic_ns() - self._began_ns) * self._speed)
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Sleep until the session has come to ``t_ns``."""
+        self.tick_ns = max(self.tick_ns, t_ns)
+        if self._speed is None:
+            return
+        if self._began_ns is None:
+            self._began_ns = time.monotonic_ns()
+        due_ns = self._began_ns + math.ceil(t_ns / self._speed)
+        while (left_ns := due_ns - time.monotonic_ns()) > 0:
+            time.sleep(left_ns * 1e-9)
+        self.n_late += -left_ns > _LATE_NS
+        self.worst_late_ns = max(self.worst_late_ns, -left_ns)

@@ -1,0 +1,179 @@
+"""Markers to and from another process by the Lab Streaming Layer, its own clock included."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reference.waiting import until
+from tega.cli.main import main
+from tega.config import check_tree
+from tega.recording.mcap_reader import McapReader, Message
+from tega.teleop import run_session
+from tega.testing.emulators.hid_port import HidBoard, HidPort
+from tega.testing.emulators.process import Emulator
+
+pylsl = pytest.importorskip("pylsl")
+
+CLOCK_AHEAD_S = 1000
+
+
+def started(words: list[str]) -> bool:
+    return subprocess.run(words, check=False, capture_output=True).returncode == 0
+
+
+def other_clock() -> list[str]:
+    """Words that start a program whose monotonic clock is far ahead of ours; nothing where that cannot be."""
+    words = ["unshare", "-T", "--monotonic", str(CLOCK_AHEAD_S), "--fork"]
+    if shutil.which("unshare") is None or not started([*words, "true"]):
+        return []
+    return words
+
+
+class Peer:
+    """Another program, perhaps with a clock of its own."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        self.name = self._hear()["port"]
+
+    def say(self, line: str) -> dict[str, Any]:
+        assert self._process.stdin is not None
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+        return self._hear()
+
+    def _hear(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        said: dict[str, Any] = json.loads(self._process.stdout.readline())
+        return said
+
+
+@contextmanager
+def peer(before: list[str]) -> Iterator[Peer]:
+    words = [*before, sys.executable, "-m", "tega.testing.emulators.lsl_markers"]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield Peer(process)
+        finally:
+            process.communicate("quit\n", timeout=10)
+
+
+def tree(folder: Path, **markers: str) -> dict[str, Any]:
+    return {
+        "session": {"duration_s": 60.0},
+        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 120.0}},
+        "recording": {"dir": str(folder), "stop_free_mib": 0.0},
+        "markers": markers,
+    }
+
+
+@contextmanager
+def running(settings: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Run until the block ends; what it gives is then the summary."""
+    over, begun, summary = threading.Event(), threading.Event(), dict[str, Any]()
+    config = check_tree(settings, {}, base=Path.cwd()).config
+
+    def run() -> None:
+        summary.update(run_session(config, stop=over.is_set, on_state=lambda _change: begun.set()))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        assert begun.wait(10.0)
+        yield summary
+    finally:
+        over.set()
+        thread.join()
+
+
+def marked(file: Path, topic: str) -> tuple[list[Message], dict[str, dict[str, str]]]:
+    reader = McapReader(file)
+    return [message for message in reader.messages() if message.topic == topic], reader.metadata
+
+
+@pytest.mark.parametrize("ahead", [False, True], ids=["same clock", "another clock"])
+def test_markers_of_another_process_are_recorded_when_they_were_set(tmp_path: Path, ahead: bool) -> None:
+    before = other_clock() if ahead else []
+    if ahead and not before:
+        pytest.skip("no clock of its own for a process here (unshare --time)")
+    offset_s = CLOCK_AHEAD_S if ahead else 0
+    with peer(before) as other, running(tree(tmp_path, lsl_in=other.name)) as summary:
+        until(lambda: bool(other.say("mark warm-up")["consumers"]))
+        then = {name: other.say(f"mark {name}")["at_s"] for name in ("one", "two", "three")}
+        then["earlier"] = other.say("mark earlier 0.5")["at_s"]
+        # What the run has heard is in no hurry to tell: markers wait in no queue longer than a look.
+        threading.Event().wait(0.5)
+    file = tmp_path / str(summary["recording"]["file"])
+    messages, metadata = marked(file, "/markers")
+    start_s = int(metadata["tega"]["start_ns"]) / 1e9
+    found = {m.value.text: m.value for m in messages}
+    assert set(then) <= set(found)
+    for name, at_s in then.items():
+        assert start_s + found[name].t_ns / 1e9 == pytest.approx(at_s - offset_s, abs=0.005)
+        assert found[name].stamp_s == at_s
+        assert found[name].correction_s == pytest.approx(-offset_s, abs=0.005)
+        assert found[name].source == f"lsl:{other.name}"
+    assert found["earlier"].received_ns - found["earlier"].t_ns > 0.4e9
+    assert summary["markers"]["in"]["heard"] == len(messages)
+    assert summary["markers"]["in"]["clock_correction_s"] == pytest.approx(-offset_s, abs=0.005)
+
+
+def test_another_process_hears_states_trials_faults_and_pedals_when_they_happened(tmp_path: Path) -> None:
+    with (
+        Emulator("hid_input", "--device", "pedal-keyboard") as pedal,
+        HidPort(HidBoard(pedal.port, 0x0C45, 0x7403)).installed(),
+        peer([]) as other,
+    ):
+        settings = tree(tmp_path, lsl_out="tega-test-run", lsl_in="nobody-there")
+        settings["input"] = {"marker": {"driver": "pedal"}}
+        with running(settings) as summary:
+            said = other.say("hear tega-test-run")
+            assert "lsl_local_clock" in said["xml"]
+            pedal.say("press 0")
+            until(lambda: any(text.startswith("pedal:") for _, text in other.say("heard")["heard"]))
+            pedal.say("lift 0")
+        until(lambda: any(text == "state:stopped" for _, text in other.say("heard")["heard"]))
+        heard = other.say("heard")["heard"]
+    file = tmp_path / str(summary["recording"]["file"])
+    messages, metadata = marked(file, "/run/marker")
+    start_s = int(metadata["tega"]["start_ns"]) / 1e9
+    (pressed,) = [at_s for at_s, text in heard if text.startswith("pedal:")]
+    (marker,) = messages
+    # Streams find each other in about a second; what has happened by then is told again.
+    for text in ("session:start", f"trial:{file.stem}"):
+        (begun,) = [at_s for at_s, said in heard if said == text]
+        assert begun == pytest.approx(start_s, abs=0.005)
+    assert pressed - start_s == pytest.approx(marker.value.t_ns / 1e9, abs=0.005)
+    (stopped,) = [at_s for at_s, text in heard if text == "state:stopped"]
+    states, _ = marked(file, "/run/state")
+    assert "state:active" in [text for _, text in heard]
+    assert stopped - start_s == pytest.approx(states[-1].value.t_ns / 1e9, abs=0.005)
+    assert summary["markers"]["out"]["sent"] >= 6
+    assert (
+        summary["markers"]["in"]["problem"] == "markers: no stream called 'nobody-there' on the network yet"
+    )
+    assert summary["markers"]["in"]["problem"] in summary["safety"]["alerts"]
+
+
+def test_without_the_package_there_is_one_clear_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pylsl", None)
+    settings = tmp_path / "s.toml"
+    settings.write_text('[emg]\ndriver = "synthetic-emg"\nkind = "raw"\n[markers]\nlsl_out = "x"\n')
+    with pytest.raises(SystemExit) as left:
+        main(["run", str(settings)])
+    assert left.value.code == 3
+    error, hint = capsys.readouterr().err.splitlines()
+    assert "'markers.lsl_out' needs the package 'pylsl'" in error
+    assert "pip install 'tega[lsl]'" in hint

@@ -1,0 +1,249 @@
+"""A recorded run played again: to files, and to an emulated vest and hand on their real transports."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from reference.waiting import until
+from tega.cli.main import main
+from tega.config import SessionConfig, check_tree
+from tega.config_text import tree_text
+from tega.errors import ConfigError
+from tega.haptics import VestFrame
+from tega.replay.play import LEAD_S, play_file
+from tega.replay.play_clock import PlayClock
+from tega.replay.recorded import read_recorded
+from tega.teleop import run_session
+from tega.teleop.loop import LoopView
+from tega.testing.emulators.vests import seen_by
+from tega.testing.lab import EmulatedLab, emulated_lab
+
+SECONDS = 1.5
+
+
+def checked(tree: dict[str, Any]) -> SessionConfig:
+    return check_tree(tree, {}, base=Path.cwd()).config
+
+
+@pytest.fixture(scope="module")
+def made_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of two made-up fingers and muscles."""
+    touch = {"driver": "synthetic-touch", "options": {"duration_s": SECONDS}}
+    folder = tmp_path_factory.mktemp("made-up")
+    tree = {
+        "session": {"pace": "fast"},
+        "tactile": {"thumb": touch, "ring": {**touch, "options": {"duration_s": 1.0, "seed": 3}}},
+        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": SECONDS}},
+        "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0},
+    }
+    return folder / str(run_session(checked(tree))["recording"]["file"])
+
+
+def rows(path: Path) -> list[list[str]]:
+    with path.open(newline="") as file:
+        return list(csv.reader(file))[1:]
+
+
+def test_as_fast_as_it_goes_it_is_what_was_recorded(made_up: Path, tmp_path: Path) -> None:
+    summary = play_file(made_up, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
+    assert summary["ended"] == "complete"
+    recorded = read_recorded(made_up)
+    then = {round(t_ns / 1e9, 6): list(levels) for t_ns, _, levels in recorded.vest}
+    now = {float(row[0]): [int(v) for v in row[1:]] for row in rows(tmp_path / "out" / "vest.csv")}
+    assert now == then
+    assert max(max(frame) for frame in now.values()) > 50
+    frames = [f"{f.id:03X} {f.data.hex().upper()}" for _, _, sent in recorded.hand for f in sent]
+    assert [f"{row[1]} {row[2]}" for row in rows(tmp_path / "out" / "can.csv")][: len(frames)] == frames
+    notes = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
+    assert f"thumb: played from {made_up.name} as fast as it went" in notes
+
+
+def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(made_up: Path, tmp_path: Path) -> None:
+    play_file(made_up, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=4.0)
+    recorded = read_recorded(made_up)
+    times = [float(row[0]) for row in rows(tmp_path / "out" / "vest.csv")][:-1]
+    # A thirtieth of a second is four thirtieths of the recording.
+    assert all(abs(t_s * 30 / 4 - round(t_s * 30 / 4)) < 1e-3 for t_s in times)
+    assert len(times) <= len(recorded.vest) / 4 + 1
+
+
+def test_the_clock_stands_until_it_is_waited_for_and_runs_at_its_speed() -> None:
+    clock = PlayClock(4.0)
+    assert clock.now_ns() == 0
+    clock.sleep_until(0)
+    clock.sleep_until(40_000_000)
+    assert clock.now_ns() >= 40_000_000
+    assert clock.tick_ns == 40_000_000
+
+
+class Session(NamedTuple):
+    """A lab that is up, settings that reach its vest and hand, and a recording that it gave."""
+
+    lab: EmulatedLab
+    to: dict[str, Any]
+    file: Path
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    """Three seconds of a finger that is pressed harder and softer, recorded from emulated devices."""
+    folder = tmp_path_factory.mktemp("lab")
+    from tega.calibration import TouchMaxima
+
+    full = TouchMaxima(cci_max=0.05, eda_max=20_000.0)
+    with emulated_lab(folder, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",), touch=full) as lab:
+        tree = {
+            **lab.tree,
+            "session": {"duration_s": 3.0},
+            "recording": {"dir": str(folder / "session"), "stop_free_mib": 0.0},
+        }
+        over = threading.Event()
+
+        def press() -> None:
+            k = 0
+            while not over.wait(0.1):
+                k += 1
+                lab.sensors["thumb"].say(f"press {0.2 + 0.15 * (k % 5)}")
+
+        pressing = threading.Thread(target=press)
+        pressing.start()
+        try:
+            summary = run_session(checked(tree))
+        finally:
+            over.set()
+            pressing.join()
+        assert lab.limp()
+        to = {name: lab.tree[name] for name in ("vest", "hand")}
+        yield Session(lab, to, folder / "session" / str(summary["recording"]["file"]))
+
+
+def told(file: Path) -> list[list[int]]:
+    """The frames of a recording, in the wearer's order, without those that are equal to the one before."""
+    frames: list[list[int]] = [[0] * 40]
+    for _, layout, levels in read_recorded(file).vest:
+        frame = VestFrame(layout, np.frombuffer(levels, np.uint8)).x40().tolist()  # type: ignore[arg-type]
+        if frame != frames[-1]:
+            frames.append(frame)
+    return frames[1:]
+
+
+def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(session: Session) -> None:
+    lab, to, file = session
+    before = len(seen_by(lab.vest).history)
+    levels: list[int] = []
+    summary = play_file(
+        file, checked(to), observer=lambda view: levels.append(view.block[2] if view.block else 0)
+    )
+    assert summary["ended"] == "complete"
+    states = [change["state"] for change in summary["safety"]["changes"]]
+    assert (states[:2], states[-1]) == (["armed", "active"], "stopped")
+    seen = [frame for _, frame in seen_by(lab.vest).history[before:]]
+    then = told(file)
+    assert len(then) > 10
+    # The vest takes the newest frame only; of those that a busy machine makes it miss none comes later.
+    left = iter(then)
+    assert all(frame in left for frame in seen if any(frame))
+    assert not any(seen[-1])
+    # A machine that stood still has left deadlines out.
+    if not summary["pacing"]["skipped"]:
+        assert len(seen) > 0.8 * len(then)
+        assert max(levels) == max(level for _, level, _ in read_recorded(file).hand)
+    assert lab.limp()
+    assert lab.at_rest()
+    assert summary["played"]["lead_s"] == LEAD_S
+
+
+@contextmanager
+def playing_at_twice_the_speed(session: Session, folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """Play from another process; when it is yielded, the vest is felt and the hand is on."""
+    lab, to, file = session
+    settings = folder / "lab.toml"
+    settings.write_text(tree_text(to), encoding="utf-8")
+    words = [sys.executable, "-m", "tega.cli", "play", str(file), "--to", str(settings), "--speed", "2"]
+    words += ["--because", "a test", "--json"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and (lab.at_rest() or not lab.hand.say("look")["servo_on"]):
+            time.sleep(0.01)
+        assert process.poll() is None
+        yield process
+
+
+def test_ctrl_c_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
+    lab = session.lab
+    with playing_at_twice_the_speed(session, tmp_path) as process:
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate()
+    assert process.returncode == 130
+    summary = json.loads(said)
+    assert summary["ended"] == "stopped"
+    assert summary["played"]["because"] == "a test"
+    assert summary["safety"]["changes"][-1]["reason"] == "stopped: Ctrl-C"
+    assert lab.limp()
+    assert lab.at_rest()
+
+
+def test_a_kill_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
+    with playing_at_twice_the_speed(session, tmp_path) as process:
+        process.kill()
+    until(session.lab.at_rest)
+    until(session.lab.limp)
+
+
+def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up: Path) -> None:
+    seen: list[tuple[int, int, bool]] = []
+
+    def look(view: LoopView) -> None:
+        if view.block is not None and view.vest is not None:
+            seen.append((view.t_ns, view.block[2], bool(view.vest.intensities.any())))
+
+    # A live driver, and nothing but this terminal's error output behind it.
+    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, observer=look)
+    lead = [(level, felt) for t_ns, level, felt in seen if t_ns < 2 * LEAD_S * 1e9]
+    assert len(lead) > 40
+    assert set(lead) == {(read_recorded(made_up).hand[0][1], False)}
+    assert any(felt for _, _, felt in seen)
+
+
+def test_asked_to_stop_while_it_reads_it_opens_nothing(made_up: Path) -> None:
+    nowhere = checked({"vest": {"driver": "bhaptics-player", "options": {"port": 1}}})
+    with pytest.raises(KeyboardInterrupt):
+        play_file(made_up, nowhere, stop=lambda: True)
+
+
+def refused(call: Callable[[], object]) -> str:
+    with pytest.raises(ConfigError) as caught:
+        call()
+    return caught.value.message
+
+
+def test_what_is_real_is_not_played_to_at_any_speed(made_up: Path) -> None:
+    real = checked({"vest": {"driver": "bhaptics-player"}})
+    assert "speed max is for virtual" in refused(lambda: play_file(made_up, real, speed=None))
+    assert "faster than it was recorded" in refused(lambda: play_file(made_up, real, speed=1.5))
+    assert "out of range" in refused(lambda: play_file(made_up, real, speed=0.01))
+    on_a_bus = checked({"hand": {"driver": "allegro", "options": {"interface": "slcan", "channel": "x"}}})
+    assert "hand: allegro" in refused(lambda: play_file(made_up, on_a_bus, speed=None))
+
+
+def test_of_a_session_with_several_recordings_one_has_to_be_named(
+    made_up: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("trial-001.mcap", "trial-002.mcap"):
+        (tmp_path / name).write_bytes(made_up.read_bytes())
+    with pytest.raises(SystemExit) as left:
+        main(["play", str(tmp_path), "--speed", "max"])
+    assert left.value.code == 1
+    assert "trial-002.mcap" in capsys.readouterr().err
