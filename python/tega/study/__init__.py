@@ -6,6 +6,12 @@
     order.py     who does what in which order, from a seed
     journal.py   a session's events, appended and synced one by one
     state.py     what the events say: which trials are done, which comes next
+    lead/        leading a session through its trials
+    observe/     a rater's console beside it
+    observers.py the raters' files
+    score/       how far accounts of the same trials agree; BORIS files
+    ratings.py   what participants answered
+    touch_rows.py what each fingertip said, frame by frame
     privacy.py   withdrawal and the anonymised copy
     trials.py    one row a trial, with the events it comes from
     rank.py people.py counts.py shares.py coupling.py power.py    the statistics, each with its source

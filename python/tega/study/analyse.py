@@ -15,6 +15,9 @@ from tega.study.journal import read_events
 from tega.study.plan import default_family
 from tega.study.power import SPREADS, count_power, people_for
 from tega.study.privacy import withdrawn
+from tega.study.ratings import RatingUse, ratings
+from tega.study.score.accounts import agreements
+from tega.study.score.agree import Agreement
 from tega.study.state import derive, events_path
 from tega.study.trials import Trial, bench_trials, course_path, study_trials
 
@@ -89,6 +92,8 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         contrasts: First condition against second.
         pose_use: Dwell and transitions.
         planner: What the next study needs.
+        agreements: Of raters, experimenter and, in simulation, the truth.
+        ratings: What participants answered after blocks.
         format: Always ``tega-study-analysis``.
         version: Of the format.
     """
@@ -111,6 +116,8 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     contrasts: tuple[Contrast, ...]
     pose_use: tuple[PoseUse, ...]
     planner: tuple[Planner, ...]
+    agreements: tuple[Agreement, ...] = ()
+    ratings: tuple[RatingUse, ...] = ()
     format: str = FORMAT
     version: int = 1
 
@@ -168,6 +175,7 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, dic
         flow=flow,
         per_cell=settings.trials,
     )
+    result = msgspec.structs.replace(result, agreements=tuple(agreements(folder)), ratings=ratings(folder))
     return result, courses
 
 

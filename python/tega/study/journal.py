@@ -7,6 +7,7 @@ a crash has cut off was never promised, and goes when the file is opened again.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Annotated, Literal, Self
 
@@ -14,7 +15,7 @@ import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
 
-__all__ = ["Event", "Journal", "Kind", "Status", "read_events"]
+__all__ = ["Event", "Journal", "Kind", "Status", "counting", "read_events"]
 
 Kind = Literal[
     "session_start",
@@ -28,6 +29,7 @@ Kind = Literal[
     "drop",
     "note",
     "override",
+    "rating",
     "undo",
 ]
 
@@ -48,6 +50,8 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
         undone: ``undo``: number of the event that does not count.
         source: Who says so: ``auto``, or a rater's id.
         text: A note, or the reason of an end or a correction. Left out of anonymised copies.
+        item: ``rating``: what was asked, such as ``tlx.effort``.
+        value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over.
     """
 
     n: Annotated[int, msgspec.Meta(ge=1)]
@@ -60,6 +64,8 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
     undone: int | None = None
     source: str = ""
     text: str = ""
+    item: str = ""
+    value: float | None = None
 
 
 def _parse(content: bytes, path: Path) -> tuple[list[Event], int]:
@@ -99,6 +105,12 @@ def read_events(path: Path) -> list[Event]:
         RecordingError: Another line is no event, or lines are missing.
     """
     return _parse(path.read_bytes(), path)[0] if path.exists() else []
+
+
+def counting(events: Sequence[Event], trial: int, attempt: int) -> list[Event]:
+    """Return an attempt's events without those that were undone."""
+    undone = {event.undone for event in events if event.kind == "undo"}
+    return [e for e in events if e.trial == trial and e.attempt == attempt and e.n not in undone]
 
 
 class Journal:
@@ -147,9 +159,24 @@ class Journal:
         undone: int | None = None,
         source: str = "",
         text: str = "",
+        item: str = "",
+        value: float | None = None,
     ) -> Event:
         """Add an event; when this returns it is on the disk. Arguments as in :class:`Event`."""
-        event = Event(len(self.events) + 1, t_ns, kind, trial, attempt, status, success, undone, source, text)
+        event = Event(
+            n=len(self.events) + 1,
+            t_ns=t_ns,
+            kind=kind,
+            trial=trial,
+            attempt=attempt,
+            status=status,
+            success=success,
+            undone=undone,
+            source=source,
+            text=text,
+            item=item,
+            value=value,
+        )
         self._put(msgspec.json.encode(event) + b"\n")
         self.events.append(event)
         return event

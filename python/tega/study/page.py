@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from tega.study.analyse import Analysis
 from tega.study.markup import anchor_of, esc, fold, number, p_value, picture, table, with_interval
+from tega.study.page_scores import scores_html
 from tega.study.paper import PAPER_OBJECTS, PAPER_TABLE_1
 from tega.study.report_text import ALONE, METHODS, STYLE
 from tega.study.tables import PAPER_LABELS, table_1
@@ -39,7 +40,7 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
             f"is small, makes them worthless. {shown}</p>"
         )
     parts += [_flow(analysis), _table_1(analysis), _family(analysis, figures), _touch(analysis, figures)]
-    parts += [_planner(analysis), METHODS, _details(analysis), "</body></html>\n"]
+    parts += [scores_html(analysis), _planner(analysis), METHODS, _details(analysis), "</body></html>\n"]
     return "\n".join(parts)
 
 

@@ -11,12 +11,14 @@ import hashlib
 import os
 import re
 import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.study.journal import Event, Journal, read_events
+from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
 
@@ -25,6 +27,8 @@ __all__ = ["export", "withdraw", "withdrawn"]
 _LIST = "withdrawn.txt"
 REPORTS = ("report", "report.html")
 COURSES = "courses"
+ROLES = ("auto", "experimenter", "participant")
+"""Sources of events that name nobody."""
 
 
 def withdrawn(folder: Path) -> set[str]:
@@ -62,9 +66,11 @@ def withdraw(folder: Path, participant: str) -> list[Path]:
     read_plan(folder).of(participant)
     if participant in withdrawn(folder):
         return []
-    path = events_path(folder, participant)
-    if path.exists():
-        Journal(path).close()  # refuses while a console has it open
+    own = [events_path(folder, participant)]
+    raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
+    for path in (*own, *raters):
+        if path.exists():
+            Journal(path).close()  # refuses while a console has it open
     with (folder / _LIST).open("a", encoding="utf-8") as file:  # before anything goes: a crash cannot undo it
         file.write(f"\n{participant}\n")
         file.flush()
@@ -122,8 +128,18 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     settings = msgspec.structs.replace(plan.settings, seed=None)
     write_plan(StudyPlan(settings, trials), out)
     signed = read_plan(out).settings.plan_sha256
+    observers = {old: read_observers(folder, old) for old in new}
+    sessions = {old: read_events(events_path(folder, old)) for old in new}
+    everything = [*sessions.values(), *(seen for one in observers.values() for seen in one.values())]
+    sources = {event.source for events in everything for event in events} | {
+        r for o in observers.values() for r in o
+    }
+    raters = {name: f"r{n}" for n, name in enumerate(sorted(sources - {"", *ROLES}, key=rank), start=1)}
     for old, person in new.items():
-        _copy_events(events_path(folder, old), events_path(out, person), signed)
+        begin_ns = sessions[old][0].t_ns if sessions[old] else 0
+        _copy_events(sessions[old], events_path(out, person), signed, begin_ns, raters)
+        for rater, seen in observers[old].items():
+            _copy_events(seen, observer_path(out, person, raters[rater]), signed, begin_ns, raters)
         for course in sorted((folder / COURSES / old).glob("*.csv")):
             target = out / COURSES / person / course.name.replace(old, person, 1)  # p03-t07 bears the old id
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -131,22 +147,19 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     return new
 
 
-def _copy_events(source: Path, target: Path, signed: str) -> None:
-    events = read_events(source)
+def _copy_events(
+    events: Sequence[Event], target: Path, signed: str, begin_ns: int, raters: Mapping[str, str]
+) -> None:
     if not events:
         return
-    start_ns = events[0].t_ns
-    raters = {
-        name: f"r{number}" for number, name in enumerate(sorted({e.source for e in events} - {"", "auto"}), 1)
-    }
 
     def plain(event: Event) -> Event:
+        text = signed if event.kind == "session_start" else ""
+        if event.kind == "trial_end" and event.text == PART:  # decides whose counts are used
+            text = PART
         return msgspec.structs.replace(
-            event,
-            t_ns=event.t_ns - start_ns,
-            source=raters.get(event.source, event.source),
-            text=signed if event.kind == "session_start" else "",
+            event, t_ns=event.t_ns - begin_ns, source=raters.get(event.source, event.source), text=text
         )
 
-    target.parent.mkdir(parents=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
     target.write_bytes(b"".join(msgspec.json.encode(plain(event)) + b"\n" for event in events))

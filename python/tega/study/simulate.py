@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tega.sim.plan import TrialResult
     from tega.sim.streams import Streams
 
-__all__ = ["ensure_plan", "run_session", "simulate", "unfinished"]
+__all__ = ["ensure_plan", "person_seed", "run_session", "simulate", "unfinished"]
 
 COURSE_HZ = 30.0
 PEOPLE_APART = 1000
@@ -166,7 +166,7 @@ def run_session(folder: Path, plan: StudyPlan, person: str) -> str:
     path = events_path(folder, person)
     shutil.rmtree(path.parent, ignore_errors=True)
     shutil.rmtree(folder / COURSES / person, ignore_errors=True)
-    seed = _person_seed(plan.settings.seed or 0, person)
+    seed = person_seed(plan.settings.seed or 0, person)
     lab = lab_of(seed, "live")
     mind = lab.person(TrialPlan(object=plan.settings.objects[0], seed=seed))
     fatigue, t_ns = 0.0, 0
@@ -186,7 +186,8 @@ def run_session(folder: Path, plan: StudyPlan, person: str) -> str:
     return person
 
 
-def _person_seed(seed: int, person: str) -> int:
+def person_seed(seed: int, person: str) -> int:
+    """Return the seed that decides who a simulated person of a study is."""
     digest = hashlib.sha256(f"tega-simulate|{seed}|{person}".encode()).digest()
     return int.from_bytes(digest[:4]) % (2**31 // PEOPLE_APART) * PEOPLE_APART
 

@@ -56,6 +56,8 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
         ("coupling_contrast", analysis.contrasts),
         ("pose_use", analysis.pose_use),
         ("planner", analysis.planner),
+        ("agreement", analysis.agreements),
+        ("ratings", analysis.ratings),
     ):
         if rows:
             files[f"{name}.csv"] = _records(rows)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
 from tega.errors import RecordingError
-from tega.study.journal import Event, Status, read_events
+from tega.study.journal import Event, Status, counting, read_events
+from tega.study.observers import read_observers, saw_whole
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.privacy import withdrawn
 from tega.study.state import events_path
@@ -36,6 +37,8 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         drops: Likewise.
         duration_s: From the start to the end of the trial, seconds; ``None`` where it did not run to its end.
         lift_off_s: From the start, seconds.
+        rater: Who counted slips, deformations and drops at a console of their own; empty where the session's own
+            events are counted.
         first: Whether the condition was the person's first with this object.
         events: Where the row comes from, such as ``sessions/p01/events.jsonl:12``, one for every event used.
     """
@@ -54,6 +57,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     drops: int = 0
     duration_s: float | None
     lift_off_s: float | None = None
+    rater: str = ""
     first: bool = False
     events: tuple[str, ...] = ()
 
@@ -83,17 +87,29 @@ def study_trials(folder: Path) -> tuple[StudyPlan, list[Trial]]:
         if person not in gone:
             path = events_path(folder, person)
             where = path.relative_to(folder).as_posix()
-            trials += trials_of_events(plan.of(person), read_events(path), where=where)
+            trials += trials_of_events(
+                plan.of(person), read_events(path), where=where, observers=read_observers(folder, person)
+            )
     return plan, trials
 
 
-def trials_of_events(planned: Sequence[PlannedTrial], events: Sequence[Event], *, where: str) -> list[Trial]:
+def trials_of_events(
+    planned: Sequence[PlannedTrial],
+    events: Sequence[Event],
+    *,
+    where: str,
+    observers: Mapping[str, Sequence[Event]] = {},
+) -> list[Trial]:
     """Work out a person's trials.
+
+    Slips, deformations and drops are those of the first rater, in the order of the names, who saw the trial from start
+    to end; where nobody did, those among the session's own events.
 
     Args:
         planned: The person's, in their order.
         events: The session's.
         where: Name of the file that the events are from.
+        observers: Events of the raters' own files, by rater.
 
     Raises:
         RecordingError: An event undoes one that is not there, or that cannot be undone.
@@ -122,8 +138,36 @@ def trials_of_events(planned: Sequence[PlannedTrial], events: Sequence[Event], *
         runs = [run for run in attempts.get(plan.trial, []) if any(e.kind == "trial_end" for e in run)]
         if runs:
             is_first = first[plan.object] == plan.condition
-            trials.append(_trial(plan, runs[-1], undone, where=where, first=is_first))
+            done = _trial(plan, runs[-1], undone, where=where, first=is_first)
+            attempt = runs[-1][0].attempt
+            for rater, seen in observers.items():
+                if saw_whole(seen, plan.trial, attempt):
+                    beside = f"{where.rpartition('/')[0]}/observers/{rater}.jsonl"
+                    start_ns = next(e.t_ns for e in runs[-1] if e.kind == "trial_start")
+                    done = _rated(done, counting(seen, plan.trial, attempt), rater, start_ns, where=beside)
+                    break
+            trials.append(done)
     return trials
+
+
+def _rated(trial: Trial, seen: Sequence[Event], rater: str, start_ns: int, *, where: str) -> Trial:
+    """Return a trial with a rater's counts; the session's own lift-off comes first."""
+    lift_off_s = trial.lift_off_s
+    if lift_off_s is None:
+        marked = next((event for event in seen if event.kind == "lift_off"), None)
+        lift_off_s = None if marked is None else (marked.t_ns - start_ns) / 1e9
+    slips_s = [(event.t_ns - start_ns) / 1e9 for event in seen if event.kind == "slip"]
+    before = sum(lift_off_s is None or t_s < lift_off_s for t_s in slips_s)
+    return msgspec.structs.replace(
+        trial,
+        rater=rater,
+        lift_off_s=lift_off_s,
+        slips=len(slips_s) - before,
+        slips_before=before,
+        deformations=sum(event.kind == "deformation" for event in seen),
+        drops=max(trial.drops, sum(event.kind == "drop" for event in seen)),
+        events=(*trial.events, *(f"{where}:{event.n}" for event in seen if event.kind != "note")),
+    )
 
 
 def _trial(

@@ -94,7 +94,7 @@ def split_keys(data: bytes) -> tuple[list[str], bytes]:
         sent, data = found[0], data[found.end() :]
         if len(sent) > 1 and sent[-1:] in _ARROWS:
             keys.append(_ARROWS[sent[-1:]])
-        elif len(sent) == 1 and sent < b"\x7f":
+        elif len(sent) == 1 and sent <= b"\x7f":
             keys.append(sent.decode("ascii"))
     return keys, data
 

@@ -1,0 +1,25 @@
+"""``tega-teleop study``: plan a user study, run it, see how it stands, let people withdraw, report it."""
+
+from __future__ import annotations
+
+import click
+
+from tega.cli.study.observe import observe
+from tega.cli.study.plan import plan, status
+from tega.cli.study.power import power
+from tega.cli.study.privacy import export, withdraw
+from tega.cli.study.report import report
+from tega.cli.study.run import run
+from tega.cli.study.score import score
+from tega.cli.study.simulate import simulate
+
+__all__ = ["study"]
+
+
+@click.group(epilog="Example: tega-teleop study plan --participants 12 --out my-study")
+def study() -> None:
+    """Plan a user study, run it, see how it stands, let people withdraw, and report it."""
+
+
+for _verb in (plan, run, observe, status, score, report, withdraw, export, power, simulate):
+    study.add_command(_verb)

@@ -1,0 +1,60 @@
+"""``tega-teleop study withdraw`` and ``export``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tega.cli.options import debug_option, echo_json, json_option
+
+__all__ = ["export", "withdraw"]
+
+_FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@click.command(epilog="Example: tega-teleop study withdraw my-study p03")
+@click.argument("folder", type=_FOLDER)
+@click.argument("participant")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@json_option
+@debug_option
+def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> None:
+    """Delete everything of one person, and reports made with it. It cannot be undone.
+
+    Backups, copies and exports made before are not reached: delete them by hand.
+    """
+    from tega.study import read_plan
+    from tega.study.privacy import withdraw as delete
+
+    read_plan(folder).of(participant)
+    if not yes:
+        click.confirm(f"Delete everything of {participant} for good?", abort=True, err=True)
+    gone = delete(folder, participant)
+    if as_json:
+        echo_json({"participant": participant, "deleted": [str(path) for path in gone]})
+        return
+    for path in gone:
+        click.echo(f"deleted {path}")
+    click.echo(f"{participant} has withdrawn; backups and earlier exports have to be deleted by hand")
+
+
+@click.command(epilog="Example: tega-teleop study export my-study --out my-study-open")
+@click.argument("folder", type=_FOLDER)
+@click.option("--out", type=_FOLDER, required=True, help="A new folder.")
+@json_option
+@debug_option
+def export(*, folder: Path, out: Path, as_json: bool) -> None:
+    """Write an anonymised copy, fit to be published: new ids, no muscle signals, texts, names or dates.
+
+    Nobody can work out the old ids, you included: the key that made the new ones is thrown away.
+    """
+    import secrets
+
+    from tega.study.privacy import export as copy
+
+    new = copy(folder, out, key=secrets.token_hex(32))
+    if as_json:
+        echo_json({"out": str(out), "participants": len(new)})
+    else:
+        click.echo(f"{out}: {len(new)} people under new ids")

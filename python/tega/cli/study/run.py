@@ -1,0 +1,139 @@
+"""``tega-teleop study run``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tega.cli.options import debug_option, echo_json, json_option
+
+if TYPE_CHECKING:
+    from tega.study.lead.benches import Bench
+    from tega.study.lead.trial import Task
+    from tega.study.plan import StudyPlan
+
+__all__ = ["run"]
+
+
+@click.command(epilog="Example: tega-teleop study run my-study p01 --lab lab.toml")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.argument("participant")
+@click.option(
+    "--lab", type=click.Path(path_type=Path), metavar="LAB.toml", help="The devices' settings, as for run."
+)
+@click.option("--emulated", is_flag=True, help="On emulated devices, to rehearse without hardware.")
+@click.option("--simulated", is_flag=True, help="On the simulated bench, with a simulated participant.")
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@click.option(
+    "--task",
+    type=click.Choice(["lift", "place"]),
+    default="lift",
+    show_default=True,
+    help="lift: over when held up; place: over when put down as well (Enter).",
+)
+@click.option("--pedal", default="", metavar="KEY", help="The key that a foot pedal types, such as b.")
+@click.option("--trials", type=click.IntRange(1), help="Stop after so many.")
+@click.option("--yes", is_flag=True, help="Go on by the clock and pass over the questions; to rehearse.")
+@click.option(
+    "--time-scale", type=click.FloatRange(0.01, 1.0), default=1.0, metavar="FACTOR",
+    help="Shorten rests and countdowns; to rehearse.",
+)  # fmt: skip
+@json_option
+@debug_option
+def run(
+    *,
+    folder: Path,
+    participant: str,
+    lab: Path | None,
+    emulated: bool,
+    simulated: bool,
+    sets: tuple[str, ...],
+    task: Task,
+    pedal: str,
+    trials: int | None,
+    yes: bool,
+    time_scale: float,
+    as_json: bool,
+) -> None:
+    """Lead a participant through the planned trials, or go on where it was stopped.
+
+    Keyboard or pedal only. Rests are enforced. Each trial is recorded into recordings/ID; the person's calibration is
+    used (tega-teleop calibrate LAB.toml --person ID). Ctrl-C breaks a running trial off; the same command goes on. With
+    --json: {"participant", "over", "trials", "next"}.
+    """
+    import sys
+
+    from tega.cli.options import Stop
+    from tega.study import read_plan
+    from tega.study.lead import lead_session
+    from tega.study.lead.desk import desk_for
+
+    if (lab is not None) + emulated + simulated != 1:
+        raise click.UsageError("give one of --lab LAB.toml, --emulated and --simulated")
+    if len(pedal) > 1:
+        raise click.BadParameter(f"{pedal!r} is not one key, such as b", param_hint="--pedal")
+    plan = read_plan(folder)
+    plan.of(participant)
+    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
+    sys.setswitchinterval(0.0005)
+    with (
+        _bench(plan, participant, lab=lab, emulated=emulated, sets=sets) as bench,
+        Stop() as stop,
+        desk_for(stop) as desk,
+    ):
+        state = lead_session(
+            folder,
+            participant,
+            bench,
+            desk,
+            task=task,
+            time_scale=time_scale,
+            pedal=pedal,
+            auto=yes,
+            trials=trials,
+            stop=stop,
+        )
+    if as_json:
+        following = None if state.next is None else state.next[0]
+        echo_json(
+            {
+                "participant": participant,
+                "over": state.n_over,
+                "trials": len(plan.of(participant)),
+                "next": following,
+            }
+        )
+
+
+@contextmanager
+def _bench(
+    plan: StudyPlan, participant: str, *, lab: Path | None, emulated: bool, sets: tuple[str, ...]
+) -> Iterator[Bench]:
+    """Make what the trials run on."""
+    import json
+    import tempfile
+
+    from tega.study.lead.benches import LabBench, SimulatedBench
+
+    if lab is not None:
+        from tega.config import load_config
+
+        loaded = load_config(lab, sets=sets)
+        if loaded.config.calibration.file is None and loaded.config.calibration.person is None:
+            person = f"calibration.person={json.dumps(participant)}"
+            loaded = load_config(lab, sets=(*sets, person))
+        yield LabBench(loaded.config, settings=str(lab))
+    elif emulated:
+        from tega.config import check_tree
+        from tega.testing.lab import emulated_lab
+
+        with tempfile.TemporaryDirectory() as beside:
+            folder = Path(beside)
+            with emulated_lab(folder, emg_hz=250.0, hand=True, vest=True, fingers=("thumb", "index")) as made:
+                yield LabBench(check_tree(made.tree, {}, base=folder).config, settings="emulated lab")
+    else:
+        yield SimulatedBench(plan, participant)

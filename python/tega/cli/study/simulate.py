@@ -1,0 +1,89 @@
+"""``tega-teleop study simulate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tega.cli.options import NameList, debug_option, echo_json, json_option
+
+__all__ = ["simulate"]
+
+_FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+class _Shard(click.ParamType[tuple[int, int]]):
+    """Which part of how many."""
+
+    name = "i/n"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Read the part, or fail with a usage error."""
+        if isinstance(value, tuple):
+            return value
+        part, _, parts = str(value).partition("/")
+        if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+            self.fail(f"{value!r} is not i/n with i from 1 to n, such as 2/4", param, ctx)
+        return int(part), int(parts)
+
+
+@click.command(epilog="Example: tega-teleop study simulate --operators 10 --out in-silico")
+@click.option("--operators", type=click.IntRange(1, 999), required=True, help="How many simulated people.")
+@click.option("--out", type=_FOLDER, required=True, help="A new folder, or the same study's to go on.")
+@click.option("--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Of everything.")
+@click.option("--objects", type=NameList(), default="bottle,container,bag", show_default=True)
+@click.option("--conditions", type=NameList(), default="haptic,non-haptic", show_default=True)
+@click.option(
+    "--trials", type=click.IntRange(1, 1000), default=10, show_default=True, help="Per object and condition."
+)
+@click.option("--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores.")
+@click.option("--shard", type=_Shard(), default="1/1", help="Only the i-th of n parts, for many machines.")
+@json_option
+@debug_option
+def simulate(
+    *,
+    operators: int,
+    out: Path,
+    seed: int,
+    objects: list[str],
+    conditions: list[str],
+    trials: int,
+    jobs: int,
+    shard: tuple[int, int],
+    as_json: bool,
+) -> None:
+    """Run the whole study with simulated people, and report it once all sessions are there.
+
+    Each person goes through a whole session in the plan's order, with what was learned and tired from trial to trial.
+    The results are the same with any number of workers and shards. Run it again to go on where it was stopped;
+    a session that was cut short is run anew.
+    """
+    from tega.cli.options import progress_bar
+    from tega.study.report import write_report
+    from tega.study.simulate import simulate as run
+    from tega.study.simulate import unfinished
+
+    with progress_bar() as progress:
+        plan = run(
+            out,
+            operators=operators,
+            seed=seed,
+            objects=objects,
+            conditions=conditions,
+            trials=trials,
+            jobs=jobs,
+            shard=shard,
+            progress=progress,
+        )
+    left = unfinished(out, plan)
+    page = None if left else write_report(out).page
+    if as_json:
+        echo_json({"out": str(out), "operators": operators, "left": left, "report": page and str(page)})
+    elif left:
+        click.echo(f"{out}: {len(left)} of {operators} sessions are left to other shards")
+    else:
+        click.echo(f"{page}: simulated, {operators} people, {len(plan.trials)} trials")

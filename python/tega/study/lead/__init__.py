@@ -1,0 +1,20 @@
+"""Leading a session: participant and experimenter are taken through the planned trials.
+
+::
+
+    lift_rule.py   when an object counts as lifted: 0.2 m, held for a second, begun within the window
+    going.py       one trial between the bench's thread and the lead
+    benches.py     what a trial runs on: the lab's devices, or the simulated bench
+    questions.py   raw NASA-TLX and comfort, asked after each block
+    desk.py        what the experimenter sees and presses: a terminal, or lines
+    board.py       what the observers' consoles are told, in a file beside the events
+    session.py     the session: rest, countdown, trial, questions, from the first trial to the last
+
+All that is decided is an event in the session's journal; a stop at any moment loses nothing that was acknowledged.
+"""
+
+from __future__ import annotations
+
+from tega.study.lead.session import lead_session
+
+__all__ = ["lead_session"]

@@ -1,0 +1,207 @@
+"""What a trial runs on: the lab's devices through a session of their own, or the simulated bench."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+
+from tega.errors import InvalidValueError
+from tega.sim.streams import Streams
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.safety.states import Transition
+    from tega.sim.seams import Act, Percept
+    from tega.study.lead.going import Going
+    from tega.study.plan import PlannedTrial, StudyPlan
+
+__all__ = ["Bench", "LabBench", "SimulatedBench"]
+
+_LOOK_S = 0.01
+_FELT = {"haptic": True, "non-haptic": False}
+
+
+class Bench(Protocol):
+    """Where trials take place.
+
+    Attributes:
+        sees_height: Whether it says how high the object is; otherwise a person marks it.
+        own_time: Whether it has a time of its own.
+    """
+
+    sees_height: bool
+    own_time: bool
+
+    def felt(self, condition: str) -> bool:
+        """Tell whether the vest shows touch in a condition.
+
+        Raises:
+            InvalidValueError: The condition cannot be applied here.
+        """
+        ...
+
+    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
+        """Run a trial until it is over.
+
+        Args:
+            trial: Which.
+            going: Told what happens, asked when to begin and to end.
+            folder: For what is recorded; new.
+        """
+        ...
+
+
+class LabBench:
+    """The devices of settings: opened for each trial, closed after it, recorded meanwhile.
+
+    The vest is open in every condition. Without touch to be felt it is sent zeros (reading A36).
+
+    Args:
+        config: The settings; what they say of duration, pace, output and recording folder does not count.
+        settings: How their file is named in what an error suggests.
+
+    Raises:
+        InvalidValueError: The settings have no muscles or no fingertip: there is nothing to study.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+
+    sees_height = False
+    own_time = False
+
+    def __init__(self, config: SessionConfig, *, settings: str = "SETTINGS.toml") -> None:
+        from tega.devices.lifecycle import require
+
+        require("foxglove", driver="recording", extra="record")
+        if config.emg is None or not config.tactile.in_use():
+            raise InvalidValueError(
+                f"{settings}: a study needs muscles and at least one fingertip",
+                "set [emg] and [tactile.thumb]",
+            )
+        self._config = config
+        self._settings = settings
+
+    def felt(self, condition: str) -> bool:
+        """Tell whether the vest shows touch."""
+        if condition not in _FELT:
+            raise InvalidValueError(
+                f"condition {condition!r} cannot be run", f"plan with {' and '.join(_FELT)} only"
+            )
+        return _FELT[condition]
+
+    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
+        """Run a session of the devices for as long as the trial lasts."""
+        from tega.teleop import run_session
+
+        del trial  # the devices do not know what is lifted
+        replace = msgspec.structs.replace
+        config = replace(
+            self._config,
+            session=replace(self._config.session, pace="real", duration_s=None, out_dir=None),
+            recording=replace(self._config.recording, dir=folder.absolute()),
+        )
+
+        def changed(change: Transition) -> None:
+            going.tell(change.state, change.reason)
+            if change.state == "active":
+                going.begin(change.t_ns)
+
+        run_session(
+            config,
+            observer=going.view,
+            progress=going.preparing,
+            stop=going.over,
+            haptics=going.feel,
+            settings=self._settings,
+            go=going.may_go,
+            on_state=changed,
+        )
+
+
+class SimulatedBench:
+    """The simulated bench with a simulated participant: for rehearsals. What it gives is simulated.
+
+    Args:
+        plan: The study's plan; its seed and the person's id decide who the participant is.
+        participant: Whose session.
+        real_time: Keep to the machine's clock; otherwise as fast as it goes.
+    """
+
+    sees_height = True
+    own_time = True
+
+    def __init__(self, plan: StudyPlan, participant: str, *, real_time: bool = True) -> None:
+        from tega.sim.lab import lab_of
+        from tega.sim.plan import TrialPlan
+        from tega.study.simulate import person_seed
+
+        self._seed = person_seed(plan.settings.seed or 0, participant)
+        self._real_time = real_time
+        self._lab = lab_of(self._seed, "live")
+        first = TrialPlan.checked({"object": plan.settings.objects[0], "seed": self._seed})
+        for name in plan.settings.objects:
+            TrialPlan.checked({"object": name})
+        self._person = self._lab.person(first)
+        self._fatigue = 0.0
+
+    def felt(self, condition: str) -> bool:
+        """Tell whether the vest shows touch."""
+        from tega.sim.arms import CONDITIONS, feels
+
+        if condition not in CONDITIONS or not feels(condition):
+            raise InvalidValueError(
+                f"condition {condition!r} cannot be simulated", "plan with haptic and non-haptic only"
+            )
+        return condition != "non-haptic"
+
+    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
+        """Have the simulated person lift the object once."""
+        from tega.sim.lift import Lift
+        from tega.sim.plan import TrialPlan
+
+        going.tell("preparing", "building the scene")
+        asked = TrialPlan.checked({"object": trial.object, "condition": trial.condition, "seed": self._seed})
+        streams = _Watched(going)
+        lift = Lift(self._lab, asked, self._person, trial.trial, fatigue=self._fatigue, streams=streams)
+        going.tell("armed", "simulated")
+        while not going.may_go():
+            if going.over():
+                return
+            time.sleep(_LOOK_S)
+        going.tell("active", "simulated")
+        going.begin(0)
+        lift.go(
+            real_time=self._real_time,
+            observer=lambda moment: going.view(moment.loop),
+            stop=going.over,
+            paused=lambda: False,
+        )
+        self._fatigue = lift.fatigue
+        for event in lift.scorer.events:
+            if event.kind in {"slip", "deformation"}:
+                going.see(event.kind, round(event.t_s * 1e9))
+        folder.mkdir(parents=True, exist_ok=True)
+        streams.write_tables(folder)
+
+
+class _Watched(Streams):
+    """The course of a lift, whose heights are told as they come."""
+
+    def __init__(self, going: Going) -> None:
+        super().__init__()
+        self._going = going
+        self._dropped = False
+
+    def act(self, percept: Percept, act: Act) -> None:
+        """Keep one look at the world, and tell the height until the object is put down."""
+        super().act(percept, act)
+        scene: Any = percept.scene
+        t_ns = round(percept.t_s * 1e9)
+        if act.phase in {"place", "release", "done"}:
+            return
+        self._going.see("height", t_ns, scene.object_height_m if scene.lift_off else 0.0)
+        if scene.dropped and not self._dropped:
+            self._dropped = True
+            self._going.see("drop", t_ns)

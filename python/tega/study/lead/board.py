@@ -1,0 +1,64 @@
+"""What the observers' consoles are told: one small file beside the events, replaced whole whenever something changes.
+
+It never says the condition: who observes must not know it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+__all__ = ["Board", "board_path", "read_board", "write_board"]
+
+
+class Board(msgspec.Struct, frozen=True, kw_only=True):
+    """How the session stands.
+
+    Attributes:
+        t_ns: When it was written, on the session's clock, as all times.
+        phase: ``waiting``, ``rest``, ``ready``, ``countdown``, ``trial``, ``questions`` or ``over``.
+        trial: Number of the trial that goes on or comes next; 0 for none.
+        attempt: Its attempt.
+        object: What is lifted in it.
+        n_over: Trials that need nothing more.
+        n_trials: All trials.
+        started_ns: When the running trial began; ``None`` where none runs.
+        until_ns: When the rest or the window is over; ``None`` where nothing ends by itself.
+        window_s: Time in which the object has to be lifted, seconds.
+        says: What is prepared or waited for.
+        health: What is wrong with the devices, one sentence each; empty when all is well.
+    """
+
+    t_ns: int
+    phase: str
+    trial: int = 0
+    attempt: int = 1
+    object: str = ""
+    n_over: int = 0
+    n_trials: int = 0
+    started_ns: int | None = None
+    until_ns: int | None = None
+    window_s: float = 15.0
+    says: str = ""
+    health: tuple[str, ...] = ()
+
+
+def board_path(folder: Path, participant: str) -> Path:
+    """Return where a session's board is."""
+    return folder / "sessions" / participant / "now.json"
+
+
+def write_board(path: Path, board: Board) -> None:
+    """Replace the board."""
+    beside = path.with_name(path.name + ".new")
+    beside.write_bytes(msgspec.json.encode(board) + b"\n")
+    beside.replace(path)
+
+
+def read_board(path: Path) -> Board | None:
+    """Read the board; ``None`` where there is none that can be read."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Board)
+    except (OSError, msgspec.DecodeError):
+        return None

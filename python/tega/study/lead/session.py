@@ -1,0 +1,428 @@
+"""A session from the first trial to the last, or from where it was stopped."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tega.clock import Clock, SystemClock
+from tega.errors import DeviceUnavailableError
+from tega.study.journal import Journal, counting
+from tega.study.lead.board import Board, board_path, write_board
+from tega.study.lead.desk import ENTER, Desk, Screen
+from tega.study.lead.questions import QUESTIONS, answer_of, blocks_to_ask
+from tega.study.lead.trial import EXPERIMENTER, LedTrial, Task, keys_of, undo_last
+from tega.study.plan import PlannedTrial, StudyPlan, read_plan
+from tega.study.state import SessionState, derive, resume
+
+if TYPE_CHECKING:
+    from tega.study.lead.benches import Bench
+
+__all__ = ["INSTRUCTION", "lead_session"]
+
+INSTRUCTION = (
+    "Grasp the object with as little force as it takes. Lift it to the mark, 0.2 m up, within 15 s, and hold it still. "
+    "Squeeze no harder than you need, and do not let it slip."
+)
+"""Read to the participant, the same in every condition; kept with the session's events."""
+
+_POLL_S = 0.02
+_REDRAW_S = 0.1
+_BOARD_S = 0.5
+
+
+def lead_session(
+    folder: Path,
+    participant: str,
+    bench: Bench,
+    desk: Desk,
+    *,
+    clock: Clock | None = None,
+    task: Task = "lift",
+    time_scale: float = 1.0,
+    pedal: str = "",
+    auto: bool = False,
+    trials: int | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> SessionState:
+    """Lead a session, new or after a stop at any moment.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose session.
+        bench: What trials run on.
+        desk: What the experimenter sees and presses.
+        clock: The session's; the machine's monotonic one when ``None``.
+        task: When a trial is over, see :class:`tega.study.lead.trial.LedTrial`.
+        time_scale: Of all waits; below 1 for rehearsals, which the events then say.
+        pedal: A key that a foot pedal types: goes on, and marks the object's height in a trial.
+        auto: Go on by the clock and pass over the questions.
+        trials: Stop after so many; ``None`` for all.
+        stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical reasons.
+
+    Returns:
+        How the session stands.
+
+    Raises:
+        InvalidValueError: Nobody has that id, or a planned condition cannot be run on this bench.
+        RecordingError: The study is damaged, or the person has withdrawn.
+        DeviceUnavailableError: Another program has the session open, or a trial cannot begin and nobody is there.
+        KeyboardInterrupt: ``stop`` said so, or the desk's person has gone.
+    """
+    plan = read_plan(folder)
+    for condition in plan.settings.conditions:
+        bench.felt(condition)
+    clock = SystemClock() if clock is None else clock
+    journal, _state = resume(folder, plan, participant, t_ns=clock.now_ns())
+    with journal:
+        lead = _Lead(
+            folder,
+            plan,
+            participant,
+            journal,
+            bench=bench,
+            desk=desk,
+            clock=clock,
+            task=task,
+            time_scale=time_scale,
+            pedal=pedal,
+            auto=auto,
+            stop=stop,
+        )
+        try:
+            return lead.run(trials)
+        finally:
+            lead.leave()
+
+
+class _Lead:
+    def __init__(
+        self,
+        folder: Path,
+        plan: StudyPlan,
+        participant: str,
+        journal: Journal,
+        *,
+        bench: Bench,
+        desk: Desk,
+        clock: Clock,
+        task: Task,
+        time_scale: float,
+        pedal: str,
+        auto: bool,
+        stop: Callable[[], bool],
+    ) -> None:
+        self._folder, self._plan, self._participant = folder, plan, participant
+        self._mine = plan.of(participant)
+        self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
+        self._task, self._scale, self._pedal = task, time_scale, pedal
+        self._auto, self._stop = auto, stop
+        self._drawn_s = self._boarded_s = float("-inf")
+        self._told: Board | None = None
+        self._led: LedTrial | None = None
+        self._last: tuple[int, int] | None = None
+
+    @property
+    def _state(self) -> SessionState:
+        return derive(self._mine, self._journal.events)
+
+    def run(self, most: int | None) -> SessionState:
+        """Go on until all trials are over, or so many of them, or somebody quits."""
+        ends = [event for event in self._journal.events if event.kind == "trial_end"]
+        if ends:
+            self._last = ends[-1].trial, ends[-1].attempt
+        self._note(INSTRUCTION)
+        if self._scale != 1.0:
+            self._note(f"rehearsal: waits are {self._scale:g} times as long")
+        self._desk.say(f"Read to the participant: {INSTRUCTION}")
+        n_done = 0
+        while self._questions() and (most is None or n_done < most):
+            state = self._state
+            if state.next is None:
+                break
+            number, attempt = state.next
+            trial = self._mine[number - 1]
+            if not self._wait(trial, attempt):
+                break
+            n_done += self._trial(trial, attempt)
+        state = self._state
+        if state.next is None:
+            self._desk.say("All trials are over. Thank the participant; take off vest and electrodes.")
+        return state
+
+    def leave(self) -> None:
+        """End what is going on and say that the session is not led any more."""
+        if self._led is not None:
+            self._led.break_off("the session was stopped")
+        self._journal.add("session_stop", t_ns=self._clock.now_ns(), source="auto")
+        self._board("over" if self._state.next is None else "stopped", None, at_once=True)
+
+    # The parts of a session.
+
+    def _wait(self, trial: PlannedTrial, attempt: int) -> bool:
+        """Rest, then wait until everybody is ready; False to quit."""
+        until_ns = self._rest_until_ns(trial, attempt)
+        again = ", again" if attempt > 1 else ""
+        heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)}{again} · {trial.object}"
+        quitting = False
+        while True:
+            now_ns = self._clock.now_ns()
+            left_s = (until_ns - now_ns) / 1e9
+            resting = left_s > 0
+            for key in self._heard():
+                if key == "q":
+                    if quitting:
+                        return False
+                    quitting = True
+                    self._desk.say("q once more to stop here; the same command goes on from here")
+                elif key in {ENTER, self._pedal} and not resting:
+                    return True
+                else:
+                    self._correct(key)
+            if self._auto and not resting:
+                return True
+            phase = "rest" if resting else "ready"
+            big = (
+                f"rest  {_clock(left_s)}"
+                if resting
+                else f"put the {trial.object} in its place; Enter to begin"
+            )
+            keys = [("q q", "stop here")] if resting else [("Enter", "begin"), ("q q", "stop here")]
+            self._show(
+                Screen(phase, heading, big, self._about_last(), [*keys, *self._correcting()]),
+                self._as_board(phase, trial, attempt, until_ns=until_ns if resting else None),
+            )
+            time.sleep(_POLL_S)
+
+    def _trial(self, trial: PlannedTrial, attempt: int) -> bool:
+        """Lead a trial; whether it took place."""
+        window_s = self._plan.settings.window_s
+        led = self._led = LedTrial(
+            self._folder,
+            trial,
+            attempt,
+            bench=self._bench,
+            journal=self._journal,
+            clock=self._clock,
+            task=self._task,
+            window_s=window_s,
+            time_scale=self._scale,
+            pedal=self._pedal,
+        )
+        heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)} · {trial.object}"
+        while not led.step(self._heard()):
+            going = led.going
+            t_s = going.elapsed_s()
+            big = {
+                "preparing": going.reason or "devices start",
+                "countdown": f"ready … {max(1, round(led.left_s + 0.5))}",
+            }.get(led.phase, f"{t_s:5.1f} s of {window_s:g}")
+            lines = [] if led.phase != "trial" else [_about(led)]
+            if going.state == "hold":
+                lines.append(f"hold: {going.reason}")
+            phase = led.phase
+            keys = keys_of(sees_height=self._bench.sees_height) if phase == "trial" else [("a", "break off")]
+            until_ns = None if going.started_ns is None else going.started_ns + round(window_s * 1e9)
+            self._show(
+                Screen(phase, heading, big, lines, keys, going.alerts),
+                self._as_board(
+                    phase,
+                    trial,
+                    attempt,
+                    until_ns=until_ns,
+                    started_ns=going.started_ns if phase == "trial" else None,
+                    says=going.reason,
+                    health=going.alerts,
+                ),
+            )
+            time.sleep(_POLL_S)
+        self._led = None
+        if led.broke:
+            if self._auto:
+                raise DeviceUnavailableError(f"trial {trial.trial} cannot begin: {led.broke}")
+            self._desk.say(f"The trial did not begin: {led.broke}")
+            return False
+        self._last = trial.trial, attempt
+        end = next(e for e in reversed(self._journal.events) if e.kind == "trial_end")
+        self._desk.say(
+            f"trial {trial.trial}: {end.text}" + ("" if end.status == "done" else f" ({end.status})")
+        )
+        if led.rule.lift_off_s is None and any(e.kind == "slip" for e in led.events()):
+            self._desk.say("No lift-off was marked, so the slips of this trial count as before lift-off.")
+        return True
+
+    def _questions(self) -> bool:
+        """Ask what is to be asked after a block that is over; True always, for the loop."""
+        state = self._state
+        left = {number for number, status in state.status.items() if status in {"planned", "running"}}
+        if state.next is not None:
+            left.add(state.next[0])
+        for number, questions in blocks_to_ask(self._mine, self._journal.events, left):
+            if not self._auto:
+                self._desk.say(
+                    f"Questions to the participant: 0 to 100 in steps of 5, - to pass over ({len(questions)} of "
+                    f"{len(QUESTIONS)} left)"
+                )
+            for question in questions:
+                self._board("questions", None)
+                value = None
+                while not self._auto:
+                    if self._stop():
+                        raise KeyboardInterrupt
+                    said = self._desk.line(f"{question.title}: 0 {question.left} … 100 {question.right}:")
+                    try:
+                        value = answer_of(said)
+                        break
+                    except ValueError:
+                        self._desk.say(f"{said!r} is not one of 0, 5, 10 … 100, and not -")
+                self._journal.add(
+                    "rating",
+                    t_ns=self._clock.now_ns(),
+                    trial=number,
+                    item=question.item,
+                    value=value,
+                    source="participant",
+                )
+        return True
+
+    # What else is pressed while nothing runs.
+
+    def _correct(self, key: str) -> None:
+        """Take in a correction of the trial before, or a note."""
+        if key == "n":
+            self._note(self._desk.line("note:"), source=EXPERIMENTER)
+            return
+        if self._last is None:
+            return
+        trial, attempt = self._last
+        now_ns = self._clock.now_ns()
+        if key in {"y", "f"}:
+            self._journal.add(
+                "override", t_ns=now_ns, trial=trial, attempt=attempt, success=key == "y", source=EXPERIMENTER
+            )
+        elif key == "u" and (done := undo_last(self._journal, trial, attempt, t_ns=now_ns)) is not None:
+            what = self._journal.events[(done.undone or 1) - 1]
+            self._desk.say(f"undone: {what.kind} of trial {trial}")
+
+    def _correcting(self) -> list[tuple[str, str]]:
+        keys = [("n", "note")]
+        if self._last is not None:
+            keys = [("y", "it was a success"), ("f", "it was a failure"), ("u", "undo"), *keys]
+        return keys
+
+    def _about_last(self) -> list[str]:
+        """Return how the trial before went."""
+        if self._last is None:
+            return []
+        events = counting(self._journal.events, *self._last)
+        end = next((event for event in events if event.kind == "trial_end"), None)
+        if end is None or end.status is None:
+            return []
+        if end.status.startswith("aborted"):
+            return [f"trial {self._last[0]}: {end.status.replace('_', ' ')}, {end.text}"]
+        success = bool(end.success)
+        for event in events:
+            if event.kind == "override" and event.success is not None:
+                success = event.success
+        n = {kind: sum(event.kind == kind for event in events) for kind in ("slip", "deformation")}
+        how = "success" if success else "failure"
+        return [
+            f"trial {self._last[0]}: {how}; slips {n['slip']}, deformations {n['deformation']}; {end.text}"
+        ]
+
+    # Small things.
+
+    def _rest_until_ns(self, trial: PlannedTrial, attempt: int) -> int:
+        ends = [event for event in self._journal.events if event.kind == "trial_end"]
+        now_ns = self._clock.now_ns()
+        if not ends:
+            return now_ns
+        rest_s = trial.rest_s if attempt == 1 else max(trial.rest_s, self._plan.settings.rest_s)
+        # After a restart of the machine its clock begins anew: nobody knows how long ago the end was.
+        since_ns = min(ends[-1].t_ns, now_ns)
+        if any(event.t_ns > now_ns for event in self._journal.events[-1:]):
+            since_ns = now_ns
+        return since_ns + round(rest_s * self._scale * 1e9)
+
+    def _heard(self) -> list[str]:
+        if self._stop():
+            raise KeyboardInterrupt
+        return self._desk.keys()
+
+    def _note(self, text: str, *, source: str = "auto") -> None:
+        trial, attempt = self._last or (0, 1)
+        self._journal.add(
+            "note", t_ns=self._clock.now_ns(), trial=trial, attempt=attempt, source=source, text=text
+        )
+
+    def _show(self, screen: Screen, board: Board) -> None:
+        now_s = time.monotonic()
+        if now_s - self._drawn_s >= _REDRAW_S:
+            self._drawn_s = now_s
+            self._desk.show(screen)
+        self._put(board, now_s=now_s)
+
+    def _as_board(
+        self,
+        phase: str,
+        trial: PlannedTrial | None,
+        attempt: int = 1,
+        *,
+        until_ns: int | None = None,
+        started_ns: int | None = None,
+        says: str = "",
+        health: tuple[str, ...] = (),
+    ) -> Board:
+        return Board(
+            t_ns=self._clock.now_ns(),
+            phase=phase,
+            trial=0 if trial is None else trial.trial,
+            attempt=attempt,
+            object="" if trial is None else trial.object,
+            n_over=self._state.n_over,
+            n_trials=len(self._mine),
+            started_ns=started_ns,
+            until_ns=until_ns,
+            window_s=self._plan.settings.window_s,
+            says=says,
+            health=health,
+        )
+
+    def _board(self, phase: str, trial: PlannedTrial | None, *, at_once: bool = False) -> None:
+        self._put(self._as_board(phase, trial), now_s=float("inf") if at_once else time.monotonic())
+
+    def _put(self, board: Board, *, now_s: float) -> None:
+        """Write the board when something changes, and often enough to show that somebody is there."""
+        told = self._told
+        same = told is not None and (told.phase, told.trial, told.started_ns, told.health) == (
+            board.phase,
+            board.trial,
+            board.started_ns,
+            board.health,
+        )
+        if same and now_s - self._boarded_s < _BOARD_S:
+            return
+        self._told, self._boarded_s = board, now_s
+        write_board(board_path(self._folder, self._participant), board)
+
+
+def _about(led: LedTrial) -> str:
+    rule = led.rule
+    if rule.held_s is not None:
+        how = "lifted and held"
+    elif rule.since_s is not None:
+        how = "at the mark"
+    elif rule.lift_off_s is not None:
+        how = "off the table"
+    else:
+        how = "on the table"
+    events = led.events()
+    n = {kind: sum(event.kind == kind for event in events) for kind in ("slip", "deformation", "drop")}
+    return f"{how}   slips {n['slip']}   deformations {n['deformation']}   drops {n['drop']}"
+
+
+def _clock(left_s: float) -> str:
+    whole = max(0, int(left_s + 0.999))
+    return f"{whole // 60}:{whole % 60:02d}"

@@ -1,0 +1,32 @@
+"""The raters' own files of a session: where they are, and which trials a rater saw from start to end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from tega.study.journal import Event, read_events
+from tega.study.state import events_path
+
+__all__ = ["PART", "WHOLE", "observer_path", "read_observers", "saw_whole"]
+
+WHOLE, PART = "", "not the whole trial"
+"""Texts of a rater's ``trial_end``."""
+
+
+def observer_path(folder: Path, participant: str, rater: str) -> Path:
+    """Return where a rater's events of a session are."""
+    return events_path(folder, participant).parent / "observers" / f"{rater}.jsonl"
+
+
+def read_observers(folder: Path, participant: str) -> dict[str, list[Event]]:
+    """Read every rater's events of a session, by rater in the order of their names."""
+    found = sorted((events_path(folder, participant).parent / "observers").glob("*.jsonl"))
+    return {path.stem: read_events(path) for path in found}
+
+
+def saw_whole(events: Sequence[Event], trial: int, attempt: int) -> bool:
+    """Tell whether a rater saw a trial from its start to its end."""
+    return any(
+        e.kind == "trial_end" and (e.trial, e.attempt) == (trial, attempt) and e.text == WHOLE for e in events
+    )

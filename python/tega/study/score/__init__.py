@@ -1,0 +1,25 @@
+"""Scores of a study's trials: several accounts of what happened, and how far they agree.
+
+::
+
+    accounts.py   who says what: raters, the experimenter, the truth of a simulated bench
+    agree.py      events matched in time, chance, delay, Cohen's kappa, ICC
+    boris.py      BORIS projects out, events coded there in
+"""
+
+from __future__ import annotations
+
+from tega.study.score.accounts import agreements
+from tega.study.score.agree import Agreement, agreement, icc, kappa, match_events
+from tega.study.score.boris import export_boris, import_boris
+
+__all__ = [
+    "Agreement",
+    "agreement",
+    "agreements",
+    "export_boris",
+    "icc",
+    "import_boris",
+    "kappa",
+    "match_events",
+]

@@ -1,0 +1,227 @@
+"""BORIS files out and in: a project with an observation for each trial and rater, and events coded elsewhere.
+
+Format "7.0", as its source has it. The condition is left out: who codes must not know it. Columns of a tabular export
+are found by their names, since they differ between versions.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from tega.errors import InvalidValueError, RecordingError
+from tega.study.journal import Event, Journal, Kind, counting, read_events
+from tega.study.observers import WHOLE, observer_path, read_observers
+from tega.study.plan import read_plan
+from tega.study.state import events_path
+
+__all__ = ["export_boris", "import_boris"]
+
+_CODES: dict[str, tuple[Kind, str]] = {
+    "slip": ("slip", "s"),
+    "deformation": ("deformation", "d"),
+    "drop": ("drop", "x"),
+    "lift_off": ("lift_off", "l"),
+}
+_ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_.+)?")
+
+
+def export_boris(folder: Path, path: Path) -> int:
+    """Write a project: an observation for each trial and rater, and one to fill in where nobody has scored.
+
+    Args:
+        folder: The study's folder.
+        path: The ``.boris`` file; must not exist.
+
+    Returns:
+        How many observations.
+
+    Raises:
+        InvalidValueError: The file is there already.
+    """
+    if path.exists():
+        raise InvalidValueError(f"{path}: is there already", "name a new file")
+    plan = read_plan(folder)
+    observations: dict[str, Any] = {}
+    for person in plan.participants:
+        main = read_events(events_path(folder, person))
+        accounts = {**read_observers(folder, person)}
+        mine = {trial.trial: trial for trial in plan.of(person)}
+        for start, end in attempts(main):
+            trial = mine[start.trial]
+            stem = f"{person}_t{trial.trial:02d}_a{start.attempt}"
+            for rater, events in accounts.items() or {"": []}.items():
+                found = [
+                    [round((e.t_ns - start.t_ns) / 1e9, 3), "", e.kind, "", ""]
+                    for e in sorted(counting(events, trial.trial, start.attempt), key=lambda e: e.t_ns)
+                    if e.kind in _CODES
+                ]
+                observations[f"{stem}_{rater}" if rater else stem] = {
+                    "file": {str(player): [] for player in range(1, 9)},
+                    "type": "LIVE",
+                    "date": "",
+                    "description": f"{(end.t_ns - start.t_ns) / 1e9:.3f} s",
+                    "time offset": 0.0,
+                    "events": found,
+                    "independent_variables": {
+                        "participant": person,
+                        "trial": str(trial.trial),
+                        "object": trial.object,
+                    },
+                    "observation time interval": [0, 0],
+                    "close_behaviors_between_videos": False,
+                }
+    project = {
+        "time_format": "seconds",
+        "project_date": "",
+        "project_name": folder.name,
+        "project_description": "trials of a study; times count from each trial's start",
+        "project_format_version": "7.0",
+        "subjects_conf": {},
+        "behaviors_conf": {
+            str(n): {
+                "type": "Point event",
+                "key": key,
+                "code": code,
+                "description": "",
+                "color": "",
+                "category": "",
+                "modifiers": {},
+                "excluded": "",
+                "coding map": "",
+            }
+            for n, (code, (_kind, key)) in enumerate(_CODES.items())
+        },
+        "observations": observations,
+        "behavioral_categories": [],
+        "behavioral_categories_config": {},
+        "independent_variables": {
+            str(n): {
+                "label": label,
+                "description": "",
+                "type": "text",
+                "default value": "",
+                "possible values": "",
+            }
+            for n, label in enumerate(("participant", "trial", "object"))
+        },
+        "coding_map": {},
+        "behaviors_coding_map": [],
+        "converters": {},
+    }
+    path.write_bytes(msgspec.json.format(msgspec.json.encode(project), indent=1) + b"\n")
+    return len(observations)
+
+
+def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
+    """Take in events coded in BORIS as those of a new rater.
+
+    Args:
+        folder: The study's folder.
+        path: A project (``.boris``), or a tabular export as TSV or CSV. Observations are named as
+            :func:`export_boris` names them; anything behind ``_a1`` does not matter.
+        rater: A code that nobody has used in these sessions.
+
+    Returns:
+        Number of trials taken in, by person.
+
+    Raises:
+        RecordingError: The file cannot be read, or an observation or behaviour is not one of the study's.
+        InvalidValueError: The rater has a file already.
+    """
+    observed = _project(path) if path.suffix == ".boris" else _table(path)
+    plan = read_plan(folder)
+    by_person: dict[str, dict[tuple[int, int], Sequence[tuple[float, str]]]] = {}
+    for name, coded in observed.items():
+        found = _ID.fullmatch(name)
+        if found is None:
+            raise RecordingError(f"{path.name}: observation {name!r} names no trial", "name it as p01_t07_a1")
+        key = int(found[2]), int(found[3])
+        if key in by_person.setdefault(found[1], {}):
+            raise RecordingError(
+                f"{path.name}: two observations of {name[:10]}", "leave those of one rater in the file"
+            )
+        by_person[found[1]][key] = coded
+    ready: dict[str, list[tuple[Event, Event, Sequence[tuple[float, str]]]]] = {}
+    for person, trials in by_person.items():
+        plan.of(person)
+        if observer_path(folder, person, rater).exists():
+            raise InvalidValueError(f"{rater} has scored {person} already", "give another --rater")
+        ran = {(s.trial, s.attempt): (s, e) for s, e in attempts(read_events(events_path(folder, person)))}
+        for key, coded in trials.items():
+            if key not in ran:
+                raise RecordingError(f"{path.name}: trial {key[0]} of {person} was not run")
+            for _t_s, code in coded:
+                if code not in _CODES:
+                    raise RecordingError(
+                        f"{path.name}: behaviour {code!r} is not known", f"use {', '.join(_CODES)}"
+                    )
+            ready.setdefault(person, []).append((*ran[key], coded))
+    for person, rows in ready.items():
+        with Journal(observer_path(folder, person, rater)) as journal:
+            first_ns = min(start.t_ns for start, _end, _events in rows)
+            journal.add("session_start", t_ns=first_ns, source=rater, text=plan.settings.plan_sha256)
+            for start, end, coded in rows:
+                trial, attempt = start.trial, start.attempt
+                journal.add("trial_start", t_ns=start.t_ns, trial=trial, attempt=attempt, source=rater)
+                for t_s, code in coded:
+                    at_ns = start.t_ns + round(t_s * 1e9)
+                    journal.add(_CODES[code][0], t_ns=at_ns, trial=trial, attempt=attempt, source=rater)
+                journal.add(
+                    "trial_end", t_ns=end.t_ns, trial=trial, attempt=attempt, source=rater, text=WHOLE
+                )
+    return {person: len(rows) for person, rows in ready.items()}
+
+
+def attempts(events: Sequence[Event]) -> list[tuple[Event, Event]]:
+    """Return start and end of every attempt that was made, in their order."""
+    starts = {(e.trial, e.attempt): e for e in events if e.kind == "trial_start"}
+    return [
+        (starts[e.trial, e.attempt], e)
+        for e in events
+        if e.kind == "trial_end" and (e.trial, e.attempt) in starts
+    ]
+
+
+def _project(path: Path) -> dict[str, Sequence[tuple[float, str]]]:
+    try:
+        tree = msgspec.json.decode(path.read_bytes())
+        return {
+            str(name): [(float(event[0]), str(event[2])) for event in observation["events"]]
+            for name, observation in tree["observations"].items()
+        }
+    except (
+        OSError,
+        msgspec.DecodeError,
+        KeyError,
+        IndexError,
+        TypeError,
+        ValueError,
+        AttributeError,
+    ) as error:
+        raise RecordingError(f"{path}: is no BORIS project: {error}", "name a .boris file") from error
+
+
+def _table(path: Path) -> dict[str, list[tuple[float, str]]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path}: cannot be read: {error}") from error
+    rows = csv.DictReader(text.splitlines(), delimiter="\t" if "\t" in text.partition("\n")[0] else ",")
+    needed = {"Observation id", "Behavior", "Time"}
+    if missing := needed - set(rows.fieldnames or ()):
+        raise RecordingError(
+            f"{path.name}: has no column {', '.join(sorted(missing))}", "export tabular events from BORIS"
+        )
+    observed: dict[str, list[tuple[float, str]]] = {}
+    for row in rows:
+        try:
+            observed.setdefault(row["Observation id"], []).append((float(row["Time"]), row["Behavior"]))
+        except (TypeError, ValueError) as error:
+            raise RecordingError(f"{path.name}: line {rows.line_num}: {error}", "export it again") from error
+    return observed

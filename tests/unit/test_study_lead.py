@@ -1,0 +1,305 @@
+"""A session is led from the first trial to the last, whatever stops it, and the vest is what the plan says."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.coupling import read_course
+from tega.study.journal import Event, read_events
+from tega.study.lead import lead_session
+from tega.study.lead.benches import LabBench, SimulatedBench
+from tega.study.lead.board import board_path, read_board
+from tega.study.lead.desk import ENTER, Screen
+from tega.study.lead.lift_rule import LiftRule
+from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
+from tega.study.state import derive, events_path
+from tega.study.trials import course_path, study_trials
+
+
+def ramp(begin_s: float, end_s: float, top_m: float) -> Callable[[float], float]:
+    return lambda t_s: top_m * min(max((t_s - begin_s) / (end_s - begin_s), 0.0), 1.0)
+
+
+def twice(t_s: float) -> float:
+    return 0.22 if 6.0 <= t_s <= 6.8 else 0.21 if t_s >= 9.0 else 0.0
+
+
+@pytest.mark.parametrize(
+    ("height_m", "held_s"),
+    [
+        (ramp(5, 8, 0.25), (7.4, 8.4)),
+        (lambda t_s: 0.1 if t_s > 7.9 else ramp(5, 8, 0.25)(t_s), None),
+        (ramp(13.8, 14.6, 0.2), (14.6, 15.6)),
+        (ramp(14.5, 15.1, 0.2), None),
+        (twice, (9.0, 10.0)),
+        (ramp(5, 8, 0.1999), None),
+    ],
+)
+def test_lifted_is_a_second_at_the_height_begun_within_the_window(
+    height_m: Callable[[float], float], held_s: tuple[float, float] | None
+) -> None:
+    rule = LiftRule(window_s=15.0)
+    for tenth in range(201):
+        rule.height(tenth / 10, height_m(tenth / 10))
+    assert rule.held_s == (None if held_s is None else pytest.approx(held_s))
+    assert rule.verdict(20.0) == ("too late" if held_s is None else "lifted")
+
+
+def test_a_second_that_began_in_time_is_waited_for() -> None:
+    rule = LiftRule(window_s=15.0)
+    rule.height(14.9, 0.2)
+    assert rule.verdict(15.5) == "open"
+    rule.look(15.9)
+    assert rule.verdict(15.9) == "lifted"
+
+
+def test_answers_and_raw_tlx() -> None:
+    items = [question.item for question in QUESTIONS[:6]]
+    ratings = dict(zip(items, (70.0, 35.0, 50.0, 25.0, 60.0, 40.0), strict=True))
+    assert raw_tlx(ratings) == pytest.approx(46.6666666667)
+    assert raw_tlx({**ratings, "tlx.effort": None}) is None
+    for said in ("101", "7", "-5", "", "many"):
+        with pytest.raises(ValueError, match=r"^(101|7|-5|invalid literal.*)$"):
+            answer_of(said)
+
+
+class Experimenter:
+    """Somebody at the desk: presses Enter when asked to begin, and what else is to be pressed in each phase.
+
+    Args:
+        presses: By phase of the screen, keys to press once each time the phase is entered.
+        answer: To every question.
+    """
+
+    def __init__(self, presses: dict[str, str] | None = None, answer: str = "40") -> None:
+        self._presses = presses or {}
+        self._answer = answer
+        self._waiting: list[str] = []
+        self.phases: list[str] = []
+        self.said: list[str] = []
+
+    def show(self, screen: Screen) -> None:
+        if self.phases[-1:] != [screen.phase]:
+            self.phases.append(screen.phase)
+            self._waiting += list(self._presses.get(screen.phase, ""))
+            if screen.phase == "ready":
+                self._waiting.append(ENTER)
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def keys(self) -> list[str]:
+        keys, self._waiting = self._waiting, []
+        return keys
+
+    def line(self, prompt: str) -> str:
+        self.said.append(prompt)
+        return self._answer
+
+
+def study(folder: Path, **settings: Any) -> Path:
+    quick = {"participants": 1, "seed": 3, "objects": ["bag"], "trials": 1, "rest_s": 0.1}
+    plan = make_plan(**{**quick, "change_rest_s": 0.3, "long_rest_s": 0.3, **settings})
+    write_plan(plan, folder / "study")
+    return folder / "study"
+
+
+def events_of(folder: Path) -> list[Event]:
+    return read_events(events_path(folder, "p01"))
+
+
+def kinds(events: Sequence[Event]) -> list[str]:
+    return [event.kind for event in events]
+
+
+def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    folder = study(tmp_path)
+    plan = read_plan(folder)
+    desk = Experimenter({"trial": "d", "ready": "uf"})
+    state = lead_session(folder, "p01", SimulatedBench(plan, "p01", real_time=False), desk, time_scale=0.1)
+    assert state.next is None
+    events = events_of(folder)
+    ends = [event for event in events if event.kind == "trial_end"]
+    assert [event.trial for event in ends] == [1, 2]
+    for trial in (1, 2):
+        own = [event for event in events if event.trial == trial and event.kind != "rating"]
+        t_ns = {kind: next((e.t_ns for e in own if e.kind == kind), None) for kind in kinds(own)}
+        held = t_ns["lifted"]
+        assert held is not None
+        assert t_ns["trial_start"] < t_ns["lift_off"] < held  # type: ignore[operator]
+        assert ends[trial - 1].t_ns == held
+    # The experimenter saw a deformation, took that back, and corrected the first trial to a failure.
+    first = [event for event in events if event.trial == 1 and event.source == "experimenter"]
+    assert kinds(first) == ["deformation", "undo", "override"]
+    trials = study_trials(folder)[1]
+    assert [trial.success for trial in trials] == [False, True]
+    # Each block is a trial here, so everybody was asked twice.
+    ratings = [event for event in events if event.kind == "rating"]
+    assert [event.item for event in ratings] == [question.item for question in QUESTIONS] * 2
+    assert {event.value for event in ratings} == {40.0}
+    for done in trials:
+        course = read_course(course_path(folder, done))
+        assert len(course.t_s) > 20
+        assert course.cci.max() > 0
+    board = read_board(board_path(folder, "p01"))
+    assert board is not None
+    assert board.phase == "over"
+    assert b"haptic" not in board_path(folder, "p01").read_bytes()
+
+
+def test_what_the_bench_cannot_do_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    folder = study(tmp_path, conditions=["haptic", "event-gated"])
+    bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
+    with pytest.raises(InvalidValueError, match="event-gated"):
+        lead_session(folder, "p01", bench, Experimenter())
+    assert not events_path(folder, "p01").exists()
+
+
+def test_broken_off_trials_come_once_more_and_safety_stops_do_not(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    folder = study(tmp_path)
+    bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
+    for keys, status in (("a", "aborted_technical"), ("z", "aborted_safety")):
+        lead_session(folder, "p01", bench, Experimenter({"trial": keys}), time_scale=0.1, trials=1)
+        assert [e for e in events_of(folder) if e.kind == "trial_end"][-1].status == status
+    plan = read_plan(folder)
+    state = derive(plan.of("p01"), events_of(folder))
+    assert state.status[1] == "aborted_safety"
+    assert state.next == (2, 1)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from tega.study import read_plan
+from tega.study.lead import lead_session
+from tega.study.lead.benches import SimulatedBench
+from tega.study.lead.desk import LineDesk
+folder = Path(sys.argv[1])
+with LineDesk() as desk:
+    bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
+    lead_session(folder, "p01", bench, desk, time_scale=0.1, auto=True)
+"""
+
+
+def run_and_kill(folder: Path, when: Callable[[list[Event], float], bool]) -> bool:
+    """Run a session in a process of its own and kill it; whether it was killed before its end."""
+    words = [sys.executable, "-c", KILLED, str(folder)]
+    began_s = time.monotonic()
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        while process.poll() is None:
+            if when(events_of(folder), time.monotonic() - began_s):
+                process.send_signal(signal.SIGKILL)
+                process.wait()
+                return True
+            time.sleep(0.01)
+        assert process.returncode == 0
+    return False
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
+def test_a_session_that_is_killed_in_a_trial_goes_on(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    folder = study(tmp_path)
+    plan_before = (folder / "plan.csv").read_bytes()
+    assert run_and_kill(folder, lambda events, _s: kinds(events)[-1:] == ["trial_start"])
+    before = events_of(folder)
+    assert not run_and_kill(folder, lambda _events, _s: False)
+    events = events_of(folder)
+    assert events[: len(before)] == before
+    assert (folder / "plan.csv").read_bytes() == plan_before
+    ends = [(e.trial, e.attempt, e.status) for e in events if e.kind == "trial_end"]
+    assert ends[0] == (1, 1, "aborted_technical")
+    assert {(trial, attempt) for trial, attempt, _status in ends} == {(1, 1), (1, 2), (2, 1)}
+    assert derive(read_plan(folder).of("p01"), events).next is None
+
+
+@pytest.mark.deep
+def test_a_session_killed_ten_times_loses_nothing(tmp_path: Path) -> None:
+    folder = study(tmp_path, trials=6)
+    rng = random.Random(8)
+    kept: list[Event] = []
+    for _ in range(10):
+        limit_s = rng.uniform(1.0, 9.0)
+        run_and_kill(folder, lambda _events, s, limit_s=limit_s: s > limit_s)  # type: ignore[misc]
+        events = events_of(folder)
+        assert events[: len(kept)] == kept
+        kept = events
+    while run_and_kill(folder, lambda _events, _s: False):
+        pass
+    events = events_of(folder)
+    assert events[: len(kept)] == kept
+    state = derive(read_plan(folder).of("p01"), events)
+    assert state.next is None
+    assert state.n_over == 12
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
+def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    from tega.config import check_tree
+    from tega.recording.mcap_reader import McapReader
+    from tega.testing.lab import emulated_lab
+
+    folder = study(tmp_path)
+    plan = read_plan(folder)
+    lab_folder = tmp_path / "lab"
+    lab_folder.mkdir()
+    with emulated_lab(lab_folder, emg_hz=250.0, vest=True, fingers=("thumb",)) as lab:
+        bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config)
+        # Off the table, a slip, at the mark; then it is held.
+        desk = Experimenter({"trial": " s "})
+        state = lead_session(folder, "p01", bench, desk, time_scale=0.1)
+    assert state.next is None
+    t_ns = [event.t_ns for event in events_of(folder) if event.kind in {"trial_start", "trial_end"}]
+    assert t_ns[2] - t_ns[1] >= 0.3 * 0.1 * 1e9
+    trials = study_trials(folder)[1]
+    assert [(trial.success, trial.slips, trial.slips_before) for trial in trials] == [(True, 1, 0)] * 2
+    for trial, planned in zip(trials, plan.of("p01"), strict=True):
+        where = folder / "recordings" / "p01" / f"{planned.id}-a1"
+        facts = json.loads((where / "trial.json").read_text())
+        strongest = touched = 0.0
+        first_ns = None
+        for message in McapReader(next(where.glob("*.mcap"))).messages():
+            if message.topic == "/vest/frame" and max(message.value.intensities) > strongest:
+                strongest = max(message.value.intensities)
+                first_ns = message.value.t_ns if first_ns is None else first_ns
+            elif message.topic == "/tactile/thumb/contact":
+                touched = max(touched, message.value.eda_norm)
+        assert touched > 0.5
+        assert (strongest > 0) == (trial.condition == "haptic")
+        if first_ns is not None:  # nothing is felt before the trial begins
+            assert facts["zero_ns"] + first_ns >= facts["started_ns"]
+        assert read_course(course_path(folder, trial)).eda.max() > 0.5
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
+def test_devices_that_do_not_come_begin_no_trial(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    from tega.config import check_tree
+    from tega.testing.lab import emulated_lab
+
+    folder = study(tmp_path)
+    lab_folder = tmp_path / "lab"
+    lab_folder.mkdir()
+    with emulated_lab(lab_folder, emg_hz=250.0, fingers=("thumb",)) as lab:
+        bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config)
+    with pytest.raises(DeviceUnavailableError, match="cannot begin"):
+        lead_session(folder, "p01", bench, Experimenter(), time_scale=0.1, auto=True)
+    assert kinds(events_of(folder))[-1] == "session_stop"
+    assert "trial_start" not in kinds(events_of(folder))
