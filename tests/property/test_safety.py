@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numpy.typing import NDArray
 
-from tega.devices.vest_stream import StreamedVest, VestOptions
+from reference.vests import KeptVest
+from tega.devices.vest_stream import VestOptions
 from tega.hand import TORQUE_LIMITS, HandController
 from tega.hand_link import HandLink, Received
 from tega.haptics import LAYOUTS, VestFrame
@@ -139,41 +139,6 @@ def test_full_drive_from_cold_ends_at_what_can_be_kept_and_then_at_nothing() -> 
 _MOTORS = {"paper32": 32, "x40": 40, "x16": 16}
 
 
-class _Wire:
-    """What a link is told, in place of a radio."""
-
-    present, notes = True, ()
-
-    def __init__(self) -> None:
-        self.sent: list[NDArray[np.uint8]] = []
-
-    def connect(self) -> None: ...
-    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002
-        return True
-
-    def send(self, intensities: NDArray[np.uint8]) -> None:
-        self.sent.append(intensities.copy())
-
-    def poll(self) -> None: ...
-    def close(self) -> None: ...
-    def abort(self) -> None: ...
-
-
-class _Vest(StreamedVest):
-    name = "wire-vest"
-
-    def __init__(self, options: VestOptions) -> None:
-        super().__init__(options)
-        self.wire = _Wire()
-
-    def _new_link(self) -> _Wire:
-        return self.wire
-
-    @property
-    def _label(self) -> str:
-        return "wire"
-
-
 @settings(max_examples=15)
 @given(
     frames=st.lists(
@@ -187,15 +152,15 @@ class _Vest(StreamedVest):
     limit=st.integers(1, 100),
 )
 def test_a_driver_s_link_is_never_told_more_than_the_limit(frames: list[VestFrame], limit: int) -> None:
-    vest = _Vest(VestOptions(limit=limit))
+    vest = KeptVest(VestOptions(limit=limit))
     with vest:
         for frame in frames:
             shown = vest.write(0, frame)
             assert shown.layout == frame.layout
             assert (shown.intensities <= np.minimum(frame.intensities, limit)).all()
     assert vest.wire.sent
-    assert all((sent <= limit).all() for sent in vest.wire.sent)
-    assert not vest.wire.sent[-1].any()
+    assert all((sent <= limit).all() for _, sent in vest.wire.sent)
+    assert not vest.wire.sent[-1][1].any()
 
 
 received = st.one_of(

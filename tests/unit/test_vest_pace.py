@@ -8,15 +8,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reference.scripted import MS, Sink, touching
+from reference.vests import KeptVest
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock, SystemClock
 from tega.config import check_tree
-from tega.devices.vest_stream import StreamedVest, VestOptions
+from tega.devices.vest_stream import VestOptions
 from tega.haptics import vest_frame
 from tega.replay import replay_file
 from tega.replay.recorded import read_recorded
@@ -184,43 +183,9 @@ def test_frames_that_a_vest_shows_alike_are_sent_once_but_a_motor_that_rests_is_
 # The greatest rate
 
 
-class _Wire:
-    notes: tuple[str, ...] = ()
-    present = True
-
-    def __init__(self) -> None:
-        self.sent: list[tuple[float, NDArray[np.uint8]]] = []
-
-    def connect(self) -> None: ...
-    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002
-        return True
-
-    def send(self, intensities: NDArray[np.uint8]) -> None:
-        self.sent.append((time.monotonic(), intensities.copy()))
-
-    def poll(self) -> None: ...
-    def close(self) -> None: ...
-    def abort(self) -> None: ...
-
-
-class _Vest(StreamedVest):
-    name = "wire-vest"
-
-    def __init__(self, options: VestOptions) -> None:
-        super().__init__(options)
-        self.wire = _Wire()
-
-    def _new_link(self) -> _Wire:
-        return self.wire
-
-    @property
-    def _label(self) -> str:
-        return "wire"
-
-
 def test_a_link_gets_the_newest_frame_at_its_greatest_rate() -> None:
     most_hz = 20.0
-    vest = _Vest(VestOptions(most_hz=most_hz))
+    vest = KeptVest(VestOptions(most_hz=most_hz))
     with vest:
         began_s = time.monotonic()
         for k in range(200):

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 
 pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 
+from reference.grip import TICK_S, Grip
 from tega.errors import InvalidValueError, MissingExtraError, ShapeError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
 from tega.sim.world import (
@@ -24,31 +25,16 @@ from tega.sim.world.check import main as check
 from tega.sim.world.lift import lift
 from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
 
-TICK_S = 0.003
 
-
-class Grip:
-    """A world with its hand's loop closed, in the grasp pose."""
-
-    def __init__(self, spec, **arguments):
-        self.world = World(spec, start_m=(0.0, 0.0), **arguments)
-        self.controller = hand_controller()
-        self.ticks = 0
-        self.hold(1, 1.6)
-
-    def hold(self, level, seconds, forearm_m=None):
-        if forearm_m is not None:
-            self.world.set_forearm(forearm_m)
-        for _ in range(round(seconds / TICK_S)):
-            self.ticks += 1
-            self.world.set_torques(FULL_DUTY_NM * self.controller.step(self.world.angles_rad, level))
-            self.world.advance_to(self.ticks * TICK_S)
-        return self.world.truth()
+def in_the_grasp_pose(spec, **arguments):
+    grip = Grip(spec, **arguments)
+    grip.hold(1, 1.6)
+    return grip
 
 
 @pytest.fixture(scope="module")
 def lifted():
-    grip = Grip("bottle")
+    grip = in_the_grasp_pose("bottle")
     grip.hold(4, 2.2)
     grip.hold(4, 1.5, (0.2, 0.0))
     return grip
@@ -103,7 +89,7 @@ def test_a_softer_wall_gives_more():
 
 def test_a_plastic_wall_keeps_a_dent_and_an_elastic_one_does_not():
     for name, leaves in (("bag", True), ("bottle", False)):
-        grip = Grip(name)
+        grip = in_the_grasp_pose(name)
         squeezed = grip.hold(5, 2.5)
         grip.hold(1, 1.2)
         let_go = grip.hold(1, 1.5, (0.0, 0.1))
@@ -118,7 +104,7 @@ def test_a_plastic_wall_keeps_a_dent_and_an_elastic_one_does_not():
 
 
 def test_opening_in_the_air_is_a_drop_and_setting_down_is_not():
-    grip = Grip("container")
+    grip = in_the_grasp_pose("container")
     grip.hold(4, 2.2)
     up = grip.hold(4, 1.5, (0.1, 0.0))
     assert up.lift_off

@@ -5,32 +5,14 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 
+from reference.grip import Grip
 from tega.errors import InvalidValueError
-from tega.sim.world import FULL_DUTY_NM, OBJECTS, Physics, World, hand_controller
+from tega.sim.world import OBJECTS, Physics, World
 from tega.sim.world.flex import mesh
 from tega.sim.world.lift import lift
 from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
 
 BAG = OBJECTS["bag"].with_(shell="flex", stiffness_n_m=120.0)
-TICK_S = 0.003
-
-
-class Grip:
-    """A world with its hand's loop closed, in the grasp pose."""
-
-    def __init__(self, spec, **arguments):
-        self.world = World(spec, start_m=(0.0, 0.0), **arguments)
-        self.controller = hand_controller()
-        self.ticks = 0
-
-    def hold(self, level, seconds, forearm_m=None):
-        if forearm_m is not None:
-            self.world.set_forearm(forearm_m)
-        for _ in range(round(seconds / TICK_S)):
-            self.ticks += 1
-            self.world.set_torques(FULL_DUTY_NM * self.controller.step(self.world.angles_rad, level))
-            self.world.advance_to(self.ticks * TICK_S)
-        return self.world.truth()
 
 
 @pytest.fixture(scope="module")
