@@ -135,7 +135,8 @@ impl Canvas {
         for ((out, (near, far)), (before, after)) in
             self.lines[side][span].iter_mut().zip(near.iter().zip(far)).zip(shares)
         {
-            *out = (near * before + far * after + 4) >> 3;
+            // Half for the rounding here, and half of the rounding between two lines, whose shares add up to eight.
+            *out = (near * before + far * after + 4 + 8 * 4) >> 3;
         }
     }
 }
@@ -190,7 +191,7 @@ fn plain(still: &[u8], noise: &[i8], out: &mut [u8]) {
     }
 }
 
-/// Still picture, noise, and the colour change between two lines, of which each has a share.
+/// Still picture, noise, and the colour change between two lines, of which each has a share; lines bring the rounding.
 #[inline(always)]
 fn blend(still: &[u8], noise: &[i8], [upper, lower]: [&[i16]; 2], shares: [i16; 2], out: &mut [u8]) {
     let (most, rest) = out.as_chunks_mut::<{ 2 * SOME_BYTES }>();
@@ -212,7 +213,7 @@ fn blend_some<const N: usize>(
     let lines = upper.as_chunks::<N>().0.iter().zip(lower.as_chunks::<N>().0);
     for ((out, (still, noise)), (u, l)) in out.iter_mut().zip(pictures).zip(lines) {
         for k in 0..N {
-            let change = (u[k] * shares[0] + l[k] * shares[1] + 32) >> 6;
+            let change = (u[k] * shares[0] + l[k] * shares[1]) >> 6;
             // The picture keeps so far from 0 and 255 that noise alone does not leave a byte.
             let level = i16::from(still[k].wrapping_add_signed(noise[k])) + change;
             out[k] = level.clamp(0, 255) as u8;
