@@ -248,8 +248,8 @@ def test_a_spacemouse_leads_the_arm_and_its_dead_man_is_its_clutch(tmp_path: Pat
 def test_a_recorded_path_moves_the_arm_as_it_was_recorded(tmp_path: Path) -> None:
     # Up by 10 cm and aside by 5, in two seconds of a minimum-jerk move; then still.
     poses = []
-    for k in range(400):
-        u = min(max((k / 60 - 3) / 2, 0), 1)
+    for k in range(700):
+        u = min(max((k / 60 - 8) / 2, 0), 1)
         s = 10 * u**3 - 15 * u**4 + 6 * u**5
         wobble = 1e-5 * (k % 2)
         poses.append(StampedPose(round(k / 60 * 1e9), (wobble, 0.05 * s, 0.1 * s), _NO_TURN))
@@ -268,15 +268,19 @@ def test_a_recorded_path_moves_the_arm_as_it_was_recorded(tmp_path: Path) -> Non
     assert moved == pytest.approx([0.0, 0.05, 0.1], abs=5e-3)
 
 
+_HELD = "input.dead_man.options.silent_after_ms=1000"
+
+
 @pytest.mark.parametrize(
     ("sets", "said"),
     [
-        (("input.dead_man.driver=spacemouse",), "nothing leads it"),
+        (("input.dead_man.driver=spacemouse", _HELD), "nothing leads it"),
         ((), "no dead-man switch is set"),
         (("session.pace=fast",), "an arm moves in real time"),
         (
             (
                 "input.dead_man.driver=spacemouse",
+                _HELD,
                 "arm.tracker.driver=hololens",
                 "arm.tracker.options.host=h",
                 "arm.mapping.frame=base",

@@ -32,7 +32,7 @@ from tega.testing.emulators.motor_sound import RATE_HZ
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.sound_port import SoundPort
 from tega.testing.emulators.vests import seen_by
-from tega.testing.lab import emulated_lab
+from tega.testing.lab import PRESSED, emulated_lab, pressing
 from tega.testing.vest_bench import vest_bench
 
 pytest.importorskip("scipy")
@@ -329,12 +329,13 @@ def test_a_vest_that_does_not_tell_when_a_frame_leaves_is_refused(tmp_path: Path
 
 def test_a_run_adds_what_was_measured_and_says_when(tmp_path: Path) -> None:
     pytest.importorskip("mcap")
-    with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=("thumb",)) as lab:
+    with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=("thumb",), touch=PRESSED) as lab:
         assert lab.vest is not None
-        lab.tree["session"] = {"duration_s": 1.5}
+        lab.tree["session"] = {"duration_s": 4.0}
         lab.tree["recording"] = {"dir": "rec"}
         config = check_tree(lab.tree, {}, base=tmp_path).config
-        without: dict[str, Any] = run_session(config)
+        with pressing(lab):
+            without: dict[str, Any] = run_session(config)
         assert without["motor_onset"] is None
         assert "skin" not in without["latency_ms"]["touch"]
         device = f"127.0.0.1_{lab.vest.address['port']}"
@@ -343,7 +344,8 @@ def test_a_run_adds_what_was_measured_and_says_when(tmp_path: Path) -> None:
         known = motor_onset(config)
         assert known is not None
         assert known.ms == 85.0
-        summary: dict[str, Any] = run_session(config)
+        with pressing(lab):
+            summary: dict[str, Any] = run_session(config)
     touch = summary["latency_ms"]["touch"]
     for figure in ("p50", "p95", "p99", "worst"):
         assert touch["skin"][figure] == pytest.approx(touch["whole"][figure] + 85.0, abs=0.002)

@@ -159,7 +159,7 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
     assert not any(seen[-1])
     # A machine that stood still has left deadlines out.
     if not summary["pacing"]["skipped"]:
-        assert len(seen) > 0.8 * len(then)
+        assert len(seen) > 0.6 * len(then)
         assert max(levels) == max(level for _, level, _ in read_recorded(file).hand)
     assert lab.limp()
     assert lab.at_rest()

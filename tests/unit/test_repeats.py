@@ -15,7 +15,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import tega.teleop.sources as sources_module
 from reference.recordings import baseline, pressed, write_folder
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
 from tega.calibration import TouchMaxima
@@ -23,7 +22,7 @@ from tega.cli.main import main
 from tega.clock import ManualClock
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
-from tega.tactile import read_contact
+from tega.tactile import ContactReader, read_contact
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
@@ -39,11 +38,13 @@ def n_measured(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
     calls = itertools.count()
     done = [0]
 
-    def counting(*args: Any, **kwargs: Any) -> Any:
-        done[0] = next(calls) + 1
-        return read_contact(*args, **kwargs)
+    read = ContactReader.read
 
-    monkeypatch.setattr(sources_module, "read_contact", counting)
+    def counting(reader: ContactReader, frame: Any) -> Any:
+        done[0] = next(calls) + 1
+        return read(reader, frame)
+
+    monkeypatch.setattr(ContactReader, "read", counting)
     return lambda: done[0]
 
 

@@ -63,7 +63,7 @@ def test_keys_drive_level_and_lift() -> None:
         (b"\x1b[1;5A", ["up"], b""),
         (b"4\x1b", ["4"], b"\x1b"),
         (b"\x1b[", [], b"\x1b["),
-        (b"\xc3\xa4\x7f2", ["2"], b""),
+        (b"\xc3\xa4\x7f2", ["\x7f", "2"], b""),
     ],
 )
 def test_what_a_terminal_sends_is_split_into_keys(sent: bytes, keys: list[str], rest: bytes) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -136,8 +135,7 @@ def test_the_command_says_what_it_leaves_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("TEGA_DATA", str(tmp_path / "none"))
-    monkeypatch.setattr(sys, "argv", ["check_touch", str(tmp_path)])
-    assert check_touch.main() == 0
+    check_touch.main([str(tmp_path)], standalone_mode=False)
     said = capsys.readouterr().out
     assert "left out: no recordings" in said
     assert "## what live reads" in said

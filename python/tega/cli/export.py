@@ -13,8 +13,8 @@ __all__ = ["export"]
 
 
 @click.command(
-    epilog="Examples: tega-teleop export sessions/monday --out tables --pictures; "
-    "tega-teleop export sessions/monday --out dataset --format lerobot --task 'lift the bottle'"
+    epilog="Example: tega-teleop export sessions/monday --out tables --pictures, or --format lerobot --task 'lift the "
+    "bottle' instead of --pictures"
 )
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")

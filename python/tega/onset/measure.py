@@ -134,7 +134,7 @@ class _Lowest:
 
     def first_handed_over_s(self) -> float | None:
         handed = self._vest.handed_over()  # type: ignore[attr-defined]
-        return next((at_ns / 1e9 for t_ns, at_ns in handed if t_ns == 0), None)
+        return next((at_ns / 1e9 for t_ns, _, at_ns in handed if t_ns == 0), None)
 
 
 def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> Found:

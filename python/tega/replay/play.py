@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from tega.config import SessionConfig, VestConfig, load_config
+from tega.config import Pace, SessionConfig, VestConfig, load_config
 from tega.devices.base import TactileFrame
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
@@ -113,7 +113,8 @@ def play_file(
     if stop():
         raise KeyboardInterrupt
     pace = 1.0 if speed is None else speed
-    config = _settings(measured.config, to, pace=pace, fast=speed is None)
+    vest_pace: Pace = "by-frame" if recorded.head.facts.get("pace") == "by-frame" else "steady"
+    config = _settings(measured.config, to, pace=pace, fast=speed is None, vest_pace=vest_pace)
     # Whole seconds, so that the ticks of the vest lie where they lay.
     lead_ns = math.ceil(LEAD_S * pace) * 1_000_000_000 if live else 0
     clock = PlayClock(speed)
@@ -183,7 +184,9 @@ def _check_speed(speed: float | None, real: Sequence[str], because: str) -> None
         )
 
 
-def _settings(then: SessionConfig, to: SessionConfig, *, pace: float, fast: bool) -> SessionConfig:
+def _settings(
+    then: SessionConfig, to: SessionConfig, *, pace: float, fast: bool, vest_pace: Pace
+) -> SessionConfig:
     """Put the recording's reading of the input and the sinks of other settings together.
 
     What the vest needs and what the guard allows is a matter of real time, so it is told in the session's.
@@ -199,6 +202,7 @@ def _settings(then: SessionConfig, to: SessionConfig, *, pace: float, fast: bool
             layout=vest.layout or then.vest.layout,
             rate_hz=vest.rate_hz / pace,
             keep_alive_s=vest.keep_alive_s * pace,
+            pace=vest_pace,
             **_as_felt(then.vest, vest),
         ),
         hand=to.hand,

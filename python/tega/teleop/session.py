@@ -266,9 +266,10 @@ def _run(
         return haptics() and guard.felt
 
     pace = config.vest.pace or DEFAULT_PACE[session.preset]
-    if not isinstance(clock, SystemClock) or not any(f.source.info.live for f in prepared.fingers.values()):
-        pace = "steady"  # the pictures of a recording come at no moment of ours
-    bell = Bell() if pace == "by-frame" else None
+    live = isinstance(clock, SystemClock) and any(f.source.info.live for f in prepared.fingers.values())
+    if not live and not any(finger.stream is not None for finger in prepared.fingers.values()):
+        pace = "steady"  # the pictures of a file come at no moment of ours; those of a played run do
+    bell = Bell() if live and pace == "by-frame" else None
     parts = LoopParts(
         Pacer(clock, bell=bell), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, inputs
     )
@@ -325,7 +326,7 @@ def _run(
         recorder=parts.recorder,
         kept=sinks.kept,
         vest_rate_hz=config.vest.rate_hz,
-        by_frame=bell is not None,
+        by_frame=pace == "by-frame",
         observer=observer,
         haptics=parts.haptics,
         inputs=parts.inputs,

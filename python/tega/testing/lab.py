@@ -166,7 +166,11 @@ def _arm(stack: ExitStack, lab: EmulatedLab) -> None:
     lab.cap = stack.enter_context(Emulator("hid_input", "--device", "spacemouse"))
     stack.enter_context(HidPort(HidBoard(lab.cap.port, 0x046D, 0xC626)).installed())
     buttons = {"dead_man": "left", "clutch": "right", "recover": "button 3"}
-    lab.tree["input"] = {seat: {"driver": "spacemouse", "button": b} for seat, b in buttons.items()}
+    # Its buttons say nothing while they are held, as a real one's; so long it is believed.
+    held = {"silent_after_ms": 10_000.0}
+    lab.tree["input"] = {
+        seat: {"driver": "spacemouse", "button": b, "options": held} for seat, b in buttons.items()
+    }
     tracker = {"driver": "hololens", "options": dict(lab.headset.address)}
     lab.tree["arm"] = {"driver": "simulated-arm", "tracker": tracker}
 
