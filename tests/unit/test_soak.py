@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(
 
 def test_a_short_soak_passes(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["soak", "--seconds", "30", "--seed", "1", "--json"])
+        main(["soak", "--seconds", "60", "--seed", "1", "--json"])
     report = json.loads(capsys.readouterr().out)
     assert ended.value.code == 0, report["failures"]
     assert report["passed"]
