@@ -1,7 +1,8 @@
-"""Hypothesis profiles, signals, and the folder of real recordings."""
+"""Hypothesis profiles, signals, a sure end, and the folder of real recordings."""
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import signal
 from pathlib import Path
@@ -19,6 +20,12 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.ge
 # A shell's background job ignores Ctrl-C, and so would every program that the tests start and stop by it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_unconfigure() -> None:
+    """Say which thread keeps the tests from ending, and end: a run of them never hangs after its last line."""
+    faulthandler.dump_traceback_later(120, exit=True)
+
 
 PROJECT = Path(__file__).resolve().parent.parent
 

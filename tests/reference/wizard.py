@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from tega.calibration.wearing import SITES, site_motors
 from tega.testing.emulators.process import Emulator
@@ -57,32 +57,33 @@ class Wizard:
 
     def run(self) -> int:
         """Talk until it ends; return its exit code."""
-        process = self._process
         out: list[str] = []
-        reader = threading.Thread(target=lambda: out.extend(process.stdout or []))
-        reader.start()
-        assert process.stderr is not None
-        assert process.stdin is not None
-        for line in process.stderr:
-            text = line.rstrip("\n")
-            self.lines.append(text)
-            self._heard(text)
-            if text.startswith((">", "?")):
-                said = self._answer(text)
-                if said is None:
-                    process.stdin.close()
-                else:
-                    process.stdin.write(said + "\n")
-                    process.stdin.flush()
-        self.code = code = process.wait(30)
-        reader.join()
-        if not process.stdin.closed:
-            process.stdin.close()
-        process.stderr.close()
-        if process.stdout is not None:
-            process.stdout.close()
+        with self._process as process:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            assert process.stderr is not None
+            reader = threading.Thread(target=out.extend, args=(process.stdout,), daemon=True)
+            reader.start()
+            try:
+                for line in process.stderr:
+                    self._hear(line.rstrip("\n"), process.stdin)
+                self.code = code = process.wait(30)
+            finally:  # a person who leaves in the middle takes the command along
+                process.kill()
+                reader.join()
         self.out = "".join(out)
         return code
+
+    def _hear(self, line: str, typed: IO[str]) -> None:
+        self.lines.append(line)
+        self._heard(line)
+        if line.startswith((">", "?")):
+            said = self._answer(line)
+            if said is None:
+                typed.close()
+            else:
+                typed.write(said + "\n")
+                typed.flush()
 
     @property
     def said(self) -> str:
@@ -209,6 +210,7 @@ class Wearer:
         self._step = step
         self._mirrored = mirrored
         self._n_seen = len(seen_by(peer).history)
+        self._n_again = 0
         self.asked: list[str] = []
         self.loudest = 0
 
@@ -218,6 +220,11 @@ class Wearer:
             return ""
         bursts = self._bursts()
         self.asked += [site for site, _ in bursts[:1]]
+        n_due, self._n_again = (2 if "stronger" in prompt else 1), self._n_again + 1
+        # What a busy machine swallowed is asked for once more, as a person would; a silent trial stays silent.
+        if len(bursts) != n_due and self._n_again < 3:
+            return "r"
+        self._n_again = 0
         if "Where" in prompt:
             ((site, _),) = bursts
             return f"b{5 - int(site[1])}" if self._mirrored and site[0] == "b" else site
