@@ -39,7 +39,8 @@ pub struct Gel {
     noise: Noise,
     membrane: Membrane,
     canvas: Canvas,
-    drifted: Vec<u8>,
+    /// The still picture as it has drifted, counts less 128.
+    drifted: Vec<i8>,
     epoch: Option<u64>,
     /// Whether anything lies against the gel.
     touches: bool,
@@ -125,7 +126,9 @@ impl Gel {
     pub fn still(&mut self, index: u64, out: &mut [u8]) -> Result<(), GelError> {
         check(out)?;
         self.drift(index);
-        out.copy_from_slice(&self.drifted);
+        for (out, drifted) in out.iter_mut().zip(&self.drifted) {
+            *out = (*drifted as u8) ^ 0x80;
+        }
         Ok(())
     }
 

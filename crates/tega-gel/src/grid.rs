@@ -22,6 +22,9 @@ pub(crate) const MARGIN_ROWS: usize = 16;
 const NEGLIGIBLE_MM: f32 = 0.004;
 /// Columns are worked on so many at a time, and sums kept in so many lanes, whatever the instruction set.
 pub(crate) const LANES: usize = 8;
+/// The same where a sum runs over all of the coarsest grid: sums that do not wait for each other.
+const MANY: usize = 4 * LANES;
+const _: () = assert!((ROWS / 4 * (COLS / 4)).is_multiple_of(MANY));
 
 /// Rows and columns of cells, ends excluded; columns are multiples of [`LANES`], on all grids but the coarsest of
 /// [`CACHE_LINE`].
@@ -160,9 +163,9 @@ pub(crate) fn guess(grid: &Level, i: usize, force: f32) -> f32 {
     let top = grid.tops[i];
     let mut depth = (force / 80.0).sqrt();
     for _ in 0..6 {
-        let (mut inside, mut over) = ([0.0f32; LANES], [0.0f32; LANES]);
-        for lanes in chunks(&grid.gaps[i]) {
-            for k in 0..LANES {
+        let (mut inside, mut over) = ([0.0f32; MANY], [0.0f32; MANY]);
+        for lanes in grid.gaps[i].as_chunks::<MANY>().0 {
+            for k in 0..MANY {
                 let h = lanes[k] + (depth - top);
                 inside[k] += if h > 0.0 { h } else { 0.0 };
                 over[k] += if h > 0.0 { 1.0 } else { 0.0 };
@@ -190,6 +193,11 @@ pub(crate) fn rests(h: f32, floor: f32, around: f32, square: f32) -> bool {
 /// A window's columns, a few at a time.
 #[inline(always)]
 pub(crate) fn chunks(line: &[f32]) -> &[[f32; LANES]] {
+    chunks_of(line)
+}
+
+#[inline(always)]
+fn chunks_of<const N: usize>(line: &[f32]) -> &[[f32; N]] {
     line.as_chunks().0
 }
 
@@ -270,18 +278,25 @@ pub(crate) fn wider(coarse: Window, fine: &Level) -> Window {
 /// The highest shape over each cell, at least the still gel.
 #[inline(always)]
 pub(crate) fn raise_floor(grid: &mut Level, pressed: &[Pressed]) {
-    for r in grid.window.rows[0]..grid.window.rows[1] {
-        let at = grid.flat(r);
-        grid.floor[at].fill(0.0);
+    if !grid.boxes[..pressed.len()].contains(&grid.window) {
+        for r in grid.window.rows[0]..grid.window.rows[1] {
+            let at = grid.flat(r);
+            grid.floor[at].fill(0.0);
+        }
     }
-    for (i, pressed) in pressed.iter().enumerate() {
-        let Window { rows: [first, last], cols: [from, to] } = grid.boxes[i];
-        let lift = pressed.depth - grid.tops[i];
-        for r in first..last {
+    // One that may touch everywhere leaves no cell as it was.
+    let mut fresh = grid.boxes[..pressed.len()].iter().position(|part| *part == grid.window);
+    let first = fresh.unwrap_or(0);
+    for i in (first..pressed.len()).chain(0..first) {
+        let Window { rows: [top, bottom], cols: [from, to] } = grid.boxes[i];
+        let lift = pressed[i].depth - grid.tops[i];
+        let whole = fresh.take().is_some();
+        for r in top..bottom {
             let at = r * grid.cols + from..r * grid.cols + to;
             for (floor, gap) in grid.floor[at.clone()].iter_mut().zip(&grid.gaps[i][at]) {
+                let under = if whole { 0.0 } else { *floor };
                 let inside = gap + lift;
-                *floor = if inside > *floor { inside } else { *floor };
+                *floor = if inside > under { inside } else { under };
             }
         }
     }
@@ -309,12 +324,12 @@ pub(crate) fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
         // Coarse rows around this one, counted with the still one before the first; the nearer has 3/4.
         let near = r / 2 + 1;
         let far = if r.is_multiple_of(2) { near - 1 } else { near + 1 };
-        let rows = coarse.row(near).iter().zip(coarse.row(far));
-        for (line, (near, far)) in line.iter_mut().zip(rows) {
-            *line = 0.75 * near + 0.25 * far;
-        }
         // line[m + 1] is coarse column m.
         let [m0, m1] = [from / 2, to / 2];
+        let rows = coarse.row(near)[m0..m1 + 2].iter().zip(&coarse.row(far)[m0..m1 + 2]);
+        for (line, (near, far)) in line[m0..m1 + 2].iter_mut().zip(rows) {
+            *line = 0.75 * near + 0.25 * far;
+        }
         let (before, here, after) = (&line[m0..m1], &line[m0 + 1..=m1], &line[m0 + 2..m1 + 2]);
         let zero = (r + 1) * fine.stride + CACHE_LINE;
         let cells = fine.height[zero + from..zero + to].as_chunks_mut::<2>().0.iter_mut();
@@ -390,15 +405,27 @@ pub(crate) fn carry(grid: &Level, pressed: &mut [Pressed]) {
 /// What a part's springs under a shape carry, newtons.
 #[inline(always)]
 fn carried(grid: &Level, i: usize, pressed: &[Pressed], part: Window) -> f32 {
+    let alone = pressed.len() == 1;
     let lift = pressed[i].depth - grid.tops[i];
-    let mut sums = [0.0f32; LANES];
+    let sum = if (part.cols[1] - part.cols[0]).is_multiple_of(2 * LANES) {
+        carried_by::<{ 2 * LANES }>(grid, i, alone, lift, part)
+    } else {
+        carried_by::<LANES>(grid, i, alone, lift, part)
+    };
+    STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm * sum
+}
+
+/// The sum of its pressures, in so many lanes.
+#[inline(always)]
+fn carried_by<const N: usize>(grid: &Level, i: usize, alone: bool, lift: f32, part: Window) -> f32 {
+    let mut sums = [0.0f32; N];
     let Window { rows: [first, last], cols: [from, to] } = part;
     for r in first..last {
         let at = r * grid.cols + from..r * grid.cols + to;
-        let shape = if pressed.len() == 1 { None } else { Some((&grid.gaps[i][at.clone()], lift)) };
+        let shape = if alone { None } else { Some((&grid.gaps[i][at.clone()], lift)) };
         carry_row(&grid.floor[at], grid.around_in(r, part.cols), grid.square, shape, &mut sums);
     }
-    STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm * sums.iter().sum::<f32>()
+    sums.iter().sum()
 }
 
 /// Notes what the springs outside a part of the grid carry, for a finer one that reaches no further.
@@ -414,20 +441,21 @@ pub(crate) fn carry_beyond(grid: &Level, part: Window, pressed: &mut [Pressed]) 
 
 /// Adds a row's pressures; of one shape's cells only where its gaps and how far it is lifted are given.
 #[inline(always)]
-fn carry_row(
+fn carry_row<const N: usize>(
     floor: &[f32],
     around: [&[f32]; 3],
     square: f32,
     shape: Option<(&[f32], f32)>,
-    sums: &mut [f32; LANES],
+    sums: &mut [f32; N],
 ) {
     let n = floor.len();
+    let some = |line| chunks_of::<N>(line);
     let [here, up, down] = around;
-    let (left, here, right) = (chunks(&here[..n]), chunks(&here[1..=n]), chunks(&here[2..n + 2]));
-    let (floor, up, down) = (chunks(floor), chunks(&up[..n]), chunks(&down[..n]));
-    let gaps = shape.map(|(gaps, lift)| (chunks(gaps), lift));
+    let (left, here, right) = (some(&here[..n]), some(&here[1..=n]), some(&here[2..n + 2]));
+    let (floor, up, down) = (some(floor), some(&up[..n]), some(&down[..n]));
+    let gaps = shape.map(|(gaps, lift)| (some(gaps), lift));
     for at in 0..floor.len() {
-        for k in 0..LANES {
+        for k in 0..N {
             let (h, floor) = (here[at][k], floor[at][k]);
             let sum = (up[at][k] + down[at][k]) + (left[at][k] + right[at][k]);
             let pressure = (1.0 + 4.0 * square) * h - square * sum;

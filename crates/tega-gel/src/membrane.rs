@@ -31,7 +31,7 @@ struct Steps {
 /// From the coarsest grid on; `docs/sim-touch.md` has the error that this leaves.
 const SCHEDULE: [Steps; 3] = [
     Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.4 },
-    Steps { matches: 2, most: 2, sweeps: 2, last: 1, relax: 1.5 },
+    Steps { matches: 1, most: 2, sweeps: 2, last: 3, relax: 1.4 },
     Steps { matches: 1, most: 4, sweeps: 2, last: 2, relax: 1.45 },
 ];
 
@@ -117,7 +117,11 @@ impl Membrane {
                     if pressed.depth > 0.0 {
                         pressed.limit = ROOM * pressed.depth;
                         let room = pressed.limit + ROOM_CELLS * coarse.cell_mm;
-                        fine.boxes[i] = shared(wider(under(coarse, i, room), fine), fine.window);
+                        fine.boxes[i] = if level == 2 && coarse.boxes[i] == coarse.window {
+                            fine.window
+                        } else {
+                            shared(wider(under(coarse, i, room), fine), fine.window)
+                        };
                         if level == 2 {
                             simd::lay(fine, fine.boxes[i], i, indenter);
                             // Its foremost point may lie where this grid does not look.

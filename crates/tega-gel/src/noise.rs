@@ -71,9 +71,9 @@ impl Noise {
         &self.sheet[row * SHEET_LINE + 3 * part.left..][..LINE]
     }
 
-    /// Writes the still picture as it has drifted by an epoch.
+    /// Writes the still picture as it has drifted by an epoch; counts less 128.
     #[inline(always)]
-    pub(crate) fn drifted(&self, still: &[f32], epoch: u64, out: &mut [u8]) {
+    pub(crate) fn drifted(&self, still: &[f32], epoch: u64, out: &mut [i8]) {
         let (knot, weights) =
             (epoch / KNOT_EPOCHS, spline((epoch % KNOT_EPOCHS) as f32 / KNOT_EPOCHS as f32));
         // Four knots leave 151/315 of their variance on average; across and along, three terms share the drift.
@@ -111,7 +111,7 @@ impl Noise {
             {
                 let drifted = still + (level + slope * u);
                 let kept = if drifted < 225.0 { drifted } else { 225.0 };
-                *out = nearest(if kept > 30.0 { kept } else { 30.0 }) as u8;
+                *out = (nearest(if kept > 30.0 { kept } else { 30.0 }) - 128) as i8;
             }
         }
     }

@@ -5,16 +5,19 @@ use crate::membrane::Membrane;
 use crate::noise::{Noise, Part};
 use crate::unit::{FINE, HEIGHT, LINE, LIT_COLS, LIT_ROWS, Unit, WIDTH};
 
-/// No colour change is larger than this.
-const LARGEST: f32 = 400.0 * FINE;
+/// No colour change is larger than this, so that it fits a byte.
+const LARGEST: f32 = 127.0 * FINE;
+/// What a colour change of nothing is as a byte.
+const ZERO: u8 = 128;
 /// Shares of the cell before and after a pixel, in eighths.
 const SHARES: [[i16; 2]; CELL_PX] = [[7, 1], [5, 3], [3, 5], [1, 7]];
 /// Values of a row from the middle of each lit cell to the next.
 const SPAN: usize = LIT_COLS * CELL_PX * 3;
 /// The picture's first value in such a row.
 const FIRST: usize = 6;
-/// Lit cells are worked on so many at a time, and bytes of the picture; a window's edges lie at such bytes.
+/// Lit cells are worked on so many at a time, and bytes of the picture, of which a window has so many times the lower.
 const SOME_CELLS: usize = 16;
+const MANY_BYTES: usize = 64;
 const SOME_BYTES: usize = 16;
 
 /// What painting needs to remember between its steps.
@@ -25,7 +28,8 @@ pub(crate) struct Canvas {
     cells: Vec<i16>,
     spread: Vec<i16>,
     shares: [Vec<i16>; 2],
-    lines: [Vec<i16>; 2],
+    /// Colour change in counts over [`ZERO`].
+    lines: [Vec<u8>; 2],
 }
 
 /// Rows and bytes of the picture that differ from the still one; ends excluded.
@@ -45,17 +49,17 @@ impl Canvas {
             cells: vec![0; 3 * LIT_COLS],
             spread: vec![0; SPAN + 12],
             shares: [share(0), share(1)],
-            lines: [vec![0; SPAN], vec![0; SPAN]],
+            lines: [vec![ZERO; SPAN], vec![ZERO; SPAN]],
         }
     }
 
-    /// Paints a frame: the still picture, its noise, and the colour change where the gel is displaced.
+    /// Paints a frame: the still picture (counts less 128), its noise, and the colour change where the gel is displaced.
     #[inline(always)]
     pub(crate) fn paint(
         &mut self,
         membrane: Option<&Membrane>,
         unit: &Unit,
-        still: &[u8],
+        still: &[i8],
         (noise, part): (&Noise, Part),
         out: &mut [u8],
     ) {
@@ -80,18 +84,20 @@ impl Canvas {
             below = v + 1;
             let lines = [0, 1].map(|side| &self.lines[side][FIRST + b0..FIRST + b1]);
             let end = (y + CELL_PX - first).min(area.rows[1]);
-            for (y, shares) in (y..end).zip(&SHARES[first..]) {
+            for (y, between) in (y..end).zip(first..) {
                 let (still, noise) = (&still[y * LINE..][..LINE], noise.row(part, y));
                 let out = &mut out[y * LINE..][..LINE];
-                plain(&still[..b0], &noise[..b0], &mut out[..b0]);
-                plain(&still[b1..], &noise[b1..], &mut out[b1..]);
-                blend(&still[b0..b1], &noise[b0..b1], lines, *shares, &mut out[b0..b1]);
+                if area.bytes != [0, LINE] {
+                    plain(&still[..b0], &noise[..b0], &mut out[..b0]);
+                    plain(&still[b1..], &noise[b1..], &mut out[b1..]);
+                }
+                blend(&still[b0..b1], &noise[b0..b1], lines, between, &mut out[b0..b1]);
             }
             y = end;
         }
     }
 
-    /// Shades a lit row and draws lines between its cells, into `lines[side]`; eighths of a count.
+    /// Shades a lit row and draws lines between its cells, into `lines[side]`.
     #[inline(always)]
     fn line(
         &mut self,
@@ -135,8 +141,9 @@ impl Canvas {
         for ((out, (near, far)), (before, after)) in
             self.lines[side][span].iter_mut().zip(near.iter().zip(far)).zip(shares)
         {
-            // Half for the rounding here, and half of the rounding between two lines, whose shares add up to eight.
-            *out = (near * before + far * after + 4 + 8 * 4) >> 3;
+            // Of counts there are 64 parts: eight of the shares, eight of what a count is kept in.
+            let change = (near * before + far * after + 32) >> 6;
+            *out = (change as u8) ^ ZERO;
         }
     }
 }
@@ -185,40 +192,60 @@ pub(crate) fn nearest(value: f32) -> i16 {
 
 /// Still picture and noise; the picture keeps so far from 0 and 255 that no sum leaves a byte.
 #[inline(always)]
-fn plain(still: &[u8], noise: &[i8], out: &mut [u8]) {
+fn plain(still: &[i8], noise: &[i8], out: &mut [u8]) {
     for ((out, still), noise) in out.iter_mut().zip(still).zip(noise) {
-        *out = still.wrapping_add_signed(*noise);
+        *out = still.wrapping_add(*noise) as u8 ^ ZERO;
     }
 }
 
-/// Still picture, noise, and the colour change between two lines, of which each has a share; lines bring the rounding.
+/// Still picture, noise, and the colour change of one of the four rows between two lines.
 #[inline(always)]
-fn blend(still: &[u8], noise: &[i8], [upper, lower]: [&[i16]; 2], shares: [i16; 2], out: &mut [u8]) {
-    let (most, rest) = out.as_chunks_mut::<{ 2 * SOME_BYTES }>();
-    let done = most.as_flattened().len();
-    blend_some(most, still, noise, [upper, lower], shares);
-    let lines = [&upper[done..], &lower[done..]];
-    blend_some(rest.as_chunks_mut::<SOME_BYTES>().0, &still[done..], &noise[done..], lines, shares);
+fn blend(still: &[i8], noise: &[i8], [upper, lower]: [&[u8]; 2], between: usize, out: &mut [u8]) {
+    match between {
+        0 => blend_row::<true>(still, noise, upper, lower, out),
+        1 => blend_row::<false>(still, noise, upper, lower, out),
+        2 => blend_row::<false>(still, noise, lower, upper, out),
+        _ => blend_row::<true>(still, noise, lower, upper, out),
+    }
 }
 
 #[inline(always)]
-fn blend_some<const N: usize>(
-    out: &mut [[u8; N]],
-    still: &[u8],
+fn blend_row<const OUTER: bool>(still: &[i8], noise: &[i8], near: &[u8], far: &[u8], out: &mut [u8]) {
+    let (most, rest) = out.as_chunks_mut::<MANY_BYTES>();
+    let done = most.as_flattened().len();
+    blend_some::<OUTER, _>(still, noise, near, far, most);
+    let rest = rest.as_chunks_mut::<SOME_BYTES>().0;
+    blend_some::<OUTER, _>(&still[done..], &noise[done..], &near[done..], &far[done..], rest);
+}
+
+/// The far line has an eighth in an outer row, three in an inner one: halves of halves. The last half is rounded down
+/// and the others up, so that on the whole nothing is added.
+#[inline(always)]
+fn blend_some<const OUTER: bool, const N: usize>(
+    still: &[i8],
     noise: &[i8],
-    [upper, lower]: [&[i16]; 2],
-    shares: [i16; 2],
+    near: &[u8],
+    far: &[u8],
+    out: &mut [[u8; N]],
 ) {
     let pictures = still.as_chunks::<N>().0.iter().zip(noise.as_chunks::<N>().0);
-    let lines = upper.as_chunks::<N>().0.iter().zip(lower.as_chunks::<N>().0);
-    for ((out, (still, noise)), (u, l)) in out.iter_mut().zip(pictures).zip(lines) {
+    let lines = near.as_chunks::<N>().0.iter().zip(far.as_chunks::<N>().0);
+    for ((out, (still, noise)), (near, far)) in out.iter_mut().zip(pictures).zip(lines) {
         for k in 0..N {
-            let change = (u[k] * shares[0] + l[k] * shares[1]) >> 6;
-            // The picture keeps so far from 0 and 255 that noise alone does not leave a byte.
-            let level = i16::from(still[k].wrapping_add_signed(noise[k])) + change;
-            out[k] = level.clamp(0, 255) as u8;
+            let half = upper_mean(near[k], far[k]);
+            let quarter = upper_mean(near[k], half);
+            let change = !upper_mean(!quarter, !if OUTER { near[k] } else { half });
+            // Noise alone does not leave a byte; what the change would is cut off.
+            let level = still[k].wrapping_add(noise[k]).saturating_add((change ^ ZERO) as i8);
+            out[k] = level as u8 ^ ZERO;
         }
     }
+}
+
+/// The mean of two bytes, halves rounded up: an instruction of most processors.
+#[inline(always)]
+fn upper_mean(a: u8, b: u8) -> u8 {
+    ((u16::from(a) + u16::from(b) + 1) >> 1) as u8
 }
 
 /// Pixels that a displaced cell reaches.

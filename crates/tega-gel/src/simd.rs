@@ -32,10 +32,10 @@ dispatched! {
 dispatched! {
     /// See [`Canvas::paint`].
     paint = Canvas::paint,
-    (canvas: &mut Canvas, membrane: Option<&Membrane>, unit: &Unit, still: &[u8], noise: (&Noise, Part), out: &mut [u8]) -> ()
+    (canvas: &mut Canvas, membrane: Option<&Membrane>, unit: &Unit, still: &[i8], noise: (&Noise, Part), out: &mut [u8]) -> ()
 }
 
 dispatched! {
     /// See [`Noise::drifted`].
-    drifted = Noise::drifted, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [u8]) -> ()
+    drifted = Noise::drifted, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [i8]) -> ()
 }
