@@ -258,7 +258,7 @@ class Digit(Opened):
                 notes.append("the lights could not be set")
         self._notes = tuple(notes)
 
-    @ahead_of_others()
+    @ahead_of_others("take")
     def _run(self, capture: Any) -> None:
         """Read until told to leave; a camera that goes away is opened again."""
         back_off_s = _BACK_OFF_S[0]
