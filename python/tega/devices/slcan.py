@@ -1,8 +1,8 @@
 """A serial CAN adapter (SLCAN), read in whole pieces.
 
-python-can reads such an adapter byte by byte, with three system calls for each, and waits a millisecond longer when it is
-asked whether there is more: a hand that reports every 3 ms kept a third of a core busy with that alone, most of it
-while holding the interpreter. Here only the reading differs; what the lines mean, and all that is sent, is python-can's.
+python-can reads such an adapter byte by byte, with three system calls for each, and waits a millisecond longer when it
+is asked whether there is more: a hand that reports every 3 ms kept a third of a core busy, and with it the interpreter.
+Here only the reading differs; what the lines mean, and all that is sent, is python-can's.
 """
 
 from __future__ import annotations

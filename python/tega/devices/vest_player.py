@@ -26,7 +26,7 @@ __all__ = ["PlayerOptions", "PlayerVest"]
 _PATH: Final = "/v2/feedbacks"
 _GRACE_S = 2.0  # a Player that has just been asked may take this long to say which devices it has
 _ON_THE_WAY: Final = 2  # frames that a slow Player may not have read yet
-_PROMPT_S: Final = 0.01  # one that has not kept us waiting for longer than this is not slow
+_PROMPT_S: Final = 0.02  # one that answers within this is not slow: its own clips have 50 frames a second
 _MOST_ON_THE_WAY: Final = 8  # frames that it may not have read either
 _BLIND_S = 0.04  # between frames for a Player that does not say whether it has read them
 _PROBE_S = 4.0  # its status is not sent regularly: an empty frame for a foot provokes one
@@ -54,7 +54,7 @@ class PlayerOptions(VestOptions, frozen=True):
 class PlayerVest(StreamedVest):
     """Streams both panels under two constant names; each frame ends by itself after 200 ms.
 
-    Every frame is followed by a websocket ping. Of a Player that has not answered one for 10 ms no more than two frames
+    Every frame is followed by a websocket ping. Of a Player that has not answered one for 20 ms no more than two frames
     are on the way: the next one waits for an answer, and a newer one takes its place. A Player that answers no pings is
     fed 25 frames a second at most, and a note says so.
 

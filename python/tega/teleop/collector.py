@@ -1,4 +1,8 @@
-"""Keeps Python's collector of cyclic garbage from holding up a run."""
+"""Keeps Python's collector of cyclic garbage from holding up a run.
+
+A full collection looks at every object of the program, of which imports alone leave some 100,000: every thread, the
+hand's among them, waits 15 to 30 ms for it, and much longer where another program takes the core meanwhile.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +10,20 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["settled"]
+__all__ = ["settle", "settled"]
+
+
+def settle() -> None:
+    """Leave what exists now out of collections from now on."""
+    gc.freeze()
+    # Of next to nothing; the collector counts from here on, so that its full rounds are many and short.
+    gc.collect()
 
 
 @contextmanager
 def settled() -> Iterator[None]:
-    """Leave what exists now out of all collections within this block.
-
-    A full collection looks at every object of the program, of which imports alone leave some 100,000: every thread, the
-    hand's among them, waits 15 to 30 ms for it. What comes into being within the block is collected as ever.
-    """
-    gc.freeze()
-    gc.collect()  # of next to nothing; the collector counts from here on, so that its full rounds are many and short
+    """Leave what exists now, and what :func:`settle` is called for, out of collections within this block."""
+    settle()
     try:
         yield
     finally:
