@@ -345,7 +345,8 @@ class Digit(Opened):
     def _give(self, t_ns: int, image: NDArray[np.uint8]) -> None:
         seq = self.counts.received - 1 + self.counts.dropped
         if self._options.orientation == "upright":
-            image = np.ascontiguousarray(np.rot90(image))
+            # The pixels of np.rot90, in a tenth of the time and without the interpreter.
+            image = self._cv2.rotate(image, self._cv2.ROTATE_90_COUNTERCLOCKWISE)
         with self._fresh:
             if self._newest is not None:
                 # Two cameras' clocks, or a stamp taken here after one of the kernel's.
