@@ -67,12 +67,14 @@ class SessionSection(_Section, frozen=True):
         pace: ``real`` waits for the clock, ``fast`` runs recordings as fast as they can be computed.
         out_dir: Folder for the outputs; none means nothing is written.
         duration_s: Stop after this long; none means when the last recording ends, or never.
+        realtime: Ask the system to let the threads of a live run go before other programs; see :mod:`tega.priority`.
     """
 
     preset: Literal["paper", "live"] = "live"
     pace: Literal["real", "fast"] = "real"
     out_dir: Path | None = None
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
+    realtime: bool = True
 
 
 _Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]

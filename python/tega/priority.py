@@ -1,51 +1,139 @@
-"""Lets a thread of a run go before other programs, where the system allows it.
+"""Lets the threads of a run go before other programs, and in the right order, where the system allows it.
 
 On a busy machine a thread that has been woken may wait some milliseconds for a core, which is more than all it then
 does. Linux gives real-time threads theirs at once: to root, and to whoever ``ulimit -r`` allows a priority. Elsewhere,
-or without leave, all goes on as before. The kernel keeps a twentieth of the time for others, whatever such a thread
-does, and processes that it starts are ordinary ones.
+or without leave, or with ``session.realtime = false``, all goes on as before. The kernel keeps a twentieth of the time
+for others, whatever such a thread does, and processes that it starts are ordinary ones.
+
+=========== ======== =====================================================================================
+rank        priority whose
+=========== ======== =====================================================================================
+``act``     8        the loop, the hand's thread, the vest's: what they do is short, and somebody waits for it
+``measure`` 6        contacts and levels: a fifth of a millisecond
+``take``    4        cameras: decoding a picture takes 2 ms, and must not stand in the way of the others
+``beside``  1        everything else in the program, the recorder first of all
+=========== ======== =====================================================================================
+
+The last one is there since a thread that nobody waits for holds the interpreter at times, and then all wait for it: it
+must not lose its core to another program just then.
 """
 
 from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final, Literal
 
-__all__ = ["ahead_of_others"]
+__all__ = ["Rank", "ahead_of_others", "all_along", "bring_along", "realtime"]
+
+Rank = Literal["act", "measure", "take", "beside"]
 
 # Low among real-time threads: the kernel's own, of drivers and interrupts, go first.
-_PRIORITY = 5
-_LAST = 1
+_PRIORITY: Final[dict[Rank, int]] = {"act": 8, "measure": 6, "take": 4, "beside": 1}
+_SWEEP_S = 1.0
+
+_state = {"allowed": True}
 
 
 @contextmanager
-def ahead_of_others(*, last: bool = False) -> Iterator[bool]:
+def realtime(*, allowed: bool) -> Iterator[None]:
+    """Allow or forbid, for this block and the whole program, that threads ask for it."""
+    before, _state["allowed"] = _state["allowed"], allowed
+    try:
+        yield
+    finally:
+        _state["allowed"] = before
+
+
+@contextmanager
+def ahead_of_others(rank: Rank) -> Iterator[bool]:
     """Ask for it for the calling thread and this block.
 
     Args:
-        last: Go after the run's other threads. A thread that nobody waits for holds the interpreter at times, and must
-            not lose its core to another program just then.
+        rank: Before which other threads of the run it goes.
 
     Yields:
         Whether it was granted, or was so before.
     """
-    if sys.platform != "linux":
+    if not _possible():
         yield False
         return
     before, how = os.sched_getscheduler(0), os.sched_getparam(0)
-    if before & ~os.SCHED_RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}:
+    if _is_realtime(before) and how.sched_priority >= _PRIORITY[rank]:
         yield True
         return
-    try:
-        os.sched_setscheduler(
-            0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(_LAST if last else _PRIORITY)
-        )
-    except OSError:  # not allowed
+    if not _set(0, rank):
         yield False
         return
     try:
         yield True
     finally:
         os.sched_setscheduler(0, before, how)
+
+
+def bring_along(thread: threading.Thread, rank: Rank) -> bool:
+    """Ask for it for another thread, such as a library's, until that ends; return whether it was granted."""
+    return _possible() and thread.native_id is not None and _set(thread.native_id, rank)
+
+
+@contextmanager
+def all_along() -> Iterator[None]:
+    """Give the rank ``beside`` to all threads that have none, and to those that begin, for this block."""
+    if not _possible():
+        yield
+        return
+    over = threading.Event()
+    brought: set[int] = set()
+
+    def sweep() -> None:
+        while True:
+            for thread in threading.enumerate():
+                tid = thread.native_id
+                if tid is not None and _is_ordinary(tid) and bring_along(thread, "beside"):
+                    brought.add(tid)
+            if over.wait(_SWEEP_S):
+                return
+
+    thread = threading.Thread(target=sweep, name="tega-priority", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        for left in threading.enumerate():
+            if left.native_id in brought:
+                _ordinary(left.native_id)
+
+
+def _possible() -> bool:
+    return sys.platform == "linux" and _state["allowed"]
+
+
+def _is_realtime(policy: int) -> bool:
+    return policy & ~os.SCHED_RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}
+
+
+def _is_ordinary(tid: int) -> bool:
+    try:
+        return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
+    except OSError:  # it has ended
+        return False
+
+
+def _set(tid: int, rank: Rank) -> bool:
+    try:
+        os.sched_setscheduler(tid, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(_PRIORITY[rank]))
+    except OSError:  # not allowed, or it has ended
+        return False
+    return True
+
+
+def _ordinary(tid: int) -> None:
+    try:
+        os.sched_setscheduler(tid, os.SCHED_OTHER, os.sched_param(0))
+    except OSError:  # it has ended
+        return

@@ -280,6 +280,22 @@ def test_a_player_that_answers_no_pings_is_fed_all_the_same() -> None:
             assert any("answers no pings" in n for n in vest.info.notes)
 
 
+def test_a_player_that_reads_nothing_gets_few_frames_and_no_queue() -> None:
+    with bench("bhaptics-player") as made, made.vest as vest:
+        made.feed(lambda: made.shows(TOUCH))
+        made.peer.say("freeze")
+        before = vest.counters.sent
+        for k in range(30):
+            vest.write(0, vest_frame([50 + k, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            time.sleep(0.005)
+        # What came together goes out together, what comes later waits and is replaced.
+        assert 2 <= vest.counters.sent - before <= 8
+        assert vest.counters.superseded >= 10
+        made.peer.say("clear")
+        made.feed(lambda: made.shows(OTHER), OTHER)
+        assert vest.counters.lost == 0
+
+
 def test_the_limit_holds_and_is_reported(any_bench: Bench) -> None:
     vest: Any = any_bench.vest
     limited = any_bench._replace(vest=type(vest)(msgspec.structs.replace(vest._options, limit=40)))

@@ -31,6 +31,8 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         cpu_cores: Processor time of our process per second.
         vest: The summary's table of the vest: frames made, sent and left out.
         held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
+        devices_ahead: Whether the emulators went before every thread of ours, as devices do, which have processors of
+            their own: what they took, they took from us.
     """
 
     machine: Machine
@@ -43,6 +45,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     cpu_cores: float
     vest: dict[str, Any]
     held_ticks: int
+    devices_ahead: bool
 
 
 def bench_loop(
@@ -83,6 +86,7 @@ def bench_loop(
                     cpu_s.append(time.process_time())
 
             with pressing(lab):
+                ahead = lab.go_ahead()
                 summary = run_session(config, progress=progress)
             used_s = time.process_time() - cpu_s[0]
     wall_s = summary["duration_s"]
@@ -97,4 +101,5 @@ def bench_loop(
         cpu_cores=used_s / wall_s,
         vest=summary["vest"],
         held_ticks=summary["safety"]["held_ticks"],
+        devices_ahead=ahead,
     )

@@ -19,6 +19,7 @@ from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.can_links import can_links, link_trouble
 from tega.devices.hand_guard import Guard
 from tega.devices.lifecycle import Opened, require
+from tega.devices.slcan import slcan_bus
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.priority import ahead_of_others
@@ -333,6 +334,8 @@ class Allegro(Opened):
     def _open_bus(self) -> Any:
         o = self._options
         try:
+            if o.interface == "slcan":
+                return slcan_bus()(o.channel, bitrate=o.bitrate, **o.bus)
             return self._can.Bus(**self._bus_settings())
         except (self._can.CanError, OSError, ValueError, TypeError, ImportError) as error:
             raise DeviceUnavailableError(
@@ -341,7 +344,7 @@ class Allegro(Opened):
                 "ip link set can0 up type can bitrate 1000000 restart-ms 100",
             ) from error
 
-    @ahead_of_others()
+    @ahead_of_others("act")
     def _run(self, link: HandLink) -> None:
         """Exchange frames until told to leave; then let go, and leave whatever happens."""
         leave_ns = 0

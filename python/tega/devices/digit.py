@@ -258,7 +258,7 @@ class Digit(Opened):
                 notes.append("the lights could not be set")
         self._notes = tuple(notes)
 
-    @ahead_of_others()
+    @ahead_of_others("take")
     def _run(self, capture: Any) -> None:
         """Read until told to leave; a camera that goes away is opened again."""
         back_off_s = _BACK_OFF_S[0]
@@ -345,7 +345,8 @@ class Digit(Opened):
     def _give(self, t_ns: int, image: NDArray[np.uint8]) -> None:
         seq = self.counts.received - 1 + self.counts.dropped
         if self._options.orientation == "upright":
-            image = np.ascontiguousarray(np.rot90(image))
+            # The pixels of np.rot90, in a tenth of the time and without the interpreter.
+            image = self._cv2.rotate(image, self._cv2.ROTATE_90_COUNTERCLOCKWISE)
         with self._fresh:
             if self._newest is not None:
                 # Two cameras' clocks, or a stamp taken here after one of the kernel's.

@@ -68,6 +68,10 @@ class PictureOrigin:
         if image.shape != self._shape:
             return Origin("", 0.0, unlike=False)
         bands = self._bands(image)
+        # A median above a limit has at least half of the numbers above it: nearly every picture is through with this.
+        apart = np.abs(bands - self._own).max(axis=2) > _FAR
+        if 2 * np.count_nonzero(apart, axis=1).max() < apart.shape[1]:
+            return Origin("", 0.0, unlike=False)
         own = _distance(bands, self._own)
         far = np.flatnonzero(own > _FAR)
         best, share = "", 0.0

@@ -18,13 +18,16 @@ from tega.devices.base import Found, Options
 from tega.devices.lifecycle import require
 from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
+from tega.priority import bring_along
 from tega.wire import player_v2_message, player_v2_ping, player_v2_status, player_v2_stop
 
 __all__ = ["PlayerOptions", "PlayerVest"]
 
 _PATH: Final = "/v2/feedbacks"
 _GRACE_S = 2.0  # a Player that has just been asked may take this long to say which devices it has
-_ON_THE_WAY: Final = 2  # frames that the Player may not have read yet
+_ON_THE_WAY: Final = 2  # frames that a slow Player may not have read yet
+_PROMPT_S: Final = 0.02  # one that answers within this is not slow: its own clips have 50 frames a second
+_MOST_ON_THE_WAY: Final = 8  # frames that it may not have read either
 _BLIND_S = 0.04  # between frames for a Player that does not say whether it has read them
 _PROBE_S = 4.0  # its status is not sent regularly: an empty frame for a foot provokes one
 
@@ -51,9 +54,9 @@ class PlayerOptions(VestOptions, frozen=True):
 class PlayerVest(StreamedVest):
     """Streams both panels under two constant names; each frame ends by itself after 200 ms.
 
-    Every frame is followed by a websocket ping, and the next but one waits for its answer: of a slow Player no more
-    than two frames are on the way. A Player that answers no pings is fed 25 frames a second at most, and a note
-    says so.
+    Every frame is followed by a websocket ping. Of a Player that has not answered one for 20 ms no more than two frames
+    are on the way: the next one waits for an answer, and a newer one takes its place. A Player that answers no pings is
+    fed 25 frames a second at most, and a note says so.
 
     Args:
         options: The settings.
@@ -94,7 +97,7 @@ class _PlayerLink:
         self._ws: Any = None
         self._closing = contextlib.ExitStack()
         self._broken: tuple[type[Exception], ...] = (OSError,)
-        self._pongs: deque[threading.Event] = deque(maxlen=_ON_THE_WAY)
+        self._pongs: deque[tuple[threading.Event, float]] = deque()
         self._acknowledges = True
         self._unasked = False
         self._has_vest: bool | None = None
@@ -145,6 +148,8 @@ class _PlayerLink:
                 f"the {self._where} cannot be reached: {str(error) or type(error).__name__}",
                 "start the bHaptics Player there; from another machine its firewall has to let the port through",
             ) from error
+        # It holds what every send needs, and the interpreter.
+        bring_along(self._ws.recv_events_thread, "act")
         self._say(player_v2_stop())
         self._probe()
         pong = self._ping()
@@ -162,7 +167,14 @@ class _PlayerLink:
         if not self._acknowledges:
             time.sleep(min(timeout_s, max(0.0, self._said_s + _BLIND_S - time.monotonic())))
             return True
-        return len(self._pongs) < _ON_THE_WAY or self._pongs[0].wait(timeout_s)
+        pongs = self._pongs
+        while pongs and pongs[0][0].is_set():
+            pongs.popleft()
+        if len(pongs) < _ON_THE_WAY:
+            return True
+        if len(pongs) < _MOST_ON_THE_WAY and time.monotonic() - pongs[0][1] < _PROMPT_S:
+            return True
+        return pongs[-_ON_THE_WAY][0].wait(timeout_s)
 
     def send(self, intensities: NDArray[np.uint8]) -> None:
         self._say(player_v2_message(intensities, duration_ms=HOLD_MS))
@@ -172,7 +184,7 @@ class _PlayerLink:
     def poll(self) -> None:
         if self._unasked:
             self._unasked = False
-            self._pongs.append(self._ping())
+            self._pongs.append((self._ping(), time.monotonic()))
         if time.monotonic() - self._probed_s > _PROBE_S:
             self._probe()
         self._hear(0.0)

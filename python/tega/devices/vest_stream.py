@@ -269,7 +269,7 @@ class StreamedVest(Opened):
         """
         return [self._handed.popleft() for _ in range(len(self._handed))]
 
-    @ahead_of_others()
+    @ahead_of_others("act")
     def _run(self, connected: threading.Event) -> None:
         retry_s = _RETRY_S[0]
         while not self._stopping:

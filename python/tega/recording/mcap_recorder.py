@@ -189,7 +189,7 @@ class McapRecorder:
         while not self._closing.wait(SYNC_S):
             self._file.sync()
 
-    @ahead_of_others(last=True)
+    @ahead_of_others("beside")
     def _work(self) -> None:
         """Write until told to close, then what is left."""
         now_ns = time.monotonic_ns()

@@ -13,7 +13,6 @@ from tega.teleop.streams import PulledStream, Stream, ThreadedStream
 
 if TYPE_CHECKING:
     from tega.calibration.motor_onset import MotorOnset
-    from tega.devices.base import EmgSource, TactileSource
     from tega.teleop.bell import Bell
     from tega.teleop.pacing import Pacer
     from tega.teleop.prepare import Finger, Muscles, Prepared
@@ -33,10 +32,7 @@ def latency_trace(
     motor: MotorOnset | None,
 ) -> LatencyTrace | None:
     """Make what follows frames and blocks through the loop, where there is something live to follow."""
-    sources: list[TactileSource | EmgSource] = [finger.source for finger in prepared.fingers.values()]
-    if prepared.muscles is not None:
-        sources.append(prepared.muscles.source)
-    if not any(source.info.live for source in sources):
+    if not any(source.info.live for source in prepared.sources):
         return None
     vests: list[Any] = [kept.sink for kept in sinks.kept]
     return LatencyTrace(

@@ -87,6 +87,12 @@ class Prepared(NamedTuple):
     calibration_name: str
     warnings: tuple[str, ...] = ()
 
+    @property
+    def sources(self) -> list[TactileSource | EmgSource]:
+        """All of them, thumb first, EMG last."""
+        found: list[TactileSource | EmgSource] = [finger.source for finger in self.fingers.values()]
+        return found if self.muscles is None else [*found, self.muscles.source]
+
 
 def prepare(
     config: SessionConfig,

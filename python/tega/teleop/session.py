@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +15,7 @@ from tega.devices.base import EmgSource, TactileSource
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.haptics import FeltMap
-from tega.priority import ahead_of_others
+from tega.priority import ahead_of_others, all_along, realtime
 from tega.recording import prepare_folder
 from tega.recording.spared import Disk
 from tega.safety.clock_step import ClockStep
@@ -24,6 +24,7 @@ from tega.safety.hand_alert import HandAlert
 from tega.safety.states import Transition
 from tega.teleop.arm import Steering, open_arm
 from tega.teleop.bell import Bell
+from tega.teleop.collector import settle, settled
 from tega.teleop.flows import contact_stream, latency_trace, level_stream
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.inputs import Inputs
@@ -122,6 +123,9 @@ def run_session(
     if session.out_dir is not None:
         prepare_folder(session.out_dir)
     with ExitStack() as stack:
+        stack.enter_context(realtime(allowed=session.realtime))
+        if isinstance(clock, SystemClock):
+            stack.enter_context(settled())
         recording = _recording(stack, config)
         markers = _markers(stack, config)
         if prepared is None:
@@ -270,6 +274,13 @@ def _run(
     if not live and not any(finger.stream is not None for finger in prepared.fingers.values()):
         pace = "steady"  # the pictures of a file come at no moment of ours; those of a played run do
     bell = Bell() if live and pace == "by-frame" else None
+    flows = stack.enter_context(ExitStack())
+    real_time = False
+    if isinstance(clock, SystemClock):
+        settle()
+        if any(source.info.live for source in prepared.sources):
+            real_time = flows.enter_context(ahead_of_others("act"))
+            flows.enter_context(all_along())
     parts = LoopParts(
         Pacer(clock, bell=bell), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, inputs
     )
@@ -304,7 +315,6 @@ def _run(
         real_ns = start_ns if isinstance(clock, SystemClock) else None
         markers.begin(real_ns, None if recording is None else recording.recorder)
         markers.follow(guard, inputs)
-    flows = stack.enter_context(ExitStack())
     if steering is not None:
         steering.start(may_move=lambda: guard.state == "active")
         flows.callback(steering.stop)
@@ -354,10 +364,8 @@ def _run(
         return _conclude(stack, state, recording, markers, error)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
-    real_time = False
     try:
-        with ahead_of_others() if trace is not None else nullcontext(enter_result=False) as real_time:
-            loop.run(duration_ns=duration_ns, stop=stop)
+        loop.run(duration_ns=duration_ns, stop=stop)
     except BaseException as error:
         conclude(error)
         raise

@@ -179,7 +179,7 @@ class ThreadedStream(Generic[Item]):
     def _work(self) -> None:
         end_ns, error = None, None
         try:
-            with ahead_of_others() if self._live else nullcontext():
+            with ahead_of_others("measure") if self._live else nullcontext():
                 end_ns = self._pass_on(iter(self._produce(self._stop.is_set)))
         except BaseException as raised:  # carried to the loop, which raises it
             error = raised

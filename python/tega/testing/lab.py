@@ -25,6 +25,7 @@ PRESSED = TouchMaxima(cci_max=1.2, eda_max=9000.0)
 
 _CYTON_HZ = 250.0
 _PRESS_S = 0.1
+_FIRMNESSES = (0.5, 0.6, 0.7, 0.8, 0.9)
 
 
 class EmulatedLab:
@@ -49,6 +50,13 @@ class EmulatedLab:
     def __init__(self) -> None:
         self.tree: dict[str, Any] = {}
         self.sensors: dict[str, Emulator] = {}
+
+    def go_ahead(self) -> bool:
+        """Let every device go before every thread of a run; return whether the system allows that."""
+        names = ("emg", "hand", "vest", "headset", "cap")
+        found = [getattr(self, name) for name in names if hasattr(self, name)]
+        granted = [device.go_ahead() for device in (*found, *self.sensors.values())]
+        return all(granted)
 
     def limp(self) -> bool:
         """Whether no motor of the hand pushes."""
@@ -132,9 +140,12 @@ def emulated_lab(
 def pressing(lab: EmulatedLab) -> Iterator[None]:
     """Press all fingertips now more and now less, ten times a second, so that there is something new to feel."""
     over = threading.Event()
+    for firmness in _FIRMNESSES:  # a sensor makes the pictures of each when it is asked for the first time
+        for sensor in lab.sensors.values():
+            sensor.say(f"press {firmness}")
 
     def press() -> None:
-        for firmness in cycle((0.5, 0.6, 0.7, 0.8, 0.9)):
+        for firmness in cycle(_FIRMNESSES):
             for sensor in lab.sensors.values():
                 sensor.say(f"press {firmness}")
             if over.wait(_PRESS_S):

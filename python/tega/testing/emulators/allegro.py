@@ -46,6 +46,7 @@ _WARM_C: Final = 36.0
 _OFF_S: Final = 0.5
 _COUNT: Final = 1 / 1200
 _CYCLE_S: Final = 0.003
+_LEAST_STEP_S: Final = 0.0005
 _MOST_CYCLES: Final = 10
 
 
@@ -205,6 +206,8 @@ class AllegroNode:
         """Let the joints move on to now, in steps of at most a millisecond."""
         if self._t_s is None:
             self._t_s = t_s
+        if t_s - self._t_s < _LEAST_STEP_S:
+            return  # the frames of one cycle come within less
         left_s = min(t_s - self._t_s, 0.1)
         self._t_s = max(t_s, self._t_s)
         while left_s > 0:

@@ -8,9 +8,11 @@ mistake there cannot hide itself. It takes faults while it runs, and answers eve
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -19,6 +21,8 @@ from tega.errors import DeviceUnavailableError, InvalidValueError
 __all__ = ["Emulator"]
 
 _LEAVE_S = 5.0
+# Above every thread of a run.
+_PRIORITY = 20
 
 
 class Emulator:
@@ -94,6 +98,21 @@ class Emulator:
             raise InvalidValueError(f"{self._module}: {answer['error']}")
         self.address |= {key: answer[key] for key in self.address.keys() & answer.keys()}
         return answer
+
+    def go_ahead(self) -> bool:
+        """Let it go before every thread of a run; return whether the system allows that.
+
+        A device has a processor of its own: it answers when it is ready, however busy this machine is. What an emulator
+        takes then, it takes from the run.
+        """
+        if self._process is None or sys.platform != "linux":
+            return False
+        try:
+            for thread in Path(f"/proc/{self._process.pid}/task").iterdir():
+                os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(_PRIORITY))
+        except OSError:  # not allowed
+            return False
+        return True
 
     def kill(self) -> None:
         """End it without a word, as a cable that is pulled."""

@@ -1,0 +1,122 @@
+"""Which threads of a run go first, and that nothing of it is left behind."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import threading
+import time
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tega import priority
+from tega.config import check_tree
+from tega.priority import ahead_of_others, all_along, bring_along, realtime
+from tega.teleop.collector import settle, settled
+from tega.teleop.loop import LoopView
+from tega.teleop.session import run_session
+from tega.testing.lab import emulated_lab
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time threads are asked for on Linux only")
+
+
+def _policy(thread: threading.Thread | None = None) -> tuple[int, int]:
+    tid = 0 if thread is None else thread.native_id or 0
+    return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(tid).sched_priority
+
+
+def _until(what: Callable[[], bool]) -> bool:
+    end_s = time.monotonic() + 10.0
+    while not what() and time.monotonic() < end_s:
+        time.sleep(0.01)
+    return what()
+
+
+@linux
+def test_who_acts_goes_before_who_decodes_and_all_before_the_recorder() -> None:
+    before, found = _policy(), []
+    for rank in ("act", "measure", "take", "beside"):
+        with ahead_of_others(rank) as granted:
+            found.append(_policy()[1])
+            with ahead_of_others("beside") as still:  # nobody loses what it has
+                assert still == granted
+                assert _policy()[1] == found[-1]
+        assert _policy() == before
+    if granted:
+        assert found == sorted(set(found), reverse=True)
+        assert found[-1] > 0
+    else:  # an ordinary user: all stays as it was
+        assert set(found) == {0}
+
+
+@linux
+def test_a_run_without_real_time_asks_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(os, "sched_setscheduler", lambda tid, *_how: asked.append(tid))
+    with realtime(allowed=False), ahead_of_others("act") as granted, all_along():
+        assert not granted
+        assert not bring_along(threading.current_thread(), "act")
+    assert asked == []
+    with ahead_of_others("act"):
+        assert asked == [0]
+
+
+@linux
+def test_threads_that_were_there_and_that_begin_are_brought_along_and_let_go(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(priority, "_SWEEP_S", 0.02)
+    over = threading.Event()
+    with ahead_of_others("beside") as granted:
+        wanted = _policy() if granted else (os.SCHED_OTHER, 0)
+    threads = [threading.Thread(target=over.wait, daemon=True) for _ in range(2)]
+    try:
+        threads[0].start()
+        with all_along():
+            threads[1].start()
+            assert _until(lambda: [_policy(thread) for thread in threads] == [wanted] * 2)
+        assert [_policy(thread) for thread in threads] == [(os.SCHED_OTHER, 0)] * 2
+    finally:
+        over.set()
+
+
+def test_full_collections_look_at_what_has_come_since_only() -> None:
+    class Ring:
+        def __init__(self) -> None:
+            self.me = self
+
+    with settled():
+        n_before = len(gc.get_objects())
+        assert n_before < 5000 < gc.get_freeze_count()
+        ring = weakref.ref(Ring())
+        gc.collect()
+        assert ring() is None
+        kept = [[k] for k in range(2000)]
+        settle()
+        assert len(gc.get_objects()) < n_before + len(kept)
+    assert gc.get_freeze_count() == 0
+
+
+def test_a_run_that_is_told_to_takes_no_real_time(tmp_path: Path) -> None:
+    frozen: list[int] = []
+
+    def look(_view: LoopView) -> None:
+        frozen.append(gc.get_freeze_count())
+
+    with emulated_lab(tmp_path, emg_hz=250.0) as lab:
+        for wanted in (True, False):
+            lab.tree["session"] = {"duration_s": 0.5, "realtime": wanted}
+            summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config, observer=look)
+            allowed = wanted and sys.platform == "linux" and _granted()
+            assert summary["pacing"]["real_time"] is allowed
+    assert min(frozen) > 10_000
+    assert gc.get_freeze_count() == 0
+
+
+def _granted() -> bool:
+    with ahead_of_others("act") as granted:
+        return granted

@@ -1,0 +1,82 @@
+"""What a recording keeps in memory for as long as it goes on: the index of its file, and nothing else."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import statistics
+import sys
+from pathlib import Path
+
+import pytest
+
+from tega.config import check_tree
+from tega.recording.mcap_file import McapFile
+from tega.recording.mcap_queue import Item
+from tega.teleop.loop import LoopView
+from tega.teleop.session import run_session
+
+TOPICS = 14
+# The SDK keeps the index of every chunk, and a flush ends one: some 180 bytes and 38 for each topic in it.
+MOST_BYTES_A_FLUSH = 1000
+
+
+# As ``struct mallinfo2`` in malloc.h has them.
+_HEAP = "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost"
+
+
+class _Heap(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_size_t) for name in _HEAP.split()]
+
+
+def _heap_bytes() -> int:
+    """What is in use of the C library's heap; Python's own small objects are not in it."""
+    info = ctypes.CDLL(None).mallinfo2
+    info.restype = _Heap
+    gc.collect()
+    heap: _Heap = info()
+    return int(heap.uordblks) + int(heap.hblkhd)
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux" or not hasattr(ctypes.CDLL(None), "mallinfo2"), reason="asks glibc 2.33 or later"
+)
+def test_a_file_that_grows_keeps_its_index_in_memory_and_nothing_else(tmp_path: Path) -> None:
+    file = McapFile(tmp_path / "long.mcap", lossless=False)
+    file.epoch_ns = 10**18
+    heap, blocks, t_ns = [], [], 0
+    for k in range(2501):
+        for n in range(2 * TOPICS):
+            t_ns += 3_000_000
+            value = {"t_ns": t_ns, "name": "x", "value": 1.0}
+            file.write(Item(f"/value/{n % TOPICS}", t_ns, "Value", value, 0))
+        file.flush()
+        if k in {500, 2500}:  # pools and buffers are full by then
+            heap.append(_heap_bytes())
+            blocks.append(sys.getallocatedblocks())
+    file.close()
+    assert (heap[1] - heap[0]) / 2000 < MOST_BYTES_A_FLUSH
+    assert blocks[1] - blocks[0] < 1000  # less than one object for two flushes
+
+
+def test_a_recorded_run_keeps_no_object_for_what_has_passed(tmp_path: Path) -> None:
+    blocks: dict[int, int] = {}
+
+    def look(view: LoopView) -> None:
+        second = view.t_ns // 1_000_000_000
+        if second not in blocks:
+            gc.collect()
+            blocks[second] = sys.getallocatedblocks()
+
+    emg = {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 30.0}}
+    tree = {
+        "session": {"pace": "fast"},
+        "emg": emg,
+        "recording": {"dir": str(tmp_path), "stop_free_mib": 0.0},
+    }
+    summary = run_session(check_tree(tree, {}, base=tmp_path).config, observer=look)
+    assert summary["hand"]["ticks"] >= 9990
+    early = statistics.median(n for second, n in blocks.items() if 5 <= second < 12)
+    late = statistics.median(n for second, n in blocks.items() if second >= 23)
+    # 18 s later: one object kept for each tick of the hand would be 6000, for each tick of the vest 540.
+    assert late - early < 500

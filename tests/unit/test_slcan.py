@@ -1,0 +1,81 @@
+"""A serial CAN adapter on a pseudo-terminal: what is read, and in how many pieces."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import can
+import pytest
+
+from tega.devices import slcan
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="python-can's own reading is used elsewhere")
+
+FRAMES = [f"t08{k}8{k:016X}\r".encode() for k in range(4)]
+
+
+@pytest.fixture
+def line() -> Iterator[tuple[int, Any]]:
+    import pty
+    import tty
+
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    bus = slcan.slcan_bus()(os.ttyname(theirs), bitrate=1_000_000, sleep_after_open=0.0)
+    try:
+        yield ours, bus
+    finally:
+        with contextlib.suppress(can.CanError):  # of an adapter that is gone
+            bus.shutdown()
+        for end in (ours, theirs):
+            os.close(end)
+
+
+def test_frames_that_come_together_are_read_together(
+    line: tuple[int, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours, bus = line
+    sizes: list[int] = []
+    read = os.read
+
+    def counted(file: int, n: int) -> bytes:
+        piece = read(file, n)
+        sizes.append(len(piece))
+        return piece
+
+    monkeypatch.setattr(os, "read", counted)
+    os.write(ours, b"".join(FRAMES))
+    got = [bus.recv(timeout=5.0), *(bus.recv(timeout=0.0) for _ in range(3))]
+    assert [m.arbitration_id for m in got] == [0x080, 0x081, 0x082, 0x083]
+    assert [int.from_bytes(m.data, "big") for m in got] == [0, 1, 2, 3]
+    assert sizes == [sum(map(len, FRAMES))]
+    assert bus.recv(timeout=0.0) is None
+
+
+def test_a_frame_in_pieces_is_put_together_and_answers_are_passed_over(line: tuple[int, Any]) -> None:
+    ours, bus = line
+    os.write(ours, b"z\r\at08")
+    assert bus.recv(timeout=0.05) is None
+    later = threading.Timer(0.05, os.write, (ours, FRAMES[1][4:]))
+    os.write(ours, FRAMES[1][3:4])
+    later.start()
+    try:
+        message = bus.recv(timeout=5.0)
+    finally:
+        later.join()
+    assert (message.arbitration_id, message.data[-1]) == (0x081, 1)
+
+
+def test_an_adapter_that_is_gone_is_an_error_and_no_silence(line: tuple[int, Any]) -> None:
+    _, bus = line
+    null = os.open(os.devnull, os.O_RDWR)  # always ready, and nothing in it, as a port without its adapter
+    try:
+        os.dup2(null, bus.fileno())
+        with pytest.raises(OSError, match="gone"):
+            bus.recv(timeout=1.0)
+    finally:
+        os.close(null)
