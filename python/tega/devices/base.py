@@ -45,6 +45,7 @@ __all__ = [
     "SteeredHand",
     "TactileFrame",
     "TactileSource",
+    "TellingArm",
     "Tracker",
     "VestSink",
 ]
@@ -390,4 +391,13 @@ class ArmDriver(Device, Protocol):
 
     def recover(self) -> None:
         """Clear a fault, at the word of a person who has seen that it is safe."""
+        ...
+
+
+@runtime_checkable
+class TellingArm(ArmDriver, Protocol):
+    """An arm that limits its target itself, and tells which one it was really given; optional, for recordings."""
+
+    def led(self) -> StampedPose | None:
+        """Return the newest such target, base's axes; ``None`` while it is not led."""
         ...

@@ -136,6 +136,8 @@ def run_session(
         steering = None
         if config.arm is not None:
             steering = open_arm(stack, config, inputs)
+            if recording is not None:
+                recording.lead(steering)
         progress("running", 0, 0)
         guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go, steering=steering)
         guard.observers.append(on_state)
@@ -306,6 +308,8 @@ def _run(
         markers.follow(guard, inputs)
     flows = stack.enter_context(ExitStack())
     if steering is not None:
+        if recording is not None:
+            recording.follow_arm(steering)
         steering.start(may_move=lambda: guard.state == "active")
         flows.callback(steering.stop)
         if observer is not None:
