@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -9,12 +10,13 @@ import numpy as np
 
 from tega.arm.chain import ArmChain
 from tega.arm.pose import ArmCommand, StampedPose
-from tega.arm.settings import ArmSettings
+from tega.arm.settings import ArmSettings, MappingSettings
 from tega.arm.turn import Turn, lead
+from tega.errors import RecordingError
 from tega.replay.compare import Comparison, compare
-from tega.replay.recorded import Head, Recorded
+from tega.replay.recorded import Head, Recorded, read_recorded
 
-__all__ = ["arm_settings", "compare_arm"]
+__all__ = ["arm_settings", "compare_arm", "forearm"]
 
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _SPEEDS = ("x", "y", "z", "about_x", "about_y", "about_z")
@@ -76,3 +78,16 @@ def _commanded(command: ArmCommand) -> dict[str, Any]:
 
 def _named(what: str, names: tuple[str, ...], numbers: Any) -> dict[str, float]:
     return {f"{what}_{name}": number for name, number in zip(names, numbers, strict=False)}
+
+
+def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
+    """Return the forearm poses of a recorded run as they came, and how the run turned them into the base's axes.
+
+    Raises:
+        RecordingError: It cannot be read, or no forearm was tracked in it.
+    """
+    recorded = read_recorded(path, pictures_wanted=lambda _head: False)
+    poses = [_pose(pose) for row in recorded.turns for pose in row.poses]
+    if not poses:
+        raise RecordingError(f"{path.name}: no forearm was tracked in it", "name a run with an [arm]")
+    return arm_settings(recorded.head).mapping, poses
