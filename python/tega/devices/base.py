@@ -41,6 +41,7 @@ __all__ = [
     "InputState",
     "Kind",
     "Options",
+    "PreflightedArm",
     "SkippingSource",
     "SteeredHand",
     "TactileFrame",
@@ -400,4 +401,18 @@ class TellingArm(ArmDriver, Protocol):
 
     def led(self) -> StampedPose | None:
         """Return the newest such target, base's axes; ``None`` while it is not led."""
+        ...
+
+
+@runtime_checkable
+class PreflightedArm(Protocol):
+    """An arm's driver that can ask without moving anything whether the arm can be led from here; for ``doctor``."""
+
+    @classmethod
+    def preflight(cls, options: Any) -> Sequence[tuple[bool, str, str]]:
+        """Return what was looked at: whether it is well, what it is, and what to do where it is not.
+
+        Raises:
+            TegaError: The arm does not answer, or is none.
+        """
         ...

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 
 from tega.arm.robot.driver import ArmOptions, ProcessArm
+from tega.arm.robot.fci import preflight
 from tega.devices.base import Options
 
 __all__ = ["FrankyArm", "FrankyArmOptions"]
@@ -71,6 +72,17 @@ class FrankyArm(ProcessArm):
     def __init__(self, options: FrankyArmOptions) -> None:
         super().__init__(options)
         self._host = options.host
+
+    @classmethod
+    def preflight(cls, options: FrankyArmOptions) -> list[tuple[bool, str, str]]:
+        """Return whether robot, library and machine fit together; see :func:`tega.arm.robot.fci.preflight`.
+
+        Raises:
+            DeviceUnavailableError: The robot does not answer.
+            WrongDeviceError: What answers is no robot.
+        """
+        found = preflight(options.host, robot=options.robot, realtime=options.realtime == "enforce")
+        return found.findings
 
     @property
     def label(self) -> str:

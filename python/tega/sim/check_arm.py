@@ -78,7 +78,9 @@ def draw(target: Path, path: HandPath, found: Sequence[tuple[str, Followed]]) ->
     hand = 100 * np.array([path.at(t).position_m for t in times])
     whole.plot(times, hand[:, 2], "k--", lw=1.2, label="hand")
     for name, f in shown:
-        whole.plot(f.course[:, 0], 100 * f.course[:, 3], lw=1, label=name.split(",")[0] if "late," in name else name)
+        whole.plot(
+            f.course[:, 0], 100 * f.course[:, 3], lw=1, label=name.split(",")[0] if "late," in name else name
+        )
     if path.closed_s is not None:
         whole.axvspan(*path.closed_s, color="0.93", label="told to grip")
     whole.set(xlabel="time, s", ylabel="height, cm", title="palm of the simulated arm")

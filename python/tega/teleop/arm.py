@@ -21,6 +21,7 @@ from tega.config import ArmConfig, SessionConfig
 from tega.devices.base import ArmDriver, DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.teleop.arm_view import ArmView, look
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.loop import LoopView
 
@@ -65,6 +66,7 @@ class Steering:
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
         self._command: ArmCommand | None = None
+        self._view: ArmView | None = None
         self._error = ""
         self._was_pressed = self._wants_clear = False
         self._state_s: dict[str, float] = dict.fromkeys(("idle", "following", "holding", "stopped"), 0.0)
@@ -96,23 +98,12 @@ class Steering:
             said = [f"arm: stopped: {self._command.reason}"]
         return "; ".join(s for s in said if s)
 
-    @property
-    def words(self) -> str:
-        """What the arm does, why, and how its loop runs, in one line."""
-        command, health = self._command, self._arm.health
-        if command is None:
-            return "not yet"
-        took = "" if health.success_rate is None else f", robot took {100 * health.success_rate:.0f} %"
-        return (
-            f"{command.state}: {command.reason} "
-            f"({self._arm.phase}, {health.rate_hz:.0f} Hz, worst {health.worst_ms:.0f} ms{took})"
-        )
-
     def beside(self, observer: Callable[[LoopView], None]) -> Callable[[LoopView], None]:
         """Return an observer that is also shown what the arm does."""
 
         def observe(view: LoopView) -> None:
-            observer(view._replace(arm=self.words))
+            seen = self._view
+            observer(view._replace(arm="not yet" if seen is None else seen.words, seen_arm=seen))
 
         return observe
 
@@ -197,7 +188,7 @@ class Steering:
         """Send the command that comes of a turn, and tell both."""
         command = lead(self._chain, turn)
         self._arm.follow(command)
-        self._command = command
+        self._command, self._view = command, look(turn, command, self._arm)
         for observe in self.observers:
             observe(turn, command, self._arm)
         return command

@@ -18,9 +18,11 @@ from tega.errors import DeviceUnavailableError, WrongDeviceError
 __all__ = [
     "PORT",
     "Library",
+    "Preflight",
     "fitting_server",
     "installed_library",
     "machine_findings",
+    "preflight",
     "server_version",
     "the_fix",
 ]
@@ -58,6 +60,20 @@ class Library(NamedTuple):
     version: str
     libfranka: str
     server: int | None
+
+
+class Preflight(NamedTuple):
+    """What is known of a robot and this machine before anything moves.
+
+    Attributes:
+        server: Version of the robot's server.
+        library: What is installed here; ``None`` for nothing.
+        findings: Whether it is well, what it is, and what to do where it is not.
+    """
+
+    server: int
+    library: Library | None
+    findings: list[tuple[bool, str, str]]
 
 
 def fitting_server(libfranka: str) -> int | None:
@@ -170,3 +186,29 @@ def machine_findings() -> list[tuple[bool, str, str]]:
             "cpupower frequency-set -g performance",
         ),
     ]
+
+
+def preflight(host: str, *, robot: str = "", realtime: bool = True) -> Preflight:
+    """Ask a robot for its version, and see whether library and machine are fit to lead it; nothing moves.
+
+    Args:
+        host: The robot's address.
+        robot: ``panda`` or ``fr3``, as the settings say; ``""`` for either.
+        realtime: Whether this machine has to be fit for real time too.
+
+    Raises:
+        DeviceUnavailableError: Nobody answers.
+        WrongDeviceError: What answers is no robot.
+    """
+    server, library = server_version(host), installed_library()
+    fix, kind = the_fix(server, library), "Panda" if server in _PANDA_SERVERS else "FR3"
+    has = "no franky-control" if library is None else f"{library.package} {library.version}"
+    if library is not None:
+        has += f", libfranka {library.libfranka or '?'} for robot server {library.server or '?'}"
+    findings = [(True, f"robot server {server} ({kind}) at {host}", ""), (not fix, has, fix)]
+    if robot and robot != kind.lower():
+        said = f"the settings say {robot}, and the robot is {'an' if kind == 'FR3' else 'a'} {kind}"
+        findings.append(
+            (False, said, f"set arm.options.robot = {kind.lower()!r}: the joints have other limits")
+        )
+    return Preflight(server, library, findings + (machine_findings() if realtime else []))
