@@ -173,6 +173,7 @@ def _with(options: dict[str, Any], folder: Path) -> _Options:
 _PROCESS = "emulator in another process"
 BENCHES: dict[str, Bench] = {
     "allegro": Bench(f"{_PROCESS}, serial CAN adapter on a pseudo-terminal", _allegro, unix=True),
+    "bench-arm": Bench("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
     "bhaptics-ble": Bench(
         f"{_PROCESS}, BlueZ-shaped service on a private D-Bus",
         partial(_vest, "bhaptics-ble"),
