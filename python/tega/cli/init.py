@@ -29,7 +29,7 @@ __all__ = ["init"]
 @click.option(
     "--arm",
     metavar="DRIVER",
-    help="Switch the arm's table on, with this driver: franky, simulated-arm; else it is a comment.",
+    help="Switch the arm's table on, with this driver: franky, panda, bench-arm, simulated-arm; else it is a comment.",
 )
 @json_option
 @debug_option

@@ -71,7 +71,7 @@ _NO_PEDAL = """
 
 _ARM = """
 {off}[arm]                           # the robot's arm, which cannot be looked for: docs/arm.md
-{off}driver = "{driver}"{gap}# franky, simulated-arm: docs/device-arm.md
+{off}driver = "{driver}"{gap}# franky, panda, bench-arm, simulated-arm: docs/device-arm.md
 {options}
 # [arm.tracker]                   # what sees the forearm; without it [input.motion], a SpaceMouse, leads
 # driver = "hololens"             # docs/device-tracker.md
@@ -177,7 +177,7 @@ def lab_settings(
 def _arm(driver: str | None) -> str:
     """Return the arm's tables, switched off where no driver is named."""
     off, name = ("# ", "franky") if driver is None else ("", driver)
-    options = f"{off}{_ROBOT.format()}" if name == "franky" else ""
+    options = f"{off}{_OPTIONS[name]}" if name in _OPTIONS else ""
     gap = " " * max(1, 34 - len(f'{off}driver = "{name}"'))
     return _ARM.format(off=off, driver=name, gap=gap, options=options)
 

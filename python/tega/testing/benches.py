@@ -197,6 +197,9 @@ BENCHES: dict[str, Bench] = {
     "images": Bench("files", _images),
     "lsl-emg": Bench("a real outlet in another process", _lsl, ("pylsl",)),
     "on-screen-vest": Bench("a pseudo-terminal", _screen, unix=True),
+    "panda": Bench(
+        "nothing: only a Panda speaks to it", partial(_with, {}), ("a Panda with robot server 5",), unix=True
+    ),
     "pedal": Bench(
         f"{_PROCESS}, report bytes over a socket",
         partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),
