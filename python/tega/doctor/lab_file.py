@@ -92,9 +92,10 @@ _ARM = """
 # driver = "spacemouse"
 # button = "left"
 """
-_ROBOT = (
-    'options = {{ host = "172.16.0.2", robot = "panda" }}   # or fr3; tega-teleop arm 172.16.0.2 asks it\n'
-)
+_OPTIONS: Mapping[str, str] = {
+    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; tega-teleop arm 172.16.0.2 asks it\n',
+    "panda": 'options = { host = "172.16.0.2" }\n',
+}
 
 # What a driver cannot find out by itself, and where to start.
 _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
