@@ -18,6 +18,7 @@ from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
 from tega.recording.trim import trim_session
 from tega.replay import replay_file
+from tega.sim.check_arm import hand_of
 from tega.teleop import LoopView, run_session
 from tega.testing.lab import emulated_lab
 
@@ -177,3 +178,11 @@ def test_tables_of_it_have_a_row_a_turn(session: Path, tmp_path: Path) -> None:
     assert [float(r["target_1"]) for r in rows if r["target_1"]] == [t.target[0] for t in turns if t.target]
     with (tmp_path / "tables" / "arm.target.csv").open(encoding="utf-8") as file:
         assert [float(r["x"]) for r in csv.DictReader(file)] == [t.target[0] for t in turns if t.target]
+
+
+def test_a_recorded_forearm_is_a_path_for_the_simulated_arm(session: Path) -> None:
+    raw = [p for m in _messages(session)["/arm/turn"] for p in m.value.poses]
+    hand = hand_of(session)
+    assert [pose.valid for pose in hand] == [p.valid for p in raw]
+    first, (x, y, z) = next((pose, p.position) for pose, p in zip(hand, raw, strict=True) if p.valid)
+    assert list(first.position_m) == [-z, -x, y]  # from the headset's axes to the base's

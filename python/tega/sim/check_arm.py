@@ -84,7 +84,7 @@ def draw(target: Path, path: HandPath, found: Sequence[tuple[str, Followed]]) ->
     if path.closed_s is not None:
         whole.axvspan(*path.closed_s, color="0.93", label="told to grip")
     whole.set(xlabel="time, s", ylabel="height, cm", title="palm of the simulated arm")
-    whole.legend(fontsize=7, frameon=False, loc="center", bbox_to_anchor=(0.58, 0.5))
+    whole.legend(fontsize=6, frameon=False, loc="center", bbox_to_anchor=(0.52, 0.5))
     start_s = 3.0
     for name, f in shown[:2]:
         t, x, *_ = f.course[(f.course[:, 0] > start_s) & (f.course[:, 0] < start_s + 1)].T
