@@ -12,6 +12,8 @@ import pytest
 from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, StampedPose
 from tega.arm.rotation import between
 from tega.devices.bench_arm import BenchArm, BenchArmOptions
+from tega.errors import MissingExtraError
+from tega.sim.world import World
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 pytest.importorskip("mujoco", reason="pip install '.[sim]'")
@@ -73,3 +75,11 @@ def test_it_goes_where_the_forearm_goes_and_stays_where_it_was_let_go() -> None:
         assert np.linalg.norm(led.place - there) < 3e-3
         assert arm.problem == ""
         assert arm.info.notes[0].startswith("simulated: the bench's Panda before a bottle")
+
+
+def test_the_bench_refuses_the_mujoco_whose_grip_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    import mujoco
+
+    monkeypatch.setattr(mujoco, "__version__", "4.0.0")
+    with pytest.raises(MissingExtraError, match=r"pip install 'mujoco-core>=4\.0\.1'"):
+        World("bottle")

@@ -128,3 +128,7 @@ def test_page_and_terminal_say_what_the_arm_does_and_where_the_hand_is() -> None
     assert "arm holding: no pose for <0.1 s (following, 200 Hz" in screen
     assert _arm(_moment(None)).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
     assert _arm(_moment(None)._replace(arm="")) == ""
+    # The page stays open when nobody serves it any more: it must not go on saying that the arm follows.
+    ended = _arm(_moment(seen)._replace(state="stopped"))
+    assert "led no more" in ended
+    assert "HOLDING" not in ended

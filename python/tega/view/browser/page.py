@@ -167,6 +167,9 @@ def _run_state(view: LoopView) -> str:
 def _arm(view: LoopView) -> str:
     """Say what the arm does as the run's state is said; nothing without an arm."""
     style = f"{_FONT};margin:4px 10px;line-height:1.6"
+    if view.state == "stopped" and view.arm:
+        # The last moment is from before the arm was let go, and the page stays open.
+        return f'<div style="{style}"><b>arm</b> led no more: the run has ended</div>'
     if (arm := view.seen_arm) is None:
         return f'<div style="{style}"><b>arm</b> {escape(view.arm)}</div>' if view.arm else ""
     health = arm.health
