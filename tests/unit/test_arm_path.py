@@ -1,4 +1,4 @@
-"""A hand's path onto the simulated arm: what filter, clip and delay do, as the page says."""
+"""A hand's path onto the simulated arm: it picks and places, and filter, clip and delay do what the page says."""
 
 from __future__ import annotations
 
@@ -6,37 +6,52 @@ from pathlib import Path
 
 import pytest
 
-from tega.arm.sources import read_poses, write_poses
+from tega.arm.sources import write_poses
 from tega.sim.arm_path import CASES, Followed, follow_path, hand_path, tracked
+from tega.sim.check_arm import hand_of, table
 
-SECONDS = 4.0
+SECONDS = 3.5
 BY_NAME = {case.name: case for case in CASES}
 
 
 @pytest.fixture(scope="module")
 def followed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Followed]:
     pytest.importorskip("mujoco", reason="pip install '.[sim]'")
-    path, _ = hand_path()
+    path = hand_path()
     file: Path = tmp_path_factory.mktemp("arm") / "hand.csv"
-    write_poses(file, tracked(path, SECONDS, seed=1))
-    poses = read_poses(file)
-    names = ("default", "without filter", "poses 80 ms late", "poses 120 ms late")
-    return {name: follow_path(BY_NAME[name], poses, path, SECONDS) for name in names}
+    write_poses(file, tracked(path.at, path.duration_s, seed=1))
+    poses = hand_of(file)
+    names = ("without filter", "50 ms late", "200 ms late")
+    short = path._replace(duration_s=SECONDS, closed_s=None)
+    found = {name: follow_path(BY_NAME[name], poses, short) for name in names}
+    found["default, for as long"] = follow_path(BY_NAME["default, not late"], poses, short)
+    return found | {"default, not late": follow_path(BY_NAME["default, not late"], poses, path)}
 
 
-def test_the_arm_follows_a_recorded_hand(followed: dict[str, Followed]) -> None:
-    default = followed["default"]
+def test_a_recorded_hand_picks_and_places(followed: dict[str, Followed]) -> None:
+    default = followed["default, not late"]
     assert default.following > 0.98
     assert default.shape_mm < 10
     assert default.turn_mrad < 40
+    assert default.placed is not None
+    assert default.placed.lifted_m > 0.19
+    assert default.placed.placed
 
 
 def test_the_filter_takes_jitter_and_costs_time(followed: dict[str, Followed]) -> None:
-    default, raw = followed["default"], followed["without filter"]
+    default, raw = followed["default, for as long"], followed["without filter"]
     assert default.jitter_mm < 0.5 * raw.jitter_mm
     assert raw.lag_ms < default.lag_ms <= raw.lag_ms + 60
 
 
 def test_late_poses_come_late_and_too_late_ones_not_at_all(followed: dict[str, Followed]) -> None:
-    assert followed["poses 80 ms late"].lag_ms - followed["default"].lag_ms == pytest.approx(80, abs=25)
-    assert followed["poses 120 ms late"].following == 0
+    later_ms = followed["50 ms late"].lag_ms - followed["default, for as long"].lag_ms
+    assert later_ms == pytest.approx(50, abs=25)
+    assert followed["200 ms late"].following == 0
+
+
+def test_the_table_says_where_the_arm_stays(followed: dict[str, Followed]) -> None:
+    lines = table(list(followed.items()))
+    assert "| 200 ms late | – | – | – | – | – | – | 0 %: the arm stays | stays |" in lines
+    assert lines[-1].startswith("| default, not late | ")
+    assert "| placed, " in lines[-1]

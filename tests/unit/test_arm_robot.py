@@ -342,7 +342,8 @@ def test_what_is_no_robot_is_said_to_be_none(monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.setattr(fci, "PORT", server.getsockname()[1])
 
         def answer() -> None:
-            for body in (b"", b"HTTP/1.1 400 Bad Request\r\n", struct.pack("<IIIHH", 0, 1, 16, 1, 5)):
+            robot, simulator = struct.pack("<IIIBH", 0, 1, 15, 1, 5), struct.pack("<IIIHH4x", 0, 1, 20, 0, 10)
+            for body in (b"", b"HTTP/1.1 400 Bad Request\r\n", robot, simulator):
                 client, _ = server.accept()
                 with client:
                     client.recv(64)
@@ -354,7 +355,9 @@ def test_what_is_no_robot_is_said_to_be_none(monkeypatch: pytest.MonkeyPatch) ->
             fci.server_version("127.0.0.1")
         with pytest.raises(WrongDeviceError, match="no Franka robot"):
             fci.server_version("127.0.0.1")
+        # As robots of every version pack their answer, and as franky-sim does.
         assert fci.server_version("127.0.0.1") == 5
+        assert fci.server_version("127.0.0.1") == 10
         answering.join()
     with pytest.raises(DeviceUnavailableError, match="cannot be reached: Connection refused"):
         fci.server_version("127.0.0.1")

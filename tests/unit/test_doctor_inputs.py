@@ -113,4 +113,5 @@ def test_init_writes_them_and_a_look_around_stays_with_the_four_devices(tmp_path
     text = out.read_text()
     lines = text[text.index("# [input.motion]") :].splitlines()
     out.write_text("\n".join(line.removeprefix("# ") for line in lines))
-    assert list(load_config(out, environ={}).config.input.in_use()) == ["motion", "dead_man"]
+    seats = ["motion", "dead_man", "clutch", "recover"]
+    assert list(load_config(out, environ={}).config.input.in_use()) == seats

@@ -22,19 +22,10 @@ def arm(*, host: str, as_json: bool) -> None:
     """
     import sys
 
-    from tega.arm.robot.fci import installed_library, machine_findings, server_version, the_fix
+    from tega.arm.robot.fci import preflight
     from tega.cli.options import echo_json
 
-    server, library = server_version(host), installed_library()
-    fix = the_fix(server, library)
-    has = "no franky-control" if library is None else f"{library.package} {library.version}"
-    if library is not None:
-        has += f", libfranka {library.libfranka or '?'} for robot server {library.server or '?'}"
-    findings = [
-        (True, f"robot server {server} ({'Panda' if server <= 5 else 'FR3'}) at {host}", ""),
-        (not fix, has, fix),
-        *machine_findings(),
-    ]
+    server, library, findings = preflight(host)
     if as_json:
         named = [{"ok": ok, "what": what, "fix": "" if ok else said} for ok, what, said in findings]
         about = None if library is None else library._asdict()

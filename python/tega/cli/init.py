@@ -26,9 +26,14 @@ __all__ = ["init"]
     is_flag=True,
     help="Start emulated devices, write settings that reach them, and keep them up.",
 )
+@click.option(
+    "--arm",
+    metavar="DRIVER",
+    help="Switch the arm's table on, with this driver: franky, panda, bench-arm, simulated-arm; else it is a comment.",
+)
 @json_option
 @debug_option
-def init(*, out: Path, force: bool, emulated: bool, as_json: bool) -> None:
+def init(*, out: Path, force: bool, emulated: bool, arm: str | None, as_json: bool) -> None:
     """Write a settings file: devices that are plugged in filled in, the others as comments that say what to set.
 
     Opens no device. With --emulated two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
@@ -38,6 +43,7 @@ def init(*, out: Path, force: bool, emulated: bool, as_json: bool) -> None:
     """
     from tega.cli.options import echo_json
     from tega.config import load_config
+    from tega.devices.registry import driver_class
     from tega.doctor import lab_settings, look_for
     from tega.errors import ConfigError
 
@@ -52,8 +58,10 @@ def init(*, out: Path, force: bool, emulated: bool, as_json: bool) -> None:
     if emulated:
         _emulate(out, as_json=as_json)
         return
+    if arm is not None:
+        driver_class(arm, "arm")
     looked = look_for()
-    out.write_text(lab_settings(looked, name=out.name), encoding="utf-8")
+    out.write_text(lab_settings(looked, name=out.name, arm=arm), encoding="utf-8")
     load_config(out, environ={})  # what is written can be read
     found = {name: [one.label for one in there.found] for name, there in looked.items() if there.found}
     if as_json:

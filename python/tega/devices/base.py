@@ -41,10 +41,12 @@ __all__ = [
     "InputState",
     "Kind",
     "Options",
+    "PreflightedArm",
     "SkippingSource",
     "SteeredHand",
     "TactileFrame",
     "TactileSource",
+    "TellingArm",
     "Tracker",
     "VestSink",
 ]
@@ -390,4 +392,27 @@ class ArmDriver(Device, Protocol):
 
     def recover(self) -> None:
         """Clear a fault, at the word of a person who has seen that it is safe."""
+        ...
+
+
+@runtime_checkable
+class TellingArm(ArmDriver, Protocol):
+    """An arm that limits its target itself, and tells which one it was really given; optional, for recordings."""
+
+    def led(self) -> StampedPose | None:
+        """Return the newest such target, base's axes; ``None`` while it is not led."""
+        ...
+
+
+@runtime_checkable
+class PreflightedArm(Protocol):
+    """An arm's driver that can ask without moving anything whether the arm can be led from here; for ``doctor``."""
+
+    @classmethod
+    def preflight(cls, options: Any) -> Sequence[tuple[bool, str, str]]:
+        """Return what was looked at: whether it is well, what it is, and what to do where it is not.
+
+        Raises:
+            TegaError: The arm does not answer, or is none.
+        """
         ...

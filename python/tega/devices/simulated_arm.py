@@ -33,3 +33,8 @@ class SimulatedArm(ProcessArm):
     summary: ClassVar[str] = "simulated: a hand on a damped spring, in a process of its own"
     options_type: ClassVar[type[Options]] = SimulatedArmOptions
     body: ClassVar[str] = "tega.arm.robot.spring_body:SpringBody"
+
+    @classmethod
+    def harmless(cls, options: SimulatedArmOptions) -> SimulatedArmOptions:
+        """Return the options as they are: nothing real moves."""
+        return options

@@ -11,6 +11,7 @@ from tega.devices import DiscoveringDevice, Found, driver_class, list_drivers
 from tega.devices.base import Kind
 from tega.devices.video_nodes import video_nodes
 from tega.devices.ways_out import closes_on_exit, release
+from tega.doctor.arm import try_arm, try_tracker
 from tega.doctor.case import Case, late
 from tega.doctor.emg import try_amplifier
 from tega.doctor.findings import Examination, Finding
@@ -181,7 +182,14 @@ def try_all(cases: Sequence[Case], deadline_s: float) -> list[Finding]:
                 findings, camera = try_camera(case)
                 cameras.extend([camera] if camera is not None else [])
                 return findings
-            tries = {"emg": try_amplifier, "vest": try_vest, "hand": try_hand, "input": try_input}
+            tries = {
+                "emg": try_amplifier,
+                "vest": try_vest,
+                "hand": try_hand,
+                "input": try_input,
+                "tracker": try_tracker,
+                "arm": try_arm,
+            }
             return tries[case.kind](case)
         except Exception as error:  # a driver's mistake is one finding, not the end of the examination
             return [

@@ -69,6 +69,34 @@ _NO_PEDAL = """
 # options = { vendor_id = 0x05f3, product_id = 0x00ff, report = "joystick", silent_after_ms = 5000 }   # lsusb
 """
 
+_ARM = """
+{off}[arm]                           # the robot's arm, which cannot be looked for: docs/arm.md
+{off}driver = "{driver}"{gap}# franky, panda, bench-arm, simulated-arm: docs/device-arm.md
+{options}
+# [arm.tracker]                   # what sees the forearm; without it [input.motion], a SpaceMouse, leads
+# driver = "hololens"             # docs/device-tracker.md
+# options = {{ host = "192.168.1.20" }}
+
+{off}[arm.mapping]
+{off}frame = "base"                  # axes of what leads: base for a SpaceMouse, openxr for a HoloLens
+# yaw_rad = 0.0                   # where forward is in the tracker's axes, from the calibration of the yaw
+
+{off}[arm.limits]
+{off}speed_m_s = 0.25
+
+# [input.clutch]                  # none: the dead-man, without which no arm is led, is the clutch too
+# driver = "spacemouse"
+# button = "right"
+
+# [input.recover]                 # pressed with the dead-man let go: the arm may go on after a fault
+# driver = "spacemouse"
+# button = "left"
+"""
+_OPTIONS: Mapping[str, str] = {
+    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; tega-teleop arm 172.16.0.2 asks it\n',
+    "panda": 'options = { host = "172.16.0.2" }\n',
+}
+
 # What a driver cannot find out by itself, and where to start.
 _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
     "serial-emg": {
@@ -100,6 +128,7 @@ def lab_settings(
     name: str,
     calibration: Path | None = None,
     baselines: Mapping[str, Path] | None = None,
+    arm: str | None = None,
 ) -> str:
     """Return the text of a settings file.
 
@@ -108,6 +137,7 @@ def lab_settings(
         name: Of the file, for the commands in it.
         calibration: A calibration to name, relative to the file.
         baselines: Pictures of the untouched gels to name, by finger, likewise.
+        arm: Name of an arm's driver to switch on; none leaves the arm's table as a comment.
 
     Returns:
         TOML that ``tega-teleop config check`` accepts.
@@ -142,7 +172,15 @@ def lab_settings(
     pedals = _found(looked, "input", "pedal")
     text += _section("input.dead_man", pedals[0], "") if pedals else _NO_PEDAL
     others = [one for one in _found(looked, "input") if one.driver not in {"spacemouse", "pedal"}]
-    return text + _left_over([*pedals[1:], *others])
+    return text + _left_over([*pedals[1:], *others]) + _arm(arm)
+
+
+def _arm(driver: str | None) -> str:
+    """Return the arm's tables, switched off where no driver is named."""
+    off, name = ("# ", "franky") if driver is None else ("", driver)
+    options = f"{off}{_OPTIONS[name]}" if name in _OPTIONS else ""
+    gap = " " * max(1, 34 - len(f'{off}driver = "{name}"'))
+    return _ARM.format(off=off, driver=name, gap=gap, options=options)
 
 
 def _found(looked: Mapping[str, Looked], kind: str, driver: str | None = None) -> list[Found]:

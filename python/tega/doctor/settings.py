@@ -6,6 +6,7 @@ from collections import defaultdict
 from typing import Final
 
 from tega.config import SessionConfig
+from tega.doctor.arm import check_arm
 from tega.doctor.bench import try_all
 from tega.doctor.calibration import check_calibration
 from tega.doctor.case import Case
@@ -48,7 +49,8 @@ def examine(
     left = {id(case) for case, _ in twice}
     findings = try_all([case for case in cases if id(case) not in left], deadline_s)
     calibration = check_calibration(config, settings=settings or name)
-    return Examination(settings=name, findings=(*findings, *(finding for _, finding in twice), *calibration))
+    others = [finding for _, finding in twice] + check_arm(config)
+    return Examination(settings=name, findings=(*findings, *others, *calibration))
 
 
 def cases_of(config: SessionConfig) -> list[Case]:
@@ -67,6 +69,10 @@ def cases_of(config: SessionConfig) -> list[Case]:
         Case(f"input.{seat}", "input", section.driver, section.options)
         for seat, section in config.input.in_use().items()
     ]
+    if (arm := config.arm) is not None:
+        if arm.tracker is not None:
+            cases.append(Case("arm.tracker", "tracker", arm.tracker.driver, arm.tracker.options))
+        cases.append(Case("arm", "arm", arm.driver, arm.options))
     return cases
 
 

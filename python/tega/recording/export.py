@@ -23,8 +23,8 @@ def export_file(
     """Write one table per topic, and the attached files as they are.
 
     Columns are the fields of the messages, in their units; a list becomes columns that count from 1, CAN frames become
-    text such as ``180#0A0B``. ``log_ns`` is the time of reception since the start of the session. EMG has a row per
-    sample.
+    text such as ``180#0A0B``, an arm's forearm poses such as ``t_ns x y z qx qy qz qw valid``. ``log_ns`` is the time
+    of reception since the start of the session. EMG has a row per sample.
 
     Args:
         path: The recording.
@@ -79,6 +79,11 @@ def _rows(message: Message, log_ns: int) -> Iterator[Row]:
     if message.schema == "foxglove.JointStates":
         yield {"log_ns": log_ns} | {joint.name: joint.position for joint in value.joints}
         return
+    if message.schema == "foxglove.PoseInFrame":
+        place, turn = value.pose.position, value.pose.orientation
+        row = {"log_ns": log_ns, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
+        yield row | {f"q{axis}": getattr(turn, axis) for axis in "xyzw"}
+        return
     yield {"log_ns": log_ns} | dict(_columns(value))
 
 
@@ -87,6 +92,8 @@ def _columns(value: Any) -> Iterator[tuple[str, Any]]:
         content = getattr(value, field.name)
         if not hasattr(content, "extend"):
             yield field.name, str(content) if field.message_type is not None else content
+        elif field.message_type is not None and field.message_type.name == "ArmPose":
+            yield field.name, "; ".join(_pose_text(pose) for pose in content)
         elif field.message_type is not None:
             yield (
                 field.name,
@@ -96,6 +103,11 @@ def _columns(value: Any) -> Iterator[tuple[str, Any]]:
             yield field.name, " ".join(content)
         else:
             yield from ((f"{field.name}_{k}", item) for k, item in enumerate(content, 1))
+
+
+def _pose_text(pose: Any) -> str:
+    """Return a pose as its time, place, turn and validity."""
+    return " ".join(map(str, (pose.t_ns, *pose.position, *pose.quaternion, int(pose.valid))))
 
 
 def _names(rows: Sequence[Row]) -> list[str]:

@@ -227,6 +227,9 @@ class _Seen:
                 way = FrameLatency(value.path, value.source, tuple(value.stamps_ns))
                 for stage, ns in way.stages_ns().items():
                     self.stages[f"{_PATHS[value.path]}: {stage}"].append(ns)
+            case "tega.ArmTurn":
+                late = self.stages["forearm pose: captured to taken in"]
+                late += [value.t_ns - pose.t_ns for pose in value.poses]
             case "tega.Value":
                 self.stages[value.name].append(round(value.value * 1e6))
             case "tega.End":

@@ -154,6 +154,10 @@ class McapFile:
             self._joints(item, log_ns)
         elif item.kind == "log":
             self._log(item, log_ns)
+        elif item.kind == "pose":
+            self._pose(item, log_ns)
+        elif item.kind == "axes":
+            self._axes(item, log_ns)
         else:
             self._message(item.topic, item.kind, item.value, log_ns)
 
@@ -239,3 +243,27 @@ class McapFile:
         level = getattr(self._messages.LogLevel, _LOG_LEVELS.get(level // 10 * 10, "Unknown"))
         message = self._messages.Log(timestamp=self._stamp(item.t_ns), level=level, message=text, name=name)
         channel.log(message, log_time=log_ns)
+
+    def _pose(self, item: Item, log_ns: int) -> None:
+        frame, pose = item.value
+        message = self._messages.PoseInFrame(
+            timestamp=self._stamp(pose["t_ns"]),
+            frame_id=frame,
+            pose=self._messages.Pose(
+                position=self._messages.Vector3(**dict(zip("xyz", pose["position"], strict=True))),
+                orientation=self._messages.Quaternion(**dict(zip("xyzw", pose["quaternion"], strict=True))),
+            ),
+        )
+        self._channel(item.topic, self._channels_of.PoseInFrameChannel).log(message, log_time=log_ns)
+
+    def _axes(self, item: Item, log_ns: int) -> None:
+        """Write how the axes of one frame lie in another."""
+        parent, child, turn = item.value
+        message = self._messages.FrameTransform(
+            timestamp=self._stamp(item.t_ns),
+            parent_frame_id=parent,
+            child_frame_id=child,
+            translation=self._messages.Vector3(x=0.0, y=0.0, z=0.0),
+            rotation=self._messages.Quaternion(**dict(zip("xyzw", turn, strict=True))),
+        )
+        self._channel(item.topic, self._channels_of.FrameTransformChannel).log(message, log_time=log_ns)

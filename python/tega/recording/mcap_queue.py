@@ -20,7 +20,8 @@ class Item(NamedTuple):
     Attributes:
         topic: Where it belongs.
         t_ns: When it came, nanoseconds since the start of the session.
-        kind: ``image``, ``joints``, ``log``, or one of :data:`tega.recording.mcap_schemas.MESSAGES`.
+        kind: ``image``, ``joints``, ``log``, ``pose``, ``axes``, or one of
+            :data:`tega.recording.mcap_schemas.MESSAGES`.
         value: Its content, not yet encoded.
         n_bytes: What it takes in memory, about.
     """

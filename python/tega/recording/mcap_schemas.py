@@ -1,7 +1,7 @@
 """The messages of a recording that no well-known schema has, as protobuf built from the table below.
 
-Pictures, joint angles and log lines use Foxglove's own schemas. All times here are nanoseconds since the start of the
-session; ``taken_ns`` is the loop's tick at which an item was taken in.
+Pictures, joint angles, poses and log lines use Foxglove's own schemas. All times here are nanoseconds since the start
+of the session; ``taken_ns`` is the loop's tick at which an item was taken in.
 """
 
 from __future__ import annotations
@@ -86,6 +86,31 @@ MESSAGES: dict[str, tuple[tuple[str, str], ...]] = {
     "Value": (("t_ns", "int64"), ("name", "string"), ("value", "double")),
     "Alert": (("t_ns", "int64"), ("name", "string"), ("said", "string")),
     "Latency": (("path", "string"), ("source", "string"), ("stamps_ns", "int64*")),
+    "ArmPose": (("t_ns", "int64"), ("position", "double*"), ("quaternion", "double*"), ("valid", "bool")),
+    "ArmTurn": (
+        ("t_ns", "int64"),
+        ("poses", "ArmPose*"),
+        ("clutch", "bool"),
+        ("dead_man", "bool"),
+        ("may_move", "bool"),
+        ("measured", "ArmPose*"),
+        ("stopped", "string"),
+        ("cleared", "bool"),
+        ("state", "string"),
+        ("reason", "string"),
+        ("holds", "int64"),
+        ("target", "double*"),
+        ("velocity", "double*"),
+        ("phase", "string"),
+    ),
+    "ArmHealth": (
+        ("t_ns", "int64"),
+        ("rate_hz", "double"),
+        ("worst_ms", "double"),
+        ("late", "int64"),
+        ("refused", "int64"),
+        ("success_rate", "double"),
+    ),
     "End": (("end_ns", "int64"), ("ended", "string"), ("n_waits", "int64")),
     "Status": (
         ("t_ns", "int64"),

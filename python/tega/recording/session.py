@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import VestSink
     from tega.safety.guard import Guard
+    from tega.teleop.arm import Steering
     from tega.teleop.keepalive import KeepAlive
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
@@ -102,6 +103,14 @@ class Recording:
             inputs=tap.inputs(parts.inputs),
         )
         return parts, start_ns
+
+    def lead(self, steering: Steering) -> None:
+        """Take note of an arm, before the recording begins."""
+        self.tap.lead(steering.infos)
+
+    def follow_arm(self, steering: Steering) -> None:
+        """Record every turn of what leads the arm; once the recording has begun."""
+        steering.observers.append(self.tap.arm())
 
     def follow(self, guard: Guard, trace: LatencyTrace | None) -> None:
         """Record the run's states, what is wrong, and the way of every picture and block through the loop."""

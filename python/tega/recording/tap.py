@@ -16,6 +16,7 @@ from tega.calibration.store import calibration_text
 from tega.config import SessionConfig
 from tega.config_text import config_text
 from tega.devices.watched import Watched
+from tega.recording.arm_tap import ArmTap
 from tega.recording.between import HandTap, InputsTap, LoopTap, SentTap, Written
 from tega.recording.versions import versions
 from tega.teleop.loop import FIRST_LEVEL
@@ -23,8 +24,10 @@ from tega.teleop.pacing import Pacer
 from tega.teleop.sources import SourceReport
 
 if TYPE_CHECKING:
+    from tega.arm.pose import ArmCommand
+    from tega.arm.turn import Turn
     from tega.clock import Clock
-    from tega.devices.base import EmgChunk, InputEvent, InputState, TactileFrame
+    from tega.devices.base import ArmDriver, DeviceInfo, EmgChunk, InputEvent, InputState, TactileFrame
     from tega.hand_link import Received
     from tega.haptics import VestFrame
     from tega.recording.mcap_recorder import McapRecorder
@@ -68,6 +71,7 @@ class SessionTap:
         self._n_asked = 0
         self._on = True
         self._fused = FIRST_LEVEL
+        self._arm: dict[str, DeviceInfo] = {}
         self._imposed = 0
 
     # What a session starts with.
@@ -110,6 +114,7 @@ class SessionTap:
         infos = {name: finger.source.info for name, finger in prepared.fingers.items()}
         if prepared.muscles is not None:
             infos["emg"] = prepared.muscles.source.info
+        infos |= self._arm
         facts = {
             "tega": {
                 "format": FORMAT,
@@ -202,6 +207,16 @@ class SessionTap:
         n_waits = 0 if self._pacer is None else self._pacer.n_waits
         end = {"end_ns": report.end_ns, "ended": report.ended, "n_waits": n_waits}
         self._recorder.put("/run/end", report.end_ns, "End", end)
+
+    def lead(self, infos: dict[str, DeviceInfo]) -> None:
+        """Take note of arm and forearm, before the head is written."""
+        self._arm = infos
+
+    def arm(self) -> Callable[[Turn, ArmCommand, ArmDriver], None]:
+        """Return what is to be told of every turn of the arm, once the session has begun."""
+        if self._config.arm is None:
+            raise RuntimeError("there is no arm")
+        return ArmTap(self._recorder.put, self._start_ns, self._config.arm.mapping).turn
 
     def state(self, change: Transition) -> None:
         """Record a change of the run's state."""

@@ -1,8 +1,9 @@
 """A part of a recording as a recording of its own, which still computes to the same bits.
 
 Filters and limits carry what came before. So that a replay of the part can bring them to where they were, the new file
-has, attached and apart from its own messages, the *lead-in*: EMG samples, levels, contacts and the conversation with a
-hand from the start of the session on, but no picture, since a contact depends on its own picture alone.
+has, attached and apart from its own messages, the *lead-in*: EMG samples, levels, contacts, the turns of an arm and the
+conversation with a hand from the start of the session on, but no picture, since a contact depends on its own picture
+alone.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ __all__ = ["trim_session"]
 # What a replay needs from before the span.
 _LEADING = frozenset(
     f"tega.{name}"
-    for name in ("Contact", "EmgSamples", "Levels", "HandExchange", "Skip", "Haptics", "Imposed")
+    for name in ("Contact", "EmgSamples", "Levels", "HandExchange", "Skip", "Haptics", "Imposed", "ArmTurn")
 )
 
 

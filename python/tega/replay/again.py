@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 
 from tega.clock import ManualClock
+from tega.replay.arm import compare_arm
 from tega.replay.compare import Comparison, compare
 from tega.replay.exchanges import compare_exchanges
 from tega.replay.measured import Measured, PictureError, contact_items, level_items, picture_errors
@@ -87,6 +88,7 @@ def replay_file(path: Path, *, config: Path | None = None) -> Replay:
     streams = _compare_pixels(measured) if recorded.head.lossless else []
     streams += _compare(recorded, again, cut_ns)
     streams += compare_exchanges(recorded)
+    streams += compare_arm(recorded, measured.arm)
     return Replay(
         file=path.name,
         lossless=recorded.head.lossless,
@@ -166,6 +168,7 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
         by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
         observer=(lambda _view: None) if head.facts["observed"] == "true" else None,
         haptics=haptics,
+        endless=bool(recorded.turns),
     )
     ended = "" if recorded.end is None else recorded.end[1]
     duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from tega.arm.settings import ArmSettings
 from tega.calibration import load_calibration
 from tega.config import load_config
 from tega.emg import GraspIntent
 from tega.errors import TegaError
+from tega.replay.arm import arm_settings
 from tega.replay.recorded import Head, Recorded
 from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter, SourceReport
 
@@ -58,6 +60,7 @@ class Measured:
         contacts: By finger, as a live loop would get them.
         blocks: Levels likewise.
         pixels: By finger and picture: stamp, checksum as recorded, checksum now.
+        arm: Settings of the arm's chain, likewise.
         changed: What of the settings is not the run's own, in words.
     """
 
@@ -69,12 +72,13 @@ class Measured:
         self.blocks: list[Block] = []
         self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
         self.changed: list[str] = []
+        self.arm = ArmSettings()
         self._meters: dict[str, FrameMeter] = {}
         self._muscles: BlockMeter | None = None
 
     def begin(self, head: Head) -> None:
         """Take what is known before the first picture."""
-        self.config, self.calibration = head.config, head.calibration
+        self.config, self.calibration, self.arm = head.config, head.calibration, arm_settings(head)
         kind = head.tree.get("emg", {}).get("kind", "raw")
         if self._other is not None:
             kind = self._change(head, kind)
@@ -110,6 +114,12 @@ class Measured:
         ):
             if old != new:
                 self.changed.append(f"{name}: {old} -> {new}")
+        if other.arm is not None and "arm" in head.tree:
+            for name in ArmSettings.__struct_fields__:
+                old, new = getattr(self.arm, name), getattr(other.arm.chain, name)
+                fields = (f for f in old.__struct_fields__ if getattr(old, f) != getattr(new, f))
+                self.changed += [f"arm.{name}.{f}: {getattr(old, f)} -> {getattr(new, f)}" for f in fields]
+            self.arm = other.arm.chain
         session = msgspec.structs.replace(head.config.session, preset=other.session.preset)
         self.config = msgspec.structs.replace(head.config, session=session, vest=vest, hand=hand)
         return kind if other.emg is None else other.emg.kind

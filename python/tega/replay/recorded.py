@@ -74,13 +74,15 @@ class Recorded(msgspec.Struct):
         exchanges: What a real hand was told and said, in order, as recorded.
         skipped: Deadlines that the loop left out.
         haptics: When the motors were switched off or on: which asking, whether on, and at what tick.
+        turns: What led an arm took in and gave, in order, as recorded.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
         end: How the loop ended; ``None`` where the recording was cut.
         dropped: Records lost, by topic.
         complete: Whether the file was finished, or else recovered or cut.
         n_frames: Pictures, by finger.
         from_ns: Where it begins, nanoseconds since the start of the session; what is from before that is its lead-in.
-        n_early: Items of the lead-in, by finger, ``emg`` for levels and ``hand`` for exchanges.
+        n_early: Items of the lead-in, by finger, ``emg`` for levels, ``hand`` for exchanges, ``arm`` for its
+            turns.
     """
 
     head: Head
@@ -90,6 +92,7 @@ class Recorded(msgspec.Struct):
     vest_sent: list[int] = []
     hand: list[tuple[int, int, list[CanFrame]]] = []
     exchanges: list[Any] = []
+    turns: list[Any] = []
     skipped: set[int] = set()
     haptics: list[tuple[int, bool, int]] = []
     imposed: list[tuple[int, int]] = []
@@ -181,17 +184,24 @@ def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[E
         for message in McapReader(reader.path, data=lead_in).messages():
             _take(recorded, message, chunk)
         recorded.n_early = {finger: len(contacts) for finger, contacts in recorded.contacts.items()}
-        recorded.n_early |= {"emg": len(recorded.levels), "hand": len(recorded.exchanges)}
+        recorded.n_early |= {
+            "emg": len(recorded.levels),
+            "hand": len(recorded.exchanges),
+            "arm": len(recorded.turns),
+        }
     return recorded
 
 
 def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None]) -> None:
-    if message.schema != "tega.EmgSamples":
-        _keep(recorded, message)
-        return
     value = message.value
-    samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
-    chunk(EmgChunk(value.t_ns, value.first_index, samples))
+    match message.schema:
+        case "tega.EmgSamples":
+            samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
+            chunk(EmgChunk(value.t_ns, value.first_index, samples))
+        case "tega.ArmTurn":
+            recorded.turns.append(value)
+        case _:
+            _keep(recorded, message)
 
 
 def _keep(recorded: Recorded, message: Message) -> None:

@@ -1,37 +1,65 @@
-"""A hand's path through the whole chain of the arm onto the simulated arm, and how well it is followed.
+"""A hand's path through the whole chain of the arm onto the simulated arm: pick and place, and how well it is followed.
 
-``python -m tega.sim.arm_path`` prints the table of ``docs/arm.md``; with a recording (``hand.csv``) it takes that
-instead of the path made up here. Everything it prints is simulated.
+``python -m tega.sim.check_arm`` prints the tables of ``docs/arm.md``. Everything here is simulated.
 """
 
 from __future__ import annotations
 
-import sys
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.arm import ArmChain, ArmSettings, FilterSettings, LimitSettings, MappingSettings, Pose, StampedPose
+from tega.arm import (
+    ArmChain,
+    ArmSettings,
+    FilterSettings,
+    GateSettings,
+    LimitSettings,
+    MappingSettings,
+    Pose,
+    StampedPose,
+    WatchdogSettings,
+)
 from tega.arm.rotation import IDENTITY, between, exp, from_matrix, inverse, multiply, to_matrix
-from tega.arm.sources import RecordedPoses, ScriptedPoses, Waypoint, path_through, read_poses
+from tega.arm.sources import RecordedPoses, ScriptedPoses, Waypoint, path_through
 
-__all__ = ["CASES", "Case", "Followed", "follow_path", "hand_path", "tracked"]
+__all__ = [
+    "CASES",
+    "Case",
+    "Followed",
+    "HandPath",
+    "Placed",
+    "as_recorded",
+    "follow_path",
+    "hand_path",
+    "tracked",
+]
 
 _TICK_NS = 9_000_000  # three ticks of the hand's loop: 111 Hz
 _START_NS = 1_000_000_000
 _NOISE_M, _NOISE_RAD = 1e-3, 2e-3
 _TREMOR_M, _TREMOR_HZ = 3e-4, 9.0
 _REST_S = 0.3
-_MOST_LAG_S = 0.6
+_MOST_LAG_S = 0.9
 
 # The workspace around the bench's grasp poses, world frame; the bench's fingers point along x, as the cone has it.
 _BOX = LimitSettings(low_m=(-0.45, -0.55, 0.05), high_m=(0.20, 0.15, 0.60))
+
+_OBJECT = "container"
+_GRIP_LEVEL = 4
+_BACK_M = 0.12
+# From where the hand waits to the object: 30° from straight out of the palm, as the bench's own lifts come to it.
+_REACH = _BACK_M * np.array([0.5, 0.75**0.5, 0.0])
+_CARRY = np.array([-0.12, -0.06, 0.0])
+_LIFT = np.array([0.0, 0.0, 0.2])
+# Placed: it stands, and so near to the mark.
+_NEAR_M, _UPRIGHT = 0.03, math.cos(math.radians(10))
 
 
 class Case(NamedTuple):
@@ -48,6 +76,34 @@ class Case(NamedTuple):
     delay_ms: int = 0
 
 
+class HandPath(NamedTuple):
+    """Where a forearm goes, and what the hand does on the way.
+
+    Attributes:
+        at: Where it is, of seconds since the beginning: displacement and turn from there.
+        duration_s: How long.
+        closed_s: From when to when the hand is told to grip; ``None`` where nothing is to be picked.
+    """
+
+    at: Callable[[float], Pose]
+    duration_s: float
+    closed_s: tuple[float, float] | None = None
+
+
+class Placed(NamedTuple):
+    """What became of the object.
+
+    Attributes:
+        lifted_m: How high it came.
+        off_mm: How far along the table it is at the end from where a hand that follows exactly would put it.
+        placed: Whether it was lifted by 10 cm and stands within 3 cm of there.
+    """
+
+    lifted_m: float
+    off_mm: float
+    placed: bool
+
+
 class Followed(NamedTuple):
     """How a path was followed by the palm.
 
@@ -59,6 +115,8 @@ class Followed(NamedTuple):
         turn_mrad: Angle from how the hand was turned, at the same shift, root mean square.
         jitter_mm: Deviation of the palm while the hand rests, root mean square.
         following: Share of the time in which the chain followed.
+        placed: What became of the object; ``None`` where nothing was to be picked.
+        course: Time and place of the palm, displacement from where it began, float64 (n, 4).
     """
 
     error_mm: float
@@ -68,46 +126,67 @@ class Followed(NamedTuple):
     turn_mrad: float
     jitter_mm: float
     following: float
+    placed: Placed | None
+    course: NDArray[np.float64]
 
 
-def _chain(*, ahead: bool = True, smooth: bool = True, speed_m_s: float = 0.25) -> ArmSettings:
-    limits = msgspec.structs.replace(_BOX, speed_m_s=speed_m_s)
+def _chain(*, ahead: bool = True, smooth: bool = True, believed_ms: float = 100.0) -> ArmSettings:
+    limits = _BOX
     if not ahead:
         limits = msgspec.structs.replace(limits, ahead_m=10.0, ahead_rad=3.0)
-    return ArmSettings(mapping=MappingSettings(frame="base"), limits=limits, filter=FilterSettings(on=smooth))
+    watchdog = WatchdogSettings()
+    if believed_ms > watchdog.hold_ms:
+        watchdog = WatchdogSettings(
+            hold_ms=believed_ms, lost_ms=believed_ms + 150, silent_ms=believed_ms + 200
+        )
+    return ArmSettings(
+        gate=GateSettings(age_ms=believed_ms),
+        mapping=MappingSettings(frame="base"),
+        limits=limits,
+        filter=FilterSettings(on=smooth),
+        watchdog=watchdog,
+    )
 
 
 CASES: tuple[Case, ...] = (
     Case("no chain: every pose as it comes", None),
-    Case("default", _chain()),
+    Case("default, not late", _chain()),
     Case("without filter", _chain(smooth=False)),
     Case("without clip", _chain(ahead=False)),
     Case("without filter and clip", _chain(smooth=False, ahead=False)),
-    Case("poses 20 ms late", _chain(), 20),
-    Case("poses 50 ms late", _chain(), 50),
-    Case("poses 80 ms late", _chain(), 80),
-    Case("poses 120 ms late", _chain(), 120),
+    Case("50 ms late", _chain(), 50),
+    Case("100 ms late", _chain(), 100),
+    Case("200 ms late", _chain(), 200),
+    Case("100 ms late, `age_ms` and `hold_ms` 300", _chain(believed_ms=300), 100),
+    Case("200 ms late, `age_ms` and `hold_ms` 300", _chain(believed_ms=300), 200),
 )
 """The rows of the table."""
 
 
-def hand_path() -> tuple[Callable[[float], Pose], float]:
-    """Return a path of a forearm that reaches, lifts by 0.2 m, carries and puts down, and how long it takes."""
-    waypoints, t_s = [Waypoint(0.0, Pose(np.zeros(3), IDENTITY))], 0.0
-    moves = (
-        (0.6, (0, 0, 0), (0, 0, 0)),
-        (1.2, (0.08, 0.04, 0.0), (0, 0, 0.15)),
-        (0.6, (0.08, 0.04, 0.0), (0, 0, 0.15)),
-        (1.6, (0.08, 0.04, 0.2), (0.1, -0.1, 0.15)),
-        (0.6, (0.08, 0.04, 0.2), (0.1, -0.1, 0.15)),
-        (1.4, (-0.10, -0.06, 0.2), (0, 0.2, -0.2)),
-        (1.6, (-0.10, -0.06, 0.0), (0, 0, -0.2)),
-        (0.8, (-0.10, -0.06, 0.0), (0, 0, -0.2)),
+def hand_path() -> HandPath:
+    """Return a path that reaches for the bench's object, lifts it by 0.2 m, carries it, puts it down and lets go."""
+    there = _REACH + _CARRY
+    turned, tilted = (0.0, 0.0, 0.2), (0.1, -0.1, 0.1)
+    moves: tuple[tuple[float, NDArray[np.float64], tuple[float, float, float]], ...] = (
+        (0.6, np.zeros(3), (0, 0, 0)),
+        (1.2, _REACH, (0, 0, 0)),
+        (2.8, _REACH, (0, 0, 0)),  # grips
+        (1.6, _REACH + _LIFT, (0, 0, 0)),
+        (0.6, _REACH + _LIFT, (0, 0, 0)),
+        (0.8, _REACH + _LIFT + _CARRY / 2, tilted),
+        (0.8, there + _LIFT, turned),
+        (0.6, there + _LIFT, turned),
+        (1.6, there, turned),
+        (2.2, there, turned),  # lets go
+        (1.2, there - _REACH, turned),
+        (0.8, there - _REACH, turned),
     )
+    waypoints, t_s = [Waypoint(0.0, Pose(np.zeros(3), IDENTITY))], 0.0
     for dt_s, place, turn in moves:
         t_s += dt_s
-        waypoints.append(Waypoint(t_s, Pose(np.array(place, np.float64), exp(np.array(turn, np.float64)))))
-    return path_through(waypoints), t_s
+        waypoints.append(Waypoint(t_s, Pose(place, exp(np.array(turn, np.float64)))))
+    grips_s, lets_go_s = waypoints[2].t_s + 0.7, waypoints[9].t_s + 0.7
+    return HandPath(path_through(waypoints), t_s, (grips_s, lets_go_s))
 
 
 def tracked(path: Callable[[float], Pose], duration_s: float, *, seed: int) -> list[StampedPose]:
@@ -123,29 +202,27 @@ def tracked(path: Callable[[float], Pose], duration_s: float, *, seed: int) -> l
     return list(source.read(round(duration_s * 1e9)))
 
 
-def follow_path(
-    case: Case, poses: Sequence[StampedPose], path: Callable[[float], Pose], duration_s: float
-) -> Followed:
+def follow_path(case: Case, poses: Sequence[StampedPose], path: HandPath) -> Followed:
     """Lead the simulated arm along a path.
 
     Args:
         case: How.
         poses: What the tracker saw, in the bench's axes.
-        path: Where the hand was, of seconds since the first pose.
-        duration_s: How long.
+        path: Where the hand was, from the first pose on.
 
     Raises:
         MissingExtraError: mujoco-core is not installed.
     """
     from tega.sim.world import FULL_DUTY_NM, World, hand_controller
 
-    world, controller = World("bottle", seed=0), hand_controller()
+    world, controller = World(_OBJECT, seed=0, start_m=(0.0, _BACK_M)), hand_controller()
     source = RecordedPoses(poses, delay_ns=case.delay_ms * 1_000_000)
     chain = None if case.settings is None else ArmChain(case.settings)
     start_m, start_turn = world.palm_pose
     start = Pose(start_m, from_matrix(start_turn))
-    palms, times, n_following = [], [], 0
-    for number in range(round(duration_s * 1e9 / _TICK_NS)):
+    stood_m, _ = world.object_pose
+    palms, times, n_following, lifted_m = [], [], 0, 0.0
+    for number in range(round(path.duration_s * 1e9 / _TICK_NS)):
         after_ns = number * _TICK_NS
         new = source.read(_START_NS + after_ns)
         if chain is not None:
@@ -163,13 +240,29 @@ def follow_path(
         elif new:
             q = multiply(np.asarray(new[-1].quaternion_xyzw), start.quaternion_xyzw)
             world.set_palm(start_m + np.asarray(new[-1].position_m), to_matrix(q))
+        level = _level(path, after_ns / 1e9)
         for hand_tick in range(3):
-            world.set_torques(FULL_DUTY_NM * controller.step(world.angles_rad, 1))
+            world.set_torques(FULL_DUTY_NM * controller.step(world.angles_rad, level))
             world.advance_to((after_ns + (hand_tick + 1) * _TICK_NS / 3) / 1e9)
         palm_m, turn = world.palm_pose
         palms.append(Pose(palm_m, from_matrix(turn)))
         times.append((after_ns + _TICK_NS) / 1e9)
-    return _judge(np.array(times), palms, path, start, n_following / len(times))
+        lifted_m = max(lifted_m, float(world.object_pose[0][2] - stood_m[2]))
+    placed = None
+    if path.closed_s is not None:
+        pick, put = map(path.at, path.closed_s)
+        turned = to_matrix(multiply(put.quaternion_xyzw, inverse(pick.quaternion_xyzw)))
+        mark = start_m + put.position_m + turned @ (stood_m - start_m - pick.position_m)
+        now_m, axis = world.object_pose
+        off_m = math.hypot(*(now_m - mark)[:2].tolist())
+        stands = abs(now_m[2] - stood_m[2]) < _NEAR_M and axis[2] > _UPRIGHT
+        placed = Placed(lifted_m, 1e3 * off_m, bool(stands and lifted_m > 0.1 and off_m < _NEAR_M))
+    return _judge(np.array(times), palms, path.at, start, following=n_following / len(times), placed=placed)
+
+
+def _level(path: HandPath, t_s: float) -> int:
+    """Return the hand's level: what a person's muscles would say, here by the time alone."""
+    return _GRIP_LEVEL if path.closed_s is not None and path.closed_s[0] <= t_s < path.closed_s[1] else 1
 
 
 def _judge(
@@ -177,7 +270,9 @@ def _judge(
     palms: Sequence[Pose],
     path: Callable[[float], Pose],
     start: Pose,
+    *,
     following: float,
+    placed: Placed | None,
 ) -> Followed:
     places = np.array([palm.position_m for palm in palms])
     wanted = {
@@ -208,6 +303,8 @@ def _judge(
         1e3 * _rms(np.array(turns)),
         1e3 * _rms(np.linalg.norm(np.concatenate(jitter), axis=1)) if jitter else float("nan"),
         following,
+        placed,
+        np.column_stack([times, places - start.position_m]),
     )
 
 
@@ -215,8 +312,11 @@ def _rms(values: NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _as_recorded(poses: Sequence[StampedPose]) -> Callable[[float], Pose]:
-    """Return a recording as a path that begins at no displacement: the newest pose at each time."""
+def as_recorded(poses: Sequence[StampedPose]) -> HandPath:
+    """Return a recording as a path that begins at no displacement: the newest pose that is finite at each time."""
+    poses = [
+        pose for pose in poses if pose.valid and np.isfinite([*pose.position_m, *pose.quaternion_xyzw]).all()
+    ]
     times = [(pose.t_ns - poses[0].t_ns) / 1e9 for pose in poses]
     first_m, back = np.array(poses[0].position_m), inverse(np.array(poses[0].quaternion_xyzw))
 
@@ -224,31 +324,4 @@ def _as_recorded(poses: Sequence[StampedPose]) -> Callable[[float], Pose]:
         at = poses[max(0, bisect_right(times, t_s) - 1)]
         return Pose(np.array(at.position_m) - first_m, multiply(np.array(at.quaternion_xyzw), back))
 
-    return path
-
-
-def main(words: Sequence[str]) -> None:
-    """Print the table, in Markdown."""
-    if words:
-        poses = read_poses(Path(words[0]))
-        path, duration_s = _as_recorded(poses), (poses[-1].t_ns - poses[0].t_ns) / 1e9
-    else:
-        path, duration_s = hand_path()
-        poses = tracked(path, duration_s, seed=1)
-    lines = ["| | error mm | 95 of 100 mm | lag ms | shape mm | turn mrad | jitter mm | following |"]
-    lines.append("|---|---|---|---|---|---|---|---|")
-    for case in CASES:
-        f = follow_path(case, poses, path, duration_s)
-        share = "–" if case.settings is None else f"{100 * f.following:.0f} %"
-        if case.settings is not None and not f.following:
-            lines.append(f"| {case.name} | – | – | – | – | – | – | 0 %: the arm stays |")
-            continue
-        lines.append(
-            f"| {case.name} | {f.error_mm:.1f} | {f.worst_mm:.1f} | {f.lag_ms:.0f} | {f.shape_mm:.1f} | "
-            f"{f.turn_mrad:.0f} | {f.jitter_mm:.2f} | {share} |"
-        )
-    sys.stdout.write("\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+    return HandPath(path, times[-1])

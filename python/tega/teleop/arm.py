@@ -16,10 +16,12 @@ from typing import IO, Any
 from tega.arm.chain import ArmChain
 from tega.arm.pose import ArmCommand, PoseSource, StampedPose
 from tega.arm.sources.rates import RatePoses
+from tega.arm.turn import Turn, lead
 from tega.config import ArmConfig, SessionConfig
-from tega.devices.base import ArmDriver, Tracker
+from tega.devices.base import ArmDriver, DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.teleop.arm_view import ArmView, look
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.loop import LoopView
 
@@ -36,10 +38,13 @@ class Steering:
         config: The arm's settings.
         arm: The open arm.
         source: Where poses come from.
-        tracker: The same, if it is a device; tells what is wrong with it.
-        led_by: What it is called.
+        tracker: The same, if it is a tracker; tells what is wrong with it.
+        led_by: What the device behind it says of itself.
         seats: The operator's switches: ``dead_man``, and if there are ``clutch`` and ``recover``.
         table: Where to write what happened, a line a command; ``None`` for nowhere.
+
+    Attributes:
+        observers: Told of every turn and the command that came of it, in the arm's thread.
     """
 
     def __init__(
@@ -49,17 +54,19 @@ class Steering:
         source: PoseSource,
         *,
         tracker: Tracker | None,
-        led_by: str,
+        led_by: DeviceInfo,
         seats: dict[str, Seat],
         table: Path | None,
     ) -> None:
         self._config, self._arm, self._source = config, arm, source
         self._tracker, self._led_by, self._seats = tracker, led_by, seats
         self._table = table
+        self.observers: list[Callable[[Turn, ArmCommand, ArmDriver], None]] = []
         self._chain = ArmChain(config.chain)
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
         self._command: ArmCommand | None = None
+        self._view: ArmView | None = None
         self._error = ""
         self._was_pressed = self._wants_clear = False
         self._state_s: dict[str, float] = dict.fromkeys(("idle", "following", "holding", "stopped"), 0.0)
@@ -91,25 +98,19 @@ class Steering:
             said = [f"arm: stopped: {self._command.reason}"]
         return "; ".join(s for s in said if s)
 
-    @property
-    def words(self) -> str:
-        """What the arm does, why, and how its loop runs, in one line."""
-        command, health = self._command, self._arm.health
-        if command is None:
-            return "not yet"
-        took = "" if health.success_rate is None else f", robot took {100 * health.success_rate:.0f} %"
-        return (
-            f"{command.state}: {command.reason} "
-            f"({self._arm.phase}, {health.rate_hz:.0f} Hz, worst {health.worst_ms:.0f} ms{took})"
-        )
-
     def beside(self, observer: Callable[[LoopView], None]) -> Callable[[LoopView], None]:
         """Return an observer that is also shown what the arm does."""
 
         def observe(view: LoopView) -> None:
-            observer(view._replace(arm=self.words))
+            seen = self._view
+            observer(view._replace(arm="not yet" if seen is None else seen.words, seen_arm=seen))
 
         return observe
+
+    @property
+    def infos(self) -> dict[str, DeviceInfo]:
+        """What arm and forearm say of themselves, by the name of their part."""
+        return {"arm": self._arm.info, "forearm": self._led_by}
 
     def summary(self) -> dict[str, Any]:
         """Return what a run says of the arm."""
@@ -118,7 +119,7 @@ class Steering:
         return {
             "driver": info.driver,
             "source": info.label,
-            "led_by": self._led_by,
+            "led_by": self._led_by.label,
             "holds": holds,
             "state_s": {state: round(s, 3) for state, s in self._state_s.items()},
             "commands": self._turns,
@@ -149,14 +150,12 @@ class Steering:
                         _write(writer, (now_ns - start_ns) / 1e9, command, measured)
             except Exception as error:  # told while the run lasts; the arm rests by itself
                 self._error = f"arm: no longer led: {error}"
-        if self._command is None or self._command.state != "stopped":
-            self._chain.stop("the run has ended")
-        self._command = self._chain.step(time.monotonic_ns(), clutch=False, dead_man=False)
-        self._arm.follow(self._command)
+        is_stopped = self._command is not None and self._command.state == "stopped"
+        self._take(Turn(time.monotonic_ns(), stopped="" if is_stopped else "the run has ended"))
 
     def turn(self, now_ns: int, measured: StampedPose | None, *, may_move: bool) -> ArmCommand:
         """Take in poses and switches, and send one command."""
-        arm, chain = self._arm, self._chain
+        arm = self._arm
         self._count(now_ns)
         dead_man = self._held("dead_man")
         pressed = self._held("recover")
@@ -165,24 +164,33 @@ class Steering:
             if arm.phase == "faulted":
                 arm.recover()
         self._was_pressed = pressed
+        stopped, cleared = "", False
         if arm.phase in {"faulted", "gone"} and (said := arm.problem):
             # With the clutch still pressed it must not go on by itself once the fault is cleared.
             if self._command is None or self._command.state != "stopped":
-                chain.stop(said)
+                stopped = said
         elif self._wants_clear:
-            self._wants_clear = False
-            chain.clear()
-        command = chain.step(
-            now_ns,
-            self._source.read(now_ns),
-            clutch=self._held("clutch") if "clutch" in self._seats else dead_man,
-            dead_man=dead_man and may_move,
-            measured=measured,
+            self._wants_clear, cleared = False, True
+        return self._take(
+            Turn(
+                now_ns,
+                tuple(self._source.read(now_ns)),
+                clutch=self._held("clutch") if "clutch" in self._seats else dead_man,
+                dead_man=dead_man,
+                may_move=may_move,
+                measured=measured,
+                stopped=stopped,
+                cleared=cleared,
+            )
         )
-        if command.state == "holding" and dead_man and not may_move:
-            command = command._replace(reason="the run is not active")
-        arm.follow(command)
-        self._command = command
+
+    def _take(self, turn: Turn) -> ArmCommand:
+        """Send the command that comes of a turn, and tell both."""
+        command = lead(self._chain, turn)
+        self._arm.follow(command)
+        self._command, self._view = command, look(turn, command, self._arm)
+        for observe in self.observers:
+            observe(turn, command, self._arm)
         return command
 
     def _held(self, name: str) -> bool:
@@ -247,13 +255,13 @@ def open_arm(stack: ExitStack, config: SessionConfig, inputs: Inputs) -> Steerin
     source: PoseSource
     if c.tracker is not None:
         tracker = driver_class(c.tracker.driver, "tracker")(c.tracker.options)
-        source, led_by, frame = tracker, tracker.info.label, tracker.frame
+        source, led_by, frame = tracker, tracker.info, tracker.frame
     else:
         motion = seats["motion"].source
-        source, led_by, frame = RatePoses(motion.state), motion.info.label, RatePoses.frame
+        source, led_by, frame = RatePoses(motion.state), motion.info, RatePoses.frame
     if frame != c.mapping.frame:
         raise ConfigError(
-            f"arm.mapping.frame is {c.mapping.frame!r}, but {led_by} gives poses in the axes {frame!r}",
+            f"arm.mapping.frame is {c.mapping.frame!r}, but {led_by.label} gives poses in the axes {frame!r}",
             f"set arm.mapping.frame = {frame!r}",
         )
     arm = stack.enter_context(driver_class(c.driver, "arm")(c.options))

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tega.haptics import VestFrame
     from tega.safety.guard import Guard
     from tega.tactile import ContactMetrics
+    from tega.teleop.arm_view import ArmView
     from tega.teleop.latency import LatencyTrace
     from tega.wire import CanFrame
 
@@ -80,6 +81,7 @@ class LoopView(NamedTuple):
         alerts: What is wrong, one sentence each.
         latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
         arm: What the arm does and why, in one line; ``""`` without an arm.
+        seen_arm: More of the same; ``None`` where it is not known.
     """
 
     t_ns: int
@@ -95,6 +97,7 @@ class LoopView(NamedTuple):
     alerts: Sequence[str] = ()
     latency: str = ""
     arm: str = ""
+    seen_arm: ArmView | None = None
 
 
 class DualLoop:

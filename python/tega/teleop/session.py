@@ -140,6 +140,8 @@ def run_session(
         steering = None
         if config.arm is not None:
             steering = open_arm(stack, config, inputs)
+            if recording is not None:
+                recording.lead(steering)
         progress("running", 0, 0)
         guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go, steering=steering)
         guard.observers.append(on_state)
@@ -316,6 +318,8 @@ def _run(
         markers.begin(real_ns, None if recording is None else recording.recorder)
         markers.follow(guard, inputs)
     if steering is not None:
+        if recording is not None:
+            recording.follow_arm(steering)
         steering.start(may_move=lambda: guard.state == "active")
         flows.callback(steering.stop)
         if observer is not None:

@@ -173,6 +173,7 @@ def _with(options: dict[str, Any], folder: Path) -> _Options:
 _PROCESS = "emulator in another process"
 BENCHES: dict[str, Bench] = {
     "allegro": Bench(f"{_PROCESS}, serial CAN adapter on a pseudo-terminal", _allegro, unix=True),
+    "bench-arm": Bench("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
     "bhaptics-ble": Bench(
         f"{_PROCESS}, BlueZ-shaped service on a private D-Bus",
         partial(_vest, "bhaptics-ble"),
@@ -196,6 +197,9 @@ BENCHES: dict[str, Bench] = {
     "images": Bench("files", _images),
     "lsl-emg": Bench("a real outlet in another process", _lsl, ("pylsl",)),
     "on-screen-vest": Bench("a pseudo-terminal", _screen, unix=True),
+    "panda": Bench(
+        "nothing: only a Panda speaks to it", partial(_with, {}), ("a Panda with robot server 5",), unix=True
+    ),
     "pedal": Bench(
         f"{_PROCESS}, report bytes over a socket",
         partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),

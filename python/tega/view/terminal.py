@@ -120,6 +120,14 @@ def _inputs(view: LoopView) -> Table:
     return table
 
 
+def _arm(view: LoopView) -> Text:
+    """Draw what the arm does and why, what the operator holds, and where the hand is."""
+    text = Text.assemble((f"arm   {view.arm}", "bold"))
+    if (arm := view.seen_arm) is not None:
+        text.append(f"\n      {arm.switches}; hand at {arm.place}", "grey70")
+    return text
+
+
 def _task(rows: Mapping[str, str]) -> Text:
     """Draw what is going on, such as object, phase and height of a simulated trial."""
     text = Text()
@@ -161,7 +169,7 @@ def render(
         _intent(view),
         _closure(view.angles_rad),
         *([_inputs(view)] if view.inputs else []),
-        *([Text(f"arm   {view.arm}", style="bold")] if view.arm else []),
+        *([_arm(view)] if view.arm else []),
         Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
         *([Text(view.latency, style="grey70")] if view.latency else []),
     )

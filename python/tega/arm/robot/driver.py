@@ -237,6 +237,11 @@ class ProcessArm(Opened):
             return None
         return StampedPose(self._told.t_ns, self._told.place, self._told.turn)
 
+    def led(self) -> StampedPose | None:
+        """Return the target that the arm itself was given last, after leash and slew; ``None`` while it is not led."""
+        led = None if self._told is None else self._told.led
+        return None if led is None else StampedPose(led.t_ns, led.place, led.turn)
+
     def recover(self) -> None:
         """Have a fault cleared; only a person who has seen that it is safe may ask for that."""
         self._say(Recover())

@@ -18,9 +18,11 @@ from tega.errors import DeviceUnavailableError, WrongDeviceError
 __all__ = [
     "PORT",
     "Library",
+    "Preflight",
     "fitting_server",
     "installed_library",
     "machine_findings",
+    "preflight",
     "server_version",
     "the_fix",
 ]
@@ -29,6 +31,9 @@ PORT: Final = 1337
 _HEADER: Final = struct.Struct("<III")
 _CONNECT: Final = 0
 _STATUS: Final = {0: "accepted", 1: "of another version"}
+# By its length: robots pack a byte of status and the version; franky-sim gives each two bytes, and four more.
+_REPLIES: Final = {3: struct.Struct("<BH"), 8: struct.Struct("<HH4x")}
+_MOST_BYTES: Final = 64
 
 # Highest libfranka below which a robot server's number holds, and that number; the makers' table of compatibility.
 _SERVERS: Final = (
@@ -58,6 +63,20 @@ class Library(NamedTuple):
     version: str
     libfranka: str
     server: int | None
+
+
+class Preflight(NamedTuple):
+    """What is known of a robot and this machine before anything moves.
+
+    Attributes:
+        server: Version of the robot's server.
+        library: What is installed here; ``None`` for nothing.
+        findings: Whether it is well, what it is, and what to do where it is not.
+    """
+
+    server: int
+    library: Library | None
+    findings: list[tuple[bool, str, str]]
 
 
 def fitting_server(libfranka: str) -> int | None:
@@ -102,8 +121,8 @@ def server_version(host: str, *, timeout_s: float = 2.0) -> int:
                 body = struct.pack("<HH", 0, states.getsockname()[1])
                 link.sendall(_HEADER.pack(_CONNECT, 1, _HEADER.size + len(body)) + body)
                 data = b""
-                while len(data) < _HEADER.size + 4:
-                    more = link.recv(64)
+                while len(data) < _size(data):
+                    more = link.recv(_MOST_BYTES)
                     if not more:
                         raise ConnectionResetError(f"it hung up after {len(data)} bytes")
                     data += more
@@ -117,11 +136,20 @@ def server_version(host: str, *, timeout_s: float = 2.0) -> int:
                 f"the robot at {host} cannot be reached: {error.strerror or error}",
                 "is the cable in the control box's LAN port, and this its address? Activate FCI in Desk",
             ) from error
-    command, number, _size = _HEADER.unpack_from(data)
-    status, server = struct.unpack_from("<HH", data, _HEADER.size)
+    command, number, size = _HEADER.unpack_from(data)
+    reply = _REPLIES.get(size - _HEADER.size)
+    status, server = (-1, 0) if reply is None else reply.unpack_from(data, _HEADER.size)
     if (command, number) != (_CONNECT, 1) or status not in _STATUS:
         raise WrongDeviceError(f"what answers at {host}:{PORT} is no Franka robot", "check the address")
     return int(server)
+
+
+def _size(data: bytes) -> int:
+    """Return how many bytes make the answer that begins so; of what is no answer, no more than are there."""
+    if len(data) < _HEADER.size:
+        return _HEADER.size
+    size: int = _HEADER.unpack_from(data)[2]
+    return size if size - _HEADER.size in _REPLIES else len(data)
 
 
 def the_fix(server: int, library: Library | None) -> str:
@@ -170,3 +198,29 @@ def machine_findings() -> list[tuple[bool, str, str]]:
             "cpupower frequency-set -g performance",
         ),
     ]
+
+
+def preflight(host: str, *, robot: str = "", realtime: bool = True) -> Preflight:
+    """Ask a robot for its version, and see whether library and machine are fit to lead it; nothing moves.
+
+    Args:
+        host: The robot's address.
+        robot: ``panda`` or ``fr3``, as the settings say; ``""`` for either.
+        realtime: Whether this machine has to be fit for real time too.
+
+    Raises:
+        DeviceUnavailableError: Nobody answers.
+        WrongDeviceError: What answers is no robot.
+    """
+    server, library = server_version(host), installed_library()
+    fix, kind = the_fix(server, library), "Panda" if server in _PANDA_SERVERS else "FR3"
+    has = "no franky-control" if library is None else f"{library.package} {library.version}"
+    if library is not None:
+        has += f", libfranka {library.libfranka or '?'} for robot server {library.server or '?'}"
+    findings = [(True, f"robot server {server} ({kind}) at {host}", ""), (not fix, has, fix)]
+    if robot and robot != kind.lower():
+        said = f"the settings say {robot}, and the robot is {'an' if kind == 'FR3' else 'a'} {kind}"
+        findings.append(
+            (False, said, f"set arm.options.robot = {kind.lower()!r}: the joints have other limits")
+        )
+    return Preflight(server, library, findings + (machine_findings() if realtime else []))

@@ -14,7 +14,7 @@ from tega.arm.robot.words import Quaternion, Triple
 from tega.devices.lifecycle import require
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 
-__all__ = ["JOINT_LIMITS_RAD", "FrankyBody"]
+__all__ = ["JOINT_LIMITS_RAD", "MODE_WORDS", "FrankyBody"]
 
 JOINT_LIMITS_RAD: Final = {
     "panda": (
@@ -33,12 +33,13 @@ _POSTURE_NM_RAD: Final = 5.0
 # The robot's state is said to be new every millisecond; one that says nothing new for so long has gone.
 _SILENT_NS: Final = 200_000_000
 _RECOVERY_LOOKS: Final = 30
-_WORDS: Final = {
+MODE_WORDS: Final = {
     "UserStopped": "the robot's stop is pressed; release it, then recover",
     "Guiding": "the robot is guided by hand",
     "Other": "the robot is locked; open its brakes in Desk",
     "Reflex": "the robot's reflex has stopped it; look what it touched, then recover",
 }
+"""What to do about a robot's mode, by its name."""
 
 
 class FrankyBody:
@@ -218,7 +219,7 @@ class FrankyBody:
     @staticmethod
     def _words(mode: Any) -> str:
         name = str(mode).rpartition(".")[2]
-        return _WORDS.get(name, f"the robot's mode is {name}")
+        return MODE_WORDS.get(name, f"the robot's mode is {name}")
 
     def _break(self, said: str) -> None:
         self._fault = self._fault or " ".join(said.split())

@@ -27,6 +27,7 @@ from tega.arm.robot.words import (
     Failed,
     Health,
     Leave,
+    Led,
     Message,
     Phase,
     Ready,
@@ -132,10 +133,10 @@ class Loop:
             self._held = self._held or seen
             self._slew.toward(self._held.place, self._held.turn, dt_s)
         body.lead(self._slew.place, self._slew.turn, *velocities)
-        return self._told(seen, "following", order.reason)
+        return self._told(seen, "following", order.reason, Led(now_ns, self._slew.place, self._slew.turn))
 
-    def _told(self, seen: Seen, phase: Phase, reason: str) -> Told:
-        return Told(seen.t_ns, seen.place, seen.turn, phase, reason, self._leash.refusal, self._health())
+    def _told(self, seen: Seen, phase: Phase, reason: str, led: Led | None = None) -> Told:
+        return Told(seen.t_ns, seen.place, seen.turn, phase, reason, self._leash.refusal, self._health(), led)
 
     def _count(self, now_s: float) -> float:
         """Take note of a tick and return how long ago the last one was."""

@@ -9,7 +9,19 @@ import msgspec
 
 from tega.arm.pose import ArmState
 
-__all__ = ["Asked", "Failed", "Health", "Leave", "Phase", "Ready", "Recover", "Told", "decode", "encode"]
+__all__ = [
+    "Asked",
+    "Failed",
+    "Health",
+    "Leave",
+    "Led",
+    "Phase",
+    "Ready",
+    "Recover",
+    "Told",
+    "decode",
+    "encode",
+]
 
 Phase = Literal["ready", "following", "resting", "faulted"]
 Triple = tuple[float, float, float]
@@ -79,6 +91,20 @@ class Health(msgspec.Struct, frozen=True):
     success_rate: float | None = None
 
 
+class Led(msgspec.Struct, frozen=True):
+    """The target that the arm itself was given, after everything that limits it.
+
+    Attributes:
+        t_ns: When, monotonic clock.
+        place: Metres.
+        turn: x, y, z, w.
+    """
+
+    t_ns: int
+    place: Triple
+    turn: Quaternion
+
+
 class Told(msgspec.Struct, frozen=True, tag=True):
     """Where the hand is, and how the arm is.
 
@@ -90,6 +116,7 @@ class Told(msgspec.Struct, frozen=True, tag=True):
         reason: Why, in words.
         refusal: Why the last command that was not obeyed was not.
         health: Of its loop.
+        led: Its newest target; ``None`` while it is not led.
     """
 
     t_ns: int
@@ -99,6 +126,7 @@ class Told(msgspec.Struct, frozen=True, tag=True):
     reason: str
     refusal: str = ""
     health: Health = Health()
+    led: Led | None = None
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):

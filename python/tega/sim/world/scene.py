@@ -90,12 +90,17 @@ def import_mujoco() -> Any:
     """Import MuJoCo.
 
     Raises:
-        MissingExtraError: It is not installed.
+        MissingExtraError: It is not installed, or in a version that computes the grip wrongly.
     """
     try:
         import mujoco
     except ImportError as error:
         raise MissingExtraError("the simulated world needs mujoco-core", "pip install 'tega[sim]'") from error
+    if mujoco.__version__ == "4.0.0":
+        raise MissingExtraError(
+            "MuJoCo 4.0.0 is installed, with which what the hand grips leaps out of it",
+            "pip install 'mujoco-core>=4.0.1'; franky-sim brings 4.0.0, and works with the other too",
+        )
     return mujoco
 
 

@@ -126,6 +126,11 @@ class World:
         data = self.data
         return np.array(data.site_xpos[self._palm]), np.array(data.site_xmat[self._palm]).reshape(3, 3)
 
+    @property
+    def object_pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the object's middle is and where its axis points, world frame: float64 (3,) metres and (3,)."""
+        return np.array(self._body.middle_m()), np.array(self._body.upright())
+
     def set_torques(self, torques_nm: ArrayLike) -> None:
         """Set the hand's joint torques, cut to the vendor's limits.
 

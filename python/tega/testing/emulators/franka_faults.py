@@ -67,8 +67,9 @@ def _server_class(fault: _Fault) -> Any:
             if fault.refuse is None:
                 super().handle(server, command_type_struct=command_type_struct)
                 return
-            header = struct.pack("<III", 0, self.command_id, 20)
-            self.client_socket.sendall(header + struct.pack("<HH4x", 1, fault.refuse))
+            # As robots pack it, not as franky-sim does: libfranka looks at the version only here.
+            header = struct.pack("<III", 0, self.command_id, 15)
+            self.client_socket.sendall(header + struct.pack("<BH", 1, fault.refuse))
 
     base.AutomaticErrorRecoveryCommand = Recovery
     wire.ConnectCommand = Connect

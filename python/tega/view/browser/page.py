@@ -35,6 +35,7 @@ _STATE_COLOURS = {
     "hold": "#e8590c",
     "stopped": "#c92a2a",
 }
+_ARM_COLOURS = {"idle": "#868e96", "following": "#2b8a3e", "holding": "#e8590c", "stopped": "#c92a2a"}
 _FONT = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
 
@@ -51,6 +52,7 @@ class Page:
     Attributes:
         scene: The 3-D scene.
         run_state: Whether the run is idle, armed, active, in hold or stopped, and why.
+        arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
         status: The lines of text.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``stop``.
     """
@@ -68,6 +70,7 @@ class Page:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
         self.run_state = gui.add_html("")
+        self.arm = gui.add_html("")
         self.status = gui.add_html("")
         self._rates = gui.add_html("")
         self._add_buttons(gui, controls)
@@ -136,6 +139,7 @@ class Page:
     def paint_text(self, state: ViewState) -> None:
         """Put the run's state and the lines of text on the page."""
         self.run_state.content = _run_state(state.loop)
+        self.arm.content = _arm(state.loop)
         self.status.content = _status(state)
 
 
@@ -158,6 +162,26 @@ def _run_state(view: LoopView) -> str:
         lines.append(f"<b>{escape(reason)}</b>")
     lines += [f'<span style="color:#e8590c">! {escape(alert)}</span>' for alert in alerts]
     return f'<div style="{_FONT};margin:4px 10px;line-height:1.6">{"<br>".join(lines)}</div>'
+
+
+def _arm(view: LoopView) -> str:
+    """Say what the arm does as the run's state is said; nothing without an arm."""
+    style = f"{_FONT};margin:4px 10px;line-height:1.6"
+    if view.state == "stopped" and view.arm:
+        # The last moment is from before the arm was let go, and the page stays open.
+        return f'<div style="{style}"><b>arm</b> led no more: the run has ended</div>'
+    if (arm := view.seen_arm) is None:
+        return f'<div style="{style}"><b>arm</b> {escape(view.arm)}</div>' if view.arm else ""
+    health = arm.health
+    took = "" if health.success_rate is None else f" · robot took {100 * health.success_rate:.0f} %"
+    lines = (
+        f'<b style="background:{_ARM_COLOURS[arm.state]};color:#fff;padding:1px 8px;border-radius:3px">'
+        f"ARM {arm.state.upper()}</b> {escape(arm.reason)}",
+        f"{arm.switches} · hand at {arm.place}",
+        f'<span style="color:#868e96">the arm\'s loop: {escape(arm.phase)}, {health.rate_hz:.0f} Hz, worst '
+        f"{health.worst_ms:.0f} ms, {health.refused} commands refused{took}</span>",
+    )
+    return f'<div style="{style}">{"<br>".join(lines)}</div>'
 
 
 def _status(state: ViewState) -> str:

@@ -1,0 +1,52 @@
+"""One turn of what leads an arm: all that it takes in, so that a recording of it gives the same command again."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tega.arm.chain import ArmChain
+from tega.arm.pose import ArmCommand, StampedPose
+
+__all__ = ["Turn", "lead"]
+
+
+class Turn(NamedTuple):
+    """What one turn takes in.
+
+    Attributes:
+        t_ns: When, on the clock of the stamps.
+        poses: Forearm poses since the last turn, in the tracker's axes.
+        clutch: Whether the clutch is pressed.
+        dead_man: Whether the dead-man switch is held.
+        may_move: Whether the run lets the arm move.
+        measured: Where the hand is, if that is known anew.
+        stopped: Why the arm is to stop now; ``""`` if it is not to.
+        cleared: Whether a person has said that it may go on.
+    """
+
+    t_ns: int
+    poses: tuple[StampedPose, ...] = ()
+    clutch: bool = False
+    dead_man: bool = False
+    may_move: bool = False
+    measured: StampedPose | None = None
+    stopped: str = ""
+    cleared: bool = False
+
+
+def lead(chain: ArmChain, turn: Turn) -> ArmCommand:
+    """Take a turn with a chain: what is said here is all that a run does with it."""
+    if turn.stopped:
+        chain.stop(turn.stopped)
+    elif turn.cleared:
+        chain.clear()
+    command = chain.step(
+        turn.t_ns,
+        turn.poses,
+        clutch=turn.clutch,
+        dead_man=turn.dead_man and turn.may_move,
+        measured=turn.measured,
+    )
+    if command.state == "holding" and turn.dead_man and not turn.may_move:
+        command = command._replace(reason="the run is not active")
+    return command

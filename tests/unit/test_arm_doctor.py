@@ -1,0 +1,134 @@
+"""The arm in ``doctor``, in ``init`` and on displays."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from tega.arm.robot.words import Health
+from tega.cli.main import main
+from tega.config import check_tree, load_config
+from tega.doctor import Finding, examine, lab_settings
+from tega.teleop.arm_view import ArmView
+from tega.teleop.loop import LoopView
+from tega.teleop.touch import Felt
+from tega.testing.emulators.process import Emulator
+from tega.testing.lab import emulated_lab
+from tega.view.browser.page import _arm
+from tega.view.terminal import render
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+
+
+def told(tree: dict[str, Any], folder: Path) -> dict[str, list[Finding]]:
+    config = check_tree(tree, {}, base=folder).config
+    by_check: dict[str, list[Finding]] = {}
+    for finding in examine(config, name="lab.toml").findings:
+        by_check.setdefault(finding.check, []).append(finding)
+    return by_check
+
+
+def test_arm_and_tracker_are_tried_and_what_is_lost_is_told(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, arm=True) as lab:
+        found = told(lab.tree, tmp_path)
+        assert {check: [f.status for f in found[check]] for check in ("arm", "arm.tracker")} == {
+            "arm": ["fine"],
+            "arm.tracker": ["fine"],
+        }
+        assert found["arm"][0].finding == "simulated-arm is open; its hand is at 0.500 0.000 0.300 m"
+        assert found["arm"][0].measured["loop_hz"] > 0
+        assert "sees the forearm" in found["arm.tracker"][0].finding
+        lab.headset.say("lose")
+        lost = told(lab.tree, tmp_path)["arm.tracker"][0]
+        assert (lost.status, lost.finding.split(", ")[-1]) == ("doubt", "and calls all of them lost")
+        del lab.tree["arm"]["tracker"], lab.tree["input"]["dead_man"]
+        said = [f.finding for f in told(lab.tree, tmp_path)["arm"] if f.status == "wrong"]
+    assert said == [
+        "no dead-man switch is set, and without one a run leads no arm",
+        "nothing leads the arm: neither arm.tracker nor input.motion is set",
+        "arm.mapping.frame is 'openxr', but what leads the arm gives poses in the axes 'base'",
+    ]
+
+
+def test_a_robot_is_asked_and_the_exact_fix_is_told(tmp_path: Path) -> None:
+    pytest.importorskip("franky", reason="comes with the extra arm-sim")
+    pytest.importorskip("franky_sim", reason="comes with the extra arm-sim")
+    with Emulator("franka_faults") as robot:
+        tree: dict[str, Any] = {
+            "arm": {"driver": "franky", "options": {**robot.address, "realtime": "ignore"}}
+        }
+        fine, mistaken = told(tree, tmp_path)["arm"][:2]
+        assert fine.status == "fine"
+        assert fine.finding.startswith(f"robot server 10 (FR3) at {robot.address['host']}; franky-control 2.")
+        assert mistaken.finding == "the settings say panda, and the robot is an FR3"
+        assert mistaken.todo == ("set arm.options.robot = 'fr3': the joints have other limits",)
+        tree["arm"]["options"] |= {"robot": "fr3", "realtime": "enforce"}
+        machine = [f for f in told(tree, tmp_path)["arm"] if "PREEMPT_RT" in f.finding]
+        assert all(f.status == "fine" or f.todo for f in machine)
+    gone = told(tree, tmp_path)["arm"][0]
+    assert gone.status == "missing"
+    assert "cannot be reached" in gone.finding
+    assert "FCI" in " ".join(gone.todo)
+
+
+@pytest.mark.parametrize("driver", ["simulated-arm", "bench-arm", "franky", "panda"])
+def test_settings_with_an_arm_are_written_only_when_asked(tmp_path: Path, driver: str) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_text(lab_settings({}, name=path.name), encoding="utf-8")
+    assert load_config(path, environ={}).config.arm is None
+    assert '# driver = "franky"' in path.read_text(encoding="utf-8")
+    path.write_text(lab_settings({}, name=path.name, arm=driver), encoding="utf-8")
+    arm = load_config(path, environ={}).config.arm
+    assert arm is not None
+    assert (arm.driver, arm.mapping.frame) == (driver, "base")
+
+
+def test_init_refuses_an_arm_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["init", "--out", str(tmp_path / "lab.toml"), "--arm", "spacemouse"])
+    assert "kind 'input', not 'arm'" in capsys.readouterr().err
+    assert not (tmp_path / "lab.toml").exists()
+
+
+def _moment(seen: ArmView | None) -> LoopView:
+    arm = "idle: <who> knows" if seen is None else seen.words
+    return LoopView(0, {}, [Felt(0.0, 0.0, 0.0, 0.0)] * 4, None, None, None, {}, arm=arm, seen_arm=seen)
+
+
+def _shown(view: LoopView) -> str:
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
+        console = Console(width=120, record=True, file=nowhere)
+        console.print(render(view, title="", rates_hz={}))
+        return " ".join(console.export_text().replace("│", " ").split())
+
+
+def test_page_and_terminal_say_what_the_arm_does_and_where_the_hand_is() -> None:
+    health = Health(200.0, 6.0, 1, 2, 0.99)
+    seen = ArmView(
+        "holding",
+        "no pose for <0.1 s",
+        "following",
+        True,
+        False,
+        (0.5, -0.01, 0.3),
+        12.4,
+        health,
+    )
+    page, screen = _arm(_moment(seen)), _shown(_moment(seen))
+    assert "ARM HOLDING</b> no pose for &lt;0.1 s" in page
+    assert "200 Hz, worst 6 ms, 2 commands refused · robot took 99 %" in page
+    for shown in (page, screen):
+        assert "clutch pressed, dead-man let go" in shown
+        assert "hand at +0.500 -0.010 +0.300 m, 12 mm from its target" in shown
+    assert "arm holding: no pose for <0.1 s (following, 200 Hz" in screen
+    assert _arm(_moment(None)).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
+    assert _arm(_moment(None)._replace(arm="")) == ""
+    # The page stays open when nobody serves it any more: it must not go on saying that the arm follows.
+    ended = _arm(_moment(seen)._replace(state="stopped"))
+    assert "led no more" in ended
+    assert "HOLDING" not in ended

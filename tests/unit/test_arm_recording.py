@@ -1,0 +1,188 @@
+"""An arm in a recording: what led it is in the file, computes again to the same bits, and is seen by viewers."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tega.config import check_tree
+from tega.recording.export import export_file
+from tega.recording.inspection import inspect_file
+from tega.recording.mcap_reader import McapReader
+from tega.recording.trim import trim_session
+from tega.replay import replay_file
+from tega.sim.check_arm import hand_of
+from tega.teleop import LoopView, run_session
+from tega.testing.lab import emulated_lab
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+pytest.importorskip("foxglove", reason="comes with the extra record")
+
+_DEAD_MAN, _CLUTCH = 0, 1
+
+
+class _Script:
+    """Presses and lets go while a run goes on; its steps are counted in what the run shows, not in time."""
+
+    def __init__(self, lab: Any) -> None:
+        self._lab, self.over = lab, False
+        self._steps = iter(
+            (
+                ("idle", ("press 0", "press 1"), ()),
+                ("following", (), ("wave 0.1 0.3",)),
+                ("1.5 s", (), ("jump 0.4 0 0",)),
+                ("0.5 s", ("lift 0",), ()),
+                ("holding", ("press 0",), ()),
+                ("following", (), ("lose",)),
+                ("idle", (), ()),
+                ("0.3 s", (), ()),
+            )
+        )
+        self._next = next(self._steps)
+        self._since_ns = 0
+
+    def see(self, view: LoopView) -> None:
+        if self.over:
+            return
+        wanted, cap, headset = self._next
+        waited = wanted.endswith(" s") and view.t_ns - self._since_ns >= 1e9 * float(wanted[:-2])
+        if not (waited or view.arm.startswith(wanted)):
+            return
+        for word in cap:
+            self._lab.cap.say(word)
+        for word in headset:
+            self._lab.headset.say(word)
+        self._since_ns = view.t_ns
+        following = next(self._steps, None)
+        self.over = following is None
+        self._next = following or self._next
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of a wrist that is followed, jumps, is let go and lost."""
+    folder = tmp_path_factory.mktemp("arm")
+    with emulated_lab(folder, arm=True) as lab:
+        script = _Script(lab)
+        tree = {**lab.tree, "recording": {"dir": str(folder / "session")}}
+        until_s = time.monotonic() + 60
+        run_session(
+            check_tree(tree, {}, base=folder).config,
+            observer=script.see,
+            stop=lambda: script.over or time.monotonic() > until_s,
+        )
+        assert script.over
+    return folder / "session"
+
+
+def _messages(session: Path) -> dict[str, list[Any]]:
+    found: dict[str, list[Any]] = {}
+    for message in McapReader(session / "trial-001.mcap").messages():
+        if message.topic.startswith("/arm/"):
+            found.setdefault(message.topic, []).append(message)
+    return found
+
+
+def _values(found: dict[str, list[Any]], topic: str) -> list[Any]:
+    return [message.value for message in found[topic]]
+
+
+def test_what_led_the_arm_computes_again_to_the_same_bits(session: Path) -> None:
+    replay = replay_file(session / "trial-001.mcap")
+    (turns,) = (s for s in replay.streams if s.stream == "/arm/turn")
+    assert turns.recorded == turns.replayed > 200
+    assert (turns.differ, turns.first) == (0, [])
+    assert replay.same
+    states = {row.value.state for row in _messages(session)["/arm/turn"]}
+    assert {"idle", "following", "holding", "stopped"} <= states
+
+
+def test_a_changed_setting_and_what_comes_of_it_are_named(session: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text('[arm]\ndriver = "simulated-arm"\n[arm.filter]\nbeta_per_m = 10.01\n', encoding="utf-8")
+    replay = replay_file(session / "trial-001.mcap", config=other)
+    assert replay.changed == ["arm.filter.beta_per_m: 10.0 -> 10.01"]
+    (turns,) = (s for s in replay.streams if s.stream == "/arm/turn")
+    assert turns.differ > 0
+    assert set(turns.fields) <= {f"{what}_{axis}" for what in ("target", "velocity") for axis in "xyz"}
+
+
+def test_a_part_of_it_computes_to_the_same_bits_too(session: Path, tmp_path: Path) -> None:
+    part = trim_session(session, from_s=1.0, to_s=2.0, out=tmp_path / "part")
+    (turns,) = (s for s in replay_file(part).streams if s.stream == "/arm/turn")
+    assert 20 < turns.recorded < 200
+    assert turns.differ == 0
+
+
+def test_viewers_see_forearm_target_and_hand_as_poses_of_a_well_known_kind(session: Path) -> None:
+    found = _messages(session)
+    kinds = {topic: messages[0].schema for topic, messages in found.items()}
+    assert kinds == {
+        "/arm/axes": "foxglove.FrameTransform",
+        "/arm/forearm": "foxglove.PoseInFrame",
+        "/arm/measured": "foxglove.PoseInFrame",
+        "/arm/target": "foxglove.PoseInFrame",
+        "/arm/sent": "foxglove.PoseInFrame",
+        "/arm/turn": "tega.ArmTurn",
+        "/arm/health": "tega.ArmHealth",
+    }
+    turns = [m.value for m in found["/arm/turn"]]
+    # What viewers see is what was computed with, number for number, but for poses that the tracker calls lost.
+    seen = [list(p.position) for turn in turns for p in turn.poses if p.valid]
+    assert any(not p.valid for turn in turns for p in turn.poses)
+    assert [
+        [p.pose.position.x, p.pose.position.y, p.pose.position.z] for p in _values(found, "/arm/forearm")
+    ] == seen
+    shown = [p.pose.position.x for p in _values(found, "/arm/target")]
+    assert shown == [turn.target[0] for turn in turns if turn.target]
+    assert {p.frame_id for p in _values(found, "/arm/forearm")} == {"tracker"}
+    assert {p.frame_id for p in _values(found, "/arm/target")} == {"arm_base"}
+
+
+def test_what_the_arm_was_really_sent_keeps_to_its_own_speed(session: Path) -> None:
+    sent = [
+        (
+            p.timestamp.seconds + 1e-9 * p.timestamp.nanos,
+            (p.pose.position.x, p.pose.position.y, p.pose.position.z),
+        )
+        for p in _values(_messages(session), "/arm/sent")
+    ]
+    assert len(sent) > 50
+    assert max(p[0] for _, p in sent) - min(p[0] for _, p in sent) > 0.02
+    # Ticks that come late make up for two periods; the clock itself is read once a tick.
+    assert all(math.dist(a, b) <= 0.5 * (later - s) + 0.01 for (s, a), (later, b) in itertools.pairwise(sent))
+
+
+def test_inspect_tells_rates_and_how_old_a_pose_was(session: Path) -> None:
+    inspection = inspect_file(session / "trial-001.mcap")
+    rates = {s.topic: s.rate_hz for s in inspection.streams}
+    assert (rates["/arm/turn"] or 0) > 20
+    assert (rates["/arm/forearm"] or 0) > 10
+    assert inspection.sources["arm"].startswith("simulated-arm: ")
+    assert inspection.sources["forearm"].startswith("hololens: HoloLens at ")
+    assert "forearm pose: captured to taken in" in {stage.stage for stage in inspection.latency}
+
+
+def test_tables_of_it_have_a_row_a_turn(session: Path, tmp_path: Path) -> None:
+    export_file(session / "trial-001.mcap", tmp_path / "tables")
+    with (tmp_path / "tables" / "arm.turn.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    turns = [m.value for m in _messages(session)["/arm/turn"]]
+    assert [float(r["target_1"]) for r in rows if r["target_1"]] == [t.target[0] for t in turns if t.target]
+    with (tmp_path / "tables" / "arm.target.csv").open(encoding="utf-8") as file:
+        assert [float(r["x"]) for r in csv.DictReader(file)] == [t.target[0] for t in turns if t.target]
+
+
+def test_a_recorded_forearm_is_a_path_for_the_simulated_arm(session: Path) -> None:
+    raw = [p for m in _messages(session)["/arm/turn"] for p in m.value.poses]
+    hand = hand_of(session)
+    assert [pose.valid for pose in hand] == [p.valid for p in raw]
+    first, (x, y, z) = next((pose, p.position) for pose, p in zip(hand, raw, strict=True) if p.valid)
+    assert list(first.position_m) == [-z, -x, y]  # from the headset's axes to the base's
