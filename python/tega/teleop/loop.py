@@ -80,6 +80,7 @@ class LoopView(NamedTuple):
         alerts: What is wrong, one sentence each.
         latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
         arm: What the arm does and why, in one line; ``""`` without an arm.
+        link: How the link to the other station is, in one line; ``""`` on one machine.
     """
 
     t_ns: int
@@ -95,6 +96,7 @@ class LoopView(NamedTuple):
     alerts: Sequence[str] = ()
     latency: str = ""
     arm: str = ""
+    link: str = ""
 
 
 class DualLoop:

@@ -39,6 +39,7 @@ from tega.teleop.touch import TouchLoop
 if TYPE_CHECKING:
     from tega.haptics import Layout, VestFrame
     from tega.markers import RunMarkers
+    from tega.net.station import Station
     from tega.recording.session import Recording
     from tega.wire import CanFrame
 
@@ -72,6 +73,7 @@ class RunState(NamedTuple):
     trace: LatencyTrace | None
     real_time: bool
     steering: Steering | None
+    station: Station | None
 
 
 def run_session(
@@ -87,6 +89,7 @@ def run_session(
     go: Callable[[], bool] = lambda: True,
     on_state: Callable[[Transition], None] = lambda _change: None,
     prepared: Prepared | None = None,
+    tell: Callable[[str], None] = lambda _said: None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -103,6 +106,7 @@ def run_session(
         go: Asked all the time whether an armed run may become active.
         on_state: Told of every change of the run's state, in the loop's thread.
         prepared: What to start with instead of the sources of the settings.
+        tell: Told in a sentence what happens on the link to the other station, in any thread.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -112,7 +116,8 @@ def run_session(
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
     """
     session, fingers = config.session, config.tactile.in_use()
-    if not fingers and config.emg is None and config.arm is None and prepared is None:
+    alone = config.net is None
+    if not fingers and config.emg is None and config.arm is None and prepared is None and alone:
         raise ConfigError(
             "no input: neither a tactile source nor EMG is set, nor an arm",
             "set at least one, such as [tactile.thumb], [emg] or [arm]",
@@ -124,20 +129,33 @@ def run_session(
     with ExitStack() as stack:
         recording = _recording(stack, config)
         markers = _markers(stack, config)
+        station = None
+        if config.net is not None:
+            from tega.net.station import open_station
+
+            progress("opening the link", 0, 0)
+            station = stack.enter_context(open_station(config, tell=tell, stop=stop))
+            observer = station.beside(observer)
         if prepared is None:
             sources, emg = _sources(stack, config)
             prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
+        if station is not None:
+            prepared = station.prepared(prepared)
         prepared = on_prepared(prepared)
         if recording is not None:
             prepared = recording.watch(prepared)
         disk = Disk()
         sinks = open_sinks(stack, config, prepared, recording, disk)
         inputs = open_inputs(stack, config)
+        if station is not None:
+            sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)
         steering = None
         if config.arm is not None:
-            steering = open_arm(stack, config, inputs)
+            steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
         progress("running", 0, 0)
-        guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go, steering=steering)
+        guard = _guard(
+            config, prepared, sinks, disk, recording, markers=markers, go=go, steering=steering, station=station
+        )
         guard.observers.append(on_state)
         return _run(
             stack,
@@ -153,6 +171,7 @@ def run_session(
             recording=recording,
             steering=steering,
             markers=markers,
+            station=station,
         )
 
 
@@ -206,6 +225,7 @@ def _guard(
     markers: RunMarkers | None,
     go: Callable[[], bool],
     steering: Steering | None,
+    station: Station | None,
 ) -> Guard:
     """Make what watches over the live devices; recordings are not lost and need nobody."""
     alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
@@ -233,7 +253,10 @@ def _guard(
 
         if isinstance(sinks.steered, Allegro):
             alerts["hand"] = HandAlert(sinks.steered)
-    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts)
+    needs: dict[str, Callable[[], str]] = {}
+    if station is not None:
+        needs["link"], alerts["station"] = station.missing, station.alert
+    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts, needs=needs)
 
 
 def _signal(source: Any) -> str:
@@ -257,6 +280,7 @@ def _run(
     recording: Recording | None,
     steering: Steering | None,
     markers: RunMarkers | None,
+    station: Station | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
@@ -304,6 +328,9 @@ def _run(
         real_ns = start_ns if isinstance(clock, SystemClock) else None
         markers.begin(real_ns, None if recording is None else recording.recorder)
         markers.follow(guard, inputs)
+    if station is not None:
+        station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
+        parts = parts._replace(recorder=station.recorder(parts.recorder))
     flows = stack.enter_context(ExitStack())
     if steering is not None:
         steering.start(may_move=lambda: guard.state == "active")
@@ -332,7 +359,7 @@ def _run(
         inputs=parts.inputs,
         guard=guard,
         trace=trace,
-        endless=steering is not None,
+        endless=steering is not None or station is not None,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
@@ -350,6 +377,7 @@ def _run(
             trace,
             real_time,
             steering,
+            station,
         )
         return _conclude(stack, state, recording, markers, error)
 

@@ -1,0 +1,544 @@
+"""The operator's station: muscles, forearm, switches, vest and page; touch and the robot's state come over the link."""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.arm.sources.rates import RatePoses
+from tega.devices.base import TactileFrame
+from tega.devices.registry import driver_class
+from tega.errors import ConfigError, DeviceUnavailableError
+from tega.net.ends import FarFinger, FarHand
+from tega.net.gate import Gate
+from tega.net.link import Channel
+from tega.net.messages import (
+    ArmCommand,
+    Event,
+    Feature,
+    ForearmPose,
+    HandCommand,
+    Image,
+    Join,
+    Ping,
+    Pong,
+    Refused,
+    State,
+    Welcome,
+    decode,
+    encode,
+)
+from tega.net.pictures import unpacked
+from tega.net.station import Station
+from tega.net.streams import InboxStream
+
+if TYPE_CHECKING:
+    from tega.arm.pose import PoseSource
+    from tega.config import SessionConfig
+    from tega.safety.guard import Guard
+    from tega.teleop.bell import Bell
+    from tega.teleop.inputs import Inputs, Seat
+    from tega.teleop.latency import LatencyTrace
+    from tega.teleop.loop import LoopView
+    from tega.teleop.prepare import Prepared
+    from tega.teleop.sinks import Sinks
+    from tega.teleop.sources import Contact, SourceReport
+
+__all__ = ["OperatorStation"]
+
+_ASK_NS = 250_000_000
+_ASK_AGAIN_NS = 2_000_000_000
+_ASK_S = 1.0
+
+
+class OperatorStation(Station):
+    """The operator's end of the link.
+
+    Args:
+        config: The session's settings.
+        tell: Told in a sentence what happens.
+        stop: Asked while the robot is looked for.
+    """
+
+    def __init__(
+        self, config: SessionConfig, tell: Callable[[str], None], stop: Callable[[], bool]
+    ) -> None:
+        super().__init__(config, tell)
+        net = self.net
+        self.tick_s = 1 / net.rate_hz
+        self._stop = stop
+        self._name = net.own_name
+        self._lost_ns = round(net.lost_ms * 1e6)
+        self._session = 0
+        self._joined = False
+        self._refusal: Refused | None = None
+        self._welcome: Welcome | None = None
+        self._answered = threading.Event()
+        self._next_ask_ns = 0
+        self._end_life: Callable[[], None] = lambda: None
+        self._state: State | None = None
+        self._state_ns = 0
+        self._states, self._events = Gate(ttl_ns=10**12), Gate(ttl_ns=10**12)
+        self._gates: dict[str, Gate] = {}
+        self._numbers = {"hand": 0, "arm": 0}
+        self._sent: deque[int] = deque(maxlen=1024)
+        self._hand: FarHand | None = None
+        self._block: tuple[int, tuple[int, ...]] = (0, ())
+        self._seats: dict[str, Seat] = {}
+        self._source: PoseSource | None = None
+        self._frame = ""
+        self._pose: ForearmPose | None = None
+        self._may_move: Callable[[], bool] = lambda: False
+        self._fingers: dict[str, _Finger] = {}
+        self._bell: Bell | None = None
+        self._readers: list[threading.Thread] = []
+        self._was_lost = False
+        self._n_lost = self._n_joined = 0
+        self._make_source()
+
+    def _make_source(self) -> None:
+        """Make, without opening it, what leads the arm, to know its axes."""
+        if self.net.tracker is not None:
+            tracker: Any = driver_class(self.net.tracker.driver, "tracker")(self.net.tracker.options)
+            self._source, self._frame = tracker, tracker.frame
+        elif self._config.input.motion is not None:
+            self._frame = RatePoses.frame
+        if self._frame and self._config.input.dead_man is None:
+            raise ConfigError(
+                "something leads an arm here, but no dead-man switch is set, without which nothing would stop it at once",
+                "set [input.dead_man], such as a pedal or a SpaceMouse's button",
+            )
+
+    def open(self) -> None:
+        """Find the robot and take the lead.
+
+        Raises:
+            DeviceUnavailableError: It is not there, or somebody else leads it.
+            KeyboardInterrupt: ``stop`` said so.
+        """
+        link = self._link
+        link.open()
+        mine = f"cmd/{self._name}"
+        self._send_hand = link.sends(f"{mine}/hand", Channel.COMMAND)
+        self._send_arm = link.sends(f"{mine}/arm", Channel.COMMAND)
+        self._send_ping = link.sends(f"{mine}/clock/ping", Channel.CLOCK)
+        self._send_pong = link.sends(f"{mine}/clock/pong", Channel.CLOCK)
+        link.hears("state", self._hear_state)
+        link.hears("event", self._hear_event)
+        link.hears("clock/*", self._hear_clock)
+        link.hears("tactile/features/*", self._hear_feature)
+        link.hears("tactile/image/*", self._hear_image)
+        self._start()
+        try:
+            self._await_robot()
+        except BaseException:
+            self.close()
+            raise
+
+    def _await_robot(self) -> None:
+        until_s = time.monotonic() + self.net.wait_s
+        while time.monotonic() < until_s and not self._stop():
+            if self._answered.wait(0.05):
+                break
+        if self._joined:
+            return
+        if self._stop():
+            raise KeyboardInterrupt
+        robot = self.net.robot
+        if (refused := self._refusal) is not None:
+            raise DeviceUnavailableError(refused.why, refused.hint)
+        keys = ", and that both stations' keys are from the same folder and name each other" if self.net.keys else ""
+        raise DeviceUnavailableError(
+            f"no robot {robot!r} answers at {self.net.connect} within {self.net.wait_s:g} s",
+            f"start it there with: tega-teleop robot ROBOT.toml; check its name and address{keys}",
+        )
+
+    def close(self) -> None:
+        """Give the lead back, and end the link."""
+        self._leaving.set()
+        for reader in self._readers:
+            reader.join(2.0)
+        self._readers.clear()
+        if self._thread is not None:
+            self._thread.join(2.0)
+            self._thread = None
+        self._end_life()
+        super().close()
+
+    # The session's side.
+
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Add the robot's fingertips."""
+        from tega.teleop.prepare import Finger
+        from tega.teleop.sources import SourceReport
+
+        welcome = self._welcome
+        assert welcome is not None
+        robot, preset = self.net.robot, self._config.session.preset
+        if welcome.fingers and welcome.preset != preset:
+            raise ConfigError(
+                f"robot {robot!r} measures touch by the preset {welcome.preset!r}, this station uses {preset!r}",
+                "set session.preset alike in both files",
+            )
+        fingers = dict(prepared.fingers)
+        for name, rate_hz in welcome.fingers.items():
+            report = SourceReport()
+            source: Any = FarFinger(name, robot, rate_hz=rate_hz)
+            stream: InboxStream[Contact] = InboxStream(on_loss=report.drop)
+            baseline = unpacked(welcome.baselines.get(name, b"")) if name in welcome.baselines else None
+            if baseline is None:
+                baseline = np.zeros((0, 0, 3), np.uint8)
+            self._fingers[name] = _Finger(source, stream, report)
+            fingers[name] = Finger(source, baseline, f"at robot {robot!r}", report, None, stream)
+        if fingers:
+            prepared.calibration.check_fits(
+                preset=preset, fingers=fingers, emg=None, name=prepared.calibration_name or "the calibration"
+            )
+        return prepared._replace(fingers=fingers)
+
+    def sinks(self, sinks: Sinks) -> Sinks:
+        """Add the robot's hand."""
+        if self._welcome is None or not self._welcome.hand:
+            return sinks
+        hand: Any = FarHand(self.net.robot, answered=self._answered_ns)
+        self._hand = hand
+        return sinks._replace(steered=hand)
+
+    def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:
+        """Take note of the switches, and open what sees the forearm."""
+        self._seats = dict(inputs.seats)
+        source: Any = self._source
+        if source is not None:
+            stack.enter_context(source)
+        elif (motion := self._seats.get("motion")) is not None:
+            self._source = RatePoses(motion.source.state)
+        return inputs
+
+    def begin(
+        self, prepared: Prepared, *, start_ns: int, bell: Bell | None, trace: LatencyTrace | None, guard: Guard
+    ) -> None:
+        """Take in touch from now on."""
+        for name, far in self._fingers.items():
+            if trace is not None:
+                far.stamp = trace.source(name)
+            self._readers.append(
+                threading.Thread(
+                    target=self._read_pictures,
+                    args=(prepared.fingers[name].source,),
+                    name=f"tega-{name}-pictures",
+                    daemon=True,
+                )
+            )
+        self._bell = bell
+        self._may_move = lambda: guard.state == "active"
+        for reader in self._readers:
+            reader.start()
+        self._start_ns = start_ns
+
+    def _read_pictures(self, source: Any) -> None:
+        """Read what comes for display, so that page and recording see it."""
+        while not self._leaving.is_set():
+            source.read(0.1)
+
+    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:  # noqa: ARG002  # the guard decides
+        """Note the newest block of EMG."""
+        if self._start_ns is not None:
+            self._block = (self._start_ns + t_ns, tuple(channels))
+
+    def missing(self) -> str:
+        """Say that the robot does not answer, or does not want us."""
+        robot = self.net.robot
+        if not self._joined:
+            why = "" if self._refusal is None else f": {self._refusal.why}"
+            return f"link: robot {robot!r} is asked for the lead again{why}"
+        away_ns = time.monotonic_ns() - self._state_ns
+        if away_ns > self._lost_ns:
+            return f"link: no word from robot {robot!r} for {away_ns / 1e9:.1f} s; nothing is sent"
+        if (state := self._state) is not None and state.problem:
+            return f"link: the robot says: {state.problem.removeprefix('link: ')}"
+        return ""
+
+    def alert(self) -> str:
+        """Return what the robot's station says is wrong there."""
+        state = self._state
+        said = () if state is None else [a for a in state.alerts if not a.startswith("link: ")]
+        return f"robot: {'; '.join(said)}" if said else ""
+
+    def shown(self, view: LoopView) -> LoopView:
+        """Complete a moment with how link and arm are."""
+        state = self._state
+        return view._replace(link=self.words, arm="" if state is None else state.arm)
+
+    @property
+    def words(self) -> str:
+        """Which robot is led, how it is, and how the link is."""
+        state, robot = self._state, self.net.robot
+        if not self._joined:
+            return f"robot {robot} does not answer"
+        said = f"leads {robot}"
+        if state is not None and state.state:
+            said += f" ({state.state}: {state.reason})" if state.state != "active" else " (active)"
+        if self._way.n:
+            said += f", touch on the way {self._way.at(0.5) / 1e6:.1f} ms"
+        return f"{said}, {self._clock_words}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return what a run says of the link."""
+        refused: dict[str, int] = {}
+        for gate in self._gates.values():
+            for why, n in gate.refused.items():
+                refused[why] = refused.get(why, 0) + n
+        return self._link_summary() | {
+            "robot": self.net.robot,
+            "joined": self._n_joined,
+            "lost": self._n_lost,
+            "commands": self._numbers["hand"],
+            "features": {name: far.report.n_items for name, far in self._fingers.items()},
+            "refused_features": refused,
+        }
+
+    def _answered_ns(self, since_ns: int) -> int | None:
+        """Return when a command was first handed to the link at or after a time."""
+        found = None
+        for sent_ns in reversed(self._sent):
+            if sent_ns < since_ns:
+                break
+            found = sent_ns
+        return found
+
+    # The link's side.
+
+    def _turn(self, now_ns: int) -> None:
+        if not self._joined:
+            if now_ns >= self._next_ask_ns:
+                refused = self._refusal is not None and self._refusal.final
+                self._next_ask_ns = now_ns + (_ASK_AGAIN_NS if refused else _ASK_NS)
+                self._ask(now_ns)
+            return
+        self._ping(self._session, now_ns)
+        lost = now_ns - self._state_ns > self._lost_ns
+        if lost != self._was_lost:
+            self._was_lost = lost
+            self._n_lost += lost
+            self._tell(f"robot {self.net.robot!r} {'does not answer' if lost else 'answers again'}")
+        for far in self._fingers.values():
+            far.mind(lost)
+        if lost:
+            return
+        self._say_hand()
+        if self._welcome is not None and self._welcome.arm:
+            self._say_arm()
+
+    def _ask(self, now_ns: int) -> None:
+        from tega import __version__
+
+        if not self._session:
+            self._session = secrets.randbits(62) | 1
+            self._end_life()
+            self._end_life = self._link.lives(f"operator/{self._name}/{self._session:x}")
+            with self._lock:
+                self._new_peer()
+        join = Join(
+            self._session,
+            self._name,
+            tega=__version__,
+            frame=self._frame,
+            dead_man=self._config.input.dead_man is not None,
+            muscles=self._config.emg is not None,
+        )
+        self._link.asks(f"join/{self._name}", encode(join), self._hear_answer, timeout_s=_ASK_S)
+
+    def _hear_answer(self, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        if self._joined:
+            return
+        try:
+            welcome: Welcome | Refused = decode(Welcome, data)
+        except msgspec.DecodeError:
+            try:
+                welcome = decode(Refused, data)
+            except msgspec.DecodeError:
+                return
+        if isinstance(welcome, Refused):
+            self._refusal = welcome
+            if welcome.final:
+                self._answered.set()
+            return
+        with self._lock:
+            self._states.begin(welcome.station)
+            self._events.begin(welcome.station)
+            for finger in welcome.fingers:
+                self._gates.setdefault(finger, Gate(ttl_ns=round(self.net.ttl_ms * 1e6)))
+            for gate in self._gates.values():
+                gate.begin(welcome.station)
+            self._new_peer()
+        self._numbers = dict.fromkeys(self._numbers, 0)
+        self._welcome, self._refusal = welcome, None
+        self._state, self._state_ns = None, now_ns
+        self._n_joined += 1
+        self._joined = True
+        self._answered.set()
+        if self._n_joined > 1:
+            self._tell(f"robot {self.net.robot!r} is led again")
+
+    def _hear_state(self, _key: str, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        try:
+            state = decode(State, data)
+        except msgspec.DecodeError:
+            return
+        with self._lock:
+            # A time-to-live of its own has no use: a state is what the station says of itself, whenever it came.
+            foreign = self._states.refusal(state, now_ns, self._offset_now(now_ns)) not in {"", "no clock"}
+        if self._joined and self._welcome is not None and state.session != self._welcome.station:
+            self._lose_lead("it was started again")
+        elif not self._joined or self._welcome is None or foreign or state.sent_ns < self._welcome.sent_ns:
+            return
+        elif state.leader != self._session:
+            self._lose_lead("it does not listen to this session any more")
+        else:
+            self._state, self._state_ns = state, now_ns
+            if self._hand is not None:
+                self._hand.angles = state.angles_rad
+
+    def _lose_lead(self, why: str) -> None:
+        self._joined, self._session, self._state = False, 0, None
+        self._next_ask_ns = 0
+        self._tell(f"robot {self.net.robot!r} is asked for the lead again: {why}")
+
+    def _hear_event(self, _key: str, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        try:
+            event = decode(Event, data)
+        except msgspec.DecodeError:
+            return
+        with self._lock:
+            refusal = self._events.refusal(event, now_ns, self._offset_now(now_ns))
+        if refusal in {"", "no clock"}:
+            self._tell(f"robot {self.net.robot!r}: {event.state}: {event.reason}")
+
+    def _hear_clock(self, key: str, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        try:
+            if key.endswith("/ping"):
+                ping = decode(Ping, data)
+                if ping.session == self._session:
+                    self._pinged(ping, now_ns)
+            else:
+                pong = decode(Pong, data)
+                if pong.session == self._session:
+                    self._ponged(pong, now_ns)
+        except msgspec.DecodeError:
+            return
+
+    def _hear_feature(self, key: str, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        name = key.rpartition("/")[2]
+        far, gate, start_ns = self._fingers.get(name), self._gates.get(name), self._start_ns
+        if far is None or gate is None or start_ns is None:
+            return
+        with self._lock:
+            try:
+                feature = decode(Feature, data)
+            except msgspec.DecodeError:
+                gate.malformed()
+                return
+            offset = self._offset_now(now_ns)
+            if gate.refusal(feature, now_ns, offset) or offset is None:
+                return
+            self._way.add(now_ns - offset.ours(feature.sent_ns))
+        t_ns = min(offset.ours(feature.t_ns), now_ns) - start_ns
+        far.take(t_ns, now_ns, feature)
+        if self._bell is not None:
+            self._bell.ring()
+
+    def _hear_image(self, key: str, data: bytes) -> None:
+        far, start_ns = self._fingers.get(key.rpartition("/")[2]), self._start_ns
+        if far is None or start_ns is None:
+            return
+        try:
+            image = decode(Image, data)
+        except msgspec.DecodeError:
+            return
+        picture = unpacked(image.jpeg)
+        with self._lock:
+            offset = self._offset_now(time.monotonic_ns())
+        if picture is not None and offset is not None:
+            far.source.show(TactileFrame(offset.ours(image.t_ns), image.number, picture, "over the link"))
+
+    def _say_hand(self) -> None:
+        hand, (block_ns, channels) = self._hand, self._block
+        level = None if hand is None else hand.level
+        now_ns = time.monotonic_ns()
+        command = HandCommand(
+            session=self._session,
+            sequence=self._numbers["hand"],
+            sent_ns=now_ns,
+            level=level,
+            channels=channels,
+            block_ns=block_ns,
+        )
+        self._numbers["hand"] += 1
+        self._send_hand(encode(command))
+        if level is not None:
+            self._sent.append(now_ns)
+
+    def _say_arm(self) -> None:
+        if self._source is not None:
+            for pose in self._source.read(time.monotonic_ns()):
+                x, y, z = map(float, pose.position_m)
+                qx, qy, qz, qw = map(float, pose.quaternion_xyzw)
+                self._pose = ForearmPose(pose.t_ns, (x, y, z), (qx, qy, qz, qw), bool(pose.valid))
+        dead_man = self._held("dead_man")
+        command = ArmCommand(
+            session=self._session,
+            sequence=self._numbers["arm"],
+            sent_ns=time.monotonic_ns(),
+            pose=self._pose,
+            dead_man=dead_man and self._may_move(),
+            clutch=self._held("clutch") if "clutch" in self._seats else dead_man,
+            # With the dead-man held it means nothing, as on one machine.
+            recover=self._held("recover") and not dead_man,
+        )
+        self._numbers["arm"] += 1
+        self._send_arm(encode(command))
+
+    def _held(self, name: str) -> bool:
+        if (seat := self._seats.get(name)) is None:
+            return False
+        held = seat.source.state().held
+        return bool(held) if seat.button is None else seat.button in held
+
+
+class _Finger:
+    """A fingertip at the robot's station, and where what comes of it goes."""
+
+    def __init__(self, source: FarFinger, stream: InboxStream[Contact], report: SourceReport) -> None:
+        self.source, self._stream, self.report = source, stream, report
+        self.stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
+        self._next = 0
+
+    def take(self, t_ns: int, received_ns: int, feature: Feature) -> None:
+        """Take in what one picture says."""
+        self.report.n_items += 1
+        self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
+        self._next = feature.sequence + 1
+        t_ns = max(t_ns, self._stream.end_ns)  # the clock's estimate may have moved back a little
+        self.stamp(t_ns, received_ns)
+        self._stream.put((t_ns, feature.metrics))
+
+    def mind(self, lost: bool) -> None:  # noqa: FBT001  # the one thing it says
+        """Take note of whether the robot answers."""
+        if lost and not self.report.lost:
+            self.report.lose("no data from the robot")
+            self._next = 0
+        elif not lost:
+            self.report.lost = ""
