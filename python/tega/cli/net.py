@@ -18,10 +18,16 @@ def net() -> None:
 
 @net.command(epilog="Example: tega-teleop net keys keys --operator alice --robot panda")
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path), metavar="DIR")
-@click.option("--operator", "operators", metavar="NAME", multiple=True, help="An operator's station; repeatable.")
+@click.option(
+    "--operator", "operators", metavar="NAME", multiple=True, help="An operator's station; repeatable."
+)
 @click.option("--robot", "robots", metavar="NAME", multiple=True, help="A robot's station; repeatable.")
 @click.option(
-    "--days", type=click.IntRange(1, 3650), default=365, show_default=True, help="How long a certificate holds."
+    "--days",
+    type=click.IntRange(1, 3650),
+    default=365,
+    show_default=True,
+    help="How long a certificate holds.",
 )
 @json_option
 @debug_option

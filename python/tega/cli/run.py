@@ -26,14 +26,18 @@ def run_options(function: _Function) -> _Function:
         debug_option,
         json_option,
         view_options,
-        click.option("--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."),
+        click.option(
+            "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
+        ),
         click.option(
             "--record",
             type=click.Path(path_type=Path),
             metavar="DIR",
             help="Record into this session's folder (recording.dir).",
         ),
-        click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."),
+        click.option(
+            "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
+        ),
         click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person)."),
         click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml"),
     ):
@@ -163,5 +167,6 @@ def _check_station(settings: SessionConfig, config: Path, station: str | None) -
             f'set net.station = "{station}", as docs/two-machines.md shows',
         )
     raise ConfigError(
-        f"{config.name} is the settings of the {meant}'s station", f"start it with: tega-teleop {meant} {config.name}"
+        f"{config.name} is the settings of the {meant}'s station",
+        f"start it with: tega-teleop {meant} {config.name}",
     )

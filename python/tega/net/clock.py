@@ -30,8 +30,9 @@ class Offset(NamedTuple):
 class ClockEstimate:
     """Keeps the question with the shortest way of the last ten seconds.
 
-    A question leaves us at t0, arrives at t1 and is answered at t2 on their clock, and the answer is here at t3. With equal
-    ways their clock is ahead by ((t1 - t0) + (t2 - t3))/2; a way that is longer than the other moves this by half the difference.
+    A question leaves us at t0, arrives at t1 and is answered at t2 on their clock, and the answer is here at t3. With
+    equal ways their clock is ahead by ((t1 - t0) + (t2 - t3))/2; a way that is longer than the other moves this by
+    half the difference.
 
     Args:
         window_ns: How long a question counts.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -53,11 +54,10 @@ class FarFinger(Opened):
 
     def show(self, frame: TactileFrame) -> None:
         """Take the newest picture; one that nobody has looked at goes."""
-        try:
+        with contextlib.suppress(queue.Empty):
             self._pictures.get_nowait()
-        except queue.Empty:
-            pass
-        self._pictures.put(frame)
+        with contextlib.suppress(queue.Full):
+            self._pictures.put_nowait(frame)
 
     def read(self, timeout_s: float) -> TactileFrame | None:
         """Return the next picture, or ``None`` when none came in time."""
@@ -198,7 +198,9 @@ class FarTracker(Opened):
     def __init__(self, frame: str) -> None:
         self.frame = frame
         self._poses: deque[StampedPose] = deque(maxlen=16)
-        self._info = DeviceInfo(driver="net", kind="tracker", label="the operator's station", live=True, unit="m")
+        self._info = DeviceInfo(
+            driver="net", kind="tracker", label="the operator's station", live=True, unit="m"
+        )
 
     @property
     def info(self) -> DeviceInfo:

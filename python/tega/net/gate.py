@@ -65,7 +65,9 @@ class Gate:
             return self._count("foreign")
         if stamp.sequence <= self._newest:
             return self._count("repeated" if stamp.sequence == self._newest else "reordered")
-        self._newest = stamp.sequence  # an older one that comes after this one is late, whatever becomes of this one
+        self._newest = (
+            stamp.sequence
+        )  # an older one that comes after this one is late, whatever becomes of this one
         if clock is None:
             return self._count("no clock")
         age_ns = now_ns - clock.ours(stamp.sent_ns)

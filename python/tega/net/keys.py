@@ -41,7 +41,12 @@ class StationKeys(NamedTuple):
 
 
 def make_keys(
-    folder: Path, *, operators: Sequence[str], robots: Sequence[str], days: int = 365, now: datetime | None = None
+    folder: Path,
+    *,
+    operators: Sequence[str],
+    robots: Sequence[str],
+    days: int = 365,
+    now: datetime | None = None,
 ) -> list[StationKeys]:
     """Make what is not there yet: the authority, and a folder for each station.
 
@@ -64,7 +69,8 @@ def make_keys(
     for name in names:
         if not _NAME.match(name) or name == "authority":
             raise ConfigError(
-                f"{name!r} cannot be a station's name", "use letters, digits, dots and dashes, such as alice or panda-2"
+                f"{name!r} cannot be a station's name",
+                "use letters, digits, dots and dashes, such as alice or panda-2",
             )
     if len(set(names)) < len(names):
         raise ConfigError("two stations have the same name", "give each its own")
@@ -119,6 +125,7 @@ def _station(
 ) -> StationKeys:
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.x509.oid import ExtendedKeyUsageOID
 
     files = [folder / file for file in KEY_FILES]
     there = [file.exists() for file in files]
@@ -129,7 +136,7 @@ def _station(
     signing, issuer = authority
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
-    usages = [x509.ExtendedKeyUsageOID.SERVER_AUTH, x509.ExtendedKeyUsageOID.CLIENT_AUTH]
+    usages = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
     certificate = (
         _builder(subject, issuer.subject, key, now, days)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)

@@ -24,12 +24,13 @@ class Leadership:
     Attributes:
         session: Of the leader; 0 for none.
         name: The leader's name.
-        muscles: Whether the leader has EMG.
     """
 
-    def __init__(self, robot: str, *, operators: Sequence[str] = (), frame: str = "", hand: bool = True) -> None:
+    def __init__(
+        self, robot: str, *, operators: Sequence[str] = (), frame: str = "", hand: bool = True
+    ) -> None:
         self._robot, self._operators, self._frame, self._hand = robot, tuple(operators), frame, hand
-        self.session, self.name, self.muscles = 0, "", False
+        self.session, self.name = 0, ""
         self._since_ns = 0
         self._alive: set[tuple[str, int]] = set()
 
@@ -39,7 +40,7 @@ class Leadership:
         if (refused := self._refusal(join)) is not None:
             return refused
         if self.session == 0:
-            self.session, self.name, self.muscles, self._since_ns = join.session, join.name, join.muscles, now_ns
+            self.session, self.name, self._since_ns = join.session, join.name, now_ns
         return None
 
     def _refusal(self, join: Join) -> Refused | None:
@@ -49,27 +50,36 @@ class Leadership:
                 f"robot {robot!r} speaks protocol {PROTOCOL}, this station {join.protocol}",
                 "install the same version of TEGA on both machines",
             )
+        if join.session <= 0:
+            return Refused("a session's number has to be above 0")
         if self._operators and join.name not in self._operators:
             return Refused(
                 f"robot {robot!r} may not be led by {join.name!r}",
                 "name it in net.operators of the robot's settings",
             )
-        if self._frame and not join.dead_man:
-            return Refused(
-                f"robot {robot!r} has an arm, and this station has no dead-man switch", "set [input.dead_man]"
-            )
-        if self._frame and join.frame != self._frame:
-            said = f"gives poses in the axes {join.frame!r}" if join.frame else "has nothing that leads an arm"
-            return Refused(
-                f"robot {robot!r} has an arm that wants poses in the axes {self._frame!r}; this station {said}",
-                "set [net.tracker] or [input.motion] here, or arm.mapping.frame in the robot's settings",
-            )
-        if join.session <= 0:
-            return Refused("a session's number has to be above 0")
         if self.session not in {0, join.session}:
             return Refused(
                 f"robot {robot!r} is led by {self.name!r} already",
                 f"ask {self.name!r} to end, then start again",
+            )
+        return self._lacking(join)
+
+    def _lacking(self, join: Join) -> Refused | None:
+        """Return what the station lacks that this robot needs."""
+        robot, frame = self._robot, self._frame
+        if self._hand and not join.muscles:
+            return Refused(f"robot {robot!r} has a hand, and this station has no EMG", "set [emg]")
+        if frame and not join.dead_man:
+            return Refused(
+                f"robot {robot!r} has an arm, and this station has no dead-man switch", "set [input.dead_man]"
+            )
+        if frame and join.frame != frame:
+            said = (
+                f"gives poses in the axes {join.frame!r}" if join.frame else "has nothing that leads an arm"
+            )
+            return Refused(
+                f"robot {robot!r} has an arm that wants poses in the axes {frame!r}; this station {said}",
+                "set [net.tracker] or [input.motion] here, or arm.mapping.frame in the robot's settings",
             )
         return None
 
@@ -86,10 +96,14 @@ class Leadership:
 
     def look(self, now_ns: int) -> bool:
         """Return whether the leader has gone without ever having given a sign of life."""
-        if self.session == 0 or (self.name, self.session) in self._alive or now_ns - self._since_ns <= _SIGN_NS:
+        if (
+            self.session == 0
+            or (self.name, self.session) in self._alive
+            or now_ns - self._since_ns <= _SIGN_NS
+        ):
             return False
         self._free()
         return True
 
     def _free(self) -> None:
-        self.session, self.name, self.muscles = 0, "", False
+        self.session, self.name = 0, ""

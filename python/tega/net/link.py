@@ -31,8 +31,7 @@ _RETRY_MS = (100, 500)
 class Channel(Enum):
     """How something is sent: priority, and whether at once instead of in batches. Nothing ever blocks the sender."""
 
-    COMMAND = ("REAL_TIME", True)
-    CLOCK = ("REAL_TIME", True)
+    COMMAND = ("REAL_TIME", True)  # and the questions for the clock
     FEATURES = ("INTERACTIVE_HIGH", True)
     STATE = ("INTERACTIVE_HIGH", False)
     EVENT = ("DATA_HIGH", False)

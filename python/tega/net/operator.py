@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+import tega
 from tega.arm.sources.rates import RatePoses
 from tega.devices.base import TactileFrame
 from tega.devices.registry import driver_class
@@ -68,9 +69,7 @@ class OperatorStation(Station):
         stop: Asked while the robot is looked for.
     """
 
-    def __init__(
-        self, config: SessionConfig, tell: Callable[[str], None], stop: Callable[[], bool]
-    ) -> None:
+    def __init__(self, config: SessionConfig, tell: Callable[[str], None], stop: Callable[[], bool]) -> None:
         super().__init__(config, tell)
         net = self.net
         self.tick_s = 1 / net.rate_hz
@@ -113,7 +112,7 @@ class OperatorStation(Station):
             self._frame = RatePoses.frame
         if self._frame and self._config.input.dead_man is None:
             raise ConfigError(
-                "something leads an arm here, but no dead-man switch is set, without which nothing would stop it at once",
+                "something leads an arm here, but no dead-man switch is set to stop it at once",
                 "set [input.dead_man], such as a pedal or a SpaceMouse's button",
             )
 
@@ -129,8 +128,8 @@ class OperatorStation(Station):
         mine = f"cmd/{self._name}"
         self._send_hand = link.sends(f"{mine}/hand", Channel.COMMAND)
         self._send_arm = link.sends(f"{mine}/arm", Channel.COMMAND)
-        self._send_ping = link.sends(f"{mine}/clock/ping", Channel.CLOCK)
-        self._send_pong = link.sends(f"{mine}/clock/pong", Channel.CLOCK)
+        self._send_ping = link.sends(f"{mine}/clock/ping", Channel.COMMAND)
+        self._send_pong = link.sends(f"{mine}/clock/pong", Channel.COMMAND)
         link.hears("state", self._hear_state)
         link.hears("event", self._hear_event)
         link.hears("clock/*", self._hear_clock)
@@ -155,7 +154,11 @@ class OperatorStation(Station):
         robot = self.net.robot
         if (refused := self._refusal) is not None:
             raise DeviceUnavailableError(refused.why, refused.hint)
-        keys = ", and that both stations' keys are from the same folder and name each other" if self.net.keys else ""
+        keys = (
+            ", and that both stations' keys are from the same folder and name each other"
+            if self.net.keys
+            else ""
+        )
         raise DeviceUnavailableError(
             f"no robot {robot!r} answers at {self.net.connect} within {self.net.wait_s:g} s",
             f"start it there with: tega-teleop robot ROBOT.toml; check its name and address{keys}",
@@ -223,7 +226,13 @@ class OperatorStation(Station):
         return inputs
 
     def begin(
-        self, prepared: Prepared, *, start_ns: int, bell: Bell | None, trace: LatencyTrace | None, guard: Guard
+        self,
+        prepared: Prepared,
+        *,
+        start_ns: int,
+        bell: Bell | None,
+        trace: LatencyTrace | None,
+        guard: Guard,
     ) -> None:
         """Take in touch from now on."""
         for name, far in self._fingers.items():
@@ -321,7 +330,7 @@ class OperatorStation(Station):
             if now_ns >= self._next_ask_ns:
                 refused = self._refusal is not None and self._refusal.final
                 self._next_ask_ns = now_ns + (_ASK_AGAIN_NS if refused else _ASK_NS)
-                self._ask(now_ns)
+                self._ask()
             return
         self._ping(self._session, now_ns)
         lost = now_ns - self._state_ns > self._lost_ns
@@ -337,9 +346,7 @@ class OperatorStation(Station):
         if self._welcome is not None and self._welcome.arm:
             self._say_arm()
 
-    def _ask(self, now_ns: int) -> None:
-        from tega import __version__
-
+    def _ask(self) -> None:
         if not self._session:
             self._session = secrets.randbits(62) | 1
             self._end_life()
@@ -349,7 +356,7 @@ class OperatorStation(Station):
         join = Join(
             self._session,
             self._name,
-            tega=__version__,
+            tega=str(tega.__version__),
             frame=self._frame,
             dead_man=self._config.input.dead_man is not None,
             muscles=self._config.emg is not None,

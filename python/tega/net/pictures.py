@@ -113,4 +113,4 @@ def unpacked(packed: bytes) -> NDArray[np.uint8] | None:
     import numpy as np
 
     picture: Any = cv2.imdecode(np.frombuffer(packed, np.uint8), cv2.IMREAD_COLOR)
-    return picture
+    return None if picture is None else np.asarray(picture, np.uint8)

@@ -10,10 +10,12 @@ import secrets
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+import tega
 from tega.arm.pose import StampedPose
 from tega.net.ends import FarMuscles, FarSwitch, FarTracker
 from tega.net.gate import Gate
@@ -66,9 +68,7 @@ class RobotStation(Station):
         self._ttl_ns = round(net.ttl_ms * 1e6)
         frame = "" if arm is None else arm.mapping.frame
         self._has_hand = config.hand.driver is not None
-        self._leader = Leadership(
-            net.own_name, operators=net.operators, frame=frame, hand=self._has_hand
-        )
+        self._leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
         self._gates = {"hand": Gate(ttl_ns=self._ttl_ns), "arm": Gate(ttl_ns=self._ttl_ns)}
         self._refused: dict[str, int] = {}
         self._heard_ns = self._arm_ns = 0
@@ -98,8 +98,8 @@ class RobotStation(Station):
         link.open()
         self._send_state = link.sends("state", Channel.STATE)
         self._send_event = link.sends("event", Channel.EVENT)
-        self._send_ping = link.sends("clock/ping", Channel.CLOCK)
-        self._send_pong = link.sends("clock/pong", Channel.CLOCK)
+        self._send_ping = link.sends("clock/ping", Channel.COMMAND)
+        self._send_pong = link.sends("clock/pong", Channel.COMMAND)
         for finger in self._config.tactile.in_use():
             self._features[finger] = link.sends(f"tactile/features/{finger}", Channel.FEATURES)
         link.hears("cmd/*/hand", self._hear_hand)
@@ -150,31 +150,36 @@ class RobotStation(Station):
             return inputs
         seats = {}
         for name in ("dead_man", "clutch", "recover"):
-            source: Any = FarSwitch(name, lambda name=name: self._switch(name))
+            source: Any = FarSwitch(name, partial(self._switch, name))
             seats[name] = Seat(source, None)
         return Inputs(seats)
 
     @property
     def tracker(self) -> Tracker | None:
         """The operator's forearm."""
-        return self._tracker
+        far: Any = self._tracker
+        return far  # type: ignore[no-any-return]
 
     def begin(
-        self, prepared: Prepared, *, start_ns: int, bell: Bell | None, trace: LatencyTrace | None, guard: Guard
+        self,
+        prepared: Prepared,
+        *,
+        start_ns: int,
+        bell: Bell | None,
+        trace: LatencyTrace | None,
+        guard: Guard,
     ) -> None:
         """Let operators lead from now on."""
-        from tega import __version__
-
+        del bell, guard  # the loop is woken by its own pictures
         if trace is not None and prepared.muscles is not None:
             self._stamp = trace.source("emg")
-        guard.observers.append(self._changed)
         pictures = self._pictures
         self._welcome = Welcome(
             station=self._session,
             fingers={name: f.source.info.rate_hz or 0.0 for name, f in prepared.fingers.items()},
             hand=self._has_hand,
             arm=self._tracker is not None,
-            tega=__version__,
+            tega=str(tega.__version__),
             preset=self._config.session.preset,
             baselines={} if pictures is None else pictures.baselines(prepared),
         )
@@ -211,7 +216,9 @@ class RobotStation(Station):
         )
         self._features[finger](encode(feature))
 
-    def _changed(self, change: Transition) -> None:
+    def changed(self, change: Transition) -> None:
+        """Tell that the run's state has changed, here and to the operator."""
+        super().changed(change)
         event = Event(
             session=self._session,
             sequence=self._number("event"),

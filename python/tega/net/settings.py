@@ -105,7 +105,8 @@ class Endpoint(NamedTuple):
         host = host.strip("[]")
         if scheme not in {"tcp", "tls"} or not slash or not host or not port.isdecimal():
             raise ConfigError(
-                f"{key}: {text!r} is no endpoint", "write tls/ADDRESS:7447, or tcp/127.0.0.1:7447 on one machine"
+                f"{key}: {text!r} is no endpoint",
+                "write tls/ADDRESS:7447, or tcp/127.0.0.1:7447 on one machine",
             )
         if not 0 <= int(port) <= 65_535:
             raise ConfigError(f"{key}: port {port} is not from 0 to 65535", "7447 is usual")
@@ -140,7 +141,8 @@ def checked_net(net: NetSection) -> Endpoint:
     text = getattr(net, ours)
     if text is None:
         raise ConfigError(
-            f"net.{ours} is not set", f'set net.{ours} = "tls/ADDRESS:7447", or "tcp/127.0.0.1:7447" on one machine'
+            f"net.{ours} is not set",
+            f'set net.{ours} = "tls/ADDRESS:7447", or "tcp/127.0.0.1:7447" on one machine',
         )
     if getattr(net, others) is not None:
         raise ConfigError(f"net.{others} is set, but the {net.station}'s station has none", f"use net.{ours}")
@@ -154,10 +156,12 @@ def checked_net(net: NetSection) -> Endpoint:
         )
     if net.keys is not None and endpoint.scheme != "tls":
         raise ConfigError(
-            f"net.keys is set, but net.{ours} = {text!r} does not use them", f"write tls/ instead of {endpoint.scheme}/"
+            f"net.keys is set, but net.{ours} = {text!r} does not use them",
+            f"write tls/ instead of {endpoint.scheme}/",
         )
     if net.keys is not None and net.station == "robot" and not net.operators:
         raise ConfigError(
-            "net.operators names nobody, so nobody may lead the robot", 'set it, such as net.operators = ["alice"]'
+            "net.operators names nobody, so nobody may lead the robot",
+            'set it, such as net.operators = ["alice"]',
         )
     return endpoint

@@ -17,11 +17,10 @@ from tega.net.settings import NetSection, checked_net
 from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
-    from tega.arm.pose import StampedPose
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
-    from tega.haptics import VestFrame
     from tega.safety.guard import Guard
+    from tega.safety.states import Transition
     from tega.tactile import ContactMetrics
     from tega.teleop.bell import Bell
     from tega.teleop.inputs import Inputs
@@ -93,10 +92,20 @@ class Station(Opened):
         return ""
 
     def begin(
-        self, prepared: Prepared, *, start_ns: int, bell: Bell | None, trace: LatencyTrace | None, guard: Guard
+        self,
+        prepared: Prepared,
+        *,
+        start_ns: int,
+        bell: Bell | None,
+        trace: LatencyTrace | None,
+        guard: Guard,
     ) -> None:
         """Take note that the run begins."""
         raise NotImplementedError
+
+    def changed(self, change: Transition) -> None:
+        """Tell that the run's state has changed."""
+        self._tell(f"{change.state}: {change.reason}")
 
     def recorder(self, other: Recorder | None) -> Recorder:
         """Return what sees everything that the loop takes in, and passes it on."""
@@ -235,9 +244,7 @@ class _Seen:
             self._other.levels(t_ns, channels, fused)
 
 
-def open_station(
-    config: SessionConfig, *, tell: Callable[[str], None], stop: Callable[[], bool]
-) -> Station:
+def open_station(config: SessionConfig, *, tell: Callable[[str], None], stop: Callable[[], bool]) -> Station:
     """Make this station's end of the link, not opened yet.
 
     Raises:
@@ -247,7 +254,9 @@ def open_station(
     assert net is not None
     checked_net(net)
     if config.session.pace == "fast":
-        raise ConfigError("session.pace = 'fast', but a station runs in real time", "set session.pace = 'real'")
+        raise ConfigError(
+            "session.pace = 'fast', but a station runs in real time", "set session.pace = 'real'"
+        )
     operator = net.station == "operator"
     here = {
         "tactile": bool(config.tactile.in_use()),

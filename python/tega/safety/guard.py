@@ -190,9 +190,9 @@ class Guard:
                 wrong[name] = f"{name}: not reached, so touch is not felt"
                 if s.vest_lost == "hold":
                     holding[name] = wrong[name]
-        for name, tells in self._needs.items():
-            if said := tells():
-                wrong[name] = holding[name] = said
+        needed = {name: said for name, tells in self._needs.items() if (said := tells())}
+        wrong |= needed
+        holding |= needed
         if released:
             holding["dead_man"] = released
         if late:

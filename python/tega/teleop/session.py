@@ -154,7 +154,15 @@ def run_session(
             steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
         progress("running", 0, 0)
         guard = _guard(
-            config, prepared, sinks, disk, recording, markers=markers, go=go, steering=steering, station=station
+            config,
+            prepared,
+            sinks,
+            disk,
+            recording,
+            markers=markers,
+            go=go,
+            steering=steering,
+            station=station,
         )
         guard.observers.append(on_state)
         return _run(
@@ -330,6 +338,7 @@ def _run(
         markers.follow(guard, inputs)
     if station is not None:
         station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
+        guard.observers.append(station.changed)
         parts = parts._replace(recorder=station.recorder(parts.recorder))
     flows = stack.enter_context(ExitStack())
     if steering is not None:

@@ -1,0 +1,134 @@
+"""Two stations, each a program of its own, over real Zenoh on this machine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+pytest.importorskip("zenoh", reason="needs the extra net")
+
+from reference.net import Leader
+from reference.waiting import until
+from tega.net.messages import Refused, Welcome
+from tega.testing.stations import Program, free_port, write_stations
+
+
+@pytest.fixture(scope="module")
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture(scope="module")
+def files(port: int, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    return write_stations(tmp_path_factory.mktemp("stations"), port=port)
+
+
+@pytest.fixture(scope="module")
+def robot(files: tuple[Path, Path]) -> Iterator[Program]:
+    with Program("robot", files[0]) as program:
+        program.await_said("waits for an operator")
+        yield program
+
+
+def test_muscles_close_the_robot_s_hand_and_its_touch_comes_back(robot, files) -> None:
+    n_before = robot.said.count("is gone")
+    with Program("operator", files[1]) as operator:
+        operator.await_said("active")
+        time.sleep(1.5)
+        summary = operator.end()
+    robot.await_said("operator 'operator' is gone", times=n_before + 1)
+    assert summary["net"]["robot"] == "robot"
+    assert summary["net"]["features"]["thumb"] > 10
+    assert summary["net"]["commands"] > 10
+    assert abs(summary["net"]["clock"]["offset_ms"]) <= summary["net"]["clock"]["round_trip_ms"]
+    assert summary["tactile"]["thumb"]["frames"] > 10
+    assert summary["hand"]["sinks"] == ["net"]
+
+
+def test_one_operator_leads_and_a_second_is_told_by_whom(robot, files, port) -> None:
+    with Leader(port) as alice:
+        assert isinstance(alice.join(), Welcome)
+        assert isinstance(alice.join(), Welcome)  # who asks again is not somebody else
+        with Program("operator", files[1]) as operator:
+            assert operator.process.wait(60) == 3
+            assert "robot 'robot' is led by 'alice' already" in operator.said
+            assert "ask 'alice' to end" in operator.said
+        refused = alice.join(session=78)
+        assert isinstance(refused, Refused)
+        with Leader(port, "bob") as bob:
+            robot_s_own = bob.join(name="alice")
+            assert isinstance(robot_s_own, Refused)
+            assert "somebody else" in robot_s_own.why
+    with Leader(port, "bob", session=79) as bob:
+        until(lambda: isinstance(bob.join(), Welcome))
+
+
+def test_only_commands_of_the_leader_in_order_and_young_are_obeyed(robot, port) -> None:
+    with Leader(port, session=80) as alice:
+        assert isinstance(alice.join(), Welcome)
+        until(lambda: alice.clocks > 0)
+        time.sleep(0.1)
+
+        def refused(why: str) -> int:
+            return 0 if alice.state is None else alice.state.refused.get(why, 0)
+
+        alice.say(10)
+        alice.say(10)
+        alice.say(9)
+        alice.say(11, session=81)
+        alice.say(12, age_ms=3000.0)
+        alice.say(13, age_ms=-3000.0)
+        alice.say(14, level=6)
+        alice.say_raw(b"\xff\x00nonsense")
+        alice.say_raw(msgspec.msgpack.encode({"type": "HandCommand", "session": "x"}))
+        with Leader(port, "eve", session=80) as eve:  # the right number, from the wrong place
+            eve.say(100)
+            until(lambda: refused("foreign") == 2)
+        expected = {"repeated": 1, "reordered": 1, "foreign": 2, "old": 1, "ahead": 1, "malformed": 3}
+        until(lambda: alice.state is not None and alice.state.refused == expected)
+        assert alice.state is not None
+        until(lambda: alice.state is not None and "no command from 'alice'" in alice.state.problem)
+
+
+def test_a_silent_operator_leaves_the_hand_held_then_open(robot, port) -> None:
+    def is_in(state: str) -> bool:
+        return alice.state is not None and alice.state.state == state
+
+    with Leader(port, session=90) as alice:
+        assert isinstance(alice.join(), Welcome)
+        until(lambda: alice.clocks > 0)
+        sequence = 0
+        until_s = time.monotonic() + 30
+        while not is_in("active") and time.monotonic() < until_s:
+            alice.say(sequence)
+            sequence += 1
+            time.sleep(0.02)
+        assert is_in("active")
+        until(lambda: is_in("hold"))
+        assert alice.state is not None
+        assert "link: no command from 'alice'" in alice.state.reason
+        until(lambda: is_in("idle"))
+
+
+def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
+    robot_file, operator_file = write_stations(tmp_path, port=free_port())
+    with Program("robot", robot_file) as robot:
+        robot.await_said("waits for an operator")
+        with Program("operator", operator_file) as operator:
+            operator.await_said("active")
+            robot.process.kill()
+            robot.process.wait()
+            operator.await_said("does not answer")
+            with Program("robot", robot_file) as again:
+                operator.await_said("is led again")
+                again.await_said("operator 'operator' leads")
+                operator.await_said("\nactive: ", times=2)
+                summary = operator.end()
+    assert summary["net"]["joined"] == 2
+    assert summary["net"]["lost"] == 1
+    states = [change["state"] for change in summary["safety"]["changes"]]
+    assert "hold" in states
