@@ -10,6 +10,8 @@ import msgspec
 from reference.waiting import until
 from tega.net.link import Channel, Link
 from tega.net.messages import (
+    ArmCommand,
+    ForearmPose,
     HandCommand,
     Join,
     Ping,
@@ -39,6 +41,7 @@ class Leader:
         link = self.link
         link.open()
         self._say = link.sends(f"cmd/{self.name}/hand", Channel.COMMAND)
+        self._say_arm = link.sends(f"cmd/{self.name}/arm", Channel.COMMAND)
         self._pong = link.sends(f"cmd/{self.name}/clock/pong", Channel.COMMAND)
         link.hears("clock/ping", self._asked)
         link.hears("state", self._told)
@@ -90,6 +93,21 @@ class Leader:
             block_ns=sent_ns,
         )
         self._say(encode(command))
+
+    def say_arm(self, *, dead_man: bool = False, clutch: bool = False, recover: bool = False) -> None:
+        """Send where the forearm is, which stands still, and what is held."""
+        now_ns = time.monotonic_ns()
+        command = ArmCommand(
+            session=self.session,
+            sequence=now_ns,
+            sent_ns=now_ns,
+            pose=ForearmPose(now_ns, (0.2, -0.3, -0.4), (0.0, 0.0, 0.0, 1.0)),
+            dead_man=dead_man,
+            clutch=clutch,
+            recover=recover,
+        )
+        self._say_arm(encode(command))
+        self.say(now_ns)
 
     def say_raw(self, data: bytes) -> None:
         """Send anything."""

@@ -49,7 +49,8 @@ def test_muscles_close_the_robot_s_hand_and_its_touch_comes_back(robot, files) -
     assert summary["hand"]["sinks"] == ["net"]
 
 
-def test_one_operator_leads_and_a_second_is_told_by_whom(robot, files, port) -> None:
+@pytest.mark.usefixtures("robot")
+def test_one_operator_leads_and_a_second_is_told_by_whom(files, port) -> None:
     with Leader(port) as alice:
         assert isinstance(alice.join(), Welcome)
         assert isinstance(alice.join(), Welcome)  # who asks again is not somebody else
@@ -67,7 +68,8 @@ def test_one_operator_leads_and_a_second_is_told_by_whom(robot, files, port) -> 
         until(lambda: isinstance(bob.join(), Welcome))
 
 
-def test_only_commands_of_the_leader_in_order_and_young_are_obeyed(robot, port) -> None:
+@pytest.mark.usefixtures("robot")
+def test_only_commands_of_the_leader_in_order_and_young_are_obeyed(port) -> None:
     with Leader(port, session=80) as alice:
         assert isinstance(alice.join(), Welcome)
         until(lambda: alice.clocks > 0)
@@ -94,7 +96,8 @@ def test_only_commands_of_the_leader_in_order_and_young_are_obeyed(robot, port) 
         until(lambda: alice.state is not None and "no command from 'alice'" in alice.state.problem)
 
 
-def test_a_silent_operator_leaves_the_hand_held_then_open(robot, port) -> None:
+@pytest.mark.usefixtures("robot")
+def test_a_silent_operator_leaves_the_hand_held_then_open(port) -> None:
     def is_in(state: str) -> bool:
         return alice.state is not None and alice.state.state == state
 

@@ -197,7 +197,7 @@ def zenoh_settings(net: NetSection) -> dict[str, Any]:
         "listen/timeout_ms": 0,
         "connect/endpoints": [endpoint] if operator else [],
         "connect/exit_on_failure": False,
-        "connect/timeout_ms": 0,
+        "connect/timeout_ms": -1,
         "connect/retry": {
             "period_init_ms": first_ms,
             "period_max_ms": most_ms,

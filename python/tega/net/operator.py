@@ -264,6 +264,8 @@ class OperatorStation(Station):
 
     def missing(self) -> str:
         """Say that the robot does not answer, or does not want us."""
+        if self._error:
+            return self._error
         robot = self.net.robot
         if not self._joined:
             why = "" if self._refusal is None else f": {self._refusal.why}"
@@ -343,7 +345,7 @@ class OperatorStation(Station):
         if lost:
             return
         self._say_hand()
-        if self._welcome is not None and self._welcome.arm:
+        if self._start_ns is not None and self._welcome is not None and self._welcome.arm:
             self._say_arm()
 
     def _ask(self) -> None:

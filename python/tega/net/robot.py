@@ -189,6 +189,8 @@ class RobotStation(Station):
 
     def missing(self) -> str:
         """Say that nobody leads, or that the leader's commands do not come."""
+        if self._error:
+            return self._error
         if (session := self._leader.session) == 0:
             return "link: no operator leads"
         away_ns = time.monotonic_ns() - self._heard_ns
@@ -305,7 +307,10 @@ class RobotStation(Station):
         self._new_peer()
         self._n_leaders += session is not None
         self._heard_ns = self._arm_ns = self._pose_ns = self._block_ns = self._level = 0
-        self._switches, self._clutch_was_open = None, False
+        if session is not None:
+            # Not before: with the clutch pressed, the chain goes on from holding to letting go to a stop, as it would
+            # at one machine whose operator's devices all went silent.
+            self._switches, self._clutch_was_open = None, False
         if self._tracker is not None:
             self._tracker.forget()
         self._next_state_ns = 0

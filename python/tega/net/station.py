@@ -56,6 +56,7 @@ class Station(Opened):
         self._next_ping_ns = 0
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
+        self._error = ""
         self._start_ns: int | None = None
         self._view: LoopView | None = None
         self._way = Spread()
@@ -158,7 +159,12 @@ class Station(Opened):
         next_s = time.monotonic()
         while not self._leaving.wait(max(0.0, next_s - time.monotonic())):
             next_s = max(next_s + self.tick_s, time.monotonic() - self.tick_s)
-            self._turn(time.monotonic_ns())
+            try:
+                self._turn(time.monotonic_ns())
+            except Exception as error:  # told as long as the run lasts; nothing more is sent, so the other side holds
+                self._error = f"link: no longer served: {error}"
+                self._tell(self._error)
+                return
 
     def _turn(self, now_ns: int) -> None:
         raise NotImplementedError
