@@ -69,7 +69,8 @@ class Leader:
     def join(self, **facts: Any) -> Welcome | Refused:
         """Ask to lead until there is an answer."""
         self.answer = None
-        join = Join(**({"session": self.session, "name": self.name, "muscles": True} | facts))
+        whole: dict[str, Any] = {"session": self.session, "name": self.name, "muscles": True} | facts
+        join = Join(**whole)
 
         def asked() -> bool:
             if self.answer is None or (isinstance(self.answer, Refused) and not self.answer.final):

@@ -133,11 +133,17 @@ def test_an_operator_who_falls_silent_leaves_the_arm_held_then_loose_then_stoppe
             return "" if alice.state is None else alice.state.arm
 
         def hold_on(words: str, **switches: bool) -> None:
-            until(lambda: (alice.say_arm(**switches), arm().startswith(words))[1])
+            def reached() -> bool:
+                alice.say_arm(**switches)
+                return arm().startswith(words)
+
+            until(reached)
 
         hold_on("idle: the clutch is open", dead_man=True)
         hold_on("following", dead_man=True, clutch=True)
-        until(lambda: arm().startswith("stopped: no pose came for more than 1000 ms"))  # nothing is said any more
+        until(
+            lambda: arm().startswith("stopped: no pose came for more than 1000 ms")
+        )  # nothing is said any more
         hold_on("stopped", dead_man=True, clutch=True)
         hold_on("idle", recover=True)
         robot.end()

@@ -22,48 +22,13 @@ from types import TracebackType
 from typing import IO, Any, Literal, Self
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
+from tega.config_text import tree_text
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["Program", "free_port", "write_stations"]
+__all__ = ["Program", "free_port", "split", "write_stations", "write_trees"]
 
 _PATIENCE_S = 60.0
-_ARM = """
-[arm]
-driver = "simulated-arm"
-mapping = { frame = "base" }
-"""
-_ROBOT = """# The robot's station, all of it simulated. In one terminal:  tega-teleop robot {robot}
-# and in another:                                             tega-teleop operator {operator}
-
-[net]
-station = "robot"
-name = "robot"
-listen = "{listen}"
-{robot_keys}
-[tactile.thumb]
-driver = "synthetic-touch"
-options = {{ seed = 1, duration_s = {duration_s} }}
-
-[hand]
-driver = "python-can"
-options = {{ interface = "virtual", channel = "tega" }}
-{arm}"""
-_OPERATOR = """# The operator's station, all of it simulated; the robot's stands in {robot}.
-
-[net]
-station = "operator"
-name = "operator"
-robot = "robot"
-connect = "{connect}"
-{operator_keys}
-[calibration]
-file = "calibration.toml"
-
-[emg]
-driver = "synthetic-emg"
-kind = "raw"
-options = {{ seed = 1, duration_s = {duration_s} }}
-"""
+_ROBOT_S = ("tactile", "hand", "arm", "recording")
 
 
 def free_port() -> int:
@@ -74,13 +39,42 @@ def free_port() -> int:
     return port
 
 
+def split(
+    tree: dict[str, Any], *, listen: str, connect: str, keys: Path | None = None
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Share the settings of one machine among two stations.
+
+    Args:
+        tree: They, as nested tables.
+        listen: Where the robot listens.
+        connect: Where the operator connects to: the same, unless something stands between.
+        keys: Folder that ``tega-teleop net keys`` has made for ``operator`` and ``robot``; none for none.
+
+    Returns:
+        The robot's and the operator's.
+    """
+    robot: dict[str, Any] = {"net": {"station": "robot", "name": "robot", "listen": listen}}
+    operator: dict[str, Any] = {
+        "net": {"station": "operator", "name": "operator", "robot": "robot", "connect": connect}
+    }
+    if keys is not None:
+        robot["net"] |= {"keys": str(keys / "robot"), "operators": ["operator"]}
+        operator["net"]["keys"] = str(keys / "operator")
+    both = {key: value for key, value in tree.items() if key == "session"}
+    robot |= both | {key: tree[key] for key in _ROBOT_S if key in tree}
+    operator |= both | {key: value for key, value in tree.items() if key not in {*_ROBOT_S, "session"}}
+    if (tracker := robot.get("arm", {}).get("tracker")) is not None:
+        robot["arm"] = {key: value for key, value in robot["arm"].items() if key != "tracker"}
+        operator["net"]["tracker"] = tracker
+    return robot, operator
+
+
 def write_stations(
     folder: Path,
     *,
     port: int,
     connect_port: int | None = None,
     keys: Path | None = None,
-    arm: bool = False,
     duration_s: float = 60.0,
 ) -> tuple[Path, Path]:
     """Write settings of two simulated stations, with a calibration made up for them.
@@ -90,26 +84,24 @@ def write_stations(
         port: Where the robot listens.
         connect_port: Where the operator connects to, if something stands between.
         keys: Folder that ``tega-teleop net keys`` has made for ``operator`` and ``robot``; none for none.
-        arm: Whether the robot has a simulated arm.
         duration_s: How long the simulated grasp lasts.
 
     Returns:
         The files of robot and operator.
     """
-    scheme = "tcp" if keys is None else "tls"
-    robot, operator = folder / "robot.toml", folder / "operator.toml"
-    names = {
-        "robot": robot.name,
-        "operator": operator.name,
-        "listen": f"{scheme}/127.0.0.1:{port}",
-        "connect": f"{scheme}/127.0.0.1:{connect_port or port}",
-        "robot_keys": f'keys = "{keys / "robot"}"\noperators = ["operator"]\n' if keys else "",
-        "operator_keys": f'keys = "{keys / "operator"}"\n' if keys else "",
-        "arm": _ARM if arm else "",
-        "duration_s": duration_s,
+    touch = {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": duration_s}}
+    tree = {
+        "calibration": {"file": "calibration.toml"},
+        "tactile": {"thumb": touch},
+        "hand": {"driver": "python-can", "options": {"interface": "virtual", "channel": "tega"}},
+        "emg": {
+            "driver": "synthetic-emg",
+            "kind": "raw",
+            "options": {"seed": 1, "duration_s": duration_s},
+        },
     }
-    robot.write_text(_ROBOT.format(**names), encoding="utf-8")
-    operator.write_text(_OPERATOR.format(**names), encoding="utf-8")
+    scheme = "tcp" if keys is None else "tls"
+    listen, connect = (f"{scheme}/127.0.0.1:{p}" for p in (port, connect_port or port))
     full = TouchMaxima(cci_max=1.0, eda_max=10_000.0)
     maxima = EmgMaxima(
         kind="raw", rate_hz=1000.0, tau=100, channels=("ch1", "ch2", "ch3"), maxima=(200.0, 200.0, 200.0)
@@ -121,6 +113,16 @@ def write_stations(
         emg=maxima,
     )
     save_calibration(calibration, folder / "calibration.toml")
+    return write_trees(folder, split(tree, listen=listen, connect=connect, keys=keys))
+
+
+def write_trees(
+    folder: Path, trees: tuple[dict[str, Any], dict[str, Any]], stem: str = ""
+) -> tuple[Path, Path]:
+    """Write the settings of robot and operator, and return the files."""
+    robot, operator = folder / f"{stem}robot.toml", folder / f"{stem}operator.toml"
+    for file, tree in zip((robot, operator), trees, strict=True):
+        file.write_text(tree_text(tree), encoding="utf-8")
     return robot, operator
 
 
