@@ -135,3 +135,5 @@ def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
     assert summary["net"]["lost"] == 1
     states = [change["state"] for change in summary["safety"]["changes"]]
     assert "hold" in states
+    assert any("no data from the robot" in said for said in summary["notes"])
+    assert summary["tactile"]["thumb"]["silent_s"] > 0.1
