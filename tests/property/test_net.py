@@ -1,11 +1,16 @@
 from __future__ import annotations
 
+import time
+from pathlib import Path
+
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tega.config import check_tree
 from tega.net.clock import ClockEstimate, Offset
 from tega.net.gate import REFUSALS, Gate
-from tega.net.messages import Stamped
+from tega.net.messages import ArmCommand, HandCommand, Join, Ping, Pong, Stamped, Welcome, decode, encode
+from tega.net.robot import RobotStation
 
 TTL_NS = 100_000_000
 _ns = st.integers(-(10**10), 10**10)
@@ -87,3 +92,46 @@ def test_answers_that_contradict_themselves_change_nothing(t0_ns, t1_ns, t2_ns, 
     estimate.add(t0_ns, t1_ns, t2_ns, t3_ns)
     best = estimate.best(t3_ns)
     assert (best is None) == (t2_ns < t1_ns or (t3_ns - t0_ns) < (t2_ns - t1_ns))
+
+
+_HOST = {"station": "robot", "listen": "tcp/127.0.0.1:1"}
+_TREE = {"net": _HOST, "arm": {"driver": "simulated-arm"}, "hand": {"driver": "python-can"}}
+_KEYS = ("cmd/alice/hand", "cmd/alice/arm", "cmd/alice/clock/ping", "cmd/alice/clock/pong", "cmd/eve/hand")
+_number = st.integers(-(2**63), 2**63 - 1)
+_real = st.floats(width=64)
+_place = st.tuples(_real, _real, _real)
+_message = st.one_of(
+    st.builds(
+        HandCommand, session=st.just(5) | _number, sequence=_number, sent_ns=_number, level=st.integers(-9, 9)
+    ),
+    st.builds(ArmCommand, session=st.just(5) | _number, sequence=_number, sent_ns=_number),
+    st.builds(Ping, session=st.just(5) | _number, t0_ns=_number),
+    st.builds(Pong, session=st.just(5) | _number, t0_ns=_number, t1_ns=_number, t2_ns=_number),
+).map(encode)
+
+
+@st.composite
+def _damaged(draw: st.DrawFn) -> bytes:
+    """A message, or one with bytes missing, changed or added, or none at all."""
+    whole = bytearray(draw(_message))
+    for at, byte in draw(st.lists(st.tuples(st.integers(0, 200), st.integers(0, 255)), max_size=4)):
+        whole[at % len(whole)] = byte
+    return bytes(whole[: draw(st.integers(0, len(whole)))]) + draw(st.binary(max_size=3))
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(_KEYS), _message | _damaged() | st.binary(max_size=60)), max_size=30)
+)
+def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> None:
+    station = RobotStation(check_tree(_TREE, {}, base=Path()).config, lambda _said: None)
+    station._welcome = Welcome(station=1, fingers={}, hand=True, arm=True)
+    station._start_ns = time.monotonic_ns()
+    join = Join(5, "alice", frame="openxr", dead_man=True, muscles=True)
+    assert decode(Welcome, station._join("join/alice", encode(join))).arm
+    for key, data in arrivals:
+        hear = station._hear_clock if "clock" in key else getattr(station, f"_hear_{key.rpartition('/')[2]}")
+        hear(key, data)
+    # No question for the clock was ever answered as it was asked, so nothing that came has an age.
+    assert station._blocks.next_until(2**62) is None
+    assert not any(station._switch(name)[2] for name in ("dead_man", "clutch", "recover"))
+    assert "no command from 'alice' yet" in station.missing()

@@ -12,8 +12,10 @@ if TYPE_CHECKING:
 __all__ = ["latency_tables", "print_summary"]
 
 
-def _linked(net: dict[str, Any]) -> str:
-    """Say how the link to the other station was."""
+def _print_link(out: Console, net: dict[str, Any] | None) -> None:
+    """Say how the link to the other station was, if there is one."""
+    if net is None:
+        return
     operator = net["station"] == "operator"
     words = [f"led robot {net['robot']!r}" if operator else f"led by {net['leaders']} operators in turn"]
     if operator and net["lost"]:
@@ -26,7 +28,7 @@ def _linked(net: dict[str, Any]) -> str:
     refused = net["refused_features" if operator else "refused_commands"]
     if refused:
         words.append("not used: " + ", ".join(f"{n} {why}" for why, n in refused.items()))
-    return f"link: {', '.join(words)}"
+    out.print(f"link: {', '.join(words)}", markup=False, soft_wrap=True)
 
 
 def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
@@ -84,8 +86,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         out.print(
             f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}", markup=False
         )
-    if (net := summary.get("net")) is not None:
-        out.print(_linked(net), markup=False, soft_wrap=True)
+    _print_link(out, summary.get("net"))
     _print_safety(out, summary)
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)

@@ -12,6 +12,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, InputEvent, InputState, TactileFrame
 from tega.devices.lifecycle import Opened
+from tega.net.pictures import unpacked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,7 +39,7 @@ class FarFinger(Opened):
         self._info = DeviceInfo(
             driver="net", kind="tactile", label=f"{name} of {robot!r}", live=True, rate_hz=rate_hz or None
         )
-        self._pictures: queue.Queue[TactileFrame] = queue.Queue(1)
+        self._pictures: queue.Queue[tuple[int, int, bytes]] = queue.Queue(1)
         self.ended = False
 
     @property
@@ -52,19 +53,21 @@ class FarFinger(Opened):
     def close(self) -> None:
         """Nothing is to be closed here."""
 
-    def show(self, frame: TactileFrame) -> None:
-        """Take the newest picture; one that nobody has looked at goes."""
+    def show(self, t_ns: int, number: int, jpeg: bytes) -> None:
+        """Take the newest picture; one that nobody has looked at goes, and who looks unpacks it."""
         with contextlib.suppress(queue.Empty):
             self._pictures.get_nowait()
         with contextlib.suppress(queue.Full):
-            self._pictures.put_nowait(frame)
+            self._pictures.put_nowait((t_ns, number, jpeg))
 
     def read(self, timeout_s: float) -> TactileFrame | None:
         """Return the next picture, or ``None`` when none came in time."""
         try:
-            return self._pictures.get(timeout=timeout_s) if timeout_s > 0 else self._pictures.get_nowait()
+            t_ns, number, jpeg = self._pictures.get(block=timeout_s > 0, timeout=timeout_s or None)
         except queue.Empty:
             return None
+        picture = unpacked(jpeg)
+        return None if picture is None else TactileFrame(t_ns, number, picture, "over the link")
 
 
 class FarMuscles(Opened):

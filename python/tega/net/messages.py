@@ -241,7 +241,10 @@ def decode(kind: type[_Message], data: bytes) -> _Message:
     decoder = _decoders.get(kind)
     if decoder is None:
         decoder = _decoders[kind] = msgspec.msgpack.Decoder(kind)
-    message = decoder.decode(data)
+    try:
+        message = decoder.decode(data)
+    except (UnicodeError, OverflowError, RecursionError) as error:  # which the decoder lets through
+        raise msgspec.DecodeError(str(error)) from error
     if not isinstance(message, kind):
         raise msgspec.DecodeError(f"not a {kind.__name__}")
     return message

@@ -15,7 +15,6 @@ import numpy as np
 
 import tega
 from tega.arm.sources.rates import RatePoses
-from tega.devices.base import TactileFrame
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.net.ends import FarFinger, FarHand
@@ -164,15 +163,23 @@ class OperatorStation(Station):
             f"start it there with: tega-teleop robot ROBOT.toml; check its name and address{keys}",
         )
 
+    def end(self) -> None:
+        """Let go of hand and arm."""
+        self._leaving.set()
+        for thread in (*self._readers, self._thread):
+            if thread is not None:
+                thread.join(2.0)
+        self._readers.clear()
+        if self._joined and self._thread is not None and not self._error:
+            if self._hand is not None:
+                self._hand.limp()
+            self._say_hand()
+            self._send_arm(encode(ArmCommand(**self._stamp("arm"))))  # nothing is held any more
+        self._thread = None
+
     def close(self) -> None:
         """Give the lead back, and end the link."""
-        self._leaving.set()
-        for reader in self._readers:
-            reader.join(2.0)
-        self._readers.clear()
-        if self._thread is not None:
-            self._thread.join(2.0)
-            self._thread = None
+        self.end()
         self._end_life()
         super().close()
 
@@ -477,28 +484,19 @@ class OperatorStation(Station):
             image = decode(Image, data)
         except msgspec.DecodeError:
             return
-        picture = unpacked(image.jpeg)
         with self._lock:
             offset = self._offset_now(time.monotonic_ns())
-        if picture is not None and offset is not None:
-            far.source.show(TactileFrame(offset.ours(image.t_ns), image.number, picture, "over the link"))
+        if offset is not None:
+            far.source.show(offset.ours(image.t_ns), image.number, image.jpeg)
 
     def _say_hand(self) -> None:
         hand, (block_ns, channels) = self._hand, self._block
         level = None if hand is None else hand.level
-        now_ns = time.monotonic_ns()
-        command = HandCommand(
-            session=self._session,
-            sequence=self._numbers["hand"],
-            sent_ns=now_ns,
-            level=level,
-            channels=channels,
-            block_ns=block_ns,
-        )
-        self._numbers["hand"] += 1
+        stamp = self._stamp("hand")
+        command = HandCommand(**stamp, level=level, channels=channels, block_ns=block_ns)
         self._send_hand(encode(command))
         if level is not None:
-            self._sent.append(now_ns)
+            self._sent.append(stamp["sent_ns"])
 
     def _say_arm(self) -> None:
         if self._source is not None:
@@ -508,17 +506,19 @@ class OperatorStation(Station):
                 self._pose = ForearmPose(pose.t_ns, (x, y, z), (qx, qy, qz, qw), bool(pose.valid))
         dead_man = self._held("dead_man")
         command = ArmCommand(
-            session=self._session,
-            sequence=self._numbers["arm"],
-            sent_ns=time.monotonic_ns(),
+            **self._stamp("arm"),
             pose=self._pose,
             dead_man=dead_man and self._may_move(),
             clutch=self._held("clutch") if "clutch" in self._seats else dead_man,
             # With the dead-man held it means nothing, as on one machine.
             recover=self._held("recover") and not dead_man,
         )
-        self._numbers["arm"] += 1
         self._send_arm(encode(command))
+
+    def _stamp(self, stream: str) -> dict[str, Any]:
+        number = self._numbers[stream]
+        self._numbers[stream] += 1
+        return {"session": self._session, "sequence": number, "sent_ns": time.monotonic_ns()}
 
     def _held(self, name: str) -> bool:
         if (seat := self._seats.get(name)) is None:

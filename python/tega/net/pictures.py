@@ -112,5 +112,8 @@ def unpacked(packed: bytes) -> NDArray[np.uint8] | None:
         return None
     import numpy as np
 
-    picture: Any = cv2.imdecode(np.frombuffer(packed, np.uint8), cv2.IMREAD_COLOR)
+    try:
+        picture: Any = cv2.imdecode(np.frombuffer(packed, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:  # there is nothing in it
+        return None
     return None if picture is None else np.asarray(picture, np.uint8)

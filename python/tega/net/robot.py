@@ -356,20 +356,23 @@ class RobotStation(Station):
             self._way.add(now_ns - offset.ours(command.sent_ns))
             self._n_commands += 1
             self._heard_ns = offset.ours(command.sent_ns)
-            block_ns = offset.ours(command.block_ns)
+            self._pass_on(command, offset.ours(command.block_ns), now_ns)
+
+    def _pass_on(self, command: HandCommand, block_ns: int, now_ns: int) -> None:
+        """Give a new block of EMG to the loop; with the lock held."""
         start_ns, level = self._start_ns, command.level
         if start_ns is None or level is None or not self._has_hand:
             return
+        t_ns = self._blocks.end_ns
         if command.block_ns > self._block_ns:
             self._block_ns = command.block_ns
-            t_ns = min(block_ns, now_ns) - start_ns
+            # Never in the future, whatever the other clock says, nor back where its estimate has moved a little.
+            t_ns = max(min(block_ns, now_ns) - start_ns, t_ns)
             self._stamp(t_ns, now_ns)
-        elif level != self._level:
-            t_ns = self._blocks.end_ns  # the operator's own guard says otherwise of the same block
-        else:
+        elif level == self._level:  # else the operator's own guard says otherwise of the same block
             return
         self._level = level
-        self._blocks.put((max(t_ns, self._blocks.end_ns), (level,), level))
+        self._blocks.put((t_ns, (level,), level))
 
     def _hear_arm(self, key: str, data: bytes) -> None:
         now_ns = time.monotonic_ns()

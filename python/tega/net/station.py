@@ -141,6 +141,9 @@ class Station(Opened):
         """Return what a run says of the link."""
         raise NotImplementedError
 
+    def end(self) -> None:
+        """Take no more part in the run, whose devices are about to be closed."""
+
     # The link.
 
     def close(self) -> None:

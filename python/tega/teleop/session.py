@@ -341,6 +341,8 @@ def _run(
         guard.observers.append(station.changed)
         parts = parts._replace(recorder=station.recorder(parts.recorder))
     flows = stack.enter_context(ExitStack())
+    if station is not None:
+        flows.callback(station.end)
     if steering is not None:
         steering.start(may_move=lambda: guard.state == "active")
         flows.callback(steering.stop)
