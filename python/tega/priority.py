@@ -21,12 +21,13 @@ _LAST = 1
 
 
 @contextmanager
-def ahead_of_others(*, last: bool = False) -> Iterator[bool]:
+def ahead_of_others(*, last: bool = False, inherited: bool = False) -> Iterator[bool]:
     """Ask for it for the calling thread and this block.
 
     Args:
         last: Go after the run's other threads. A thread that nobody waits for holds the interpreter at times, and must
             not lose its core to another program just then.
+        inherited: Threads that are started in the block keep it; none of them may start a process.
 
     Yields:
         Whether it was granted, or was so before.
@@ -39,9 +40,8 @@ def ahead_of_others(*, last: bool = False) -> Iterator[bool]:
         yield True
         return
     try:
-        os.sched_setscheduler(
-            0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(_LAST if last else _PRIORITY)
-        )
+        policy = os.SCHED_RR if inherited else os.SCHED_RR | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(_LAST if last else _PRIORITY))
     except OSError:  # not allowed
         yield False
         return

@@ -134,7 +134,9 @@ def run_session(
             from tega.net.station import open_station
 
             progress("opening the link", 0, 0)
-            station = stack.enter_context(open_station(config, tell=tell, stop=stop))
+            station = open_station(config, tell=tell, stop=stop)
+            with ahead_of_others(inherited=True):  # the link's own threads, which others wait for at the other station
+                stack.enter_context(station)
             observer = station.beside(observer)
         if prepared is None:
             sources, emg = _sources(stack, config)
