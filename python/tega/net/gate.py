@@ -28,6 +28,7 @@ class Gate:
 
     Attributes:
         counts: Messages refused since the start of the session, by why; ``""`` counts those that were not.
+        last: Why the newest was refused; ``""`` if it was not.
     """
 
     def __init__(self, *, ttl_ns: int, ahead_ns: int = _AHEAD_NS) -> None:
@@ -35,6 +36,7 @@ class Gate:
         self._session: int | None = None
         self._newest = -1
         self.counts: dict[str, int] = {}
+        self.last: Refusal | Literal[""] = ""
 
     @property
     def refused(self) -> dict[str, int]:
@@ -43,7 +45,7 @@ class Gate:
 
     def begin(self, session: int | None) -> None:
         """Listen to a session from its beginning; to none with ``None``."""
-        self._session, self._newest, self.counts = session, -1, {}
+        self._session, self._newest, self.counts, self.last = session, -1, {}, ""
 
     def malformed(self) -> Refusal:
         """Count a message that could not be read."""
@@ -76,8 +78,10 @@ class Gate:
         if age_ns < -(self._ahead_ns + clock.round_trip_ns // 2):
             return self._count("ahead")
         self.counts[""] = self.counts.get("", 0) + 1
+        self.last = ""
         return ""
 
     def _count(self, why: Refusal) -> Refusal:
         self.counts[why] = self.counts.get(why, 0) + 1
+        self.last = why
         return why

@@ -191,19 +191,16 @@ class RobotStation(Station):
         """Say that nobody leads, or that the leader's commands do not come."""
         if self._error:
             return self._error
-        if (session := self._leader.session) == 0:
+        if self._leader.session == 0:
             return "link: no operator leads"
         away_ns = time.monotonic_ns() - self._heard_ns
         if away_ns <= self._ttl_ns and self._heard_ns:
             return ""
-        name, why = self._leader.name, self._last_refusal(session)
+        name, refused = self._leader.name, self._gates["hand"].last
+        why = f"; the newest was refused: {refused}" if refused else ""
         if not self._heard_ns:
             return f"link: no command from {name!r} yet{why}"
         return f"link: no command from {name!r} for {away_ns / 1e9:.1f} s{why}"
-
-    def _last_refusal(self, session: int) -> str:
-        refused = self._gates["hand"].refused if session else {}
-        return f" ({', '.join(f'{n} {why}' for why, n in refused.items())})" if refused else ""
 
     def contact(self, t_ns: int, finger: str, metrics: ContactMetrics) -> None:
         """Send what one picture says."""

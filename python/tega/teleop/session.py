@@ -135,7 +135,9 @@ def run_session(
 
             progress("opening the link", 0, 0)
             station = open_station(config, tell=tell, stop=stop)
-            with ahead_of_others(inherited=True):  # the link's own threads, which others wait for at the other station
+            with ahead_of_others(
+                inherited=True
+            ):  # the link's own threads, which others wait for at the other station
                 stack.enter_context(station)
             observer = station.beside(observer)
         if prepared is None:
