@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import stat
 import time
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -16,7 +16,7 @@ pytest.importorskip("cryptography", reason="needs the extra net")
 
 from tega.cli.net import net as net_verb
 from tega.errors import ConfigError
-from tega.net.keys import expiry, make_keys
+from tega.net.keys import check_expiry, expiry, make_keys
 from tega.net.link import Channel, Link, zenoh_settings
 from tega.net.settings import Endpoint, NetSection
 from tega.testing.stations import free_port
@@ -107,6 +107,11 @@ def test_keys_are_for_their_owner_s_eyes_and_say_until_when_they_hold(keys) -> N
     assert {stat.S_IMODE(file.stat().st_mode) for file in files} == {0o600}
     days = (expiry(keys / "alice") - datetime.now(UTC)).total_seconds() / 86400
     assert 364 < days <= 365
+    now = datetime.now(UTC)
+    assert check_expiry(keys / "alice") == ""
+    assert "ends on" in check_expiry(keys / "alice", now=now + timedelta(days=340))
+    with pytest.raises(ConfigError, match="ended on"):
+        check_expiry(keys / "alice", now=now + timedelta(days=366))
 
 
 def test_the_verb_makes_what_is_missing_and_leaves_what_is_there(tmp_path) -> None:

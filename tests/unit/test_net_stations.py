@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -13,8 +14,15 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
 from reference.waiting import until
+from tega.config import load_config
+from tega.devices.base import TactileFrame
+from tega.devices.watched import Watched
+from tega.errors import ConfigError
 from tega.net.messages import Refused, Welcome
-from tega.testing.stations import Program, free_port, write_stations
+from tega.net.station import open_station
+from tega.teleop import run_session
+from tega.teleop.prepare import Prepared
+from tega.testing.stations import Program, free_port, split, write_stations, write_trees
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +55,26 @@ def test_muscles_close_the_robot_s_hand_and_its_touch_comes_back(robot, files) -
     assert abs(summary["net"]["clock"]["offset_ms"]) <= summary["net"]["clock"]["round_trip_ms"]
     assert summary["tactile"]["thumb"]["frames"] > 10
     assert summary["hand"]["sinks"] == ["net"]
+
+
+@pytest.mark.usefixtures("robot")
+def test_pictures_come_for_the_page_with_the_gel_they_are_compared_with(files) -> None:
+    seen: list[TactileFrame] = []
+    baselines: list[tuple[int, ...]] = []
+
+    def watch(prepared: Prepared) -> Prepared:
+        thumb = prepared.fingers["thumb"]
+        baselines.append(thumb.baseline.shape)
+        watched: Any = Watched(thumb.source, seen.append)
+        return prepared._replace(fingers={"thumb": thumb._replace(source=watched)})
+
+    config = load_config(files[1], environ={}).config
+    until_s = time.monotonic() + 30
+    summary = run_session(config, on_prepared=watch, stop=lambda: len(seen) > 4 or time.monotonic() > until_s)
+    assert {frame.image.shape for frame in seen} == set(baselines)
+    numbers = [frame.seq for frame in seen]
+    assert numbers == sorted(set(numbers))
+    assert summary["net"]["features"]["thumb"] > len(seen)
 
 
 @pytest.mark.usefixtures("robot")
@@ -137,3 +165,28 @@ def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
     assert "hold" in states
     assert any("no data from the robot" in said for said in summary["notes"])
     assert summary["tactile"]["thumb"]["silent_s"] > 0.1
+
+
+def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
+    tree: dict[str, Any] = {
+        "session": {"preset": "paper", "out_dir": "results"},
+        "tactile": {"thumb": {"driver": "digit", "options": {"source": "http://127.0.0.1:1/v"}}},
+        "emg": {"driver": "synthetic-emg", "kind": "raw"},
+        "input": {"dead_man": {"driver": "pedal", "options": {"silent_after_ms": 100}}},
+        "arm": {"driver": "simulated-arm", "tracker": {"driver": "poses-file", "options": {"file": "p.csv"}}},
+    }
+    address = "tcp/127.0.0.1:7447"
+    robot_file, operator_file = write_trees(tmp_path, split(tree, listen=address, connect=address))
+    robot, operator = (load_config(file, environ={}).config for file in (robot_file, operator_file))
+    assert robot.net is not None
+    assert operator.net is not None
+    assert operator.net.tracker is not None
+    assert (robot.net.listen, operator.net.connect) == (address, address)
+    assert robot.session.preset == operator.session.preset == "paper"
+    assert robot.session.out_dir != operator.session.out_dir
+    for config in (robot, operator):
+        open_station(config, tell=str, stop=lambda: True)  # nothing stands where it does not belong
+    with pytest.raises(ConfigError, match="belongs to the operator"):
+        open_station(msgspec.structs.replace(robot, emg=operator.emg), tell=str, stop=lambda: True)
+    with pytest.raises(ConfigError, match="belongs to the robot"):
+        open_station(msgspec.structs.replace(operator, arm=robot.arm), tell=str, stop=lambda: True)

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
     from cryptography.x509 import Certificate
 
-__all__ = ["StationKeys", "expiry", "make_keys"]
+__all__ = ["StationKeys", "check_expiry", "expiry", "make_keys"]
 
 _NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")
 _AUTHORITY_DAYS = 3650
+_WARN_DAYS = 30
 _EARLY = timedelta(hours=24)  # the machines' wall clocks need not agree better
 
 
@@ -95,6 +96,26 @@ def expiry(folder: Path) -> datetime:
         raise ConfigError(
             f"{folder.name}: its certificate cannot be read: {error}", "make it with: tega-teleop net keys"
         ) from error
+
+
+def check_expiry(folder: Path, *, now: datetime | None = None) -> str:
+    """Return that a station's certificate ends soon, ``""`` if it does not.
+
+    Args:
+        folder: The station's.
+        now: The time, UTC; the machine's when ``None``.
+
+    Raises:
+        ConfigError: It has ended, or cannot be read.
+    """
+    until = expiry(folder)
+    left = until - (datetime.now(UTC) if now is None else now)
+    again = f"delete {folder.name} where it was made and make it anew with: tega-teleop net keys"
+    if left <= timedelta(0):
+        raise ConfigError(f"net.keys: the certificate in {folder.name} ended on {until:%Y-%m-%d}", again)
+    if left > timedelta(days=_WARN_DAYS):
+        return ""
+    return f"warning: the certificate in {folder.name} ends on {until:%Y-%m-%d}; {again}"
 
 
 def _authority(folder: Path, now: datetime) -> tuple[EllipticCurvePrivateKey, Certificate]:

@@ -288,6 +288,11 @@ def open_station(config: SessionConfig, *, tell: Callable[[str], None], stop: Ca
             f"[{table}] stands in the {net.station}'s settings, but belongs to the {other}",
             f"move it to the settings of the {other}'s station",
         )
+    if net.keys is not None:
+        from tega.net.keys import check_expiry
+
+        if said := check_expiry(net.keys):
+            tell(said)
     if operator:
         from tega.net.operator import OperatorStation
 

@@ -60,9 +60,13 @@ def split(
     if keys is not None:
         robot["net"] |= {"keys": str(keys / "robot"), "operators": ["operator"]}
         operator["net"]["keys"] = str(keys / "operator")
-    both = {key: value for key, value in tree.items() if key == "session"}
-    robot |= both | {key: tree[key] for key in _ROBOT_S if key in tree}
-    operator |= both | {key: value for key, value in tree.items() if key not in {*_ROBOT_S, "session"}}
+    for name, station in (("robot", robot), ("operator", operator)):
+        if "session" in tree:
+            station["session"] = session = dict(tree["session"])
+            if "out_dir" in session:  # on one machine they may share a folder, but not this one
+                session["out_dir"] = f"{session['out_dir']}-{name}"
+    robot |= {key: tree[key] for key in _ROBOT_S if key in tree}
+    operator |= {key: value for key, value in tree.items() if key not in {*_ROBOT_S, "session"}}
     if (tracker := robot.get("arm", {}).get("tracker")) is not None:
         robot["arm"] = {key: value for key, value in robot["arm"].items() if key != "tracker"}
         operator["net"]["tracker"] = tracker
