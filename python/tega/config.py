@@ -46,6 +46,7 @@ from tega.config_sections import (
 from tega.devices.base import Kind, Options
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.net.settings import checked_net
 
 __all__ = [
     "DEFAULT_LAYOUT",
@@ -182,6 +183,8 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         tracker = with_options(arm.tracker, "tracker", "arm.tracker")
         arm = msgspec.structs.replace(arm, tracker=tracker)
     net = config.net
+    if net is not None:
+        checked_net(net)
     if net is not None and net.tracker is not None:
         net = msgspec.structs.replace(net, tracker=with_options(net.tracker, "tracker", "net.tracker"))
     config = msgspec.structs.replace(

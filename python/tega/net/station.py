@@ -13,7 +13,7 @@ from tega.errors import ConfigError
 from tega.net.clock import PING_PERIOD_NS, ClockEstimate, Offset
 from tega.net.link import Channel, Link
 from tega.net.messages import Ping, Pong, encode
-from tega.net.settings import NetSection, checked_net
+from tega.net.settings import NetSection
 from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
@@ -263,7 +263,6 @@ def open_station(config: SessionConfig, *, tell: Callable[[str], None], stop: Ca
     """
     net = config.net
     assert net is not None
-    checked_net(net)
     if config.session.pace == "fast":
         raise ConfigError(
             "session.pace = 'fast', but a station runs in real time", "set session.pace = 'real'"
