@@ -185,8 +185,8 @@ def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
     assert robot.session.preset == operator.session.preset == "paper"
     assert robot.session.out_dir != operator.session.out_dir
     for config in (robot, operator):
-        open_station(config, tell=str, stop=lambda: True)  # nothing stands where it does not belong
+        open_station(config, tell=print, stop=lambda: True)  # nothing stands where it does not belong
     with pytest.raises(ConfigError, match="belongs to the operator"):
-        open_station(msgspec.structs.replace(robot, emg=operator.emg), tell=str, stop=lambda: True)
+        open_station(msgspec.structs.replace(robot, emg=operator.emg), tell=print, stop=lambda: True)
     with pytest.raises(ConfigError, match="belongs to the robot"):
-        open_station(msgspec.structs.replace(operator, arm=robot.arm), tell=str, stop=lambda: True)
+        open_station(msgspec.structs.replace(operator, arm=robot.arm), tell=print, stop=lambda: True)

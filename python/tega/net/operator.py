@@ -11,22 +11,17 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-import numpy as np
 
 import tega
-from tega.arm.sources.rates import RatePoses
-from tega.devices.registry import driver_class
 from tega.errors import ConfigError, DeviceUnavailableError
-from tega.net.ends import FarFinger, FarHand
+from tega.net.ends import FarHand
+from tega.net.forearm import Forearm
 from tega.net.gate import Gate
 from tega.net.link import Channel
 from tega.net.messages import (
     ArmCommand,
     Event,
-    Feature,
-    ForearmPose,
     HandCommand,
-    Image,
     Join,
     Ping,
     Pong,
@@ -36,21 +31,18 @@ from tega.net.messages import (
     decode,
     encode,
 )
-from tega.net.pictures import unpacked
 from tega.net.station import Station
-from tega.net.streams import InboxStream
+from tega.net.touch import FarTouch
 
 if TYPE_CHECKING:
-    from tega.arm.pose import PoseSource
     from tega.config import SessionConfig
     from tega.safety.guard import Guard
     from tega.teleop.bell import Bell
-    from tega.teleop.inputs import Inputs, Seat
+    from tega.teleop.inputs import Inputs
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop import LoopView
     from tega.teleop.prepare import Prepared
     from tega.teleop.sinks import Sinks
-    from tega.teleop.sources import Contact, SourceReport
 
 __all__ = ["OperatorStation"]
 
@@ -85,35 +77,15 @@ class OperatorStation(Station):
         self._state: State | None = None
         self._state_ns = 0
         self._states, self._events = Gate(ttl_ns=10**12), Gate(ttl_ns=10**12)
-        self._gates: dict[str, Gate] = {}
+        self._touch = FarTouch(net.robot, ttl_ns=round(net.ttl_ms * 1e6))
+        self._forearm = Forearm(config)
         self._numbers = {"hand": 0, "arm": 0}
         self._sent: deque[int] = deque(maxlen=1024)
         self._hand: FarHand | None = None
         self._block: tuple[int, tuple[int, ...]] = (0, ())
-        self._seats: dict[str, Seat] = {}
-        self._source: PoseSource | None = None
-        self._frame = ""
-        self._pose: ForearmPose | None = None
         self._may_move: Callable[[], bool] = lambda: False
-        self._fingers: dict[str, _Finger] = {}
-        self._bell: Bell | None = None
-        self._readers: list[threading.Thread] = []
         self._was_lost = False
-        self._n_lost = self._n_joined = 0
-        self._make_source()
-
-    def _make_source(self) -> None:
-        """Make, without opening it, what leads the arm, to know its axes."""
-        if self.net.tracker is not None:
-            tracker: Any = driver_class(self.net.tracker.driver, "tracker")(self.net.tracker.options)
-            self._source, self._frame = tracker, tracker.frame
-        elif self._config.input.motion is not None:
-            self._frame = RatePoses.frame
-        if self._frame and self._config.input.dead_man is None:
-            raise ConfigError(
-                "something leads an arm here, but no dead-man switch is set to stop it at once",
-                "set [input.dead_man], such as a pedal or a SpaceMouse's button",
-            )
+        self._n_lost = self._n_joined = self._n_commands = 0
 
     def open(self) -> None:
         """Find the robot and take the lead.
@@ -166,10 +138,9 @@ class OperatorStation(Station):
     def end(self) -> None:
         """Let go of hand and arm."""
         self._leaving.set()
-        for thread in (*self._readers, self._thread):
-            if thread is not None:
-                thread.join(2.0)
-        self._readers.clear()
+        self._touch.end()
+        if self._thread is not None:
+            self._thread.join(2.0)
         if self._joined and self._thread is not None and not self._error:
             if self._hand is not None:
                 self._hand.limp()
@@ -187,9 +158,6 @@ class OperatorStation(Station):
 
     def prepared(self, prepared: Prepared) -> Prepared:
         """Add the robot's fingertips."""
-        from tega.teleop.prepare import Finger
-        from tega.teleop.sources import SourceReport
-
         welcome = self._welcome
         assert welcome is not None
         robot, preset = self.net.robot, self._config.session.preset
@@ -198,16 +166,7 @@ class OperatorStation(Station):
                 f"robot {robot!r} measures touch by the preset {welcome.preset!r}, this station uses {preset!r}",
                 "set session.preset alike in both files",
             )
-        fingers = dict(prepared.fingers)
-        for name, rate_hz in welcome.fingers.items():
-            report = SourceReport()
-            source: Any = FarFinger(name, robot, rate_hz=rate_hz)
-            stream: InboxStream[Contact] = InboxStream(on_loss=report.drop)
-            baseline = unpacked(welcome.baselines.get(name, b"")) if name in welcome.baselines else None
-            if baseline is None:
-                baseline = np.zeros((0, 0, 3), np.uint8)
-            self._fingers[name] = _Finger(source, stream, report)
-            fingers[name] = Finger(source, baseline, f"at robot {robot!r}", report, None, stream)
+        fingers = self._touch.fingers(welcome)
         if fingers:
             prepared.calibration.check_fits(
                 preset=preset, fingers=fingers, emg=None, name=prepared.calibration_name or "the calibration"
@@ -224,12 +183,7 @@ class OperatorStation(Station):
 
     def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:
         """Take note of the switches, and open what sees the forearm."""
-        self._seats = dict(inputs.seats)
-        source: Any = self._source
-        if source is not None:
-            stack.enter_context(source)
-        elif (motion := self._seats.get("motion")) is not None:
-            self._source = RatePoses(motion.source.state)
+        self._forearm.open(stack, inputs)
         return inputs
 
     def begin(
@@ -242,27 +196,9 @@ class OperatorStation(Station):
         guard: Guard,
     ) -> None:
         """Take in touch from now on."""
-        for name, far in self._fingers.items():
-            if trace is not None:
-                far.stamp = trace.source(name)
-            self._readers.append(
-                threading.Thread(
-                    target=self._read_pictures,
-                    args=(prepared.fingers[name].source,),
-                    name=f"tega-{name}-pictures",
-                    daemon=True,
-                )
-            )
-        self._bell = bell
+        self._touch.begin(prepared, start_ns=start_ns, bell=bell, trace=trace)
         self._may_move = lambda: guard.state == "active"
-        for reader in self._readers:
-            reader.start()
         self._start_ns = start_ns
-
-    def _read_pictures(self, source: Any) -> None:
-        """Read what comes for display, so that page and recording see it."""
-        while not self._leaving.is_set():
-            source.read(0.1)
 
     def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:  # noqa: ARG002  # the guard decides
         """Note the newest block of EMG."""
@@ -310,17 +246,12 @@ class OperatorStation(Station):
 
     def summary(self) -> dict[str, Any]:
         """Return what a run says of the link."""
-        refused: dict[str, int] = {}
-        for gate in self._gates.values():
-            for why, n in gate.refused.items():
-                refused[why] = refused.get(why, 0) + n
         return self._link_summary() | {
             "robot": self.net.robot,
             "joined": self._n_joined,
             "lost": self._n_lost,
-            "commands": self._numbers["hand"],
-            "features": {name: far.report.n_items for name, far in self._fingers.items()},
-            "refused_features": refused,
+            "commands": self._n_commands,
+            **self._touch.summary(),
         }
 
     def _answered_ns(self, since_ns: int) -> int | None:
@@ -347,8 +278,7 @@ class OperatorStation(Station):
             self._was_lost = lost
             self._n_lost += lost
             self._tell(f"robot {self.net.robot!r} {'does not answer' if lost else 'answers again'}")
-        for far in self._fingers.values():
-            far.mind(lost)
+        self._touch.mind(lost=lost)
         if lost:
             return
         self._say_hand()
@@ -366,7 +296,7 @@ class OperatorStation(Station):
             self._session,
             self._name,
             tega=str(tega.__version__),
-            frame=self._frame,
+            frame=self._forearm.frame,
             dead_man=self._config.input.dead_man is not None,
             muscles=self._config.emg is not None,
         )
@@ -391,10 +321,7 @@ class OperatorStation(Station):
         with self._lock:
             self._states.begin(welcome.station)
             self._events.begin(welcome.station)
-            for finger in welcome.fingers:
-                self._gates.setdefault(finger, Gate(ttl_ns=round(self.net.ttl_ms * 1e6)))
-            for gate in self._gates.values():
-                gate.begin(welcome.station)
+            self._touch.welcome(welcome)
             self._new_peer()
         self._numbers = dict.fromkeys(self._numbers, 0)
         self._welcome, self._refusal = welcome, None
@@ -457,37 +384,16 @@ class OperatorStation(Station):
 
     def _hear_feature(self, key: str, data: bytes) -> None:
         now_ns = time.monotonic_ns()
-        name = key.rpartition("/")[2]
-        far, gate, start_ns = self._fingers.get(name), self._gates.get(name), self._start_ns
-        if far is None or gate is None or start_ns is None:
-            return
         with self._lock:
-            try:
-                feature = decode(Feature, data)
-            except msgspec.DecodeError:
-                gate.malformed()
-                return
-            offset = self._offset_now(now_ns)
-            if gate.refusal(feature, now_ns, offset) or offset is None:
-                return
-            self._way.add(now_ns - offset.ours(feature.sent_ns))
-        t_ns = min(offset.ours(feature.t_ns), now_ns) - start_ns
-        far.take(t_ns, now_ns, feature)
-        if self._bell is not None:
-            self._bell.ring()
+            name = key.rpartition("/")[2]
+            way_ns = self._touch.feature(name, data, now_ns, self._offset_now(now_ns))
+            if way_ns is not None:
+                self._way.add(way_ns)
 
     def _hear_image(self, key: str, data: bytes) -> None:
-        far, start_ns = self._fingers.get(key.rpartition("/")[2]), self._start_ns
-        if far is None or start_ns is None:
-            return
-        try:
-            image = decode(Image, data)
-        except msgspec.DecodeError:
-            return
         with self._lock:
             offset = self._offset_now(time.monotonic_ns())
-        if offset is not None:
-            far.source.show(offset.ours(image.t_ns), image.number, image.jpeg)
+        self._touch.image(key.rpartition("/")[2], data, offset)
 
     def _say_hand(self) -> None:
         hand, (block_ns, channels) = self._hand, self._block
@@ -495,59 +401,15 @@ class OperatorStation(Station):
         stamp = self._stamp("hand")
         command = HandCommand(**stamp, level=level, channels=channels, block_ns=block_ns)
         self._send_hand(encode(command))
+        self._n_commands += 1
         if level is not None:
             self._sent.append(stamp["sent_ns"])
 
     def _say_arm(self) -> None:
-        if self._source is not None:
-            for pose in self._source.read(time.monotonic_ns()):
-                x, y, z = map(float, pose.position_m)
-                qx, qy, qz, qw = map(float, pose.quaternion_xyzw)
-                self._pose = ForearmPose(pose.t_ns, (x, y, z), (qx, qy, qz, qw), bool(pose.valid))
-        dead_man = self._held("dead_man")
-        command = ArmCommand(
-            **self._stamp("arm"),
-            pose=self._pose,
-            dead_man=dead_man and self._may_move(),
-            clutch=self._held("clutch") if "clutch" in self._seats else dead_man,
-            # With the dead-man held it means nothing, as on one machine.
-            recover=self._held("recover") and not dead_man,
-        )
-        self._send_arm(encode(command))
+        facts = self._forearm.facts(may_move=self._may_move())
+        self._send_arm(encode(ArmCommand(**self._stamp("arm"), **facts)))
 
     def _stamp(self, stream: str) -> dict[str, Any]:
         number = self._numbers[stream]
         self._numbers[stream] += 1
         return {"session": self._session, "sequence": number, "sent_ns": time.monotonic_ns()}
-
-    def _held(self, name: str) -> bool:
-        if (seat := self._seats.get(name)) is None:
-            return False
-        held = seat.source.state().held
-        return bool(held) if seat.button is None else seat.button in held
-
-
-class _Finger:
-    """A fingertip at the robot's station, and where what comes of it goes."""
-
-    def __init__(self, source: FarFinger, stream: InboxStream[Contact], report: SourceReport) -> None:
-        self.source, self._stream, self.report = source, stream, report
-        self.stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
-        self._next = 0
-
-    def take(self, t_ns: int, received_ns: int, feature: Feature) -> None:
-        """Take in what one picture says."""
-        self.report.n_items += 1
-        self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
-        self._next = feature.sequence + 1
-        t_ns = max(t_ns, self._stream.end_ns)  # the clock's estimate may have moved back a little
-        self.stamp(t_ns, received_ns)
-        self._stream.put((t_ns, feature.metrics))
-
-    def mind(self, lost: bool) -> None:  # noqa: FBT001  # the one thing it says
-        """Take note of whether the robot answers."""
-        if lost and not self.report.lost:
-            self.report.lose("no data from the robot")
-            self._next = 0
-        elif not lost:
-            self.report.lost = ""
