@@ -45,6 +45,8 @@ class PictureSender:
         self._period_s, self._quality, self._wanted = 1 / rate_hz, quality, wanted
         self._newest: dict[str, TactileFrame] = {}
         self._sends: dict[str, Callable[[bytes], None]] = {}
+        self._recorded: set[str] = set()
+        self._start_ns = 0
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
         self.sent: dict[str, int] = {}
@@ -57,6 +59,8 @@ class PictureSender:
             fingers[name] = finger._replace(source=watched)
             self._sends[name] = self._link.sends(f"tactile/image/{name}", Channel.IMAGE)
             self.sent[name] = 0
+            if not finger.source.info.live:
+                self._recorded.add(name)
         return prepared._replace(fingers=fingers)
 
     @staticmethod
@@ -68,8 +72,13 @@ class PictureSender:
             return {}
         return {name: cv2.imencode(".png", f.baseline)[1].tobytes() for name, f in prepared.fingers.items()}
 
-    def start(self) -> None:
-        """Begin to send."""
+    def start(self, start_ns: int) -> None:
+        """Begin to send.
+
+        Args:
+            start_ns: The session's start, from which recorded pictures are stamped.
+        """
+        self._start_ns = start_ns
         self._thread = threading.Thread(target=self._run, name="tega-net-pictures", daemon=True)
         self._thread.start()
 
@@ -96,7 +105,7 @@ class PictureSender:
                     session=self._session,
                     sequence=self.sent[name],
                     sent_ns=time.monotonic_ns(),
-                    t_ns=frame.t_ns,
+                    t_ns=frame.t_ns + (self._start_ns if name in self._recorded else 0),
                     number=frame.seq,
                     jpeg=jpeg.tobytes(),
                 )

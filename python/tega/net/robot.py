@@ -184,7 +184,7 @@ class RobotStation(Station):
             baselines={} if pictures is None else pictures.baselines(prepared),
         )
         if pictures is not None:
-            pictures.start()
+            pictures.start(start_ns)
         self._start_ns = start_ns
 
     def missing(self) -> str:
@@ -366,7 +366,9 @@ class RobotStation(Station):
             # Never in the future, whatever the other clock says, nor back where its estimate has moved a little.
             t_ns = max(min(block_ns, now_ns) - start_ns, t_ns)
             self._stamp(t_ns, now_ns)
-        elif level == self._level:  # else the operator's own guard says otherwise of the same block
+        elif (
+            level == self._level or not self._block_ns
+        ):  # else the operator's guard has another level for that block
             return
         self._level = level
         self._blocks.put((t_ns, (level,), level))
