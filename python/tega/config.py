@@ -46,6 +46,7 @@ from tega.config_sections import (
 from tega.devices.base import Kind, Options
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.net.settings import checked_net
 
 __all__ = [
     "DEFAULT_LAYOUT",
@@ -181,10 +182,16 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     if arm is not None:
         tracker = with_options(arm.tracker, "tracker", "arm.tracker")
         arm = msgspec.structs.replace(arm, tracker=tracker)
+    net = config.net
+    if net is not None:
+        checked_net(net)
+    if net is not None and net.tracker is not None:
+        net = msgspec.structs.replace(net, tracker=with_options(net.tracker, "tracker", "net.tracker"))
     config = msgspec.structs.replace(
         config,
         tactile=tactile,
         arm=arm,
+        net=net,
         emg=with_options(config.emg, "emg", "emg"),
         vest=with_options(config.vest, "vest", "vest"),
         hand=with_options(config.hand, "hand", "hand"),

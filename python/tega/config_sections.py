@@ -18,6 +18,7 @@ from tega.arm.settings import (
     MappingSettings,
     WatchdogSettings,
 )
+from tega.net.settings import NetSection
 from tega.safety.settings import SafetySection
 
 if TYPE_CHECKING:
@@ -327,4 +328,5 @@ class SessionConfig(_Section, frozen=True):
     arm: ArmConfig | None = None
     recording: RecordingSection = RecordingSection()
     markers: MarkersSection = MarkersSection()
+    net: NetSection | None = None
     safety: SafetySection = SafetySection()

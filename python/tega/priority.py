@@ -49,11 +49,12 @@ def realtime(*, allowed: bool) -> Iterator[None]:
 
 
 @contextmanager
-def ahead_of_others(rank: Rank) -> Iterator[bool]:
+def ahead_of_others(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
     """Ask for it for the calling thread and this block.
 
     Args:
         rank: Before which other threads of the run it goes.
+        inherited: Threads that are started in the block keep it; none of them may start a process.
 
     Yields:
         Whether it was granted, or was so before.
@@ -65,7 +66,7 @@ def ahead_of_others(rank: Rank) -> Iterator[bool]:
     if _is_realtime(before) and how.sched_priority >= _PRIORITY[rank]:
         yield True
         return
-    if not _set(0, rank):
+    if not _set(0, rank, inherited=inherited):
         yield False
         return
     try:
@@ -124,9 +125,10 @@ def _is_ordinary(tid: int) -> bool:
         return False
 
 
-def _set(tid: int, rank: Rank) -> bool:
+def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
+    policy = os.SCHED_RR if inherited else os.SCHED_RR | os.SCHED_RESET_ON_FORK
     try:
-        os.sched_setscheduler(tid, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(_PRIORITY[rank]))
+        os.sched_setscheduler(tid, policy, os.sched_param(_PRIORITY[rank]))
     except OSError:  # not allowed, or it has ended
         return False
     return True

@@ -174,6 +174,67 @@ def loop(
     )
 
 
+@bench.command(epilog="Example: tega-teleop bench stations --seconds 20 --keys")
+@click.option("--seconds", type=click.FloatRange(2, 3600), default=20, show_default=True, help="How long.")
+@click.option("--keys", is_flag=True, help="Encrypt the link, with keys made for this.")
+@click.option(
+    "--images-hz",
+    type=click.FloatRange(0, 60),
+    default=10,
+    show_default=True,
+    help="Pictures a second of each fingertip for display.",
+)
+@json_option
+@debug_option
+def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> None:
+    """Run two stations on emulated devices and measure the way between them.
+
+    Four DIGITs at 60 Hz and an Allegro Hand at the robot's station, EMG at 1 kHz and a vest at the operator's; both
+    stations and every device are programs of their own on this machine, so there is no network between them.
+
+    \b
+    --json prints one object:
+      machine, seconds, keys, images_hz
+      touch_ms    {stage: {n, p50, p95, p99, worst}}: camera to the vest's bytes; "whole" is all of it
+      intent_ms   the same, EMG sample to the hand's torques
+      command_ms, feature_ms   {n, p50, p95, p99, worst}: the way over the link alone
+      clock, refused, commands, features, images
+    """  # noqa: D301  # click keeps the lines after \b as they are
+    import msgspec
+
+    from tega.bench.stations import bench_stations
+    from tega.cli.options import echo_json
+
+    report = bench_stations(seconds=seconds, keys=keys, images_hz=images_hz)
+    if as_json:
+        echo_json(msgspec.to_builtins(report))
+        return
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    out = Console(highlight=False, width=100)
+    table = Table(title="two stations on one machine, ms", title_justify="left", box=SIMPLE)
+    table.add_column("way", no_wrap=True)
+    for name in ("n", "p50", "p95", "p99", "worst"):
+        table.add_column(name, justify="right")
+    for name, way in (
+        ("a command over the link", report.command_ms),
+        ("a picture's touch over the link", report.feature_ms),
+        ("muscle to hand, all of it", report.intent_ms["whole"]),
+        ("camera to vest, all of it", report.touch_ms["whole"]),
+    ):
+        table.add_row(name, str(way["n"]), *(f"{way[p]:.2f}" for p in ("p50", "p95", "p99", "worst")))
+    out.print(table)
+    refused = ", ".join(f"{n} {why}" for why, n in report.refused.items()) or "none"
+    clock = report.clock
+    out.print(
+        f"{report.features / report.seconds:.0f} touches and {report.images / report.seconds:.0f} pictures a second"
+    )
+    out.print(f"not used: {refused}; link {'encrypted' if report.keys else 'not encrypted'}")
+    out.print(f"clock {clock['offset_ms']:+.3f} ms, by a round trip of {clock['round_trip_ms']:.3f} ms")
+
+
 def _print_simulation(report: SimReport) -> None:
     from rich.box import SIMPLE
     from rich.console import Console

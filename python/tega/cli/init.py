@@ -31,15 +31,21 @@ __all__ = ["init"]
     metavar="DRIVER",
     help="Switch the arm's table on, with this driver: franky, panda, bench-arm, simulated-arm; else it is a comment.",
 )
+@click.option(
+    "--stations",
+    is_flag=True,
+    help="With --emulated: settings for two stations, as docs/two-machines.md says.",
+)
 @json_option
 @debug_option
-def init(*, out: Path, force: bool, emulated: bool, arm: str | None, as_json: bool) -> None:
+def init(*, out: Path, force: bool, emulated: bool, stations: bool, arm: str | None, as_json: bool) -> None:
     """Write a settings file: devices that are plugged in filled in, the others as comments that say what to set.
 
     Opens no device. With --emulated two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
     a baseline and a calibration made for them, so that another terminal can try `doctor` and `run` on the file.
 
-    With --json: {"file", "found", "could_not"}, found and could_not by driver.
+    With --json: {"file", "found", "could_not"}, found and could_not by driver; with --stations "robot" and "operator"
+    as well.
     """
     from tega.cli.options import echo_json
     from tega.config import load_config
@@ -55,8 +61,12 @@ def init(*, out: Path, force: bool, emulated: bool, arm: str | None, as_json: bo
         raise ConfigError(
             f"there is no folder {out.parent}", "make it first, or name another file with --out"
         )
+    if stations and not emulated:
+        raise click.UsageError(
+            "--stations goes with --emulated; docs/two-machines.md shows how to write the files"
+        )
     if emulated:
-        _emulate(out, as_json=as_json)
+        _emulate(out, stations=stations, as_json=as_json)
         return
     if arm is not None:
         driver_class(arm, "arm")
@@ -78,19 +88,31 @@ def init(*, out: Path, force: bool, emulated: bool, arm: str | None, as_json: bo
     click.echo(f"Wrote {out}. Read it through, then: tega-teleop doctor {out}")
 
 
-def _emulate(out: Path, *, as_json: bool) -> None:
+def _emulate(out: Path, *, stations: bool, as_json: bool) -> None:
     import time
+    import tomllib
 
     from tega.cli.options import Stop, echo_json
     from tega.testing.emulated_bench import EmulatedBench
+    from tega.testing.stations import free_port, split, write_trees
 
     if not as_json:
         click.echo("Starting emulated devices …", err=True)
     with EmulatedBench() as bench, Stop() as stop:
         bench.write_settings(out)
         found = {name: [one.label for one in there.found] for name, there in bench.looked.items()}
+        files = {}
+        if stations:
+            address = f"tcp/127.0.0.1:{free_port()}"
+            trees = split(tomllib.loads(out.read_text(encoding="utf-8")), listen=address, connect=address)
+            robot, operator = write_trees(out.parent, trees, f"{out.stem}-")
+            files = {"robot": str(robot), "operator": str(operator)}
         if as_json:
-            echo_json({"file": str(out), "found": found, "could_not": {}})
+            echo_json({"file": str(out), **files, "found": found, "could_not": {}})
+        elif stations:
+            click.echo("The emulated devices run until Ctrl-C; in two other terminals:")
+            click.echo(f"  tega-teleop robot {files['robot']}")
+            click.echo(f"  tega-teleop operator {files['operator']}")
         else:
             click.echo(f"Wrote {out}. The emulated devices run until Ctrl-C; in another terminal:")
             click.echo(f"  tega-teleop doctor {out}")

@@ -29,6 +29,8 @@ class _Verb(NamedTuple):
 _VERBS = {
     "demo": _Verb("Run", "tega.cli.demo", "demo", "See the loop work on input made up here; needs nothing."),
     "run": _Verb("Run", "tega.cli.run", "run", "Run a session from its settings."),
+    "operator": _Verb("Run", "tega.cli.station", "operator", "Run the operator's station of two machines."),
+    "robot": _Verb("Run", "tega.cli.station", "robot", "Run the robot's station of two machines."),
     "replay": _Verb(
         "Run", "tega.cli.replay", "replay", "Run the loop on recordings, and compare or write tables."
     ),
@@ -54,6 +56,7 @@ _VERBS = {
         "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."
     ),
     "arm": _Verb("Hardware", "tega.cli.arm", "arm", "Say whether a Franka robot can be steered from here."),
+    "net": _Verb("Hardware", "tega.cli.net", "net", "Make keys for two stations."),
     "identify": _Verb("Hardware", "tega.cli.identify", "identify", "Light the vest's motors one at a time."),
     "vest": _Verb(
         "Hardware", "tega.cli.vest", "vest", "Measure how long a motor of the vest takes to start."

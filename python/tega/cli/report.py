@@ -12,6 +12,25 @@ if TYPE_CHECKING:
 __all__ = ["latency_tables", "print_summary"]
 
 
+def _print_link(out: Console, net: dict[str, Any] | None) -> None:
+    """Say how the link to the other station was, if there is one."""
+    if net is None:
+        return
+    operator = net["station"] == "operator"
+    words = [f"led robot {net['robot']!r}" if operator else f"led by {net['leaders']} operators in turn"]
+    if operator and net["lost"]:
+        words.append(f"lost it {net['lost']} times")
+    if (way := net["way_ms"]) is not None:
+        what = "touch" if operator else "commands"
+        words.append(f"{what} on the way {way['p50']:.1f} ms (p99 {way['p99']:.1f})")
+    if (clock := net["clock"]) is not None:
+        words.append(f"clock {clock['offset_ms']:+.1f} ms ± {clock['round_trip_ms'] / 2:.1f}")
+    refused = net["refused_features" if operator else "refused_commands"]
+    if refused:
+        words.append("not used: " + ", ".join(f"{n} {why}" for why, n in refused.items()))
+    out.print(f"link: {', '.join(words)}", markup=False, soft_wrap=True)
+
+
 def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
     """Print a run's summary and how fast it went.
 
@@ -67,6 +86,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         out.print(
             f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}", markup=False
         )
+    _print_link(out, summary.get("net"))
     _print_safety(out, summary)
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)

@@ -2,30 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 
 from tega.cli.options import debug_option, json_option
 from tega.cli.page import view_options
 
-__all__ = ["run"]
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+
+__all__ = ["run", "run_options", "run_settings"]
+
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def run_options(function: _Function) -> _Function:
+    """Add the settings file and everything that a run can be asked."""
+    for option in (
+        debug_option,
+        json_option,
+        view_options,
+        click.option(
+            "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
+        ),
+        click.option(
+            "--record",
+            type=click.Path(path_type=Path),
+            metavar="DIR",
+            help="Record into this session's folder (recording.dir).",
+        ),
+        click.option(
+            "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
+        ),
+        click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person)."),
+        click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml"),
+    ):
+        function = option(function)
+    return function
 
 
 @click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
-@click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml")
-@click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person).")
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
-@click.option(
-    "--record",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Record into this session's folder (recording.dir).",
-)
-@click.option("--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless).")
-@view_options
-@json_option
-@debug_option
+@run_options
 def run(
     *,
     config: Path,
@@ -43,6 +64,36 @@ def run(
 
     On every way out the vest is sent zeros and the hand zero torque and SERVO OFF. With --json the summary is
     printed, with a table "measured" of wall_s and real_time_factor.
+    """
+    run_settings(
+        config,
+        person=person,
+        sets=sets,
+        record=record,
+        lossless=lossless,
+        view=view,
+        view_port=view_port,
+        as_json=as_json,
+    )
+
+
+def run_settings(
+    config: Path,
+    *,
+    person: str | None,
+    sets: tuple[str, ...],
+    record: Path | None,
+    lossless: bool,
+    view: bool,
+    view_port: int,
+    as_json: bool,
+    station: Literal["operator", "robot"] | None = None,
+) -> None:
+    """Run a session from its settings file, alone or as one of two stations.
+
+    Raises:
+        ConfigError: The settings are wrong, or those of another station.
+        KeyboardInterrupt: The run was stopped.
     """
     import json
     import shlex
@@ -63,6 +114,7 @@ def run(
     if lossless:
         sets = (*sets, "recording.lossless=true")
     settings = load_config(config, sets=sets).config
+    _check_station(settings, config, station)
     name = shlex.quote(str(config))
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
@@ -73,6 +125,11 @@ def run(
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not as_json) as (progress, observer),
     ):
+
+        def tell(said: str) -> None:
+            if observer is None:  # the live view shows it
+                click.echo(said, err=True)
+
         if view:
             summary = run_viewed(
                 settings,
@@ -82,9 +139,12 @@ def run(
                 progress=progress,
                 stop=stop,
                 settings=name,
+                tell=tell,
             )
         else:
-            summary = run_session(settings, observer=observer, progress=progress, stop=stop, settings=name)
+            summary = run_session(
+                settings, observer=observer, progress=progress, stop=stop, settings=name, tell=tell
+            )
     wall_s = time.perf_counter() - started
     measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
     if as_json:
@@ -93,3 +153,20 @@ def run(
         print_summary(summary, measured=measured)
     if summary["ended"] == "stopped":
         raise KeyboardInterrupt
+
+
+def _check_station(settings: SessionConfig, config: Path, station: str | None) -> None:
+    from tega.errors import ConfigError
+
+    meant = None if settings.net is None else settings.net.station
+    if meant == station:
+        return
+    if meant is None:
+        raise ConfigError(
+            f"{config.name} has no [net], so it is no {station}'s station",
+            f'set net.station = "{station}", as docs/two-machines.md shows',
+        )
+    raise ConfigError(
+        f"{config.name} is the settings of the {meant}'s station",
+        f"start it with: tega-teleop {meant} {config.name}",
+    )

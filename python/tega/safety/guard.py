@@ -56,6 +56,7 @@ class Guard:
         calibration: Returns why what is there cannot be used, ``""`` when it can.
         go: Whether an armed run may become active.
         alerts: What else to tell without changing the state, by name: each returns it, ``""`` for nothing.
+        needs: What else the run cannot go on without, by name: each returns why it is missing, ``""`` if it is there.
 
     Attributes:
         observers: Told of every change of state, in the loop's thread.
@@ -73,14 +74,15 @@ class Guard:
         calibration: Callable[[], str] = lambda: "",
         go: Callable[[], bool] = lambda: True,
         alerts: Mapping[str, Callable[[], str]] = {},
+        needs: Mapping[str, Callable[[], str]] = {},
     ) -> None:
         self._settings = settings or SafetySection()
         s = self._settings
         self._streams, self._vests = list(streams), dict(vests)
         self._calibration, self._go = calibration, go
-        self._alerts = dict(alerts)
+        self._alerts, self._needs = dict(alerts), dict(needs)
         self._alerted: dict[str, str] = {}
-        live = bool(streams or vests)
+        live = bool(streams or vests or needs)
         self.observers: list[Callable[[Transition], None]] = []
         self.alert_observers: list[Callable[[str, str], None]] = []
         self.changes: deque[Transition] = deque(maxlen=_KEPT_CHANGES)
@@ -188,11 +190,14 @@ class Guard:
                 wrong[name] = f"{name}: not reached, so touch is not felt"
                 if s.vest_lost == "hold":
                     holding[name] = wrong[name]
+        needed = {name: said for name, tells in self._needs.items() if (said := tells())}
+        wrong |= needed
+        holding |= needed
         if released:
             holding["dead_man"] = released
         if late:
             holding["loop"] = f"the loop was {late_ns / 1e6:.0f} ms late"
-        for name in [stream.name for stream in self._streams] + list(self._vests):
+        for name in [*(stream.name for stream in self._streams), *self._vests, *self._needs]:
             self.alert(name, wrong.get(name, ""))
         for name, tells in self._alerts.items():
             self.alert(name, tells())

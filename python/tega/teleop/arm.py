@@ -229,8 +229,16 @@ def _write(writer: Any, t_s: float, command: ArmCommand, measured: StampedPose |
     writer.writerow(row)
 
 
-def open_arm(stack: ExitStack, config: SessionConfig, inputs: Inputs) -> Steering:
+def open_arm(
+    stack: ExitStack, config: SessionConfig, inputs: Inputs, *, tracker: Tracker | None = None
+) -> Steering:
     """Open arm and tracker of the settings; the stack closes them, the arm last.
+
+    Args:
+        stack: Closes them.
+        config: The settings.
+        inputs: The operator's switches.
+        tracker: What sees the forearm instead of the tracker of the settings.
 
     Raises:
         ConfigError: Something that the arm needs is not set, or does not fit.
@@ -246,15 +254,15 @@ def open_arm(stack: ExitStack, config: SessionConfig, inputs: Inputs) -> Steerin
             "arm: no dead-man switch is set, and without one nothing would stop the arm at once",
             "set [input.dead_man], such as a pedal or a SpaceMouse's button",
         )
-    if c.tracker is None and "motion" not in seats:
+    if tracker is None and c.tracker is None and "motion" not in seats:
         raise ConfigError(
             "arm: nothing leads it: neither arm.tracker nor input.motion is set",
             "set [arm.tracker], or [input.motion] with a SpaceMouse",
         )
-    tracker: Tracker | None = None
     source: PoseSource
-    if c.tracker is not None:
+    if tracker is None and c.tracker is not None:
         tracker = driver_class(c.tracker.driver, "tracker")(c.tracker.options)
+    if tracker is not None:
         source, led_by, frame = tracker, tracker.info, tracker.frame
     else:
         motion = seats["motion"].source

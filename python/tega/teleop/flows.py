@@ -93,7 +93,8 @@ def level_stream(
     stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None
 ) -> Stream[Block]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
-    if muscles.stream is not None:
+    if muscles.stream is not None or muscles.intent is None:
+        assert muscles.stream is not None  # what makes no levels is given them
         return muscles.stream
     produce = partial(
         grasp_blocks,

@@ -82,6 +82,7 @@ class LoopView(NamedTuple):
         latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
         arm: What the arm does and why, in one line; ``""`` without an arm.
         seen_arm: More of the same; ``None`` where it is not known.
+        link: How the link to the other station is, in one line; ``""`` on one machine.
     """
 
     t_ns: int
@@ -98,6 +99,7 @@ class LoopView(NamedTuple):
     latency: str = ""
     arm: str = ""
     seen_arm: ArmView | None = None
+    link: str = ""
 
 
 class DualLoop:

@@ -58,14 +58,14 @@ class Muscles(NamedTuple):
     Attributes:
         source: Its open source.
         maxima: Its maxima and the conditions they hold under.
-        intent: Samples to levels.
+        intent: Samples to levels; ``None`` where they are made somewhere else.
         report: What becomes of the samples.
         stream: The levels, where they are known from somewhere else; its source is then not read.
     """
 
     source: EmgSource
     maxima: EmgMaxima
-    intent: GraspIntent
+    intent: GraspIntent | None
     report: SourceReport
     stream: Stream[Block] | None = None
 
@@ -138,6 +138,9 @@ def prepare(
         )
         for said in warnings:
             _log.warning("warning: %s", said)
+    elif config.net is not None and config.net.station == "robot":
+        origin = "the maxima are at the operator's station"
+        calibration, name = Calibration(preset=preset, origin=origin, tactile=FingerMaxima()), "none"
     else:
         for what, source in (*sources.items(), ("emg", emg)):
             if source is not None and source.info.live:

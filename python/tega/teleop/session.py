@@ -40,6 +40,7 @@ from tega.teleop.touch import TouchLoop
 if TYPE_CHECKING:
     from tega.haptics import Layout, VestFrame
     from tega.markers import RunMarkers
+    from tega.net.station import Station
     from tega.recording.session import Recording
     from tega.wire import CanFrame
 
@@ -73,6 +74,7 @@ class RunState(NamedTuple):
     trace: LatencyTrace | None
     real_time: bool
     steering: Steering | None
+    station: Station | None
 
 
 def run_session(
@@ -88,6 +90,7 @@ def run_session(
     go: Callable[[], bool] = lambda: True,
     on_state: Callable[[Transition], None] = lambda _change: None,
     prepared: Prepared | None = None,
+    tell: Callable[[str], None] = lambda _said: None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -104,6 +107,7 @@ def run_session(
         go: Asked all the time whether an armed run may become active.
         on_state: Told of every change of the run's state, in the loop's thread.
         prepared: What to start with instead of the sources of the settings.
+        tell: Told in a sentence what happens on the link to the other station, in any thread.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -113,7 +117,8 @@ def run_session(
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
     """
     session, fingers = config.session, config.tactile.in_use()
-    if not fingers and config.emg is None and config.arm is None and prepared is None:
+    alone = config.net is None
+    if not fingers and config.emg is None and config.arm is None and prepared is None and alone:
         raise ConfigError(
             "no input: neither a tactile source nor EMG is set, nor an arm",
             "set at least one, such as [tactile.thumb], [emg] or [arm]",
@@ -128,22 +133,46 @@ def run_session(
             stack.enter_context(settled())
         recording = _recording(stack, config)
         markers = _markers(stack, config)
+        station = None
+        if config.net is not None:
+            from tega.net.station import open_station
+
+            progress("opening the link", 0, 0)
+            station = open_station(config, tell=tell, stop=stop)
+            # The link's own threads, which others wait for at the other station.
+            with ahead_of_others("act", inherited=True):
+                stack.enter_context(station)
+            observer = station.beside(observer)
         if prepared is None:
             sources, emg = _sources(stack, config)
             prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
+        if station is not None:
+            prepared = station.prepared(prepared)
         prepared = on_prepared(prepared)
         if recording is not None:
             prepared = recording.watch(prepared)
         disk = Disk()
         sinks = open_sinks(stack, config, prepared, recording, disk)
         inputs = open_inputs(stack, config)
+        if station is not None:
+            sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)
         steering = None
         if config.arm is not None:
-            steering = open_arm(stack, config, inputs)
+            steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
             if recording is not None:
                 recording.lead(steering)
         progress("running", 0, 0)
-        guard = _guard(config, prepared, sinks, disk, recording, markers=markers, go=go, steering=steering)
+        guard = _guard(
+            config,
+            prepared,
+            sinks,
+            disk,
+            recording,
+            markers=markers,
+            go=go,
+            steering=steering,
+            station=station,
+        )
         guard.observers.append(on_state)
         return _run(
             stack,
@@ -159,6 +188,7 @@ def run_session(
             recording=recording,
             steering=steering,
             markers=markers,
+            station=station,
         )
 
 
@@ -212,6 +242,7 @@ def _guard(
     markers: RunMarkers | None,
     go: Callable[[], bool],
     steering: Steering | None,
+    station: Station | None,
 ) -> Guard:
     """Make what watches over the live devices; recordings are not lost and need nobody."""
     alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
@@ -239,13 +270,42 @@ def _guard(
 
         if isinstance(sinks.steered, Allegro):
             alerts["hand"] = HandAlert(sinks.steered)
-    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts)
+    needs: dict[str, Callable[[], str]] = {}
+    if station is not None:
+        needs["link"], alerts["station"] = station.missing, station.alert
+    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts, needs=needs)
 
 
 def _signal(source: Any) -> str:
     """Say what is wrong with the newest second of a live amplifier's signal, as far as its driver looks."""
     health = getattr(source, "health", None)
     return f"emg: {'; '.join(health.now)}" if health is not None and health.now else ""
+
+
+def _pace(config: SessionConfig, prepared: Prepared, clock: Clock) -> tuple[Pace, Bell | None]:
+    """When the vest is told, and what a camera's frame rings for it."""
+    pace = config.vest.pace or DEFAULT_PACE[config.session.preset]
+    live = isinstance(clock, SystemClock) and any(f.source.info.live for f in prepared.fingers.values())
+    if not live and not any(finger.stream is not None for finger in prepared.fingers.values()):
+        pace = "steady"  # the pictures of a file come at no moment of ours; those of a played run do
+    return pace, Bell() if live and pace == "by-frame" else None
+
+
+def _steer(
+    flows: ExitStack,
+    steering: Steering | None,
+    recording: Recording | None,
+    guard: Guard,
+    observer: Callable[[LoopView], None] | None,
+) -> Callable[[LoopView], None] | None:
+    """Let the arm follow until the run ends; the observer is told of it."""
+    if steering is None:
+        return observer
+    if recording is not None:
+        recording.follow_arm(steering)
+    steering.start(may_move=lambda: guard.state == "active")
+    flows.callback(steering.stop)
+    return None if observer is None else steering.beside(observer)
 
 
 def _run(
@@ -263,6 +323,7 @@ def _run(
     recording: Recording | None,
     steering: Steering | None,
     markers: RunMarkers | None,
+    station: Station | None,
 ) -> dict[str, Any]:
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
@@ -271,11 +332,7 @@ def _run(
     def may_feel() -> bool:
         return haptics() and guard.felt
 
-    pace = config.vest.pace or DEFAULT_PACE[session.preset]
-    live = isinstance(clock, SystemClock) and any(f.source.info.live for f in prepared.fingers.values())
-    if not live and not any(finger.stream is not None for finger in prepared.fingers.values()):
-        pace = "steady"  # the pictures of a file come at no moment of ours; those of a played run do
-    bell = Bell() if live and pace == "by-frame" else None
+    pace, bell = _pace(config, prepared, clock)
     flows = stack.enter_context(ExitStack())
     real_time = False
     if isinstance(clock, SystemClock):
@@ -317,13 +374,12 @@ def _run(
         real_ns = start_ns if isinstance(clock, SystemClock) else None
         markers.begin(real_ns, None if recording is None else recording.recorder)
         markers.follow(guard, inputs)
-    if steering is not None:
-        if recording is not None:
-            recording.follow_arm(steering)
-        steering.start(may_move=lambda: guard.state == "active")
-        flows.callback(steering.stop)
-        if observer is not None:
-            observer = steering.beside(observer)
+    if station is not None:
+        station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
+        guard.observers.append(station.changed)
+        parts = parts._replace(recorder=station.recorder(parts.recorder))
+        flows.callback(station.end)
+    observer = _steer(flows, steering, recording, guard, observer)
     loop = DualLoop(
         pacer=parts.pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
@@ -346,7 +402,7 @@ def _run(
         inputs=parts.inputs,
         guard=guard,
         trace=trace,
-        endless=steering is not None,
+        endless=steering is not None or station is not None,
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
@@ -364,6 +420,7 @@ def _run(
             trace,
             real_time,
             steering,
+            station,
         )
         return _conclude(stack, state, recording, markers, error)
 

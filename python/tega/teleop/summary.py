@@ -75,6 +75,8 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         summary["inputs"] = inputs
     if state.steering is not None:
         summary["arm"] = state.steering.summary()
+    if state.station is not None:
+        summary["net"] = state.station.summary()
     if config.session.pace == "real":
         pacing = state.pacing
         summary["pacing"] = {
@@ -131,7 +133,7 @@ def _emg(state: RunState) -> dict[str, Any] | None:
         "blocks": state.loop.n_blocks,
         "dropped": muscles.report.n_dropped,
         "missing": muscles.report.n_missing,
-        "held_samples": [int(n) for n in muscles.intent.held_samples],
+        "held_samples": [] if muscles.intent is None else [int(n) for n in muscles.intent.held_samples],
     }
 
 
@@ -142,13 +144,16 @@ def _steered(state: RunState) -> list[SteeredHand]:
 def _notes(state: RunState) -> list[str]:
     """Say in sentences what a reader of the tables has to know."""
     notes = []
-    end_ns = state.loop.end_ns
+    end_ns, net = state.loop.end_ns, state.config.net
+    robot = net is not None and net.station == "robot"
     if not state.prepared.calibration_name:
         notes.append(f"maxima {state.prepared.calibration.origin}")
     notes += state.prepared.warnings
     for name, finger in state.prepared.fingers.items():
         maxima = state.prepared.calibration.touch(name)
-        if maxima is None or maxima.eda_max is None:
+        if robot and maxima is None:
+            pass  # the vest is somewhere else, and so is what counts as full
+        elif maxima is None or maxima.eda_max is None:
             notes.append(f"{name}: no press was seen, so it has no maxima and its columns stay silent")
         elif maxima.cci_max is None:
             notes.append(
@@ -159,7 +164,8 @@ def _notes(state: RunState) -> list[str]:
         notes += _ending(name, finger.report, end_ns, f"silent {STALE_NS / 1e6:g} ms later")
     if (muscles := state.prepared.muscles) is not None:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
-        for name, n_held in zip(muscles.maxima.channels, muscles.intent.held_samples, strict=True):
+        held = () if muscles.intent is None else muscles.intent.held_samples
+        for name, n_held in zip(muscles.maxima.channels, held, strict=False):
             if n_held:
                 notes.append(
                     f"emg: {name}: {n_held} samples were missing or no numbers; the one before was held"

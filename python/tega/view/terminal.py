@@ -170,6 +170,7 @@ def render(
         _closure(view.angles_rad),
         *([_inputs(view)] if view.inputs else []),
         *([_arm(view)] if view.arm else []),
+        *([Text(f"link  {view.link}")] if view.link else []),
         Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
         *([Text(view.latency, style="grey70")] if view.latency else []),
     )

@@ -106,7 +106,7 @@ class SessionFeed:
         while len(chunks) > 1 and chunks[-1].first_index - chunks[0].first_index > _KEPT_S * maxima.rate_hz:
             del chunks[0]
             self._chunks.popleft()
-        if not chunks:
+        if not chunks or muscles.intent is None:
             return None
         samples = np.concatenate([chunk.samples for chunk in chunks])
         if not live:

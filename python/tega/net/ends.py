@@ -1,0 +1,229 @@
+"""What stands in a session where the other station's devices would be."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tega.devices.base import DeviceInfo, InputEvent, InputState, TactileFrame
+from tega.devices.lifecycle import Opened
+from tega.net.pictures import unpacked
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.arm.pose import StampedPose
+    from tega.wire import CanFrame
+
+__all__ = ["FarFinger", "FarHand", "FarMuscles", "FarSwitch", "FarTracker"]
+
+_STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_JOINTS = 16
+
+
+class FarFinger(Opened):
+    """A fingertip at the robot's station: what it feels comes as a stream, its pictures for display as they can.
+
+    Args:
+        name: The finger.
+        robot: Whose.
+        rate_hz: Pictures a second there; 0 where that is not known.
+    """
+
+    def __init__(self, name: str, robot: str, *, rate_hz: float) -> None:
+        self._info = DeviceInfo(
+            driver="net", kind="tactile", label=f"{name} of {robot!r}", live=True, rate_hz=rate_hz or None
+        )
+        self._pictures: queue.Queue[tuple[int, int, bytes]] = queue.Queue(1)
+        self.ended = False
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What it says of itself."""
+        return self._info
+
+    def open(self) -> None:
+        """Nothing is to be opened here."""
+
+    def close(self) -> None:
+        """Nothing is to be closed here."""
+
+    def show(self, t_ns: int, number: int, jpeg: bytes) -> None:
+        """Take the newest picture; one that nobody has looked at goes, and who looks unpacks it."""
+        with contextlib.suppress(queue.Empty):
+            self._pictures.get_nowait()
+        with contextlib.suppress(queue.Full):
+            self._pictures.put_nowait((t_ns, number, jpeg))
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        """Return the next picture, or ``None`` when none came in time."""
+        try:
+            t_ns, number, jpeg = self._pictures.get(block=timeout_s > 0, timeout=timeout_s or None)
+        except queue.Empty:
+            return None
+        picture = unpacked(jpeg)
+        return None if picture is None else TactileFrame(t_ns, number, picture, "over the link")
+
+
+class FarMuscles(Opened):
+    """The operator's EMG: levels come as a stream, samples stay where they are measured.
+
+    Args:
+        rate_hz: Blocks a second.
+    """
+
+    def __init__(self, *, rate_hz: float) -> None:
+        self._info = DeviceInfo(
+            driver="net",
+            kind="emg",
+            label="the operator's station",
+            live=True,
+            rate_hz=rate_hz,
+            channels=("operator",),
+            unit="level",
+            notes=("levels are made at the operator's station; no sample comes here",),
+        )
+        self.ended = False
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What it says of itself."""
+        return self._info
+
+    def open(self) -> None:
+        """Nothing is to be opened here."""
+
+    def close(self) -> None:
+        """Nothing is to be closed here."""
+
+    def read(self, timeout_s: float) -> None:  # noqa: ARG002  # samples never come
+        """Return nothing: only levels come."""
+        return
+
+
+class FarHand(Opened):
+    """The robot's hand, seen from the operator's station: keeps what it is asked, for the link to send.
+
+    Args:
+        robot: Whose.
+        answered: Tells when a command was first handed to the link at or after a monotonic time.
+    """
+
+    label: ClassVar[str] = "at the robot's station: angles as it tells them"
+
+    def __init__(self, robot: str, *, answered: Callable[[int], int | None]) -> None:
+        self._info = DeviceInfo(driver="net", kind="hand", label=f"hand of {robot!r}", live=True)
+        self.level: int | None = None
+        self.angles: tuple[float, ...] = ()
+        self.answered_ns = answered
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What it says of itself."""
+        return self._info
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The joint angles as last told, float64 (16,), rad; NaN before that."""
+        angles = self.angles
+        return np.array(angles, np.float64) if len(angles) == _JOINTS else np.full(_JOINTS, np.nan)
+
+    def open(self) -> None:
+        """Nothing is to be opened here."""
+
+    def close(self) -> None:
+        """Nothing is to be closed here."""
+
+    def step(self, level: int) -> Sequence[CanFrame]:
+        """Ask for a closure level; the frames are made at the other station."""
+        self.level = level
+        return ()
+
+    def limp(self) -> Sequence[CanFrame]:
+        """Ask for nothing any more; the robot's station holds, and then does what its settings say."""
+        self.level = None
+        return ()
+
+
+class FarSwitch(Opened):
+    """A switch that the operator holds.
+
+    Args:
+        name: What it is for.
+        look: Returns when it was last heard, whether that is fresh, and whether it is held.
+    """
+
+    def __init__(self, name: str, look: Callable[[], tuple[int, bool, bool]]) -> None:
+        self._name, self._look = name, look
+        self._was_held, self._sequence = False, 0
+        self._info = DeviceInfo(driver="net", kind="input", label=f"the operator's {name}", live=True)
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What it says of itself."""
+        return self._info
+
+    def open(self) -> None:
+        """Nothing is to be opened here."""
+
+    def close(self) -> None:
+        """Nothing is to be closed here."""
+
+    def state(self) -> InputState:
+        """Return what it says now."""
+        t_ns, live, held = self._look()
+        return InputState(t_ns, live, _STILL, frozenset({self._name}) if held else frozenset())
+
+    def events(self) -> Sequence[InputEvent]:
+        """Return whether it went down or up since the last call."""
+        t_ns, _, held = self._look()
+        if held == self._was_held:
+            return ()
+        self._was_held = held
+        self._sequence += 1
+        return (InputEvent(t_ns, self._sequence - 1, self._name, held),)
+
+
+class FarTracker(Opened):
+    """The operator's forearm, as it was seen at the other station.
+
+    Args:
+        frame: Axes of the poses; the link refuses an operator with others.
+    """
+
+    problem = ""  # the link tells by itself what is wrong with it
+
+    def __init__(self, frame: str) -> None:
+        self.frame = frame
+        self._poses: deque[StampedPose] = deque(maxlen=16)
+        self._info = DeviceInfo(
+            driver="net", kind="tracker", label="the operator's station", live=True, unit="m"
+        )
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What it says of itself."""
+        return self._info
+
+    def open(self) -> None:
+        """Nothing is to be opened here."""
+
+    def close(self) -> None:
+        """Nothing is to be closed here."""
+
+    def see(self, pose: StampedPose) -> None:
+        """Take in a pose, in a thread of the link's."""
+        self._poses.append(pose)
+
+    def forget(self) -> None:
+        """Drop what nobody has read: another operator leads."""
+        self._poses.clear()
+
+    def read(self, now_ns: int) -> Sequence[StampedPose]:  # noqa: ARG002  # they are stamped on arrival
+        """Return the poses that came since the last call, oldest first."""
+        return [self._poses.popleft() for _ in range(len(self._poses))]

@@ -1,0 +1,87 @@
+"""Which messages of a stream are used: those of one session, in order, and young."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from tega.net.clock import Offset
+from tega.net.messages import Stamped
+
+__all__ = ["REFUSALS", "Gate", "Refusal"]
+
+Refusal = Literal["foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed"]
+REFUSALS: Final = ("foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed")
+
+_AHEAD_NS = 20_000_000
+
+
+class Gate:
+    """Looks at the stamp of every message of a stream.
+
+    A message is refused as ``foreign`` (of another session, or while there is none), ``repeated`` or ``reordered`` (its
+    number is the newest one's, or smaller), ``no clock`` (how old it is cannot be told yet), ``old`` (older than the
+    time-to-live) or ``ahead`` (sent after it was received, by more than the estimate of the clock can be wrong).
+
+    Args:
+        ttl_ns: How old a message may be.
+        ahead_ns: By how much it may seem to come from the future, besides half the round trip.
+
+    Attributes:
+        counts: Messages refused since the start of the session, by why; ``""`` counts those that were not.
+        last: Why the newest was refused; ``""`` if it was not.
+    """
+
+    def __init__(self, *, ttl_ns: int, ahead_ns: int = _AHEAD_NS) -> None:
+        self._ttl_ns, self._ahead_ns = ttl_ns, ahead_ns
+        self._session: int | None = None
+        self._newest = -1
+        self.counts: dict[str, int] = {}
+        self.last: Refusal | Literal[""] = ""
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Messages refused, by why."""
+        return {why: n for why, n in self.counts.items() if why}
+
+    def begin(self, session: int | None) -> None:
+        """Listen to a session from its beginning; to none with ``None``."""
+        self._session, self._newest, self.counts, self.last = session, -1, {}, ""
+
+    def malformed(self) -> Refusal:
+        """Count a message that could not be read."""
+        return self._count("malformed")
+
+    def foreign(self) -> Refusal:
+        """Count a message from somebody else."""
+        return self._count("foreign")
+
+    def refusal(self, stamp: Stamped, now_ns: int, clock: Offset | None) -> Refusal | Literal[""]:
+        """Return why a message is not used, ``""`` if it is.
+
+        Args:
+            stamp: The message.
+            now_ns: Our clock's time.
+            clock: How far apart the clocks are; ``None`` where that is not known.
+        """
+        if stamp.session != self._session:
+            return self._count("foreign")
+        if stamp.sequence <= self._newest:
+            return self._count("repeated" if stamp.sequence == self._newest else "reordered")
+        self._newest = (
+            stamp.sequence
+        )  # an older one that comes after this one is late, whatever becomes of this one
+        if clock is None:
+            return self._count("no clock")
+        age_ns = now_ns - clock.ours(stamp.sent_ns)
+        if age_ns > self._ttl_ns:
+            return self._count("old")
+        if age_ns < -(self._ahead_ns + clock.round_trip_ns // 2):
+            return self._count("ahead")
+        self.counts[""] = self.counts.get("", 0) + 1
+        self.last = ""
+        return ""
+
+    def _count(self, why: Refusal) -> Refusal:
+        self.counts[why] = self.counts.get(why, 0) + 1
+        self.last = why
+        return why

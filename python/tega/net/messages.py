@@ -1,0 +1,250 @@
+"""What the stations say to each other; msgpack, one message a sample."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeVar
+
+import msgspec
+
+from tega.tactile import ContactMetrics
+
+__all__ = [
+    "PROTOCOL",
+    "ArmCommand",
+    "Event",
+    "Feature",
+    "ForearmPose",
+    "HandCommand",
+    "Image",
+    "Join",
+    "Ping",
+    "Pong",
+    "Refused",
+    "Stamped",
+    "State",
+    "Welcome",
+    "decode",
+    "encode",
+]
+
+PROTOCOL = 1
+"""Raised by whatever the other side could not understand; stations of two numbers refuse each other."""
+
+Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class Stamped(msgspec.Struct, frozen=True, kw_only=True):
+    """What every message of a stream begins with.
+
+    Attributes:
+        session: Who sends it: the operator's session, or the robot station's.
+        sequence: Its number within stream and session, rising.
+        sent_ns: When it was sent, on the sender's monotonic clock.
+    """
+
+    session: int
+    sequence: int
+    sent_ns: int
+
+
+class HandCommand(Stamped, frozen=True, tag=True, kw_only=True):
+    """What the hand shall do.
+
+    Attributes:
+        level: Closure level, 1 to 5; ``None`` where nothing is known of the muscles.
+        channels: Level of each muscle.
+        block_ns: When the newest block of EMG was complete, sender's clock.
+    """
+
+    level: int | None = None
+    channels: tuple[int, ...] = ()
+    block_ns: int = 0
+
+    def malformed(self) -> str:
+        """Return why it cannot be used, ``""`` if it can."""
+        return "" if self.level is None or 1 <= self.level <= 5 else f"level {self.level} is not from 1 to 5"
+
+
+class ForearmPose(msgspec.Struct, frozen=True):
+    """One pose of the operator's forearm, sender's clock and tracker's axes; see ``tega.arm.StampedPose``."""
+
+    t_ns: int
+    place: Triple
+    turn: Quaternion
+    valid: bool = True
+
+
+class ArmCommand(Stamped, frozen=True, tag=True, kw_only=True):
+    """Where the forearm is, and what the operator holds.
+
+    Attributes:
+        pose: The newest pose; ``None`` before there is one.
+        dead_man: Whether the dead-man switch is held.
+        clutch: Whether the clutch is.
+        recover: Whether the button is pressed that allows to go on after a fault.
+    """
+
+    pose: ForearmPose | None = None
+    dead_man: bool = False
+    clutch: bool = False
+    recover: bool = False
+
+    def malformed(self) -> str:
+        """Return why it cannot be used, ``""`` if it can."""
+        if self.pose is not None and not all(map(math.isfinite, (*self.pose.place, *self.pose.turn))):
+            return "a number of the pose is not finite"
+        return ""
+
+
+class Feature(Stamped, frozen=True, tag=True, kw_only=True):
+    """What one picture of a fingertip says.
+
+    Attributes:
+        t_ns: When the picture was taken, sender's clock.
+        metrics: What was measured.
+    """
+
+    t_ns: int
+    metrics: ContactMetrics
+
+
+class Image(Stamped, frozen=True, tag=True, kw_only=True):
+    """A picture of a fingertip for display, as JPEG."""
+
+    t_ns: int
+    number: int
+    jpeg: bytes
+
+
+class State(Stamped, frozen=True, tag=True, kw_only=True):
+    """How the robot's station is; ten a second, and the sign that it is there.
+
+    Attributes:
+        leader: Session of the operator who leads; 0 for none.
+        leader_name: That operator's name.
+        state: Of the run; ``""`` while it is being prepared.
+        reason: Why it is so.
+        alerts: What is wrong, one sentence each.
+        arm: What the arm does, in one line.
+        angles_rad: The hand's joint angles; empty without a hand.
+        refused: Commands of this operator's session that were not obeyed, by why.
+        problem: What is wrong with what the operator sends, such as its clock not being known yet.
+    """
+
+    leader: int = 0
+    leader_name: str = ""
+    state: str = ""
+    reason: str = ""
+    alerts: tuple[str, ...] = ()
+    arm: str = ""
+    angles_rad: tuple[float, ...] = ()
+    refused: dict[str, int] = {}
+    problem: str = ""
+
+
+class Event(Stamped, frozen=True, tag=True, kw_only=True):
+    """Something happened: the run's state changed."""
+
+    state: str
+    reason: str
+
+
+class Ping(msgspec.Struct, frozen=True, tag=True):
+    """Asks the other station's time; ``session`` is the operator's, ``t0_ns`` the asker's."""
+
+    session: int
+    t0_ns: int
+
+
+class Pong(msgspec.Struct, frozen=True, tag=True):
+    """Answers it: when the question came and when this left, on the answerer's clock."""
+
+    session: int
+    t0_ns: int
+    t1_ns: int
+    t2_ns: int
+
+
+class Join(msgspec.Struct, frozen=True, tag=True):
+    """An operator asks to lead.
+
+    Attributes:
+        session: A number drawn for this.
+        name: Who it is.
+        protocol: Which messages it speaks.
+        tega: Its version.
+        frame: Axes of its tracker's poses; ``""`` where it has none.
+        dead_man: Whether it has a dead-man switch.
+        muscles: Whether it has EMG.
+    """
+
+    session: int
+    name: str
+    protocol: int = PROTOCOL
+    tega: str = ""
+    frame: str = ""
+    dead_man: bool = False
+    muscles: bool = False
+
+
+class Welcome(msgspec.Struct, frozen=True, tag=True):
+    """The operator leads now.
+
+    Attributes:
+        station: Session of the robot's station: another one after it was started again.
+        fingers: Pictures a second of each fingertip, thumb first; 0 where that is not known.
+        hand: Whether there is a hand.
+        arm: Whether there is an arm.
+        tega: Its version.
+        preset: By which readings it measures touch.
+        baselines: The fingertips' untouched pictures, as PNG, where pictures are sent.
+        sent_ns: When it was sent, on the robot's clock; a state from before knows nothing of it.
+    """
+
+    station: int
+    fingers: dict[str, float]
+    hand: bool
+    arm: bool
+    tega: str = ""
+    preset: str = "live"
+    baselines: dict[str, bytes] = {}
+    sent_ns: int = 0
+
+
+class Refused(msgspec.Struct, frozen=True, tag=True):
+    """The operator does not lead.
+
+    Attributes:
+        why: In words.
+        hint: What to do.
+        final: Whether asking again is of no use.
+    """
+
+    why: str
+    hint: str = ""
+    final: bool = True
+
+
+_Message = TypeVar("_Message", bound=msgspec.Struct)
+_decoders: dict[type, msgspec.msgpack.Decoder[msgspec.Struct]] = {}
+encode = msgspec.msgpack.Encoder().encode
+
+
+def decode(kind: type[_Message], data: bytes) -> _Message:
+    """Return a message of a kind.
+
+    Raises:
+        msgspec.DecodeError: It is none.
+    """
+    decoder = _decoders.get(kind)
+    if decoder is None:
+        decoder = _decoders[kind] = msgspec.msgpack.Decoder(kind)
+    try:
+        message = decoder.decode(data)
+    except (UnicodeError, OverflowError, RecursionError) as error:  # which the decoder lets through
+        raise msgspec.DecodeError(str(error)) from error
+    if not isinstance(message, kind):
+        raise msgspec.DecodeError(f"not a {kind.__name__}")
+    return message

@@ -1,0 +1,167 @@
+"""The table ``[net]`` of a station's settings."""
+
+from __future__ import annotations
+
+import ipaddress
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+
+from tega.errors import ConfigError
+
+__all__ = ["KEYS_COMMAND", "Endpoint", "NetSection", "NetTracker", "checked_net"]
+
+KEYS_COMMAND = "tega-teleop net keys keys --operator NAME --robot NAME"
+_DEFAULT_PORT = 7447
+_Ms = Annotated[float, msgspec.Meta(ge=10, le=10_000)]
+_Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")]
+
+
+class NetTracker(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What sees the operator's forearm.
+
+    Attributes:
+        driver: Name of a tracker's driver.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class NetSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """This station's end of the link to the other one; needs the extra ``net``.
+
+    Attributes:
+        station: Which one this is: ``operator`` or ``robot``.
+        name: What this station is called; with keys, the name in its certificate.
+        robot: Of the operator: which robot is led.
+        operators: Of the robot: who may lead it; none named means, without keys, anybody on this machine.
+        connect: Of the operator: where the robot is, such as ``tls/192.168.1.20:7447``.
+        listen: Of the robot: where it waits for operators, such as ``tls/192.168.1.20:7447``.
+        keys: This station's folder, as ``tega-teleop net keys`` makes it; needed for any address but this machine's.
+        rate_hz: Of the operator: commands a second.
+        ttl_ms: Of the robot: a command older than this is not obeyed, and without one for so long the robot holds.
+        lost_ms: Of the operator: without a word from the robot for so long it stops sending and says so.
+        lease_ms: After so long without a sign the other station counts as gone.
+        wait_s: Of the operator: how long to look for the robot at the start.
+        images_hz: Of the robot: pictures a second of each fingertip that are sent for display; 0 for none.
+        jpeg_quality: Of those.
+        tracker: Of the operator: what sees the forearm; none means ``input.motion``, if there is one.
+    """
+
+    station: Literal["operator", "robot"]
+    name: _Name | None = None
+    robot: _Name = "robot"
+    operators: tuple[_Name, ...] = ()
+    connect: str | None = None
+    listen: str | None = None
+    keys: Path | None = None
+    rate_hz: Annotated[float, msgspec.Meta(ge=30, le=200)] = 100.0
+    ttl_ms: _Ms = 100.0
+    lost_ms: _Ms = 500.0
+    lease_ms: _Ms = 500.0
+    wait_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 10.0
+    images_hz: Annotated[float, msgspec.Meta(ge=0, le=60)] = 10.0
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=100)] = 80
+    tracker: NetTracker | None = None
+
+    @property
+    def own_name(self) -> str:
+        """This station's name."""
+        return self.name or self.station
+
+    @property
+    def robot_name(self) -> str:
+        """The robot's name, which all keys begin with."""
+        return self.robot if self.station == "operator" else self.own_name
+
+
+class Endpoint(NamedTuple):
+    """A place in the network.
+
+    Attributes:
+        scheme: ``tcp`` or ``tls``.
+        host: Name or address.
+        port: Its port.
+    """
+
+    scheme: str
+    host: str
+    port: int
+
+    @classmethod
+    def read(cls, key: str, text: str) -> Endpoint:
+        """Read one.
+
+        Raises:
+            ConfigError: It is none.
+        """
+        scheme, slash, rest = text.partition("/")
+        host, colon, port = rest.rpartition(":")
+        if not colon:
+            host, port = rest, str(_DEFAULT_PORT)
+        host = host.strip("[]")
+        if scheme not in {"tcp", "tls"} or not slash or not host or not port.isdecimal():
+            raise ConfigError(
+                f"{key}: {text!r} is no endpoint",
+                "write tls/ADDRESS:7447, or tcp/127.0.0.1:7447 on one machine",
+            )
+        if not 0 <= int(port) <= 65_535:
+            raise ConfigError(f"{key}: port {port} is not from 0 to 65535", "7447 is usual")
+        return cls(scheme, host, int(port))
+
+    @property
+    def on_this_machine(self) -> bool:
+        """Whether nobody outside this machine can reach it."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    def __str__(self) -> str:
+        """Return it as it is written."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.scheme}/{host}:{self.port}"
+
+
+def checked_net(net: NetSection) -> Endpoint:
+    """Check what the fields say together.
+
+    Returns:
+        Where this station listens or connects to.
+
+    Raises:
+        ConfigError: They do not fit, or the link would leave this machine without keys.
+    """
+    ours, others = ("connect", "listen") if net.station == "operator" else ("listen", "connect")
+    text = getattr(net, ours)
+    if text is None:
+        raise ConfigError(
+            f"net.{ours} is not set",
+            f'set net.{ours} = "tls/ADDRESS:7447", or "tcp/127.0.0.1:7447" on one machine',
+        )
+    if getattr(net, others) is not None:
+        raise ConfigError(f"net.{others} is set, but the {net.station}'s station has none", f"use net.{ours}")
+    endpoint = Endpoint.read(f"net.{ours}", text)
+    if net.keys is None and (endpoint.scheme == "tls" or not endpoint.on_this_machine):
+        raise ConfigError(
+            f"net.{ours} = {text!r} leaves this machine, and net.keys is not set: anybody could steer the robot"
+            if not endpoint.on_this_machine
+            else f"net.{ours} = {text!r} asks for keys, and net.keys is not set",
+            f"make keys with: {KEYS_COMMAND}; then set net.keys on both stations",
+        )
+    if net.keys is not None and endpoint.scheme != "tls":
+        raise ConfigError(
+            f"net.keys is set, but net.{ours} = {text!r} does not use them",
+            f"write tls/ instead of {endpoint.scheme}/",
+        )
+    if net.keys is not None and net.station == "robot" and not net.operators:
+        raise ConfigError(
+            "net.operators names nobody, so nobody may lead the robot",
+            'set it, such as net.operators = ["alice"]',
+        )
+    return endpoint

@@ -1,0 +1,301 @@
+"""What both stations are, and how a session gets one."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+from tega.devices.lifecycle import Opened
+from tega.errors import ConfigError
+from tega.net.clock import PING_PERIOD_NS, ClockEstimate, Offset
+from tega.net.link import Channel, Link
+from tega.net.messages import Ping, Pong, encode
+from tega.net.settings import NetSection
+from tega.teleop.spread import Spread
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.devices.base import Tracker
+    from tega.safety.guard import Guard
+    from tega.safety.states import Transition
+    from tega.tactile import ContactMetrics
+    from tega.teleop.bell import Bell
+    from tega.teleop.inputs import Inputs
+    from tega.teleop.latency import LatencyTrace
+    from tega.teleop.loop import LoopView, Recorder
+    from tega.teleop.prepare import Prepared
+    from tega.teleop.sinks import Sinks
+    from tega.teleop.touch import Felt
+
+__all__ = ["Station", "open_station"]
+
+_LEAVE_S = 2.0
+
+
+class Station(Opened):
+    """One end of the link in a session; the session asks it to put the other station's devices in place.
+
+    Args:
+        config: The session's settings; ``net`` is set.
+        tell: Told in a sentence what happens on the link.
+    """
+
+    tick_s = 0.05
+
+    def __init__(self, config: SessionConfig, tell: Callable[[str], None]) -> None:
+        assert config.net is not None
+        self.net: NetSection = config.net
+        self._config, self._tell = config, tell
+        self._link = Link(self.net)
+        self._lock = threading.Lock()
+        self._clock = ClockEstimate()
+        self._asked: dict[int, None] = {}
+        self._next_ping_ns = 0
+        self._leaving = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._error = ""
+        self._start_ns: int | None = None
+        self._view: LoopView | None = None
+        self._way = Spread()
+        self._n_told = 0
+        self._offset: Offset | None = None
+        self._send_ping: Callable[[bytes], None] = lambda _message: None
+        self._send_pong: Callable[[bytes], None] = lambda _message: None
+
+    # What a session asks for; each station overrides what it has something to say to.
+
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Return what the run starts with, and what comes over the link with it."""
+        return prepared
+
+    def sinks(self, sinks: Sinks) -> Sinks:
+        """Return where the run writes to, and what is sent over the link with it."""
+        return sinks
+
+    def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:  # noqa: ARG002  # the operator opens a tracker
+        """Return what the operator holds, here or there."""
+        return inputs
+
+    @property
+    def tracker(self) -> Tracker | None:
+        """What leads the arm, where that comes over the link."""
+        return None
+
+    def missing(self) -> str:
+        """Return why the run cannot go on, ``""`` if it can."""
+        return ""
+
+    def alert(self) -> str:
+        """Return what is wrong at the other station, ``""`` for nothing."""
+        return ""
+
+    def begin(
+        self,
+        prepared: Prepared,
+        *,
+        start_ns: int,
+        bell: Bell | None,
+        trace: LatencyTrace | None,
+        guard: Guard,
+    ) -> None:
+        """Take note that the run begins."""
+        raise NotImplementedError
+
+    def changed(self, change: Transition) -> None:
+        """Tell that the run's state has changed."""
+        self._tell(f"{change.state}: {change.reason}")
+
+    def recorder(self, other: Recorder | None) -> Recorder:
+        """Return what sees everything that the loop takes in, and passes it on."""
+        return _Seen(self, other)
+
+    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics) -> None:
+        """See one measured picture, in the loop's thread."""
+
+    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+        """See one block of EMG, in the loop's thread."""
+
+    def beside(self, observer: Callable[[LoopView], None] | None) -> Callable[[LoopView], None]:
+        """Return an observer that is also shown how the link is."""
+
+        def observe(view: LoopView) -> None:
+            self._view = view
+            if observer is not None:
+                observer(self.shown(view))
+
+        return observe
+
+    def shown(self, view: LoopView) -> LoopView:
+        """Complete a moment for a display."""
+        return view._replace(link=self.words)
+
+    @property
+    def words(self) -> str:
+        """How the link is, in one line."""
+        raise NotImplementedError
+
+    def summary(self) -> dict[str, Any]:
+        """Return what a run says of the link."""
+        raise NotImplementedError
+
+    def end(self) -> None:
+        """Take no more part in the run, whose devices are about to be closed."""
+
+    # The link.
+
+    def close(self) -> None:
+        """End the link."""
+        self._leaving.set()
+        if self._thread is not None:
+            self._thread.join(_LEAVE_S)
+            self._thread = None
+        self._link.close()
+
+    def _start(self) -> None:
+        self._thread = threading.Thread(target=self._run, name="tega-net", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        next_s = time.monotonic()
+        while not self._leaving.wait(max(0.0, next_s - time.monotonic())):
+            next_s = max(next_s + self.tick_s, time.monotonic() - self.tick_s)
+            try:
+                self._turn(time.monotonic_ns())
+            except (
+                Exception
+            ) as error:  # told as long as the run lasts; nothing more is sent, so the other side holds
+                self._error = f"link: no longer served: {error}"
+                self._tell(self._error)
+                return
+
+    def _turn(self, now_ns: int) -> None:
+        raise NotImplementedError
+
+    def _ping(self, session: int, now_ns: int) -> None:
+        if now_ns < self._next_ping_ns:
+            return
+        self._next_ping_ns = now_ns + PING_PERIOD_NS
+        with self._lock:
+            t0_ns = time.monotonic_ns()
+            self._asked[t0_ns] = None
+            while len(self._asked) > 100:
+                del self._asked[next(iter(self._asked))]
+        self._send_ping(encode(Ping(session, t0_ns)))
+
+    def _pinged(self, ping: Ping, now_ns: int) -> None:
+        self._send_pong(encode(Pong(ping.session, ping.t0_ns, now_ns, time.monotonic_ns())))
+
+    def _ponged(self, pong: Pong, now_ns: int) -> None:
+        with self._lock:
+            if pong.t0_ns in self._asked:  # what we asked, and only once
+                del self._asked[pong.t0_ns]
+                self._clock.add(pong.t0_ns, pong.t1_ns, pong.t2_ns, now_ns)
+
+    def _new_peer(self) -> None:
+        """Forget the other machine's clock; with the lock held."""
+        self._clock.forget()
+        self._asked.clear()
+        self._next_ping_ns = 0
+
+    def _offset_now(self, now_ns: int) -> Offset | None:
+        """Return how far apart the clocks are; with the lock held."""
+        best = self._clock.best(now_ns)
+        if best is not None:
+            self._offset = best
+        return best
+
+    @property
+    def _clock_words(self) -> str:
+        with self._lock:
+            offset = self._offset_now(time.monotonic_ns())
+        if offset is None:
+            return "clock not known"
+        half_ms = offset.round_trip_ns / 2e6
+        return f"clock {offset.offset_ns / 1e6:+.1f} ms ± {half_ms:.1f}"
+
+    def _link_summary(self) -> dict[str, Any]:
+        offset = self._offset
+        clock = None
+        if offset is not None:
+            clock = {
+                "offset_ms": round(offset.offset_ns / 1e6, 3),
+                "round_trip_ms": round(offset.round_trip_ns / 1e6, 3),
+            }
+        return {
+            "station": self.net.station,
+            "name": self.net.own_name,
+            "keys": self.net.keys is not None,
+            "clock": clock,
+            "way_ms": self._way.summary_ms() if self._way.n else None,
+        }
+
+    def _sends(self, key: str, channel: Channel) -> Callable[[bytes], None]:
+        return self._link.sends(key, channel)
+
+
+class _Seen:
+    """Passes on what the loop takes in, and shows it to the station."""
+
+    def __init__(self, station: Station, other: Recorder | None) -> None:
+        self._station, self._other = station, other
+
+    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
+        """See one measured frame."""
+        self._station.contact(t_ns, finger, metrics)
+        if self._other is not None:
+            self._other.contact(t_ns, finger, metrics, felt)
+
+    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+        """See one EMG block."""
+        self._station.levels(t_ns, channels, fused)
+        if self._other is not None:
+            self._other.levels(t_ns, channels, fused)
+
+
+def open_station(config: SessionConfig, *, tell: Callable[[str], None], stop: Callable[[], bool]) -> Station:
+    """Make this station's end of the link, not opened yet.
+
+    Raises:
+        ConfigError: The settings do not fit a station.
+    """
+    net = config.net
+    assert net is not None
+    if config.session.pace == "fast":
+        raise ConfigError(
+            "session.pace = 'fast', but a station runs in real time", "set session.pace = 'real'"
+        )
+    operator = net.station == "operator"
+    here = {
+        "tactile": bool(config.tactile.in_use()),
+        "hand": config.hand.driver is not None,
+        "arm": config.arm is not None,
+    }
+    if not operator:
+        here = {
+            "emg": config.emg is not None,
+            "vest": config.vest.driver is not None,
+            "input": bool(config.input.in_use()),
+            "arm.tracker": config.arm is not None and config.arm.tracker is not None,
+            "net.tracker": net.tracker is not None,
+        }
+    other = "robot" if operator else "operator"
+    for table in (table for table, is_there in here.items() if is_there):
+        raise ConfigError(
+            f"[{table}] stands in the {net.station}'s settings, but belongs to the {other}",
+            f"move it to the settings of the {other}'s station",
+        )
+    if net.keys is not None:
+        from tega.net.keys import check_expiry
+
+        if said := check_expiry(net.keys):
+            tell(said)
+    if operator:
+        from tega.net.operator import OperatorStation
+
+        return OperatorStation(config, tell, stop)
+    from tega.net.robot import RobotStation
+
+    return RobotStation(config, tell)

@@ -1,0 +1,163 @@
+"""The robot's fingertips at the operator's station: what they feel, and their pictures for display."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.net.ends import FarFinger
+from tega.net.gate import Gate
+from tega.net.messages import Feature, Image, Welcome, decode
+from tega.net.pictures import unpacked
+from tega.net.streams import InboxStream
+
+if TYPE_CHECKING:
+    from tega.net.clock import Offset
+    from tega.teleop.bell import Bell
+    from tega.teleop.latency import LatencyTrace
+    from tega.teleop.prepare import Finger, Prepared
+    from tega.teleop.sources import Contact, SourceReport
+
+__all__ = ["FarTouch"]
+
+
+class FarTouch:
+    """All fingertips of a robot.
+
+    Args:
+        robot: Its name.
+        ttl_ns: How old what comes may be.
+    """
+
+    def __init__(self, robot: str, *, ttl_ns: int) -> None:
+        self._robot, self._ttl_ns = robot, ttl_ns
+        self._fingers: dict[str, _Finger] = {}
+        self._gates: dict[str, Gate] = {}
+        self._start_ns: int | None = None
+        self._ring: Callable[[], None] = lambda: None
+        self._leaving = threading.Event()
+        self._readers: list[threading.Thread] = []
+
+    def welcome(self, welcome: Welcome) -> None:
+        """Listen to a robot's station from its beginning."""
+        for name in welcome.fingers:
+            self._gates.setdefault(name, Gate(ttl_ns=self._ttl_ns))
+        for gate in self._gates.values():
+            gate.begin(welcome.station)
+
+    def fingers(self, welcome: Welcome) -> dict[str, Finger]:
+        """Return the fingertips as a run starts with them."""
+        from tega.teleop.prepare import Finger
+        from tega.teleop.sources import SourceReport
+
+        fingers = {}
+        for name, rate_hz in welcome.fingers.items():
+            report = SourceReport()
+            source: Any = FarFinger(name, self._robot, rate_hz=rate_hz)
+            stream: InboxStream[Contact] = InboxStream(on_loss=report.drop)
+            baseline = unpacked(welcome.baselines[name]) if name in welcome.baselines else None
+            if baseline is None:
+                baseline = np.zeros((0, 0, 3), np.uint8)
+            self._fingers[name] = _Finger(source, stream, report)
+            fingers[name] = Finger(source, baseline, f"at robot {self._robot!r}", report, None, stream)
+        return fingers
+
+    def begin(
+        self, prepared: Prepared, *, start_ns: int, bell: Bell | None, trace: LatencyTrace | None
+    ) -> None:
+        """Give the loop what comes from now on."""
+        for name, far in self._fingers.items():
+            if trace is not None:
+                far.stamp = trace.source(name)
+            source = prepared.fingers[name].source
+            reader = threading.Thread(
+                target=self._read, args=(source,), name=f"tega-{name}-pictures", daemon=True
+            )
+            self._readers.append(reader)
+            reader.start()
+        if bell is not None:
+            self._ring = bell.ring
+        self._start_ns = start_ns
+
+    def end(self) -> None:
+        """Read no more pictures."""
+        self._leaving.set()
+        for reader in self._readers:
+            reader.join(2.0)
+        self._readers.clear()
+
+    def mind(self, *, lost: bool) -> None:
+        """Take note of whether the robot answers."""
+        for far in self._fingers.values():
+            far.mind(lost=lost)
+
+    def feature(self, name: str, data: bytes, now_ns: int, offset: Offset | None) -> int | None:
+        """Take in what one picture says; return how long it was on its way, ``None`` if it is not used."""
+        far, gate, start_ns = self._fingers.get(name), self._gates.get(name), self._start_ns
+        if far is None or gate is None or start_ns is None:
+            return None
+        try:
+            feature = decode(Feature, data)
+        except msgspec.DecodeError:
+            gate.malformed()
+            return None
+        if gate.refusal(feature, now_ns, offset) or offset is None:
+            return None
+        far.take(min(offset.ours(feature.t_ns), now_ns) - start_ns, now_ns, feature)
+        self._ring()
+        return now_ns - offset.ours(feature.sent_ns)
+
+    def image(self, name: str, data: bytes, offset: Offset | None) -> None:
+        """Take in a picture for display."""
+        far = self._fingers.get(name)
+        if far is None or offset is None or self._start_ns is None:
+            return
+        try:
+            image = decode(Image, data)
+        except msgspec.DecodeError:
+            return
+        far.source.show(offset.ours(image.t_ns), image.number, image.jpeg)
+
+    def summary(self) -> dict[str, Any]:
+        """Return how much came, and how much of it was not used."""
+        refused: dict[str, int] = {}
+        for gate in self._gates.values():
+            for why, n in gate.refused.items():
+                refused[why] = refused.get(why, 0) + n
+        came = {name: far.report.n_items for name, far in self._fingers.items()}
+        return {"features": came, "refused_features": refused}
+
+    def _read(self, source: Any) -> None:
+        """Read what comes for display, so that page and recording see it."""
+        while not self._leaving.is_set():
+            source.read(0.1)
+
+
+class _Finger:
+    """A fingertip at the robot's station, and where what comes of it goes."""
+
+    def __init__(self, source: FarFinger, stream: InboxStream[Contact], report: SourceReport) -> None:
+        self.source, self._stream, self.report = source, stream, report
+        self.stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
+        self._next = 0
+
+    def take(self, t_ns: int, received_ns: int, feature: Feature) -> None:
+        """Take in what one picture says."""
+        self.report.n_items += 1
+        self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
+        self._next = feature.sequence + 1
+        t_ns = max(t_ns, self._stream.end_ns)  # the clock's estimate may have moved back a little
+        self.stamp(t_ns, received_ns)
+        self._stream.put((t_ns, feature.metrics))
+
+    def mind(self, *, lost: bool) -> None:
+        """Take note of whether the robot answers."""
+        if lost and not self.report.lost:
+            self.report.lose("no data from the robot")
+            self._next = 0
+        elif not lost:
+            self.report.lost = ""

@@ -1,0 +1,177 @@
+"""The arm over two stations: forearm and switches at one, chain and arm at the other, in a program of its own."""
+
+from __future__ import annotations
+
+import csv
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("zenoh", reason="needs the extra net")
+
+from reference.net import Leader
+from reference.waiting import until
+from tega.config import check_tree
+from tega.net.messages import Refused, Welcome
+from tega.teleop import LoopView, run_session
+from tega.testing.lab import EmulatedLab, emulated_lab
+from tega.testing.stations import Program, free_port
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+
+_DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
+_ROBOT = """
+[session]
+out_dir = "out"
+[net]
+station = "robot"
+listen = "tcp/127.0.0.1:{port}"
+[arm]
+driver = "simulated-arm"
+"""
+
+
+class Operator:
+    """An operator's run in a thread, with the lab's headset and SpaceMouse."""
+
+    def __init__(self, lab: EmulatedLab, folder: Path, port: int) -> None:
+        net = {
+            "station": "operator",
+            "connect": f"tcp/127.0.0.1:{port}",
+            "tracker": lab.tree["arm"]["tracker"],
+        }
+        tree: dict[str, Any] = {"net": net, "input": lab.tree["input"]}
+        self.lab, self.arm = lab, ""
+        self.summary: dict[str, Any] = {}
+        self._config = check_tree(tree, {}, base=folder).config
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Operator:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self._over.set()
+        self._thread.join(30)
+
+    def _run(self) -> None:
+        self.summary = run_session(self._config, observer=self._observe, stop=self._over.is_set)
+
+    def _observe(self, view: LoopView) -> None:
+        self.arm = view.arm
+
+    def starts(self, words: str) -> None:
+        until(lambda: self.arm.startswith(words))
+
+    def gets(self, words: str) -> bool:
+        """Return whether the arm comes to say so within a while."""
+        for _ in range(300):
+            if self.arm.startswith(words):
+                return True
+            time.sleep(0.01)
+        return False
+
+    def leads(self, then: Callable[[], object], words: str) -> None:
+        """Take hold, do something and see what the arm says; anew if this machine stood still meanwhile."""
+        for _ in range(10):
+            self.lift(_DEAD_MAN, _CLUTCH)
+            if not self.gets("idle: the clutch is open"):
+                self.press(_RECOVER)
+                self.lift(_RECOVER)
+                continue
+            self.press(_DEAD_MAN, _CLUTCH)
+            if self.gets("following"):
+                then()
+                if self.gets(words):
+                    return
+        pytest.fail(f"never {words!r}, but {self.arm!r}")
+
+    def press(self, *buttons: int) -> None:
+        for button in buttons:
+            self.lab.cap.say(f"press {button}")
+
+    def lift(self, *buttons: int) -> None:
+        for button in buttons:
+            self.lab.cap.say(f"lift {button}")
+
+
+@contextmanager
+def robot_and_lab(folder: Path) -> Iterator[tuple[Program, EmulatedLab, Callable[[], Operator]]]:
+    port = free_port()
+    settings = folder / "robot.toml"
+    settings.write_text(_ROBOT.format(port=port), encoding="utf-8")
+    with emulated_lab(folder, arm=True) as lab, Program("robot", settings) as robot:
+        robot.await_said("waits for an operator")
+        yield robot, lab, lambda: Operator(lab, folder, port)
+
+
+def test_the_arm_follows_over_the_link_and_lets_go_with_its_operator(tmp_path: Path) -> None:
+    with robot_and_lab(tmp_path) as (robot, lab, operators):
+        with operators() as alice:
+            alice.starts("idle")
+            alice.press(_DEAD_MAN)
+            alice.starts("idle: the clutch is open")
+            alice.leads(lambda: alice.lift(_DEAD_MAN), "holding: the dead-man switch is released")
+            lab.headset.say("wave 0.1 0.5")
+            alice.leads(lambda: time.sleep(1.0), "following")
+        # The next one begins with the clutch pressed, and has not taken hold.
+        robot.await_said("is gone")
+        with operators() as bob:
+            bob.starts("idle: the clutch is open")
+            bob.leads(lambda: None, "following")
+        summary = robot.end()
+    assert summary["arm"]["holds"] >= 3
+    assert summary["net"]["leaders"] >= 2
+    x_m = [float(row["target_x_m"]) for row in _rows(tmp_path) if row["target_x_m"]]
+    assert max(x_m) - min(x_m) > 0.01
+
+
+def test_an_operator_who_falls_silent_leaves_the_arm_held_then_loose_then_stopped(tmp_path: Path) -> None:
+    port = free_port()
+    settings = tmp_path / "robot.toml"
+    settings.write_text(_ROBOT.format(port=port), encoding="utf-8")
+    with Program("robot", settings) as robot, Leader(port) as alice:
+        refused = alice.join()
+        assert isinstance(refused, Refused)
+        assert "no dead-man switch" in refused.why
+        refused = alice.join(dead_man=True, frame="unity")
+        assert isinstance(refused, Refused)
+        assert "wants poses in the axes 'openxr'" in refused.why
+        assert isinstance(alice.join(dead_man=True, frame="openxr"), Welcome)
+        until(lambda: alice.clocks > 0)
+
+        def arm() -> str:
+            return "" if alice.state is None else alice.state.arm
+
+        def hold_on(words: str, **switches: bool) -> None:
+            def reached() -> bool:
+                again = "press it again" in arm()
+                alice.say_arm(**switches | ({"clutch": False} if again else {}))
+                return arm().startswith(words)
+
+            until(reached)
+
+        hold_on("idle: the clutch is open", dead_man=True)
+        hold_on("following", dead_man=True, clutch=True)
+        until(
+            lambda: arm().startswith("stopped: no pose came for more than 1000 ms")
+        )  # nothing is said any more
+        hold_on("stopped", dead_man=True, clutch=True)
+        hold_on("idle", recover=True)
+        robot.end()
+    states = [state for state, _ in groupby(row["state"] for row in _rows(tmp_path))]
+    last = len(states) - 1 - states[::-1].index("following")
+    assert states[last:] == ["following", "holding", "idle", "stopped", "idle"]
+
+
+def _rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "out" / "arm.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))

@@ -1,0 +1,194 @@
+"""Two stations, each a program of its own, over real Zenoh on this machine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+pytest.importorskip("zenoh", reason="needs the extra net")
+
+from reference.net import Leader
+from reference.waiting import until
+from tega.config import load_config
+from tega.devices.base import TactileFrame
+from tega.devices.watched import Watched
+from tega.errors import ConfigError
+from tega.net.messages import Refused, Welcome
+from tega.net.station import open_station
+from tega.teleop import run_session
+from tega.teleop.prepare import Prepared
+from tega.testing.stations import Program, free_port, split, write_stations, write_trees
+
+
+@pytest.fixture(scope="module")
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture(scope="module")
+def files(port: int, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    return write_stations(tmp_path_factory.mktemp("stations"), port=port)
+
+
+@pytest.fixture(scope="module")
+def robot(files: tuple[Path, Path]) -> Iterator[Program]:
+    with Program("robot", files[0]) as program:
+        program.await_said("waits for an operator")
+        yield program
+
+
+def test_muscles_close_the_robot_s_hand_and_its_touch_comes_back(robot, files) -> None:
+    n_before = robot.said.count("is gone")
+    with Program("operator", files[1]) as operator:
+        operator.await_said("active")
+        time.sleep(1.5)
+        summary = operator.end()
+    robot.await_said("operator 'operator' is gone", times=n_before + 1)
+    assert summary["net"]["robot"] == "robot"
+    assert summary["net"]["features"]["thumb"] > 10
+    assert summary["net"]["commands"] > 10
+    assert abs(summary["net"]["clock"]["offset_ms"]) <= summary["net"]["clock"]["round_trip_ms"]
+    assert summary["tactile"]["thumb"]["frames"] > 10
+    assert summary["hand"]["sinks"] == ["net"]
+
+
+@pytest.mark.usefixtures("robot")
+def test_pictures_come_for_the_page_with_the_gel_they_are_compared_with(files) -> None:
+    seen: list[TactileFrame] = []
+    baselines: list[tuple[int, ...]] = []
+
+    def watch(prepared: Prepared) -> Prepared:
+        thumb = prepared.fingers["thumb"]
+        baselines.append(thumb.baseline.shape)
+        watched: Any = Watched(thumb.source, seen.append)
+        return prepared._replace(fingers={"thumb": thumb._replace(source=watched)})
+
+    config = load_config(files[1], environ={}).config
+    until_s = time.monotonic() + 30
+    summary = run_session(config, on_prepared=watch, stop=lambda: len(seen) > 4 or time.monotonic() > until_s)
+    assert {frame.image.shape for frame in seen} == set(baselines)
+    # A recording is read a second ahead, so its pictures are early; by our clock they are of about now.
+    assert all(abs(time.monotonic_ns() - frame.t_ns) < 60e9 for frame in seen)
+    numbers = [frame.seq for frame in seen]
+    assert numbers == sorted(set(numbers))
+    assert summary["net"]["features"]["thumb"] > len(seen)
+
+
+@pytest.mark.usefixtures("robot")
+def test_one_operator_leads_and_a_second_is_told_by_whom(files, port) -> None:
+    with Leader(port) as alice:
+        assert isinstance(alice.join(), Welcome)
+        assert isinstance(alice.join(), Welcome)  # who asks again is not somebody else
+        with Program("operator", files[1]) as operator:
+            assert operator.process.wait(60) == 3
+            assert "robot 'robot' is led by 'alice' already" in operator.said
+            assert "ask 'alice' to end" in operator.said
+        refused = alice.join(session=78)
+        assert isinstance(refused, Refused)
+        with Leader(port, "bob") as bob:
+            robot_s_own = bob.join(name="alice")
+            assert isinstance(robot_s_own, Refused)
+            assert "somebody else" in robot_s_own.why
+    with Leader(port, "bob", session=79) as bob:
+        until(lambda: isinstance(bob.join(), Welcome))
+
+
+@pytest.mark.usefixtures("robot")
+def test_only_commands_of_the_leader_in_order_and_young_are_obeyed(port) -> None:
+    with Leader(port, session=80) as alice:
+        assert isinstance(alice.join(), Welcome)
+        until(lambda: alice.clocks > 0)
+        time.sleep(0.1)
+
+        def refused(why: str) -> int:
+            return 0 if alice.state is None else alice.state.refused.get(why, 0)
+
+        alice.say(10)
+        alice.say(10)
+        alice.say(9)
+        alice.say(11, session=81)
+        alice.say(12, age_ms=3000.0)
+        alice.say(13, age_ms=-3000.0)
+        alice.say(14, level=6)
+        alice.say_raw(b"\xff\x00nonsense")
+        alice.say_raw(msgspec.msgpack.encode({"type": "HandCommand", "session": "x"}))
+        with Leader(port, "eve", session=80) as eve:  # the right number, from the wrong place
+            eve.say(100)
+            until(lambda: refused("foreign") == 2)
+        expected = {"repeated": 1, "reordered": 1, "foreign": 2, "old": 1, "ahead": 1, "malformed": 3}
+        until(lambda: all(refused(why) >= n for why, n in expected.items()))
+        assert alice.state is not None
+        until(lambda: alice.state is not None and "no command from 'alice'" in alice.state.problem)
+
+
+@pytest.mark.usefixtures("robot")
+def test_a_silent_operator_leaves_the_hand_held_then_open(port) -> None:
+    def is_in(state: str) -> bool:
+        return alice.state is not None and alice.state.state == state
+
+    with Leader(port, session=90) as alice:
+        assert isinstance(alice.join(), Welcome)
+        until(lambda: alice.clocks > 0)
+        sequence = 0
+        until_s = time.monotonic() + 30
+        while not is_in("active") and time.monotonic() < until_s:
+            alice.say(sequence)
+            sequence += 1
+            time.sleep(0.02)
+        assert is_in("active")
+        until(lambda: is_in("hold"))
+        assert alice.state is not None
+        assert "link: no command from 'alice'" in alice.state.reason
+        until(lambda: is_in("idle"))
+
+
+def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
+    robot_file, operator_file = write_stations(tmp_path, port=free_port())
+    with Program("robot", robot_file) as robot:
+        robot.await_said("waits for an operator")
+        with Program("operator", operator_file) as operator:
+            operator.await_said("active")
+            robot.process.kill()
+            robot.process.wait()
+            operator.await_said("does not answer")
+            with Program("robot", robot_file) as again:
+                operator.await_said("is led again")
+                again.await_said("operator 'operator' leads")
+                operator.await_said("\nactive: ", times=2)
+                summary = operator.end()
+    assert summary["net"]["joined"] >= 2
+    assert summary["net"]["lost"] >= 1
+    states = [change["state"] for change in summary["safety"]["changes"]]
+    assert "hold" in states
+    assert any("no data from the robot" in said for said in summary["notes"])
+    assert summary["tactile"]["thumb"]["silent_s"] > 0.1
+
+
+def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
+    tree: dict[str, Any] = {
+        "session": {"preset": "paper", "out_dir": "results"},
+        "tactile": {"thumb": {"driver": "digit", "options": {"source": "http://127.0.0.1:1/v"}}},
+        "emg": {"driver": "synthetic-emg", "kind": "raw"},
+        "input": {"dead_man": {"driver": "pedal", "options": {"silent_after_ms": 100}}},
+        "arm": {"driver": "simulated-arm", "tracker": {"driver": "poses-file", "options": {"file": "p.csv"}}},
+    }
+    address = "tcp/127.0.0.1:7447"
+    robot_file, operator_file = write_trees(tmp_path, split(tree, listen=address, connect=address))
+    robot, operator = (load_config(file, environ={}).config for file in (robot_file, operator_file))
+    assert robot.net is not None
+    assert operator.net is not None
+    assert operator.net.tracker is not None
+    assert (robot.net.listen, operator.net.connect) == (address, address)
+    assert robot.session.preset == operator.session.preset == "paper"
+    assert robot.session.out_dir != operator.session.out_dir
+    for config in (robot, operator):
+        open_station(config, tell=print, stop=lambda: True)  # nothing stands where it does not belong
+    with pytest.raises(ConfigError, match="belongs to the operator"):
+        open_station(msgspec.structs.replace(robot, emg=operator.emg), tell=print, stop=lambda: True)
+    with pytest.raises(ConfigError, match="belongs to the robot"):
+        open_station(msgspec.structs.replace(operator, arm=robot.arm), tell=print, stop=lambda: True)
