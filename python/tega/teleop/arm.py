@@ -60,6 +60,7 @@ class Steering:
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
         self._command: ArmCommand | None = None
+        self._measured: StampedPose | None = None
         self._error = ""
         self._was_pressed = self._wants_clear = False
         self._state_s: dict[str, float] = dict.fromkeys(("idle", "following", "holding", "stopped"), 0.0)
@@ -107,7 +108,9 @@ class Steering:
         """Return an observer that is also shown what the arm does."""
 
         def observe(view: LoopView) -> None:
-            observer(view._replace(arm=self.words))
+            measured = self._measured
+            height_m = None if measured is None else float(measured.position_m[2])
+            observer(view._replace(arm=self.words, arm_height_m=height_m))
 
         return observe
 
@@ -157,6 +160,7 @@ class Steering:
     def turn(self, now_ns: int, measured: StampedPose | None, *, may_move: bool) -> ArmCommand:
         """Take in poses and switches, and send one command."""
         arm, chain = self._arm, self._chain
+        self._measured = measured
         self._count(now_ns)
         dead_man = self._held("dead_man")
         pressed = self._held("recover")

@@ -80,6 +80,7 @@ class LoopView(NamedTuple):
         alerts: What is wrong, one sentence each.
         latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
         arm: What the arm does and why, in one line; ``""`` without an arm.
+        arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
     """
 
     t_ns: int
@@ -95,6 +96,7 @@ class LoopView(NamedTuple):
     alerts: Sequence[str] = ()
     latency: str = ""
     arm: str = ""
+    arm_height_m: float | None = None
 
 
 class DualLoop:
