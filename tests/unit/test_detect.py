@@ -14,7 +14,9 @@ NOTHING = Touch(False, 0, 0.0, 0.0, math.nan, math.nan)
 FIRM = Touch(True, 3000, 60_000.0, 30.0, 120.0, 100.0)
 
 
-def play(detector: Detector, touches: list[Touch], *, finger: str = "index", begin_s: float = 0.0) -> list[Found]:
+def play(
+    detector: Detector, touches: list[Touch], *, finger: str = "index", begin_s: float = 0.0
+) -> list[Found]:
     """Give a finger's frames, sixty a second."""
     found = []
     for n, touch in enumerate(touches):
@@ -102,12 +104,13 @@ def test_a_record_and_the_run_agree_on_a_slip_and_steady_holds_have_none() -> No
 def test_the_simulated_bench_shows_its_lift_off_and_its_slip() -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("scipy")
-    from tega.sim.check_events import WAYS, compare, run
+    from tega.sim.check_events import WAYS, compare, judge, run
     from tega.sim.plan import TrialPlan
 
     kept = run(TrialPlan(object="bag", condition="non-haptic", seed=1))
     assert {event.kind for event in kept.result.events} >= {"lift_off", "slip"}
+    judged = judge(kept)
     for way in WAYS[:2]:
-        assert compare([kept], way, "lift_off").f1 == 1.0
-        slip = compare([kept], way, "slip")
+        assert compare([judged], way, "lift_off").f1 == 1.0
+        slip = compare([judged], way, "slip")
         assert slip.matched == slip.n_a == 1

@@ -163,9 +163,9 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
 
 def test_what_the_bench_cannot_do_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
-    folder = study(tmp_path, conditions=["haptic", "event-gated"])
+    folder = study(tmp_path, conditions=["haptic", "unfelt"])
     bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
-    with pytest.raises(InvalidValueError, match="event-gated"):
+    with pytest.raises(InvalidValueError, match="unfelt"):
         lead_session(folder, "p01", bench, Experimenter())
     assert not events_path(folder, "p01").exists()
 

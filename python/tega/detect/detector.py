@@ -27,8 +27,8 @@ class Found(NamedTuple):
     Attributes:
         kind: What.
         t_s: When it began, as far as can be told, seconds.
-        confidence: 0 to 1. A slip's is the rule's share, which is no frequency on other objects or sensors than those it
-            was fitted on.
+        confidence: 0 to 1; half where it is just an event. A slip's is the rule's share, shifted so; how often it is
+            right on other objects or sensors than those it was fitted on is not known.
         known_s: When it was told.
         finger: Of which finger; empty for the whole grasp.
     """
@@ -141,7 +141,12 @@ class Detector:
         return found
 
     def hand(
-        self, t_s: float, *, level: int | None = None, closure: float | None = None, height_m: float | None = None
+        self,
+        t_s: float,
+        *,
+        level: int | None = None,
+        closure: float | None = None,
+        height_m: float | None = None,
     ) -> list[Found]:
         """Take in a look at hand and arm, and return what it tells; ``None`` for what is not measured.
 

@@ -27,7 +27,7 @@ FEATURES: Final = (
 """What a slip is seen by in the fingertips alone:
 
 - fingers in contact; log of their summed maps (1 + sum / 10,000), its change over 0.35 s and over 1 s;
-- how far a contact's middle moves (log of 1 + pixels): furthest finger over 0.35 s and over 1 s, and mean by the maps' sums;
+- how far a contact's middle moves (log of 1 + pixels): the furthest over 0.35 s and over 1 s, and the mean;
 - the highest peak / 20, the largest fall of a peak / 10 and of the root of an area / 20;
 - how lately a finger has lost contact, or gained it: exp(-age / 0.4 s).
 """
@@ -91,11 +91,30 @@ class Settings(NamedTuple):
     eased: float = 0.8
     look_ahead_s: float = 0.5
     touch: Rule = Rule(
-        -0.919, (-0.293, -0.005, -5.72, -0.807, 0.248, -0.055, 0.16, -1.44, -0.748, 1.06, 1.176, -0.04), 0.5, 0.2
+        -0.919,
+        (-0.293, -0.005, -5.72, -0.807, 0.248, -0.055, 0.16, -1.44, -0.748, 1.06, 1.176, -0.04),
+        0.5,
+        0.2,
     )
     hand: Rule = Rule(
         -2.317,
-        (-0.503, 0.45, 0.284, -1.994, 0.128, 0.009, -0.25, -1.725, 0.092, -0.075, 0.545, 0.064, -13.126, -0.639, 3.821),
+        (
+            -0.503,
+            0.45,
+            0.284,
+            -1.994,
+            0.128,
+            0.009,
+            -0.25,
+            -1.725,
+            0.092,
+            -0.075,
+            0.545,
+            0.064,
+            -13.126,
+            -0.639,
+            3.821,
+        ),
         0.5,
         0.2,
     )

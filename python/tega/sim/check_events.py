@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tega.tactile import ContactMetrics
     from tega.teleop.touch import Felt
 
-__all__ = ["Kept", "compare", "fit", "main", "run"]
+__all__ = ["Judged", "Kept", "compare", "fit", "judge", "main", "run"]
 
 TOLERANCE_S = 0.5
 """As for video that is stepped through: nobody has to press a key here."""
@@ -110,29 +110,40 @@ def run(plan: TrialPlan) -> Kept:
     return Kept(result, keeper.touch, keeper.hand, slipping)
 
 
-def run_all(plans: Sequence[TrialPlan], *, jobs: int) -> list[Kept]:
-    """Run trials, over the cores."""
-    from joblib import Parallel, delayed
+class Judged(NamedTuple):
+    """A trial's truth and what was found in it.
 
-    kept: list[Kept] = Parallel(n_jobs=jobs)(delayed(run)(plan) for plan in plans)
-    return kept
+    Attributes:
+        result: What became of it.
+        found: Times by way and kind, seconds; live, an event is there when it is told.
+    """
+
+    result: TrialResult
+    found: dict[tuple[str, str], list[float]]
 
 
-def found_in(kept: Kept, way: str) -> list[Found]:
-    """Find a trial's events in one of :data:`WAYS`."""
-    return events_of(kept.touch, [] if way == WAYS[2] else kept.hand, live=way != WAYS[0])
+def judge(kept: Kept) -> Judged:
+    """Find a trial's events in each of :data:`WAYS`."""
+    times: dict[tuple[str, str], list[float]] = {}
+    for way in WAYS:
+        found = events_of(kept.touch, [] if way == WAYS[2] else kept.hand, live=way != WAYS[0])
+        for kind in KINDS:
+            times[way, kind] = [
+                event.t_s if way == WAYS[0] else event.known_s for event in found if event.kind == kind
+            ]
+    return Judged(kept.result, times)
 
 
-def compare(trials: Sequence[Kept], way: str, kind: str) -> Agreement:
+def compare(trials: Sequence[Judged], way: str, kind: str) -> Agreement:
     """Compare the truth of trials with what is found."""
     truth = [[e.t_s for e in one.result.events if e.kind == kind] for one in trials]
-    # Live, an event is there when it is told.
-    found = [
-        [e.t_s if way == WAYS[0] else e.known_s for e in found_in(one, way) if e.kind == kind]
-        for one in trials
-    ]
+    found = [one.found[way, kind] for one in trials]
     lengths_s = [one.result.duration_s for one in trials]
     return agreement(kind, ("truth", "detector"), truth, found, lengths_s, tolerance_s=TOLERANCE_S)
+
+
+def _judged(plan: TrialPlan) -> Judged:
+    return judge(run(plan))
 
 
 class _Looks(Detector):
@@ -149,8 +160,15 @@ class _Looks(Detector):
 
 
 class _Seen(NamedTuple):
-    """A trial as the slip's rule sees it: times, features, whether it is asked, 1 in the first half second of a slip,
-    and which looks are fitted (later ones of a slip are not)."""
+    """A trial as the slip's rule sees it.
+
+    Attributes:
+        t_s: Times of the looks, seconds.
+        features: What is seen.
+        asked: Whether the rule is asked.
+        slips: 1 in the first half second of a slip.
+        used: Which looks are fitted: later ones of a slip are not.
+    """
 
     t_s: NDArray[np.float64]
     features: NDArray[np.float64]
@@ -171,7 +189,11 @@ def _looks(kept: Kept, *, hand: bool) -> _Seen:
         slips[(t_s >= begin) & (t_s <= min(end, begin + _ONSET_S))] = 1
     asked = np.array([row[2] for row in rows])
     return _Seen(
-        t_s, np.array([row[1] for row in rows]).reshape(-1, width), asked, slips, asked & (~near | (slips > 0))
+        t_s,
+        np.array([row[1] for row in rows]).reshape(-1, width),
+        asked,
+        slips,
+        asked & (~near | (slips > 0)),
     )
 
 
@@ -251,9 +273,24 @@ def _plans(
     ]
 
 
-def _table(trials: Sequence[Kept]) -> Iterable[str]:
-    yield "| event | seen | object | vest | trials | true | found | both | precision | recall | F1 | by chance | delay s |"
-    yield "|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+def _table(trials: Sequence[Judged]) -> Iterable[str]:
+    heads = [
+        "event",
+        "seen",
+        "object",
+        "vest",
+        "trials",
+        "true",
+        "found",
+        "both",
+        "precision",
+        "recall",
+        "F1",
+        "chance",
+        "delay",
+    ]
+    yield f"| {' | '.join(heads)}, s |"
+    yield "|---" * len(heads) + "|"
     objects = list(dict.fromkeys(one.result.object for one in trials))
     vests = list(dict.fromkeys(one.result.condition for one in trials))
     for kind in KINDS:
@@ -262,10 +299,15 @@ def _table(trials: Sequence[Kept]) -> Iterable[str]:
                 continue  # needs hand and arm
             for name, vest in [("all", "all"), *((o, "all") for o in objects), *(("all", v) for v in vests)]:
                 some = [
-                    t for t in trials if name in {"all", t.result.object} and vest in {"all", t.result.condition}
+                    t
+                    for t in trials
+                    if name in {"all", t.result.object} and vest in {"all", t.result.condition}
                 ]
                 one = compare(some, way, kind)
-                cells = (one.matched / one.n_b if one.n_b else None, one.matched / one.n_a if one.n_a else None)
+                cells = (
+                    one.matched / one.n_b if one.n_b else None,
+                    one.matched / one.n_a if one.n_a else None,
+                )
                 numbers = " | ".join(_number(v) for v in (*cells, one.f1, one.chance_f1, one.delay_s))
                 yield (
                     f"| {kind.replace('_', '-')} | {way} | {name} | {vest} | {one.trials} | {one.n_a} | {one.n_b} | "
@@ -284,7 +326,9 @@ def _seeds(text: str) -> range:
 
 def main() -> None:
     """Fit, or print the table."""
-    parser = argparse.ArgumentParser(description="Events found in the signals against the truth; all simulated.")
+    parser = argparse.ArgumentParser(
+        description="Events found in the signals against the truth; all simulated."
+    )
     parser.add_argument("--fit", type=_seeds, metavar="A:B", help="fit the slip's rules on these people")
     parser.add_argument("--seeds", type=_seeds, default=range(2000, 2010), metavar="A:B")
     parser.add_argument("--conditions", default="haptic,non-haptic,event-gated")
@@ -292,13 +336,17 @@ def main() -> None:
     parser.add_argument("--friction", type=float, default=1.0, help="likewise")
     parser.add_argument("--jobs", type=int, default=-1)
     asked = parser.parse_args()
+    from joblib import Parallel, delayed
+
     if asked.fit is not None:
-        kept = run_all(_plans(asked.fit, ["haptic"], asked.stiffness, asked.friction), jobs=asked.jobs)
+        plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction)
+        kept: list[Kept] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         for name, hand in (("touch", False), ("hand", True)):
             sys.stdout.write(f"{name}: {fit(kept, hand=hand)}\n")
         return
     plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction)
-    for line in _table(run_all(plans, jobs=asked.jobs)):
+    judged: list[Judged] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
+    for line in _table(judged):
         sys.stdout.write(line + "\n")
 
 

@@ -1,8 +1,8 @@
 """What the signals of a study's trials say of lift-off, slip and deformation: the detector as one more account.
 
 It sees what was kept of the fingertips, the hand and the arm, and nothing that a person or the simulation says. Its
-events stand beside the session's in ``detected.jsonl``, with their confidence, and are compared like a rater's; they are
-never counted instead of a rater's.
+events stand beside the session's in ``detected.jsonl``, with their confidence, and are compared like a rater's; they
+are never counted instead of a rater's.
 """
 
 from __future__ import annotations
@@ -22,7 +22,15 @@ from tega.study.privacy import withdrawn
 from tega.study.state import events_path
 from tega.study.touch_rows import TouchRow, read_touch, touch_path
 
-__all__ = ["DETECTED", "DETECTOR", "TrialEvents", "detect_study", "detected_path", "events_of", "read_detected"]
+__all__ = [
+    "DETECTED",
+    "DETECTOR",
+    "TrialEvents",
+    "detect_study",
+    "detected_path",
+    "events_of",
+    "read_detected",
+]
 
 DETECTOR = "detector"
 DETECTED: dict[str, Kind] = {"lift_off": "lift_off", "slip": "slip", "deformation": "deformation"}
@@ -128,7 +136,12 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
                 name for name in ("closure", "height_m") if all(getattr(row, name) is None for row in hand)
             ]
             done = TrialEvents(
-                person, start.trial, start.attempt, trial.object, events, tuple(n[:7].rstrip("_") for n in missing)
+                person,
+                start.trial,
+                start.attempt,
+                trial.object,
+                events,
+                tuple(n[:7].rstrip("_") for n in missing),
             )
             rows.append((start, ends[key], done))
         if rows:
@@ -149,8 +162,8 @@ def _write(path: Path, signed: str, rows: Sequence[tuple[Event, Event, TrialEven
     with Journal(beside) as journal:
         journal.add("session_start", t_ns=rows[0][0].t_ns, source=DETECTOR, text=signed)
         for start, end, done in rows:
-            at = {"trial": done.trial, "attempt": done.attempt}
-            journal.add("trial_start", t_ns=start.t_ns, source=DETECTOR, **at)
+            trial, attempt = done.trial, done.attempt
+            journal.add("trial_start", t_ns=start.t_ns, source=DETECTOR, trial=trial, attempt=attempt)
             for event in done.events:
                 if event.kind in DETECTED:
                     journal.add(
@@ -158,7 +171,8 @@ def _write(path: Path, signed: str, rows: Sequence[tuple[Event, Event, TrialEven
                         t_ns=start.t_ns + round(event.t_s * 1e9),
                         source=DETECTOR,
                         value=round(event.confidence, 3),
-                        **at,
+                        trial=trial,
+                        attempt=attempt,
                     )
-            journal.add("trial_end", t_ns=end.t_ns, source=DETECTOR, **at)
+            journal.add("trial_end", t_ns=end.t_ns, source=DETECTOR, trial=trial, attempt=attempt)
     beside.replace(path)

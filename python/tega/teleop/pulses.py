@@ -1,9 +1,9 @@
 """Touch told by its events: the vest pulses when a finger touches, lets go, or the object slips, and rests in between.
 
-The policy is that of event-driven feedback (Cipriani and others 2014, "Humans can integrate feedback of discrete events
-in their sensorimotor control of a robotic hand"): what divides the phases of a task is told, nothing else. Which event it
-was is told by place: contact in front, release at the back, slip on both. Levels and durations are settings
-(``vest.pulses``); a pulse goes through the wearer's thresholds, the dose and the watchdog as any frame does.
+The policy is that of event-driven feedback (Cipriani and others 2014, "Humans can integrate feedback of discrete
+events in their sensorimotor control of a robotic hand"): what divides the phases of a task is told, nothing else.
+Which event it was is told by place: contact in front, release at the back, slip on both. Levels and durations are
+settings (``vest.pulses``); a pulse goes through the wearer's thresholds, the dose and the watchdog as any frame does.
 """
 
 from __future__ import annotations
@@ -91,7 +91,9 @@ class PulseLoop(TouchLoop):
     def _tell(self, t_ns: int, found: Found) -> None:
         """Begin an event's pulse, unless the same has just been told."""
         pulses = self._pulses
-        level = {"contact": pulses.contact, "release": pulses.release, "slip": pulses.slip}.get(found.kind, 0.0)
+        level = {"contact": pulses.contact, "release": pulses.release, "slip": pulses.slip}.get(
+            found.kind, 0.0
+        )
         key = found.kind, found.finger
         if not level or t_ns < self._free_ns.get(key, t_ns):
             return

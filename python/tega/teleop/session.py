@@ -32,8 +32,8 @@ from tega.teleop.loop import DualLoop, LoopView, Recorder, Sink
 from tega.teleop.loop_report import LoopReport
 from tega.teleop.pacing import Pacer, PacingReport
 from tega.teleop.prepare import Prepared, Progress, prepare
-from tega.teleop.sinks import Sinks, open_inputs, open_sinks
 from tega.teleop.pulses import PulseLoop
+from tega.teleop.sinks import Sinks, open_inputs, open_sinks
 from tega.teleop.summary import summarise, write_summary
 from tega.teleop.touch import TouchLoop
 

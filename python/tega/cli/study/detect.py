@@ -18,7 +18,9 @@ __all__ = ["detect"]
 @click.command(epilog="Example: tega-teleop study detect my-study p01")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.argument("participants", nargs=-1, metavar="[PARTICIPANT]...")
-@click.option("--live", is_flag=True, help="Only what could have been said at the time, as event-gated feedback does.")
+@click.option(
+    "--live", is_flag=True, help="Only what could have been said at the time, as event-gated feedback does."
+)
 @json_option
 @debug_option
 def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:
@@ -41,14 +43,17 @@ def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: 
         echo_json({"trials": rows})
         return
     for one in found:
-        click.echo(f"{one.participant} trial {one.trial}{' again' if one.attempt > 1 else ''}, {one.object}: {_told(one)}")
-    for what, lacks in (("closure", "no deformation"), ("height", "no lift-off, and slips are seen in the fingertips alone")):
-        n_lack = sum(what in one.missing for one in found)
-        if n_lack:
-            click.echo(f"{n_lack} of {len(found)} trials have no {what} of the {_OF[what]} on record: {lacks}")
+        again = " again" if one.attempt > 1 else ""
+        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {_told(one)}")
+    for what, lacks in _LACKS.items():
+        if n_lack := sum(what in one.missing for one in found):
+            click.echo(f"{n_lack} of {len(found)} trials have no {lacks}")
 
 
-_OF = {"closure": "hand", "height": "arm"}
+_LACKS = {
+    "closure": "closure of the hand on record: no deformation is found in them",
+    "height": "height of the arm on record: no lift-off is found in them, and slips in the fingertips alone",
+}
 
 
 def _told(one: TrialEvents) -> str:

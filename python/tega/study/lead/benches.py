@@ -190,9 +190,7 @@ class SimulatedBench:
         going.begin(0)
         lift.go(
             real_time=self._real_time,
-            observer=lambda moment: going.view(
-                moment.loop._replace(arm_height_m=lift.rig.act.forearm_m[0])
-            ),
+            observer=lambda moment: going.view(moment.loop._replace(arm_height_m=lift.rig.act.forearm_m[0])),
             stop=going.over,
             paused=lambda: False,
         )
