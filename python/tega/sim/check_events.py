@@ -274,23 +274,11 @@ def _plans(
 
 
 def _table(trials: Sequence[Judged]) -> Iterable[str]:
-    heads = [
-        "event",
-        "seen",
-        "object",
-        "vest",
-        "trials",
-        "true",
-        "found",
-        "both",
-        "precision",
-        "recall",
-        "F1",
-        "chance",
-        "delay",
-    ]
-    yield f"| {' | '.join(heads)}, s |"
-    yield "|---" * len(heads) + "|"
+    yield (
+        "| event | seen | object | vest | trials | true | found | both "
+        "| precision | recall | F1 | chance | delay, s |"
+    )
+    yield "|" + "---|" * 13
     objects = list(dict.fromkeys(one.result.object for one in trials))
     vests = list(dict.fromkeys(one.result.condition for one in trials))
     for kind in KINDS:
@@ -304,6 +292,8 @@ def _table(trials: Sequence[Judged]) -> Iterable[str]:
                     if name in {"all", t.result.object} and vest in {"all", t.result.condition}
                 ]
                 one = compare(some, way, kind)
+                if not one.n_a and not one.n_b:
+                    continue
                 cells = (
                     one.matched / one.n_b if one.n_b else None,
                     one.matched / one.n_a if one.n_a else None,
