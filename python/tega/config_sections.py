@@ -162,9 +162,8 @@ class PulsesConfig(_Section, frozen=True):
     Attributes:
         contact: A finger begins to touch: intensity of its front column, percent; 0 leaves it out.
         release: It has let go: likewise of its back column.
-        slip: The object slips: likewise of all columns on both faces.
-        duration_s: How long a pulse lasts. Studies of event-driven feedback used some tenths of this, with quick
-            actuators; a coin motor of a vest needs about 0.18 s to reach its full vibration.
+        slip: The object slips: likewise of the columns of all fingers in use, on both faces.
+        duration_s: How long a pulse lasts: a small coin motor needs about 0.18 s to reach its full vibration.
         gap_s: So soon after a pulse has ended the same event of the same finger is not told again.
     """
 
