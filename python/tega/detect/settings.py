@@ -97,7 +97,7 @@ class Settings(NamedTuple):
         0.2,
     )
     hand: Rule = Rule(
-        -2.317,
+        -2.03,
         (
             -0.503,
             0.45,
@@ -116,7 +116,7 @@ class Settings(NamedTuple):
             3.821,
         ),
         0.5,
-        0.2,
+        0.15,
     )
 
 
