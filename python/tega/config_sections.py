@@ -36,6 +36,7 @@ __all__ = [
     "InputSection",
     "MarkersSection",
     "Pace",
+    "PulsesConfig",
     "RecordingSection",
     "SessionConfig",
     "SessionSection",
@@ -155,6 +156,27 @@ _Step = Annotated[float, msgspec.Meta(gt=0, le=100)]
 _EachStep = Annotated[tuple[_Step, ...], msgspec.Meta(min_length=40, max_length=40)]
 
 
+_Percent = Annotated[float, msgspec.Meta(ge=0, le=100)]
+
+
+class PulsesConfig(_Section, frozen=True):
+    """What the vest does at an event where ``vest.feedback`` is ``events``; it rests in between.
+
+    Attributes:
+        contact: A finger begins to touch: intensity of its front column, percent; 0 leaves it out.
+        release: It has let go: likewise of its back column.
+        slip: The object slips: likewise of the columns of all fingers in use, on both faces.
+        duration_s: How long a pulse lasts: a small coin motor needs about 0.18 s to reach its full vibration.
+        gap_s: So soon after a pulse has ended the same event of the same finger is not told again.
+    """
+
+    contact: _Percent = 70.0
+    release: _Percent = 70.0
+    slip: _Percent = 100.0
+    duration_s: Annotated[float, msgspec.Meta(ge=0.05, le=1)] = 0.2
+    gap_s: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.3
+
+
 class VestConfig(_Section, frozen=True):
     """The vest.
 
@@ -167,6 +189,9 @@ class VestConfig(_Section, frozen=True):
         keep_alive_s: A frame equal to the last one sent is sent to a real vest again after this long at the latest;
             0 sends every frame. It stays well below the 200 ms after which a vest has to fall silent by itself.
         mirror: ``back`` reverses the back's columns, ``all`` both faces' (a left hand, or a mirrored vest).
+        feedback: ``continuous`` shows touch as long as it lasts (the paper's), ``events`` pulses at contact, slip and
+            release only.
+        pulses: What those are like.
         threshold: The lowest intensity that this person feels, percent: one number, or 40 in the wearer's order.
         step: The smallest increase that this person notices, percent; likewise. See ``tega.haptics.FeltMap``.
         options: The driver's own settings.
@@ -178,6 +203,8 @@ class VestConfig(_Section, frozen=True):
     pace: Pace | None = None
     keep_alive_s: Annotated[float, msgspec.Meta(ge=0, le=0.15)] = 0.1
     mirror: Literal["none", "back", "all"] = "none"
+    feedback: Literal["continuous", "events"] = "continuous"
+    pulses: PulsesConfig = PulsesConfig()
     threshold: _Threshold | _EachThreshold = 0.0
     step: _Step | _EachStep = 1.0
     options: Any = msgspec.field(default_factory=dict)

@@ -14,6 +14,7 @@ and so on to ``[level-5]``: joint angles in rad, from the palm outwards.
 from __future__ import annotations
 
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,7 @@ from tega.wire import FINGERS
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["POSE_MARGIN_RAD", "load_poses", "save_poses", "taught"]
+__all__ = ["POSE_MARGIN_RAD", "ClosureScale", "load_poses", "save_poses", "taught"]
 
 POSE_MARGIN_RAD = 0.04
 """Poses keep so far inside the joint limits."""
@@ -122,3 +123,30 @@ def taught(
     poses[level - 1] = inside
     moved = np.flatnonzero(np.abs(inside - angles_rad) > 1e-3)
     return poses, [JOINT_NAMES[j] for j in moved]
+
+
+class ClosureScale:
+    """How closed a hand is, read off its joint angles: 1 in the pose of level 1, 5 in that of level 5.
+
+    Angles are projected onto the way from the first pose to the last; between two levels they count in proportion.
+
+    Args:
+        poses_rad: Joint angles of the five levels, float64 (5, 16), rad; the built-in ones where ``None``.
+    """
+
+    def __init__(self, poses_rad: NDArray[np.float64] | None = None) -> None:
+        poses = CLOSURE_POSES_RAD if poses_rad is None else poses_rad
+        self._way = poses[4] - poses[0]
+        self._at_level: list[float] = (poses @ self._way).tolist()
+
+    def __call__(self, angles_rad: NDArray[np.float64]) -> float:
+        """Return the closure.
+
+        Args:
+            angles_rad: Joint angles, float64 (16,), rad.
+        """
+        at = float(angles_rad @ self._way)
+        for level, (one, other) in enumerate(pairwise(self._at_level), start=1):
+            if at < other:
+                return level + max(0.0, (at - one) / (other - one))
+        return 5.0

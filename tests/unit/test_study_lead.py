@@ -163,9 +163,9 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
 
 def test_what_the_bench_cannot_do_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
-    folder = study(tmp_path, conditions=["haptic", "event-gated"])
+    folder = study(tmp_path, conditions=["haptic", "unfelt"])
     bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
-    with pytest.raises(InvalidValueError, match="event-gated"):
+    with pytest.raises(InvalidValueError, match="unfelt"):
         lead_session(folder, "p01", bench, Experimenter())
     assert not events_path(folder, "p01").exists()
 
@@ -254,9 +254,10 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     pytest.importorskip("foxglove")
     from tega.config import check_tree
     from tega.recording.mcap_reader import McapReader
+    from tega.replay.recorded import read_recorded
     from tega.testing.lab import emulated_lab
 
-    folder = study(tmp_path)
+    folder = study(tmp_path, conditions=["haptic", "non-haptic", "event-gated"])
     plan = read_plan(folder)
     lab_folder = tmp_path / "lab"
     lab_folder.mkdir()
@@ -269,9 +270,11 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     t_ns = [event.t_ns for event in events_of(folder) if event.kind in {"trial_start", "trial_end"}]
     assert t_ns[2] - t_ns[1] >= 0.3 * 0.1 * 1e9
     trials = study_trials(folder)[1]
-    assert [(trial.success, trial.slips, trial.slips_before) for trial in trials] == [(True, 1, 0)] * 2
+    assert [(trial.success, trial.slips, trial.slips_before) for trial in trials] == [(True, 1, 0)] * 3
     for trial, planned in zip(trials, plan.of("p01"), strict=True):
         where = folder / "recordings" / "p01" / f"{planned.id}-a1"
+        told = read_recorded(next(where.glob("*.mcap"))).head.config.vest.feedback
+        assert told == ("events" if trial.condition == "event-gated" else "continuous")
         facts = json.loads((where / "trial.json").read_text())
         strongest = touched = 0.0
         first_ns = None
@@ -282,6 +285,7 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
             elif message.topic == "/tactile/thumb/contact":
                 touched = max(touched, message.value.eda_norm)
         assert touched > 0.5
+        # Pressed before it begins and to its end, the fingertip has no event to tell.
         assert (strongest > 0) == (trial.condition == "haptic")
         if first_ns is not None:  # nothing is felt before the trial begins
             assert facts["zero_ns"] + first_ns >= facts["started_ns"]

@@ -23,7 +23,7 @@ def content(folder: Path) -> dict[str, bytes]:
     ("settings", "message"),
     [
         ({"objects": ["moon"]}, "moon"),
-        ({"conditions": ["haptic", "event-gated"]}, "event-gated"),
+        ({"conditions": ["haptic", "sham"]}, "sham"),
         ({"conditions": ["haptic", "unfelt"]}, "unfelt"),
         ({"shard": (3, 2)}, "3/2"),
     ],

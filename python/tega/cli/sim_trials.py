@@ -24,7 +24,7 @@ __all__ = ["sim_trials"]
     type=NameList(),
     default="haptic,non-haptic",
     show_default=True,
-    help=f"Also the sham arms: {', '.join(CONDITIONS[2:])}.",
+    help=f"Also event-gated, and the sham arms: {', '.join(CONDITIONS[2:-1])}.",
 )
 @click.option(
     "--seeds",

@@ -1,6 +1,7 @@
 """The conditions of a comparison: what the vest that the person wears does, and whether it is felt.
 
-``haptic`` shows the loop's frames, ``non-haptic`` nothing. The others are sham arms. Their person is told what the
+``haptic`` shows the loop's frames, ``non-haptic`` nothing, ``event-gated`` pulses at contact, slip and release, which
+the person is told. The others are sham arms. Their person is told what the
 haptic arm's is told, and has the same chance in everything else: a benefit that they show too does not come from
 what the vest tells. See :mod:`tega.sim.operator.shams`.
 """
@@ -13,14 +14,17 @@ if TYPE_CHECKING:
     from tega.haptics import Layout
     from tega.sim.operator.shams import Sham, ShamName
 
-__all__ = ["CONDITIONS", "Condition", "feels", "worn"]
+__all__ = ["CONDITIONS", "PULSES", "Condition", "feels", "worn"]
 
 Condition = Literal[
-    "haptic", "non-haptic", "silent", "constant", "unrelated", "permuted", "inverted", "unfelt"
+    "haptic", "non-haptic", "silent", "constant", "unrelated", "permuted", "inverted", "unfelt", "event-gated"
 ]
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
-"""Haptic, non-haptic, and then the sham arms."""
+"""Haptic, non-haptic, the sham arms, and event-gated."""
+
+PULSES: Condition = "event-gated"
+"""The condition in which the vest tells events only."""
 
 _SHAMS: dict[Condition, ShamName] = {
     "haptic": "informative",
@@ -31,6 +35,7 @@ _SHAMS: dict[Condition, ShamName] = {
     "permuted": "permuted",
     "inverted": "inverted",
     "unfelt": "informative",
+    "event-gated": "informative",
 }
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tega.clock import ManualClock, PausableClock, SystemClock
-from tega.config import FINGERS
+from tega.config import FINGERS, PulsesConfig
 from tega.emg import GraspIntent
 from tega.safety.guard import Guard
-from tega.sim.arms import worn
+from tega.sim.arms import PULSES, worn
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
 from tega.sim.pacing import SimulatedPacer
@@ -20,6 +20,7 @@ from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.rig import CAMERA_DELAY_NS, Rig
 from tega.sim.score import LIFT_WINDOW_S, Scorer
 from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.pulses import PulseLoop
 from tega.teleop.sources import BlockMeter, FrameMeter, SourceReport
 from tega.teleop.touch import TouchLoop
 from tega.view.state import EmgTail, TouchImage, ViewState
@@ -75,6 +76,7 @@ class Lift:
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
     ) -> None:
+        from tega.sim.operator import Operator
         from tega.sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, OBJECTS, World, hand_controller
 
         changes = {
@@ -92,6 +94,9 @@ class Lift:
         intent = GraspIntent(EMG_HZ, maxima.maxima, tau=maxima.tau, kind="raw", preset=plan.preset)
         self._emg_full = np.array(intent.maxima)
         self.scorer = Scorer(spec.harm_m)
+        self._told_events = plan.condition == PULSES
+        if isinstance(person, Operator):
+            person.pulses = self._told_events
         person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
         self._emg = lab.emg(f"{plan.object} {number}")
         self._emg.fatigue = fatigue
@@ -159,7 +164,7 @@ class Lift:
         pacer.start()
         loop = DualLoop(
             pacer=pacer,
-            touch=TouchLoop(self._lab.touch, layout=_LAYOUT),
+            touch=self._touch(),
             contacts=rig.contacts,
             levels=rig.levels,
             hand=SimulatedAllegro(self._controller, encoders),
@@ -206,6 +211,11 @@ class Lift:
             self._level_n += 1
         if self._streams is not None:
             self._streams.levels(t_ns, channels, fused)
+
+    def _touch(self) -> TouchLoop:
+        if not self._told_events:
+            return TouchLoop(self._lab.touch, layout=_LAYOUT)
+        return PulseLoop(self._lab.touch, pulses=PulsesConfig(), layout=_LAYOUT)
 
     def _note(self, percept: Percept, act: Act) -> None:
         if self._streams is not None:

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 from tega.config import FINGERS
 from tega.devices.base import EmgChunk, TactileFrame
+from tega.hand_poses import ClosureScale
 from tega.sim.seams import Act, Percept
 from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter
 from tega.teleop.streams import QueuedStream
@@ -113,8 +113,7 @@ class Rig:
         on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
     ) -> None:
         self.world = world
-        self._closing = poses_rad[4] - poses_rad[0]
-        self._at_level: list[float] = (poses_rad @ self._closing).tolist()
+        self._closure = ClosureScale(poses_rad)
         self._gels = [gels[finger] for finger in FINGERS]
         self._meters = [meters[finger] for finger in FINGERS]
         self._person, self._emg, self._worn = person, emg, worn
@@ -193,11 +192,7 @@ class Rig:
 
     def closure(self) -> float:
         """Return the hand's closure as it can be seen: 1 in the open pose, 5 in the tight one."""
-        at = float(self.world.angles_rad @ self._closing)
-        for level, (one, other) in enumerate(pairwise(self._at_level), start=1):
-            if at < other:
-                return level + max(0.0, (at - one) / (other - one))
-        return 5.0
+        return self._closure(self.world.angles_rad)
 
     def _ends(self, t_ns: int, act: Act) -> bool:
         if act.phase == "done" or t_ns >= self._end_ns:

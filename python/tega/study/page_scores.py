@@ -52,7 +52,8 @@ def _agreements(analysis: Analysis) -> str:
         f"Events within {analysis.agreements[0].tolerance_s:g} s are one. By chance: the second's events turned round "
         "within each trial. Delay: second less first, of matched events. Kappa: bins of a second with an event against "
         "those without; it depends on the bins. ICC: counts by trial, absolute agreement; near its limits where all "
-        "trials are alike. Slips in all phases. Truth: the simulated bench's own."
+        "trials are alike. Slips in all phases. Truth: the simulated bench's own. "
+        "Detector: found in the signals, without looking for drops."
     )
     return "<h2>Who scored, and how far they agree</h2>" + table(head, body, note)
 

@@ -103,7 +103,9 @@ class Steering:
 
         def observe(view: LoopView) -> None:
             seen = self._view
-            observer(view._replace(arm="not yet" if seen is None else seen.words, seen_arm=seen))
+            height_m = None if seen is None or seen.hand_m is None else seen.hand_m[2]
+            words = "not yet" if seen is None else seen.words
+            observer(view._replace(arm=words, seen_arm=seen, arm_height_m=height_m))
 
         return observe
 

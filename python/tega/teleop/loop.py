@@ -83,6 +83,7 @@ class LoopView(NamedTuple):
         arm: What the arm does and why, in one line; ``""`` without an arm.
         seen_arm: More of the same; ``None`` where it is not known.
         link: How the link to the other station is, in one line; ``""`` on one machine.
+        arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
     """
 
     t_ns: int
@@ -100,6 +101,7 @@ class LoopView(NamedTuple):
     arm: str = ""
     seen_arm: ArmView | None = None
     link: str = ""
+    arm_height_m: float | None = None
 
 
 class DualLoop:

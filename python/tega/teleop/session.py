@@ -33,6 +33,7 @@ from tega.teleop.loop import DualLoop, LoopView, Recorder, Sink
 from tega.teleop.loop_report import LoopReport
 from tega.teleop.pacing import Pacer, PacingReport
 from tega.teleop.prepare import Prepared, Progress, prepare
+from tega.teleop.pulses import PulseLoop
 from tega.teleop.sinks import Sinks, open_inputs, open_sinks
 from tega.teleop.summary import summarise, write_summary
 from tega.teleop.touch import TouchLoop
@@ -465,4 +466,6 @@ def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterabl
     if (vest.threshold, vest.step) != (0.0, 1.0):
         felt = FeltMap(threshold=vest.threshold, step=vest.step)
     layout = vest.layout or DEFAULT_LAYOUT[config.session.preset]
+    if vest.feedback == "events":
+        return PulseLoop(maxima, pulses=vest.pulses, layout=layout, mirror=vest.mirror, felt=felt)
     return TouchLoop(maxima, layout=layout, mirror=vest.mirror, felt=felt)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from tega.cli.study.detect import detect
 from tega.cli.study.observe import observe
 from tega.cli.study.plan import plan, status
 from tega.cli.study.power import power
@@ -21,5 +22,5 @@ def study() -> None:
     """Plan a user study, run it, see how it stands, let people withdraw, and report it."""
 
 
-for _verb in (plan, run, observe, status, score, report, withdraw, export, power, simulate):
+for _verb in (plan, run, observe, detect, status, score, report, withdraw, export, power, simulate):
     study.add_command(_verb)

@@ -69,6 +69,11 @@ class Operator:
             taught (:func:`tega.sim.operator.calibrate`); none means the effort of the calibration itself.
         rules: Which rules are followed.
 
+    Attributes:
+        pulses: Whether the vest tells contact, slip and release only, which the person has been told: nothing is then
+            read from how strong it is, and a pulse on both faces while something is held is answered as a slip that is
+            seen.
+
     Raises:
         InvalidValueError: ``full_effort`` is not above 0.
 
@@ -93,6 +98,7 @@ class Operator:
     ) -> None:
         self._rules = rules or Rules()
         self.person = person
+        self.pulses = False
         self._seed, self._feels = seed, feels
         self._full = person.motor.calibration_effort if full_effort is None else full_effort
         if not self._full > 0:
@@ -178,6 +184,10 @@ class Operator:
         skin.look(t_s, LOOK_S)
         if self._rules.onset and grip.phase == "grasp" and (event := skin.onset(t_s)) is not None:
             trial.pending.append(event)
+        if self.pulses:
+            if grip.held and (event := skin.slip_pulse(t_s)) is not None:
+                trial.pending.append(event)
+            return
         closure = grip.closure
         if self._rules.weaker and grip.steady(t_s):
             # As the person is told, stronger is tighter, unless this object has taught the contrary.

@@ -78,6 +78,11 @@ class Grip:
         """Whether the person takes the hand to be on the object."""
         return self.phase in _HELD or self._contact_s is not None
 
+    @property
+    def held(self) -> bool:
+        """Whether the person takes the object to be in the hand."""
+        return self.phase in _HELD
+
     def steady(self, t_s: float) -> bool:
         """Whether a change of what is felt has to come from the object: held, command unchanged for a second."""
         return self.phase in {"lift", "hold"} and t_s - self._commanded_s >= 1.0

@@ -117,6 +117,20 @@ class Skin:
         )
         return self._noticed(t_s, "onset") if silent else None
 
+    def slip_pulse(self, t_s: float) -> Event | None:
+        """Return the event of feeling both faces at once after neither was, if that was the last look.
+
+        What a pulse on one face alone says, contact or release of a finger, asks for nothing while an object is held.
+        """
+        *before, last = self.looks
+        if last.front is None or last.back is None or not before:
+            return None
+        both = any(
+            look.front is not None and look.back is not None
+            for look in before[-round(self._p.compare_s / LOOK_S) :]
+        )
+        return None if both else self._noticed(t_s, "slip")
+
     def weaker(self, t_s: float, falls: tuple[bool, bool]) -> Event | None:
         """Compare the last half second with the one before, a few times a second.
 

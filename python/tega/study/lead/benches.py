@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import msgspec
 
 from tega.errors import InvalidValueError
+from tega.hand_poses import ClosureScale, load_poses
 from tega.sim.streams import Streams
 
 if TYPE_CHECKING:
@@ -21,7 +22,12 @@ if TYPE_CHECKING:
 __all__ = ["Bench", "LabBench", "SimulatedBench"]
 
 _LOOK_S = 0.01
-_FELT = {"haptic": True, "non-haptic": False}
+_FEEDBACK: dict[str, Literal["continuous", "events"] | None] = {
+    "haptic": "continuous",
+    "non-haptic": None,
+    "event-gated": "events",
+}
+"""What the vest tells in each condition; nothing where ``None``."""
 
 
 class Bench(Protocol):
@@ -30,10 +36,12 @@ class Bench(Protocol):
     Attributes:
         sees_height: Whether it says how high the object is; otherwise a person marks it.
         own_time: Whether it has a time of its own.
+        closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
     """
 
     sees_height: bool
     own_time: bool
+    closure: ClosureScale | None
 
     def felt(self, condition: str) -> bool:
         """Tell whether the vest shows touch in a condition.
@@ -82,23 +90,29 @@ class LabBench:
             )
         self._config = config
         self._settings = settings
+        self.closure: ClosureScale | None = None
+        if hasattr(config.hand.options, "poses"):  # a hand that is steered on its own angles
+            poses = config.hand.options.poses
+            self.closure = ClosureScale(None if poses is None else load_poses(poses))
 
     def felt(self, condition: str) -> bool:
         """Tell whether the vest shows touch."""
-        if condition not in _FELT:
+        if condition not in _FEEDBACK:
             raise InvalidValueError(
-                f"condition {condition!r} cannot be run", f"plan with {' and '.join(_FELT)} only"
+                f"condition {condition!r} cannot be run", f"plan with {', '.join(_FEEDBACK)} only"
             )
-        return _FELT[condition]
+        return _FEEDBACK[condition] is not None
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Run a session of the devices for as long as the trial lasts."""
         from tega.teleop import run_session
 
-        del trial  # the devices do not know what is lifted
         replace = msgspec.structs.replace
+        # The devices do not know what is lifted; without touch to be felt they are sent zeros, see Going.feel.
+        feedback = _FEEDBACK[trial.condition] or self._config.vest.feedback
         config = replace(
             self._config,
+            vest=replace(self._config.vest, feedback=feedback),
             session=replace(self._config.session, pace="real", duration_s=None, out_dir=None),
             recording=replace(self._config.recording, dir=folder.absolute()),
         )
@@ -135,6 +149,7 @@ class SimulatedBench:
     def __init__(self, plan: StudyPlan, participant: str, *, real_time: bool = True) -> None:
         from tega.sim.lab import lab_of
         from tega.sim.plan import TrialPlan
+        from tega.sim.world import GRASP_POSES_RAD
         from tega.study.simulate import person_seed
 
         self._seed = person_seed(plan.settings.seed or 0, participant)
@@ -145,6 +160,7 @@ class SimulatedBench:
             TrialPlan.checked({"object": name})
         self._person = self._lab.person(first)
         self._fatigue = 0.0
+        self.closure: ClosureScale | None = ClosureScale(GRASP_POSES_RAD)
 
     def felt(self, condition: str) -> bool:
         """Tell whether the vest shows touch."""
@@ -152,7 +168,7 @@ class SimulatedBench:
 
         if condition not in CONDITIONS or not feels(condition):
             raise InvalidValueError(
-                f"condition {condition!r} cannot be simulated", "plan with haptic and non-haptic only"
+                f"condition {condition!r} cannot be simulated", "plan with haptic, non-haptic and event-gated"
             )
         return condition != "non-haptic"
 
@@ -174,7 +190,7 @@ class SimulatedBench:
         going.begin(0)
         lift.go(
             real_time=self._real_time,
-            observer=lambda moment: going.view(moment.loop),
+            observer=lambda moment: going.view(moment.loop._replace(arm_height_m=lift.rig.act.forearm_m[0])),
             stop=going.over,
             paused=lambda: False,
         )

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from tega.study.coupling import TouchCourse
+from tega.study.hand_rows import HandRow
 from tega.study.touch_rows import TouchRow
 
 if TYPE_CHECKING:
     from tega.clock import Clock
+    from tega.hand_poses import ClosureScale
     from tega.teleop.loop import LoopView
 
 __all__ = ["Going", "Seen", "SeenKind", "in_thread"]
@@ -42,6 +44,7 @@ class Going:
         clock: The session's clock.
         feel: Whether the vest shows touch in this trial.
         own_time: Whether time is the bench's own (simulated), not the clock's.
+        closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
 
     Attributes:
         state: Of the bench: what it prepares, then ``armed``, then ``active``.
@@ -51,8 +54,12 @@ class Going:
         zero_ns: On the session's clock, when the bench's own count of time began; ``None`` before.
     """
 
-    def __init__(self, clock: Clock, *, feel: bool, own_time: bool = False) -> None:
+    def __init__(
+        self, clock: Clock, *, feel: bool, own_time: bool = False, closure: ClosureScale | None = None
+    ) -> None:
         self._clock = clock
+        self._closure = closure
+        self._hand: list[HandRow] = []
         self._feel = feel
         self._own_time = own_time
         self._go, self._over = threading.Event(), threading.Event()
@@ -119,6 +126,7 @@ class Going:
                         *contact.centroid_xy,
                     )
                 )
+        self._hand.append(self._hand_row(t_s, view))
         if view.block is not None:
             touching = [
                 felt
@@ -128,6 +136,12 @@ class Going:
             cci = sum(felt.cci_norm for felt in touching) / max(len(touching), 1)
             eda = sum(felt.eda_norm for felt in touching) / max(len(touching), 1)
             self._rows.append((t_s, cci, eda, view.block[2] - 1.0))
+
+    def _hand_row(self, t_s: float, view: LoopView) -> HandRow:
+        closure = None
+        if self._closure is not None and view.angles_rad is not None:
+            closure = self._closure(np.asarray(view.angles_rad))
+        return HandRow(t_s, None if view.block is None else view.block[2], closure, view.arm_height_m)
 
     def see(self, kind: SeenKind, t_ns: int, value: float = 0.0) -> None:
         """Take in something seen at a moment in the bench's own count of time, such as a height in metres."""
@@ -178,6 +192,10 @@ class Going:
     def touch(self) -> list[TouchRow]:
         """Return every new contact that a look at the loop has shown since the trial's start."""
         return list(self._touch)
+
+    def hand(self) -> list[HandRow]:
+        """Return what each look at the loop since the trial's start has shown of hand and arm."""
+        return list(self._hand)
 
 
 def in_thread(work: Callable[[], None]) -> tuple[threading.Thread, list[BaseException]]:

@@ -9,6 +9,7 @@ import msgspec
 
 from tega.errors import TegaError
 from tega.study.coupling import TouchCourse, write_course
+from tega.study.hand_rows import write_hand
 from tega.study.journal import Event, Journal, Kind, Status, counting
 from tega.study.lead.desk import ENTER
 from tega.study.lead.going import Going, in_thread
@@ -101,7 +102,9 @@ class LedTrial:
         self._countdown_ns = round(COUNTDOWN_S * time_scale * 1e9)
         self._since_ns: int | None = None
         self.rule = LiftRule(window_s=window_s)
-        self.going = Going(clock, feel=bench.felt(trial.condition), own_time=bench.own_time)
+        self.going = Going(
+            clock, feel=bench.felt(trial.condition), own_time=bench.own_time, closure=bench.closure
+        )
         self.phase, self.left_s, self.broke = "preparing", 0.0, ""
         self._kept: set[Kind] = set()
         where = recording_folder(folder, trial, attempt)
@@ -259,6 +262,8 @@ class LedTrial:
         write_course(path, TouchCourse(*(column[before] for column in course)))
         where = touch_path(self._folder, self.trial.participant, self.trial.id, self.attempt)
         write_touch(where, [row for row in self.going.touch() if row.t_s <= end.t_s])
+        rows = [row for row in self.going.hand() if row.t_s <= end.t_s]
+        write_hand(where.with_name("hand.csv"), rows)
         if self._raised and end.status in {"done", "failed_task"}:
             end = end._replace(status="aborted_technical", why=_told(self._raised[0]))
         dropped = any(event.kind == "drop" for event in self.events())

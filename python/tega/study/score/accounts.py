@@ -1,4 +1,4 @@
-"""Who says what of a study's trials: raters, the experimenter, and the truth of a simulated bench."""
+"""Who says what of a study's trials: raters, the experimenter, the detector, and the truth of a simulated bench."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
+from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import Event, Kind, counting, read_events
 from tega.study.observers import read_observers, saw_whole
 from tega.study.plan import read_plan
@@ -54,7 +55,7 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
         if person in gone:
             continue
         main = read_events(events_path(folder, person))
-        raters = read_observers(folder, person)
+        raters = {**read_observers(folder, person), DETECTOR: read_detected(folder, person)}
         simulated = any(e.kind == "lift_off" and e.source == "auto" for e in main)
         pressed = any(e.kind in KINDS and e.source == EXPERIMENTER for e in main)
         for start, end in attempts(main):
@@ -96,13 +97,15 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         RecordingError: The study is damaged.
     """
     accounts = scored_trials(folder)
-    names = sorted(accounts, key=lambda name: (name != TRUTH, name == EXPERIMENTER, name))
+    names = sorted(accounts, key=lambda name: (name != TRUTH, name == DETECTOR, name == EXPERIMENTER, name))
     found = []
     for a, b in combinations(names, 2):
         first = {one.key: one for one in accounts[a]}
         second = {one.key: one for one in accounts[b]}
         both = [key for key in first if key in second]
         for kind in KINDS:
+            if kind == "drop" and DETECTOR in {a, b}:
+                continue  # it does not look for drops
             times_a = [first[key].times_s[kind] for key in both]
             times_b = [second[key].times_s[kind] for key in both]
             if any(times_a) or any(times_b):

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
+from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import Event, Journal, Kind, counting, read_events
 from tega.study.observers import WHOLE, observer_path, read_observers
 from tega.study.plan import read_plan
@@ -50,12 +51,14 @@ def export_boris(folder: Path, path: Path) -> int:
     observations: dict[str, Any] = {}
     for person in plan.participants:
         main = read_events(events_path(folder, person))
-        accounts = {**read_observers(folder, person)}
+        accounts = read_observers(folder, person) or {"": []}
+        if detected := read_detected(folder, person):
+            accounts[DETECTOR] = detected
         mine = {trial.trial: trial for trial in plan.of(person)}
         for start, end in attempts(main):
             trial = mine[start.trial]
             stem = f"{person}_t{trial.trial:02d}_a{start.attempt}"
-            for rater, events in accounts.items() or {"": []}.items():
+            for rater, events in accounts.items():
                 found = [
                     [round((e.t_ns - start.t_ns) / 1e9, 3), "", e.kind, "", ""]
                     for e in sorted(counting(events, trial.trial, start.attempt), key=lambda e: e.t_ns)

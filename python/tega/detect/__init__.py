@@ -1,0 +1,15 @@
+"""Events of a grasp, found in what the sensors say and in nothing else.
+
+::
+
+    tracks.py     what a fingertip, the hand and the arm have done lately
+    settings.py   every number, and why
+    detector.py   contact, release, slip, lift-off, deformation, each with time and confidence
+"""
+
+from __future__ import annotations
+
+from tega.detect.detector import Detector, EventKind, Found
+from tega.detect.tracks import Touch
+
+__all__ = ["Detector", "EventKind", "Found", "Touch"]

@@ -1,0 +1,273 @@
+"""Contact, release, slip, lift-off and deformation from what the sensors say, as it comes or with a look ahead.
+
+One implementation for both: live, an event is told as soon as its rule holds; over a record, the rule is given the
+next half second as well, which takes back what turns out to be a release and raises the confidence of what goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+from tega.detect.settings import SETTINGS, Rule, Settings
+from tega.detect.tracks import Course, FingerTrack, Touch
+
+__all__ = ["Detector", "EventKind", "Found"]
+
+EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
+
+_FADE_S = 0.4
+_STALE_S = 0.1
+
+
+class Found(NamedTuple):
+    """An event.
+
+    Attributes:
+        kind: What.
+        t_s: When it began, as far as can be told, seconds.
+        confidence: 0 to 1; half where it is just an event. A slip's is the rule's share, shifted so; how often it is
+            right on other objects or sensors than those it was fitted on is not known.
+        known_s: When it was told.
+        finger: Of which finger; empty for the whole grasp.
+    """
+
+    kind: EventKind
+    t_s: float
+    confidence: float
+    known_s: float
+    finger: str = ""
+
+
+class Rise:
+    """Makes events of a share that rises and falls."""
+
+    def __init__(self, kind: EventKind, rule: Rule, rest_s: float, look_ahead_s: float) -> None:
+        self._kind, self._rule, self._rest_s, self._ahead_s = kind, rule, rest_s, look_ahead_s
+        self._since_s: float | None = None
+        self._free_s = -math.inf
+        self._open: tuple[float, float] | None = None
+
+    def add(self, t_s: float, share: float, *, void: bool) -> Found | None:
+        """Take in the share now; ``void`` takes back what is not told yet."""
+        told = self._waited(t_s, share, void=void)
+        if share < self._rule.enter or void:
+            self._since_s = None
+            return told
+        self._since_s = t_s if self._since_s is None else self._since_s
+        began_s = self._since_s
+        if t_s - began_s < self._rule.least_s - 1e-9:
+            return told
+        fresh, self._free_s = t_s >= self._free_s, t_s + self._rest_s
+        if fresh and not self._ahead_s:
+            return Found(self._kind, began_s, share, t_s)
+        if fresh:
+            self._open = began_s, share
+        return told
+
+    def _waited(self, t_s: float, share: float, *, void: bool) -> Found | None:
+        """Return what has waited long enough for what comes after it."""
+        if self._open is None:
+            return None
+        began_s, most = self._open[0], max(self._open[1], share)
+        self._open = None if void else (began_s, most)
+        if void or t_s < began_s + self._rule.least_s + self._ahead_s:
+            return None
+        self._open = None
+        return Found(self._kind, began_s, most, t_s)
+
+
+class Detector:
+    """Finds events. Times given to it must not fall.
+
+    Args:
+        settings: Its numbers.
+        look_ahead_s: How long a slip waits for what comes after it; 0 tells it at once.
+
+    Attributes:
+        may_slip: Whether something is held that could slip, as far as is known.
+    """
+
+    def __init__(self, settings: Settings = SETTINGS, *, look_ahead_s: float = 0.0) -> None:
+        self._s, self._ahead_s = settings, look_ahead_s
+        self._quick: dict[str, FingerTrack] = {}
+        self._trend: dict[str, FingerTrack] = {}
+        self._told: dict[str, bool] = {}
+        self._grasp_s: float | None = None
+        self._lost_s = self._gained_s = -math.inf
+        self._next_s = -math.inf
+        self._level: int | None = None
+        self._closure, self._height = (Course(settings.quick_s, settings.slow_s) for _ in range(2))
+        self._base_m = math.inf
+        self._lifted = False
+        self._first_closure: float | None = None
+        self._squeezed_s: float | None = None
+        self._rises = {
+            rule: Rise("slip", rule, settings.rest_s, look_ahead_s)
+            for rule in (settings.touch, settings.hand)
+        }
+
+    def touch(self, t_s: float, finger: str, touch: Touch) -> list[Found]:
+        """Take in a frame of a fingertip, and return what it tells.
+
+        Args:
+            t_s: When it was taken, seconds.
+            finger: Whose it is.
+            touch: What it says.
+        """
+        s = self._s
+        if finger not in self._quick:
+            self._quick[finger] = FingerTrack(s.quick_s, s.slow_s)
+            self._trend[finger] = FingerTrack(*s.trend_s)
+            self._told[finger] = touch.in_contact
+        track = self._quick[finger]
+        if t_s - track.seen_s > _STALE_S and math.isfinite(track.seen_s):  # what was missed is no event
+            self._told[finger] = touch.in_contact
+        was = track.touching
+        track.add(t_s, touch)
+        self._trend[finger].add(t_s, touch)
+        if track.touching != was:
+            self._lost_s, self._gained_s = (t_s, self._gained_s) if was else (self._lost_s, t_s)
+        found = self._contact(t_s, finger, track)
+        if any(one.touching for one in self._quick.values()):
+            if self._grasp_s is None:
+                self._grasp_s = t_s
+        elif self._grasp_s is not None and not self._holds and t_s - self._lost_s > s.rest_s:
+            self._let_go()
+        if t_s >= self._next_s:
+            self._next_s = t_s + s.step_s
+            found += self._slip(t_s)
+        return found
+
+    def hand(
+        self,
+        t_s: float,
+        *,
+        level: int | None = None,
+        closure: float | None = None,
+        height_m: float | None = None,
+    ) -> list[Found]:
+        """Take in a look at hand and arm, and return what it tells; ``None`` for what is not measured.
+
+        Args:
+            t_s: When, seconds.
+            level: Closure level asked for.
+            closure: Closure measured, levels.
+            height_m: Height of the arm's end, metres.
+        """
+        found: list[Found] = []
+        self._level = level
+        if closure is not None:
+            self._closure.add(t_s, closure)
+            found += self._squeeze(t_s, closure)
+        if height_m is not None:
+            self._height.add(t_s, height_m)
+            found += self._lift(t_s, height_m)
+        return found
+
+    def close(self, t_s: float) -> list[Found]:
+        """End the record; return what was waiting for what comes after it."""
+        last = [rise.add(t_s + self._ahead_s, 0.0, void=False) for rise in self._rises.values()]
+        return [one._replace(known_s=t_s) for one in last if one is not None]
+
+    def features(self, t_s: float) -> tuple[float, ...]:
+        """Return what a slip is seen by: :data:`FEATURES`, then :data:`HAND_FEATURES` where they are measured."""
+        on = [(one, self._trend[finger]) for finger, one in self._quick.items() if one.touching]
+        sums = [math.exp(one.mass.quick) for one, _ in on]
+        mass = sum(sums)
+        before = sum(math.exp(one.mass.slow) for one, _ in on)
+        long_before = sum(math.exp(trend.mass.slow) for _, trend in on)
+        flows = [one.flow_px for one, _ in on]
+        mean = sum(flow * part for flow, part in zip(flows, sums, strict=True)) / mass if on else 0.0
+        seen = (
+            float(len(on)),
+            math.log1p(mass / 1e4),
+            math.log((mass + 1e3) / (before + 1e3)),
+            math.log((mass + 1e3) / (long_before + 1e3)),
+            math.log1p(max(flows, default=0.0)),
+            math.log1p(max((trend.flow_px for _, trend in on), default=0.0)),
+            math.log1p(mean),
+            max((one.peak.quick for one, _ in on), default=0.0) / 20,
+            min((one.peak.change for one, _ in on), default=0.0) / 10,
+            min((one.area.change for one, _ in on), default=0.0) / 20,
+            math.exp((self._lost_s - t_s) / _FADE_S),
+            math.exp((self._gained_s - t_s) / _FADE_S),
+        )
+        if math.isnan(self._closure.quick) or math.isnan(self._height.quick) or self._level is None:
+            return seen
+        return (*seen, self._closure.change, self._level - self._closure.quick, 10 * self._height.change)
+
+    @property
+    def _holds(self) -> bool:
+        """Whether the hand is known to be closed on something, whatever the fingertips see."""
+        return (
+            self._level is not None
+            and self._level > 1
+            and not math.isnan(self._closure.quick)
+            and self._level - self._closure.quick > 0.2
+        )
+
+    @property
+    def may_slip(self) -> bool:
+        """Whether something is held that could slip, as far as is known."""
+        if self._grasp_s is None:
+            return False
+        if math.isnan(self._height.quick):
+            return True
+        opened = self._level is not None and self._level <= 1
+        return self._lifted and not opened and self._height.quick > self._base_m + self._s.down_m
+
+    def _contact(self, t_s: float, finger: str, track: FingerTrack) -> list[Found]:
+        least_s = self._s.touch_s if track.touching else self._s.release_s
+        if track.touching == self._told[finger] or t_s - track.since_s < least_s - 1e-9:
+            return []
+        self._told[finger] = track.touching
+        # Certain as far as the fingertip's own noise goes: the reading calls contact what stands out of it.
+        return [Found("contact" if track.touching else "release", track.since_s, 1.0, t_s, finger)]
+
+    def _slip(self, t_s: float) -> list[Found]:
+        seen = self.features(t_s)
+        rule = self._s.touch if len(seen) == len(self._s.touch.weights) else self._s.hand
+        settled = self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
+        share = share_of(rule, seen) if settled and self.may_slip else 0.0
+        found = self._rises[rule].add(t_s, share, void=not self.may_slip)
+        return [] if found is None else [found]
+
+    def _lift(self, t_s: float, height_m: float) -> list[Found]:
+        if self._grasp_s is None and not self._holds:
+            self._base_m, self._lifted = height_m, False
+            return []
+        self._base_m = min(self._base_m, height_m)
+        if self._lifted or height_m - self._base_m < self._s.lift_m:
+            return []
+        self._lifted = True
+        fingers = sum(one.touching for one in self._quick.values())
+        # A hand that goes up closed on nothing looks the same; every finger that feels something halves the doubt.
+        return [Found("lift_off", t_s, 1 - 0.5 ** (1 + fingers), t_s)]
+
+    def _squeeze(self, t_s: float, closure: float) -> list[Found]:
+        if self._grasp_s is None:
+            return []
+        if self._first_closure is None:
+            self._first_closure = closure
+        gained, least = closure - self._first_closure, self._s.squeeze_levels
+        if gained < self._s.eased * least:
+            self._squeezed_s = None
+        elif gained >= least and self._squeezed_s is None:
+            self._squeezed_s = t_s
+            return [Found("deformation", t_s, _logistic((gained - least) / self._s.squeeze_sd), t_s)]
+        return []
+
+    def _let_go(self) -> None:
+        self._grasp_s = self._first_closure = self._squeezed_s = None
+        self._lifted = False
+
+
+def share_of(rule: Rule, seen: Sequence[float]) -> float:
+    """Return the share that a rule gives to what is seen."""
+    return _logistic(rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)))
+
+
+def _logistic(x: float) -> float:
+    return 1 / (1 + math.exp(-x)) if x > -700 else 0.0

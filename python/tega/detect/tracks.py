@@ -1,0 +1,116 @@
+"""What the fingertips and the hand have done lately, as a few numbers that any rate of frames gives.
+
+Each quantity goes through a quick and a slow exponential mean. Their difference is how it has changed over about the
+slow mean's time, without a buffer and whatever the interval between frames.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+__all__ = ["Course", "FingerTrack", "Touch"]
+
+
+class Touch(NamedTuple):
+    """What one frame of a fingertip says.
+
+    Attributes:
+        in_contact: Whether something is touched.
+        eda: Contact area, pixels (Eq 5).
+        mass: Sum of the pressure map, grey values.
+        peak: Its largest value, grey values.
+        x: Centroid, pixels.
+        y: Likewise.
+    """
+
+    in_contact: bool
+    eda: float
+    mass: float
+    peak: float
+    x: float
+    y: float
+
+
+class Course:
+    """A quantity's quick and slow mean.
+
+    Args:
+        quick_s: Time constant of the quick one, seconds.
+        slow_s: Of the slow one.
+
+    Attributes:
+        quick: The quick mean; NaN before the first value.
+        slow: The slow one.
+    """
+
+    def __init__(self, quick_s: float, slow_s: float) -> None:
+        self._quick_s, self._slow_s = quick_s, slow_s
+        self.quick = self.slow = math.nan
+        self._t_s = 0.0
+
+    def add(self, t_s: float, value: float) -> None:
+        """Take in a value; the first one is both means."""
+        if math.isnan(self.quick):
+            self.quick = self.slow = value
+        else:
+            dt_s = max(t_s - self._t_s, 0.0)
+            self.quick += (value - self.quick) * -math.expm1(-dt_s / self._quick_s)
+            self.slow += (value - self.slow) * -math.expm1(-dt_s / self._slow_s)
+        self._t_s = t_s
+
+    def forget(self) -> None:
+        """Start anew with the next value."""
+        self.quick = self.slow = math.nan
+
+    @property
+    def change(self) -> float:
+        """How the quantity has changed lately; 0 before the first value."""
+        return 0.0 if math.isnan(self.quick) else self.quick - self.slow
+
+
+class FingerTrack:
+    """One fingertip's contact.
+
+    Args:
+        quick_s: See :class:`Course`.
+        slow_s: Likewise.
+
+    Attributes:
+        touching: Whether something was touched in the newest frame.
+        since_s: When that began, or when it ended; minus infinity before the first frame.
+        seen_s: When the newest frame was taken.
+        mass: Logarithm of the pressure map's sum.
+        peak: Largest value.
+        area: Square root of the contact's area, pixels.
+        x: Centroid, pixels.
+        y: Likewise.
+    """
+
+    def __init__(self, quick_s: float, slow_s: float) -> None:
+        self.touching = False
+        self.since_s = self.seen_s = -math.inf
+        self.mass, self.peak, self.area, self.x, self.y = (Course(quick_s, slow_s) for _ in range(5))
+
+    def add(self, t_s: float, touch: Touch) -> None:
+        """Take in a frame."""
+        if touch.in_contact != self.touching:
+            self.touching, self.since_s = touch.in_contact, t_s
+            self.forget()
+        self.seen_s = t_s
+        if touch.in_contact:
+            self.mass.add(t_s, math.log(max(touch.mass, 1.0)))
+            self.peak.add(t_s, touch.peak)
+            self.area.add(t_s, math.sqrt(touch.eda))
+            self.x.add(t_s, touch.x)
+            self.y.add(t_s, touch.y)
+
+    def forget(self) -> None:
+        """Start the courses anew."""
+        for course in (self.mass, self.peak, self.area, self.x, self.y):
+            course.forget()
+
+    @property
+    def flow_px(self) -> float:
+        """How far the contact's middle has moved lately, pixels."""
+        return math.hypot(self.x.change, self.y.change)

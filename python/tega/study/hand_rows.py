@@ -1,0 +1,73 @@
+"""What the hand and the arm did in a trial: ``hand.csv`` in the folder of an attempt's recording."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from tega.errors import RecordingError
+from tega.study.touch_rows import touch_path
+
+__all__ = ["HandRow", "hand_path", "read_hand", "write_hand"]
+
+
+class HandRow(NamedTuple):
+    """A look at hand and arm.
+
+    Attributes:
+        t_s: Since the trial's start, seconds.
+        level: Closure level asked for, 1 to 5; ``None`` before the first.
+        closure: Closure measured at the joints, levels with fractions; ``None`` where no hand is read.
+        height_m: Of the arm's end, metres; ``None`` where no arm is measured.
+    """
+
+    t_s: float
+    level: int | None
+    closure: float | None
+    height_m: float | None
+
+
+def hand_path(folder: Path, participant: str, trial_id: str, attempt: int) -> Path:
+    """Return where an attempt's rows are."""
+    return touch_path(folder, participant, trial_id, attempt).with_name("hand.csv")
+
+
+def write_hand(path: Path, rows: Sequence[HandRow]) -> None:
+    """Write rows, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = ",".join(HandRow._fields) + "\n"
+    for row in rows:
+        cells = (_cell(row.level, "d"), _cell(row.closure, ".4f"), _cell(row.height_m, ".5f"))
+        text += f"{row.t_s:.4f},{','.join(cells)}\n"
+    beside = path.with_name(path.name + ".new")
+    beside.write_text(text, encoding="utf-8", newline="\n")
+    beside.replace(path)
+
+
+def read_hand(path: Path) -> list[HandRow]:
+    """Read rows; a file that is not there has none.
+
+    Raises:
+        RecordingError: The file is damaged.
+    """
+    if not path.exists():
+        return []
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return [
+                HandRow(
+                    float(row["t_s"]),
+                    int(row["level"]) if row["level"] else None,
+                    float(row["closure"]) if row["closure"] else None,
+                    float(row["height_m"]) if row["height_m"] else None,
+                )
+                for row in csv.DictReader(file)
+            ]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RecordingError(f"{path}: no course of a hand: {error}", "restore it from a copy") from error
+
+
+def _cell(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)

@@ -1,0 +1,116 @@
+"""Events found in the signals: rules on made-up signals, and on a trial of the simulated bench."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tega.detect import Detector, Found, Touch
+from tega.detect.tracks import Course
+
+HZ = 60.0
+NOTHING = Touch(False, 0, 0.0, 0.0, math.nan, math.nan)
+FIRM = Touch(True, 3000, 60_000.0, 30.0, 120.0, 100.0)
+
+
+def play(
+    detector: Detector, touches: list[Touch], *, finger: str = "index", begin_s: float = 0.0
+) -> list[Found]:
+    """Give a finger's frames, sixty a second."""
+    found = []
+    for n, touch in enumerate(touches):
+        found += detector.touch(begin_s + n / HZ, finger, touch)
+    return found
+
+
+def kinds(found: list[Found]) -> list[tuple[str, float]]:
+    return [(one.kind, round(one.t_s, 3)) for one in found]
+
+
+def test_a_course_says_what_has_changed_whatever_the_rate() -> None:
+    for rate_hz in (30.0, 60.0, 200.0):
+        course = Course(0.08, 0.35)
+        for n in range(round(4 * rate_hz)):
+            course.add(n / rate_hz, 5.0 * n / rate_hz)
+        # A ramp lags a mean by its time constant.
+        assert course.change == pytest.approx(5.0 * (0.35 - 0.08), rel=0.02)
+
+
+def test_contact_and_release_are_told_once_and_not_for_single_frames() -> None:
+    found = play(Detector(), [NOTHING] * 30 + [FIRM] * 60 + [NOTHING] * 2 + [FIRM] * 60 + [NOTHING] * 60)
+    told = [one for one in found if one.finger]
+    assert kinds(told) == [("contact", 0.5), ("release", round(152 / HZ, 3))]
+    assert all(0 < one.known_s - one.t_s < 0.12 and one.confidence == 1.0 for one in told)
+
+
+def test_what_happened_while_nothing_was_seen_is_no_event() -> None:
+    detector = Detector()
+    assert play(detector, [NOTHING] * 30) == []
+    assert [f for f in play(detector, [FIRM] * 30, begin_s=5.0) if f.finger] == []
+
+
+def test_lift_off_is_the_height_that_a_grasp_gains() -> None:
+    detector, found = Detector(), list[Found]()
+    for n in range(400):
+        t_s = n / 100
+        found += detector.touch(t_s, "thumb", FIRM if t_s >= 1 else NOTHING)
+        # Down to the object, then up with it.
+        height_m = 0.2 - 0.2 * min(t_s, 1.0) if t_s < 2 else 0.1 * (t_s - 2)
+        found += detector.hand(t_s, level=3, closure=2.5, height_m=height_m)
+    [lift] = [one for one in found if one.kind == "lift_off"]
+    assert lift.t_s == pytest.approx(2.05, abs=0.011)
+    assert lift.confidence == 0.75
+
+
+def test_a_deformation_is_closure_gained_since_contact_once_until_it_eases() -> None:
+    def squeezed(*closures: float) -> list[Found]:
+        detector, found = Detector(), list[Found]()
+        for n in range(50 * len(closures)):
+            detector.touch(n / 50, "thumb", FIRM)
+            found += detector.hand(n / 50, level=5, closure=closures[n // 50], height_m=0.0)
+        return [one for one in found if one.kind == "deformation"]
+
+    assert squeezed(1.8, 2.9, 1.8) == []
+    [one] = squeezed(1.8, 3.25, 3.1, 3.25)
+    assert 0.5 < one.confidence < 1
+    assert len(squeezed(1.8, 3.25, 2.5, 3.25)) == 2
+
+
+def slide(hold_s: float) -> list[Touch]:
+    """A firm hold whose pressure then drops to an eighth in a second, for a while."""
+    weak = [
+        Touch(True, 3000 - 1500 * f, 60_000 * math.exp(-2 * f), 30 - 14 * f, 120.0, 100 + 25 * f)
+        for f in (n / HZ for n in range(60))
+    ]
+    return [NOTHING] * 6 + [FIRM] * round(hold_s * HZ) + weak + [weak[-1]] * 120
+
+
+def test_a_record_and_the_run_agree_on_a_slip_and_steady_holds_have_none() -> None:
+    def slips(look_ahead_s: float, touches: list[Touch]) -> list[Found]:
+        detector = Detector(look_ahead_s=look_ahead_s)
+        found = play(detector, touches)
+        found += detector.close(len(touches) / HZ)
+        return [one for one in found if one.kind == "slip"]
+
+    [live], [later] = slips(0.0, slide(3.0)), slips(0.5, slide(3.0))
+    assert live.t_s == later.t_s
+    assert 3.1 < live.t_s < 4.1
+    assert live.known_s - live.t_s < 0.3 < later.known_s - later.t_s
+    assert 0.5 <= live.confidence <= later.confidence <= 1
+    assert slips(0.0, [NOTHING] * 6 + [FIRM] * 600) == []
+
+
+def test_the_simulated_bench_shows_its_lift_off_and_its_slip() -> None:
+    pytest.importorskip("mujoco")
+    pytest.importorskip("scipy")
+    from tega.sim.check_events import WAYS, compare, judge, run
+    from tega.sim.plan import TrialPlan
+
+    kept = run(TrialPlan(object="bag", condition="non-haptic", seed=1))
+    assert {event.kind for event in kept.result.events} >= {"lift_off", "slip"}
+    judged = judge(kept)
+    for way in WAYS[:2]:
+        assert compare([judged], way, "lift_off").f1 == 1.0
+        slip = compare([judged], way, "slip")
+        assert slip.matched == slip.n_a == 1

@@ -1,0 +1,222 @@
+"""Event-gated feedback: pulses at contact, slip and release, nothing in between, zero on every way out."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reference.scripted import MS, Sink
+from tega.calibration import TouchMaxima
+from tega.clock import ManualClock
+from tega.config import PulsesConfig, check_tree, load_config
+from tega.errors import ConfigError, DeviceUnavailableError
+from tega.haptics import FeltMap, VestFrame
+from tega.replay import replay_file
+from tega.tactile import ContactMetrics
+from tega.teleop.hand import ModelledAllegro
+from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.pacing import Pacer
+from tega.teleop.pulses import PulseLoop
+from tega.teleop.session import run_session
+from tega.teleop.streams import PulledStream
+from tega.testing.emulators.vests import seen_by
+from tega.testing.lab import emulated_lab
+
+FRAME_MS = 16
+LONG_S = 30.0
+
+
+def touch(mass: float, y: float = 100.0) -> ContactMetrics:
+    """Return a contact of so much pressure in all, or none."""
+    on = mass > 0
+    return ContactMetrics(
+        mass=mass,
+        centroid_xy=(120.0, y) if on else (math.nan, math.nan),
+        spread=1.0,
+        threshold=1.0,
+        eda=3000 if on else 0,
+        cci=0.5 if on else 0.0,
+        peak=30.0 * min(mass / 60_000, 1),
+        peak_xy=(120, 100),
+        in_contact=on,
+    )
+
+
+def told(
+    script: list[ContactMetrics],
+    *,
+    fail_at_ns: int | None = None,
+    felt: FeltMap | None = None,
+    **pulses: float,
+) -> tuple[list[tuple[float, int, int]], list[tuple[int, VestFrame]], PulseLoop]:
+    """Run the loop over an index finger's frames; return changes of (time, front, back), all frames, and the loop."""
+    vest = Sink(fail_at_ns)
+    loop = PulseLoop(
+        {"index": TouchMaxima(cci_max=1.0, eda_max=3000.0)},
+        pulses=PulsesConfig(**pulses),
+        layout="x40",
+        felt=felt,
+    )
+    items = [(n * FRAME_MS * MS, metrics) for n, metrics in enumerate(script)]
+    run = DualLoop(
+        pacer=Pacer(ManualClock()),
+        touch=loop,
+        contacts={"index": PulledStream(items, end_ns=len(script) * FRAME_MS * MS)},
+        levels=None,
+        hand=ModelledAllegro(),
+        vests=[vest],
+        hands=[],
+        recorder=None,
+        by_frame=True,
+    )
+    try:
+        run.run()
+    except DeviceUnavailableError:
+        assert fail_at_ns is not None
+    changes: list[tuple[float, int, int]] = []
+    for t_ns, frame in vest.sent:
+        face = frame.intensities.reshape(2, 5, 4)
+        now = (int(face[0].max()), int(face[1].max()))
+        if not changes or changes[-1][1:] != now:
+            changes.append((t_ns / 1e9, *now))
+    return changes, vest.sent, loop
+
+
+def test_pulses_come_at_contact_slip_and_release_and_silence_is_between() -> None:
+    hold = [touch(0)] * 30 + [touch(60_000)] * 150
+    slides = [touch(60_000 * math.exp(-2 * f), 100 + 25 * f) for f in np.arange(60) / 60]
+    changes, sent, loop = told(hold + slides + [touch(9000, 125)] * 60 + [touch(0)] * 60)
+    assert [(front, back) for _, front, back in changes] == [
+        (0, 0), (70, 0), (0, 0), (100, 100), (0, 0), (0, 70), (0, 0)
+    ]  # fmt: skip
+    assert loop.n_told == {"contact": 1, "slip": 1, "release": 1}
+    for began, ended in zip(changes[1::2], changes[2::2], strict=True):
+        # A frame late at the most, ended by the next refresh.
+        assert 0.2 - 1e-9 <= ended[0] - began[0] <= 0.2 + 1 / 30 + 1e-9
+    assert changes[1][0] == pytest.approx(30 * 0.016 + 0.064, abs=0.034)
+    # Contact is told on the finger's own column, a slip on all.
+    contact = next(frame for t_ns, frame in sent if t_ns / 1e9 >= changes[1][0])
+    assert (contact.intensities.reshape(2, 5, 4) == 70).any(axis=(0, 1)).tolist() == [
+        False,
+        True,
+        False,
+        False,
+    ]
+    slip = next(frame for t_ns, frame in sent if t_ns / 1e9 >= changes[3][0])
+    # The other fingers have no sensor: nothing is shown in their columns.
+    assert slip.intensities.reshape(2, 5, 4).any(axis=(0, 1)).tolist() == [False, True, False, False]
+    assert not sent[-1][1].intensities.any()
+
+
+def test_a_lost_finger_ends_its_pulse_and_its_return_is_no_event() -> None:
+    changes, _, loop = told([touch(0)] * 30 + [touch(60_000)] * 10)
+    assert loop.n_told["contact"] == 1
+    began, ended = changes[1][0], changes[2][0]
+    assert ended - began < 0.19  # the source ended within the pulse, and with it the run
+    detector_only = PulseLoop({"index": TouchMaxima()}, pulses=PulsesConfig(), layout="x40")
+    detector_only.update("index", 0, touch(0))
+    for n in range(20):  # back after a second, pressed
+        detector_only.update("index", 10**9 + n * FRAME_MS * MS, touch(60_000))
+    assert detector_only.n_told["contact"] == 0
+    detector_only.update("index", 2 * 10**9, touch(60_000))
+    assert not detector_only.frame(3 * 10**9).intensities.any()
+
+
+def test_on_the_way_out_of_an_error_the_vest_is_sent_zeros() -> None:
+    script = [touch(0)] * 10 + [touch(60_000)] * 60
+    vest_frames = told(script, fail_at_ns=260 * MS)[1]
+    assert vest_frames[-1][1].intensities.any()  # it failed in a pulse, and could not even be silenced
+    _, sent, loop = told(script)
+    assert loop.n_told["contact"] == 1
+    assert not sent[-1][1].intensities.any()
+
+
+def test_levels_are_settings_and_go_through_the_wearers_thresholds() -> None:
+    script = [touch(0)] * 10 + [touch(60_000)] * 60 + [touch(0)] * 60
+    changes = told(script, contact=40.0, release=0.0, felt=FeltMap(threshold=20))[0]
+    assert [c[1:] for c in changes] == [(0, 0), (52, 0), (0, 0)]
+    long = told(script, duration_s=0.5)[0]
+    assert long[2][0] - long[1][0] == pytest.approx(0.5, abs=0.034)
+    with pytest.raises(ConfigError, match="contact"):
+        load_config(None, environ={}, sets=["vest.pulses.contact=120"])
+
+
+def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    viewed, over = threading.Event(), threading.Event()
+    with emulated_lab(tmp_path, vest=True, fingers=("thumb",)) as lab:
+        lab.tree["vest"] |= {"feedback": "events"}
+        lab.tree["recording"] = {"dir": str(tmp_path / "recorded"), "lossless": True}
+        sensor = lab.sensors["thumb"]
+        sensor.say("press 0")
+
+        def pulses() -> list[tuple[int, int]]:
+            """What the vest's motors went through: strongest of front and back, each time it changed."""
+            faces = [np.reshape(motors, (2, 20)).max(axis=1) for _, motors in seen_by(lab.vest).history]
+            seen = [(int(front), int(back)) for front, back in faces]
+            return [now for n, now in enumerate(seen) if n == 0 or seen[n - 1] != now]
+
+        def until(condition: Callable[[], bool]) -> None:
+            end_s = time.monotonic() + LONG_S
+            while not condition() and time.monotonic() < end_s:
+                time.sleep(0.05)
+
+        def fingertip() -> None:
+            viewed.wait(LONG_S)
+            sensor.say("press 0.7")
+            until(lambda: (70, 0) in pulses() and lab.at_rest())
+            sensor.say("press 0")
+            until(lambda: (0, 70) in pulses() and lab.at_rest())
+            over.set()
+
+        free_ns: list[int] = []
+
+        def look(view: LoopView) -> None:
+            """Wait for half a second without a press: a picture from before the run may have shown one."""
+            t_ns, contact = view.contacts.get("thumb", (0, None))
+            if contact is None or contact.in_contact:
+                free_ns.clear()
+                return
+            free_ns.append(t_ns)
+            if t_ns - free_ns[0] > 500 * MS:
+                viewed.set()
+
+        presses = threading.Thread(target=fingertip, daemon=True)
+        presses.start()
+        try:
+            summary = run_session(
+                check_tree(lab.tree, {}, base=tmp_path).config,
+                observer=look,
+                stop=over.is_set,
+            )
+        finally:
+            over.set()
+            presses.join(LONG_S)
+        seen = pulses()
+        assert lab.at_rest()
+    on = [one for one in seen if any(one) and one != (100, 100)]
+    assert on[-2:] == [(70, 0), (0, 70)]
+    assert all((a == (0, 0)) != (b == (0, 0)) for a, b in pairwise(seen))
+    replay = replay_file(tmp_path / "recorded" / summary["recording"]["file"])
+    assert replay.same, [stream for stream in replay.streams if stream.differ]
+
+
+def test_a_simulated_person_is_told_events_only() -> None:
+    pytest.importorskip("mujoco")
+    from tega.sim.streams import Streams
+    from tega.sim.trial import TrialPlan, run_trial
+
+    streams = Streams()
+    run_trial(TrialPlan(object="bag", condition="event-gated", seed=1), streams=streams)
+    frames = np.array(streams.rows["vest"])[:, 1:]
+    on = frames.any(axis=1)
+    assert set(frames.ravel()) <= {0, 70, 100}
+    assert 0 < on.mean() < 0.5
+    assert not frames[-1].any()

@@ -1,0 +1,133 @@
+"""A session's signals are looked at by the detector, which is then one more account of its trials."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("mujoco")
+pytest.importorskip("scipy")
+
+from tega.cli.study import study
+from tega.errors import InvalidValueError, RecordingError
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.detecting import detect_study, detected_path, events_of, read_detected
+from tega.study.hand_rows import HandRow, hand_path, read_hand, write_hand
+from tega.study.lead import lead_session
+from tega.study.lead.benches import SimulatedBench
+from tega.study.lead.desk import Screen
+from tega.study.observers import read_observers
+from tega.study.score import agreements, export_boris, import_boris
+from tega.study.touch_rows import touch_path
+from tega.study.trials import study_trials
+
+
+class Nobody:
+    """Nobody at the desk: the session goes on by the clock."""
+
+    def show(self, screen: Screen) -> None: ...
+
+    def say(self, text: str) -> None: ...
+
+    def keys(self) -> list[str]:
+        return []
+
+    def line(self, prompt: str) -> str:
+        raise AssertionError(prompt)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Lead a session with a trial in each of three conditions."""
+    folder = tmp_path_factory.mktemp("detect") / "study"
+    conditions = ["haptic", "non-haptic", "event-gated"]
+    plan = make_plan(participants=1, seed=3, objects=["bag"], conditions=conditions, trials=1, rest_s=0.1)
+    write_plan(plan, folder)
+    bench = SimulatedBench(plan, "p01", real_time=False)
+    lead_session(folder, "p01", bench, Nobody(), time_scale=0.01, auto=True)
+    return folder
+
+
+def test_the_third_condition_takes_place_and_is_counted(folder: Path) -> None:
+    trials = study_trials(folder)[1]
+    assert sorted(trial.condition for trial in trials) == ["event-gated", "haptic", "non-haptic"]
+    assert all(trial.counts and trial.lift_off_s is not None for trial in trials)
+    assert all(not trial.rater for trial in trials)
+
+
+def test_events_are_written_beside_the_session_and_compared(folder: Path, tmp_path: Path) -> None:
+    before = study_trials(folder)[1]
+    with pytest.raises(RecordingError, match="no trial has frames"):
+        detect_study(_empty(tmp_path))
+    found = detect_study(folder)
+    assert [(one.trial, one.object, one.missing) for one in found] == [(n, "bag", ()) for n in (1, 2, 3)]
+    for one, trial in zip(found, before, strict=True):
+        [lift] = [event for event in one.events if event.kind == "lift_off"]
+        assert lift.t_s == pytest.approx(trial.lift_off_s, abs=0.1)
+        assert any(event.kind == "contact" and event.finger for event in one.events)
+        assert all(0 <= event.confidence <= 1 and event.known_s >= event.t_s for event in one.events)
+    content = detected_path(folder, "p01").read_bytes()
+    detect_study(folder, ["p01"])
+    assert detected_path(folder, "p01").read_bytes() == content  # the same signals, the same events
+    assert all(e.value is not None for e in read_detected(folder, "p01") if e.kind == "lift_off")
+    # One more account, which replaces nobody's counts.
+    assert study_trials(folder)[1] == before
+    accounts = {(one.kind, one.a, one.b): one for one in agreements(folder)}
+    assert accounts["lift_off", "truth", "detector"].f1 == 1.0
+    assert not any(kind == "drop" for kind, _, _ in accounts)
+
+
+def test_events_go_out_to_boris_and_come_back(folder: Path, tmp_path: Path) -> None:
+    found = detect_study(folder)
+    path = tmp_path / "out.boris"
+    assert export_boris(folder, path) == 6  # three to fill in, three of the detector
+    project = json.loads(path.read_text())
+    observations = {k: v for k, v in project["observations"].items() if k.endswith("_detector")}
+    [lift] = [event for event in found[0].events if event.kind == "lift_off"]
+    assert [round(lift.t_s, 3), "", "lift_off", "", ""] in observations["p01_t01_a1_detector"]["events"]
+    path.write_text(json.dumps({**project, "observations": observations}))
+    assert import_boris(folder, path, "again") == {"p01": 3}
+    try:
+        same = {one.kind: one for one in agreements(folder) if {one.a, one.b} == {"again", "detector"}}
+        assert same["lift_off"].f1 == 1.0
+    finally:
+        for rater in read_observers(folder, "p01"):
+            (folder / "sessions" / "p01" / "observers" / f"{rater}.jsonl").unlink()
+
+
+def test_without_a_hand_and_an_arm_touch_alone_is_looked_at(folder: Path) -> None:
+    where = hand_path(folder, "p01", "p01-t01", 1)
+    rows = read_hand(where)
+    try:
+        write_hand(where, [HandRow(row.t_s, row.level, None, None) for row in rows])
+        [first, *_] = detect_study(folder)
+        assert first.missing == ("closure", "height")
+        assert {event.kind for event in first.events} <= {"contact", "release", "slip"}
+        where.unlink()
+        assert detect_study(folder)[0].events == first.events
+    finally:
+        write_hand(where, rows)
+    assert touch_path(folder, "p01", "p01-t01", 1).exists()
+    assert events_of([], []) == []
+
+
+def test_the_verb_prints_and_says_what_was_not_recorded(folder: Path) -> None:
+    done = CliRunner().invoke(study, ["detect", str(folder)])
+    assert done.exit_code == 0, done.output
+    assert "p01 trial 1, bag: lift-off" in done.output
+    done = CliRunner().invoke(study, ["detect", str(folder), "p01", "--live", "--json"])
+    tree = json.loads(done.output)
+    assert [one["trial"] for one in tree["trials"]] == [1, 2, 3]
+    assert {"kind", "t_s", "confidence", "known_s", "finger"} == set(tree["trials"][0]["events"][0])
+    done = CliRunner().invoke(study, ["detect", str(folder), "p09"])
+    assert isinstance(done.exception, InvalidValueError)
+    assert "p09" in str(done.exception)
+
+
+def _empty(tmp_path: Path) -> Path:
+    write_plan(make_plan(participants=1, objects=["bag"], trials=1), tmp_path / "empty")
+    assert read_plan(tmp_path / "empty").participants == ["p01"]
+    return tmp_path / "empty"
