@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from tega.errors import InvalidValueError
-from tega.study.simulate import ensure_plan, simulate, unfinished
+from tega.study.silico import ensure_plan, simulate, unfinished
 from tega.study.trials import study_trials
 
 
@@ -42,7 +42,7 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(tmp_path: P
     whole = content(folder)
     assert unfinished(folder, plan) == []
     assert len(study_trials(folder)[1]) == 2
-    assert len(whole) == 2 + 1 + 2  # plan, events, two courses
+    assert len(whole) == 2 + 2 + 1 + 2 + 1  # plan, assumptions, events, two courses, a picture
     events = folder / "sessions" / "p01" / "events.jsonl"
     events.write_bytes(whole["sessions/p01/events.jsonl"][:300])
     assert unfinished(folder, plan) == ["p01"]

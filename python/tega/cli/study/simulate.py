@@ -42,6 +42,13 @@ class _Shard(click.ParamType[tuple[int, int]]):
 )
 @click.option("--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores.")
 @click.option("--shard", type=_Shard(), default="1/1", help="Only the i-th of n parts, for many machines.")
+@click.option(
+    "--dask", metavar="ADDRESS", default="", help="Use the workers of a dask scheduler, such as tcp://host:8786."
+)
+@click.option(
+    "--parameters", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE.toml",
+    help="A changed parameter file for the people; the report then calls it changed.",
+)  # fmt: skip
 @json_option
 @debug_option
 def simulate(
@@ -54,6 +61,8 @@ def simulate(
     trials: int,
     jobs: int,
     shard: tuple[int, int],
+    dask: str,
+    parameters: Path | None,
     as_json: bool,
 ) -> None:
     """Run the whole study with simulated people, and report it once all sessions are there.
@@ -64,8 +73,8 @@ def simulate(
     """
     from tega.cli.options import progress_bar
     from tega.study.report import write_report
-    from tega.study.simulate import simulate as run
-    from tega.study.simulate import unfinished
+    from tega.study.silico import simulate as run
+    from tega.study.silico import unfinished
 
     with progress_bar() as progress:
         plan = run(
@@ -77,6 +86,8 @@ def simulate(
             trials=trials,
             jobs=jobs,
             shard=shard,
+            dask=dask,
+            parameters=parameters,
             progress=progress,
         )
     left = unfinished(out, plan)
