@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["CONDITIONS", "Condition", "feels", "worn"]
 
 Condition = Literal[
-    "haptic", "non-haptic", "silent", "constant", "unrelated", "permuted", "inverted", "unfelt"
+    "haptic", "non-haptic", "silent", "constant", "unrelated", "permuted", "inverted", "half", "unfelt"
 ]
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
@@ -30,6 +30,7 @@ _SHAMS: dict[Condition, ShamName] = {
     "unrelated": "unrelated",
     "permuted": "permuted",
     "inverted": "inverted",
+    "half": "half",
     "unfelt": "informative",
 }
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
 import numpy as np
 
-from tega.errors import RecordingError
+from tega.errors import MissingExtraError, RecordingError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -16,7 +17,14 @@ if TYPE_CHECKING:
     from tega.study.plan import PlannedTrial
     from tega.study.trials import Trial
 
-__all__ = ["FingerPicture", "picture_path", "read_touch_picture", "recorded_picture", "write_touch_picture"]
+__all__ = [
+    "FingerPicture",
+    "picture_path",
+    "pictures_of",
+    "read_touch_picture",
+    "recorded_picture",
+    "write_touch_picture",
+]
 
 
 class FingerPicture(NamedTuple):
@@ -66,25 +74,18 @@ def read_touch_picture(path: Path) -> FingerPicture:
     """
     try:
         with np.load(path, allow_pickle=False) as file:
-            preset = str(file["preset"])
-            if preset not in {"paper", "live"}:
-                raise ValueError(f"preset {preset!r} is not known")
-            cci_max, eda_max = (float(one) for one in file["maxima"])
+            finger, preset = str(file["finger"]), str(file["preset"])
             baseline, frame = file["baseline"], file["frame"]
-            if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape != baseline.shape:
-                raise ValueError(f"frame {frame.dtype} {frame.shape}, baseline {baseline.shape}")
-            return FingerPicture(
-                str(file["finger"]),
-                cast("Literal['paper', 'live']", preset),
-                baseline,
-                frame,
-                cci_max,
-                eda_max,
-            )
+            cci_max, eda_max = (float(one) for one in file["maxima"])
     except Exception as error:  # a damaged archive raises what its decoder raises
+        raise RecordingError(f"{path}: no picture of a finger: {error}", "restore it from a copy") from error
+    if preset not in {"paper", "live"} or frame.dtype != np.uint8 or frame.shape != baseline.shape:
         raise RecordingError(
-            f"{path}: no picture of a fingertip: {error}", "restore it from a copy"
-        ) from error
+            f"{path}: preset {preset!r}, frame {frame.dtype} {frame.shape}, baseline {baseline.shape}",
+            "restore it from a copy",
+        )
+    readings = cast("Literal['paper', 'live']", preset)
+    return FingerPicture(finger, readings, baseline, frame, cci_max, eda_max)
 
 
 def recorded_picture(folder: Path) -> FingerPicture | None:
@@ -100,7 +101,7 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
         RecordingError: The recording is damaged.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
-    from tega.calibration import parse_calibration
+    from tega.calibration.store import parse_calibration
     from tega.recording.mcap_reader import McapReader
 
     files = sorted(folder.glob("*.mcap"))
@@ -139,3 +140,42 @@ def _frame_at(path: Path, finger: str, t_ns: int) -> NDArray[np.uint8] | None:
         elif newest is not None and message.value.t_ns == t_ns:
             return read_picture(newest)
     return None
+
+
+def pictures_of(
+    folder: Path, trials: Sequence[Trial], objects: Sequence[str], condition: str
+) -> dict[str, FingerPicture]:
+    """Choose Fig 3's pictures: of the first person who has any, the first trial of each object with a contact.
+
+    Args:
+        folder: The study's folder.
+        trials: Its trials.
+        objects: In the order of the figure.
+        condition: Preferred, the first of the study; touch is measured in the others as well.
+
+    Returns:
+        By trial id; empty where nothing was kept or recorded, or the extra ``record`` is not installed.
+    """
+    for person in dict.fromkeys(trial.participant for trial in trials):
+        found = {}
+        for name in objects:
+            mine = [t for t in trials if t.counts and (t.participant, t.object) == (person, name)]
+            for trial in sorted(mine, key=lambda one: one.condition != condition):
+                picture = _picture_of(folder, trial)
+                if picture is not None:
+                    found[trial.id] = picture
+                    break
+        if found:
+            return found
+    return {}
+
+
+def _picture_of(folder: Path, trial: Trial) -> FingerPicture | None:
+    path = picture_path(folder, trial)
+    if path.exists():
+        return read_touch_picture(path)
+    attempts = sorted((folder / "recordings" / trial.participant).glob(f"{trial.id}-a*"))
+    try:
+        return recorded_picture(attempts[-1]) if attempts else None
+    except MissingExtraError:  # the numbers do not need it; the page then has no Fig 3
+        return None

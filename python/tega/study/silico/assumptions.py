@@ -6,17 +6,29 @@ SHA-256 and what else decides the outcome. A report is made from these two, not 
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
 from tega.errors import RecordingError
 
-__all__ = ["PARAMETERS", "SIMULATION", "Assumptions", "assume", "assumption_files", "read_assumptions"]
+if TYPE_CHECKING:
+    from tega.sim.operator.person import Parameter
+
+__all__ = [
+    "PARAMETERS",
+    "SIMULATION",
+    "Assumptions",
+    "assume",
+    "assumption_files",
+    "read_assumptions",
+    "read_parameters",
+]
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 
@@ -63,7 +75,7 @@ def assume(
         ConfigError: The file is not valid, or ``everyone`` names what is not in it or goes out of its bounds.
         RecordingError: The file cannot be read.
     """
-    from tega import __version__
+    from tega._native import __version__
     from tega.sim.operator import load_parameters
     from tega.sim.world import OBJECTS
 
@@ -99,8 +111,6 @@ def read_assumptions(folder: Path) -> Assumptions | None:
     Raises:
         RecordingError: ``simulation.toml`` is damaged, or ``parameters.toml`` is not the file it names.
     """
-    import hashlib
-
     path = folder / SIMULATION
     if not path.exists():
         return None
@@ -115,6 +125,28 @@ def read_assumptions(folder: Path) -> Assumptions | None:
             "restore it from a copy; other parameters are another study, in a new folder",
         )
     return stated
+
+
+def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
+    """Read a study's parameters by section and name, also those of an older version; none where it has none.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: The file is damaged.
+    """
+    from tega.sim.operator.person import Parameter
+
+    path = folder / PARAMETERS
+    if not path.exists():
+        return {}
+    try:
+        return msgspec.convert(
+            tomllib.loads(path.read_text(encoding="utf-8")), dict[str, dict[str, Parameter]]
+        )
+    except (OSError, ValueError, msgspec.ValidationError) as error:
+        raise RecordingError(f"{path}: {error}", "restore it from a copy") from error
 
 
 def _toml(stated: Assumptions) -> str:

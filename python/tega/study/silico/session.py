@@ -113,7 +113,11 @@ def _go(job: SessionJob, folder: Path) -> None:
             write_course(course_path(folder, trial), _course(streams))
             _keep(journal, trial, t_ns, result)
             t_ns += round(result.duration_s * 1e9)
-            if job.pictures and trial.condition == job.settings.conditions[0] and trial.object not in pictured:
+            if (
+                job.pictures
+                and trial.condition == job.settings.conditions[0]
+                and trial.object not in pictured
+            ):
                 pictured.add(trial.object)
                 _picture(folder, trial, streams, lab)
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from tega.errors import InvalidValueError, RecordingError
+from tega.errors import InvalidValueError
 from tega.study.journal import read_events
 from tega.study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega.study.silico.assumptions import (
@@ -36,16 +36,13 @@ def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) 
     Raises:
         InvalidValueError: There is something else.
     """
-    try:
-        there = read_plan(folder)
-    except RecordingError:
+    if not (folder / "study.toml").exists():
         try:
             write_plan(plan, folder, files)
-            return
         except (InvalidValueError, OSError):  # somebody else was faster, or something else is there
             if not (folder / "study.toml").exists():
                 raise
-            there = read_plan(folder)
+    there = read_plan(folder)
     if there != plan:
         raise InvalidValueError(
             f"{folder}: has another plan", "name a new folder, or the same settings as before"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -76,12 +77,12 @@ def _numbered(number: int, job: SessionJob) -> tuple[int, dict[str, bytes]]:
 
 def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[SessionJob, dict[str, bytes]]]:
     try:
-        from distributed import Client, as_completed
+        distributed: Any = importlib.import_module("distributed")  # untyped
     except ImportError as error:
         raise MissingExtraError("dask.distributed is not installed", "pip install 'tega[dask]'") from error
     start = "start one: dask scheduler, and on each machine: dask worker ADDRESS"
     try:
-        client = Client(address, timeout=_CONNECT_S)
+        client = distributed.Client(address, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
         raise DeviceUnavailableError(f"--dask {address}: no scheduler answers", start) from error
     with client:
@@ -96,7 +97,7 @@ def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[Sessi
                     "install the same version everywhere; other versions may give other results",
                 )
         jobs_of = {client.submit(run_session, job, pure=False, retries=2): job for job in jobs}
-        for future in as_completed(list(jobs_of)):
+        for future in distributed.as_completed(list(jobs_of)):
             files: dict[str, bytes] = future.result()
             yield jobs_of[future], files
             future.release()
