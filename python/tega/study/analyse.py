@@ -323,7 +323,9 @@ def analyse(
         contrasts=tuple(contrasts),
         pose_use=tuple(uses),
         planner=tuple(_planner(cells, family, pair, per_cell)),
-        directions=directions(trials, pair) if simulated and pair == ("haptic", "non-haptic") else (),
+        directions=tuple(one for one in directions(trials, pair) if one.object in objects)
+        if simulated and pair == ("haptic", "non-haptic")
+        else (),
     )
 
 

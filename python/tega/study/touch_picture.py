@@ -73,7 +73,7 @@ def read_touch_picture(path: Path) -> FingerPicture:
         RecordingError: The file is missing or damaged.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             finger, preset = str(file["finger"]), str(file["preset"])
             baseline, frame = file["baseline"], file["frame"]
             cci_max, eda_max = (float(one) for one in file["maxima"])
