@@ -218,6 +218,7 @@ def _touch(analysis: Analysis, figures: Mapping[str, str]) -> str:
         "1 to 3",
         "changes",
         "of them 1 to 3",
+        "no touch",
     ]
     uses = [
         [
@@ -227,12 +228,14 @@ def _touch(analysis: Analysis, figures: Mapping[str, str]) -> str:
             *(f"{100 * share:.0f}&nbsp;%" for share in (*u.dwell, u.intermediate)),
             f"{u.transitions:.1f}",
             f"{u.transitions_intermediate:.1f}",
+            "–" if u.silent is None else f"{100 * u.silent:.0f}&nbsp;%",
         ]
         for u in analysis.pose_use
     ]
     note = (
         "Share of time at each pose and changes per trial, means over trials. The paper takes use of poses "
-        "1 to 3 as graded control; a hand that closes step by step passes through them as well."
+        "1 to 3 as graded control; a hand that closes step by step passes through them as well. No touch: share of "
+        "the time with a closed hand after lift-off in which no finger is read as touching; the vest is still then."
     )
     return text + picture(figures, "poses", "Share of time at each pose.") + table(head, uses, note)
 
