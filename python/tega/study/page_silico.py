@@ -14,6 +14,10 @@ from tega.study.tables import PAPER_LABELS
 
 __all__ = ["assumptions_html", "directions_html", "sensitivity_html"]
 
+SHORT = {"duration_s": "time", "slips": "slips", "deformations": "deformed", "success": "success"}
+SMALLEST = 0.005
+"""Differences that round to 0.00 are called none."""
+
 MARKS = {"as printed": "yes told", "opposite": "no told", "not told apart": "", "no data": ""}
 
 
@@ -79,7 +83,7 @@ def sensitivity_html(analysis: Analysis) -> str:
         return ""
     rows = analysis.sensitivity
     asked = rows[0].directions
-    head = ["changed", "to", *(f"{PAPER_LABELS[one.metric]}, {one.object}" for one in asked)]
+    head = ["changed", "to", *(f"{SHORT[one.metric]}, {one.object}" for one in asked)]
     body = [
         [
             esc(row.what),
@@ -93,25 +97,26 @@ def sensitivity_html(analysis: Analysis) -> str:
     note = (
         f"Each row is a small study of its own ({size}), with the same people and chance; a parameter is set to an "
         "end of its range for everybody, an arm takes the place of haptic, paper are the loop's readings as printed. "
-        '<span class="mark">+</span> the sign that the paper prints, <span class="mark">−</span> the opposite, 0 no '
-        'difference; <span class="mark yes told">+</span> and <span class="mark no told">−</span> where the 95 % '
+        "✓ the sign that the paper prints, ✗ the opposite, 0 no difference, beside it the difference; "
+        '<span class="mark yes told">✓</span> and <span class="mark no told">✗</span> where the 95 % '
         "interval over these few people leaves 0 out: with so many cells one in twenty does by chance alone. A "
         "direction that says something about touch has to stand in base and to be gone in unrelated, constant and "
         "inverted."
     )
+    ranges = "Over base and the parameters' ends, without arms and readings."
     text = "<h2>Which directions hold over which range</h2>" + table(head, body, note)
-    return text + table(
-        ["direction", "sign as printed", "told apart", "turns within the range of"], _ranges(rows), ""
-    )
+    head = ["direction", "sign as printed", "told apart", "told apart, opposite", "turns within the range of"]
+    return text + table(head, _ranges(rows), ranges)
 
 
 def _mark(one: Direction) -> str:
     if one.difference is None:
         return "–"
-    scale, digits = (100.0, 0) if one.metric == "success" else (1.0, 2)
-    sign = "0" if one.difference == 0 else "+" if (one.difference > 0) == (one.paper_sign > 0) else "−"
-    value = number(scale * one.difference, digits) + ("&nbsp;%" if one.metric == "success" else "")
-    return f'<span class="mark {MARKS[one.verdict]}">{sign}</span> <span class="small">{value}</span>'
+    if abs(one.difference) < SMALLEST:
+        return "0"
+    sign = "✓" if _as_printed(one) else "✗"
+    value = number(100 * one.difference, 0) + "&nbsp;%" if one.metric == "success" else number(one.difference)
+    return f'<span class="mark {MARKS[one.verdict]}">{sign}</span>&nbsp;<span class="small">{value}</span>'
 
 
 def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:
@@ -131,7 +136,8 @@ def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:
             [
                 f"{esc(PAPER_LABELS[asked.metric])}, {esc(asked.object)}",
                 f"{sum(signs)} of {len(signs)}",
-                f"{told.count('as printed')}, opposite {told.count('opposite')}",
+                str(told.count("as printed")),
+                str(told.count("opposite")),
                 ", ".join(turned) or "none",
             ]
         )
@@ -139,7 +145,8 @@ def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:
 
 
 def _as_printed(one: Direction) -> bool:
-    return bool(one.difference) and ((one.difference or 0.0) > 0) == (one.paper_sign > 0)
+    off = one.difference or 0.0
+    return abs(off) >= SMALLEST and (off > 0) == (one.paper_sign > 0)
 
 
 def assumptions_html(analysis: Analysis) -> str:
