@@ -40,6 +40,8 @@ pub(crate) struct Pressed {
     pub(crate) force: f32,
     /// Of that, what those carry that the grid does not reach, by the coarser grid's answer.
     pub(crate) beyond: f32,
+    /// Depth up to which the grid's box holds, millimetres.
+    pub(crate) limit: f32,
 }
 
 /// A grid. `height` has a still row before and after it and still cells between its rows: cell (r, c) is at
@@ -60,6 +62,8 @@ pub(crate) struct Level {
     pub(crate) gaps: Vec<Plane>,
     /// Level of each shape's foremost cell in its gaps.
     pub(crate) tops: [f32; MAX_INDENTERS],
+    /// Where each shape may touch: no deeper than it is taken for, it does not outside.
+    pub(crate) boxes: [Window; MAX_INDENTERS],
 }
 
 impl Level {
@@ -81,6 +85,7 @@ impl Level {
             floor: Plane::new(rows * cols, 0.0),
             gaps: vec![Plane::new(rows * cols, CLEAR); MAX_INDENTERS],
             tops: [CLEAR; MAX_INDENTERS],
+            boxes: [Window::default(); MAX_INDENTERS],
         }
     }
 
@@ -114,10 +119,17 @@ impl Level {
         row * self.cols + self.window.cols[0]..row * self.cols + self.window.cols[1]
     }
 
-    /// A cell's row of the window with a cell before and after, and the rows above and below it.
+    /// A row of the window with a cell before and after, and the rows above and below it.
     #[inline(always)]
     pub(crate) fn around(&self, row: usize) -> [&[f32]; 3] {
-        let (here, stride) = (self.tall(row), self.stride);
+        self.around_in(row, self.window.cols)
+    }
+
+    /// The same of some columns.
+    #[inline(always)]
+    fn around_in(&self, row: usize, [from, to]: [usize; 2]) -> [&[f32]; 3] {
+        let (zero, stride) = ((row + 1) * self.stride + CACHE_LINE, self.stride);
+        let here = zero + from..zero + to;
         [
             &self.height[here.start - 1..=here.end],
             &self.height[here.start - stride..here.end - stride],
@@ -202,22 +214,33 @@ pub(crate) fn pool(fine: &[f32], coarse: &mut [f32], cols: usize) -> f32 {
 /// Where the coarse grid is displaced at all.
 #[inline(always)]
 pub(crate) fn reach(grid: &Level) -> Window {
-    let mut highest = [0.0f32; COLS];
+    extent(grid, NEGLIGIBLE_MM, |r| &grid.height[grid.tall(r)])
+}
+
+/// Where a shape would touch the gel if nothing gave way to it, this deep.
+#[inline(always)]
+pub(crate) fn under(grid: &Level, i: usize, depth: f32) -> Window {
+    extent(grid, grid.tops[i] - depth, |r| &grid.gaps[i][grid.flat(r)])
+}
+
+/// Where the window's rows are above a level.
+#[inline(always)]
+fn extent<'a>(grid: &Level, level: f32, row: impl Fn(usize) -> &'a [f32]) -> Window {
+    let mut highest = [CLEAR; COLS];
     let mut rows = [grid.rows, 0];
     let [c0, c1] = grid.window.cols;
     for r in grid.window.rows[0]..grid.window.rows[1] {
         let mut any = false;
-        for (high, h) in highest[c0..c1].iter_mut().zip(&grid.height[grid.tall(r)]) {
-            any |= *h > NEGLIGIBLE_MM;
-            *high = if *h > *high { *h } else { *high };
+        for (high, value) in highest[c0..c1].iter_mut().zip(row(r)) {
+            any |= *value > level;
+            *high = if *value > *high { *value } else { *high };
         }
         if any {
             rows = [rows[0].min(r), r + 1];
         }
     }
-    let displaced = |high: &f32| *high > NEGLIGIBLE_MM;
-    let first = highest.iter().position(displaced).unwrap_or(grid.cols);
-    let last = highest.iter().rposition(displaced).map_or(0, |c| c + 1);
+    let first = highest.iter().position(|high| *high > level).unwrap_or(grid.cols);
+    let last = highest.iter().rposition(|high| *high > level).map_or(0, |c| c + 1);
     Window { rows, cols: [first, last] }
 }
 
@@ -249,13 +272,16 @@ pub(crate) fn wider(coarse: Window, fine: &Level) -> Window {
 pub(crate) fn raise_floor(grid: &mut Level, pressed: &[Pressed]) {
     for r in grid.window.rows[0]..grid.window.rows[1] {
         let at = grid.flat(r);
-        let floor = &mut grid.floor[at.clone()];
-        for (i, (pressed, top)) in pressed.iter().zip(&grid.tops).enumerate() {
-            let lift = pressed.depth - top;
-            for (floor, gap) in floor.iter_mut().zip(&grid.gaps[i][at.clone()]) {
-                let under = if i == 0 { 0.0 } else { *floor };
+        grid.floor[at].fill(0.0);
+    }
+    for (i, pressed) in pressed.iter().enumerate() {
+        let Window { rows: [first, last], cols: [from, to] } = grid.boxes[i];
+        let lift = pressed.depth - grid.tops[i];
+        for r in first..last {
+            let at = r * grid.cols + from..r * grid.cols + to;
+            for (floor, gap) in grid.floor[at.clone()].iter_mut().zip(&grid.gaps[i][at]) {
                 let inside = gap + lift;
-                *floor = if inside > under { inside } else { under };
+                *floor = if inside > *floor { inside } else { *floor };
             }
         }
     }
@@ -357,36 +383,32 @@ fn relax_row(
 #[inline(always)]
 pub(crate) fn carry(grid: &Level, pressed: &mut [Pressed]) {
     for i in 0..pressed.len() {
-        pressed[i].force = pressed[i].beyond + carried(grid, i, pressed);
+        pressed[i].force = pressed[i].beyond + carried(grid, i, pressed, grid.boxes[i]);
     }
 }
 
-/// What the window's springs under a shape carry, newtons.
+/// What a part's springs under a shape carry, newtons.
 #[inline(always)]
-fn carried(grid: &Level, i: usize, pressed: &[Pressed]) -> f32 {
+fn carried(grid: &Level, i: usize, pressed: &[Pressed], part: Window) -> f32 {
     let lift = pressed[i].depth - grid.tops[i];
     let mut sums = [0.0f32; LANES];
-    for r in grid.window.rows[0]..grid.window.rows[1] {
-        let at = grid.flat(r);
+    let Window { rows: [first, last], cols: [from, to] } = part;
+    for r in first..last {
+        let at = r * grid.cols + from..r * grid.cols + to;
         let shape = if pressed.len() == 1 { None } else { Some((&grid.gaps[i][at.clone()], lift)) };
-        carry_row(&grid.floor[at], grid.around(r), grid.square, shape, &mut sums);
+        carry_row(&grid.floor[at], grid.around_in(r, part.cols), grid.square, shape, &mut sums);
     }
     STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm * sums.iter().sum::<f32>()
 }
 
 /// Notes what the springs outside a part of the grid carry, for a finer one that reaches no further.
 #[inline(always)]
-pub(crate) fn carry_beyond(grid: &mut Level, part: Window, pressed: &mut [Pressed]) {
-    let whole = grid.window;
-    let inner = shared(whole, part);
-    if inner == whole {
-        return;
-    }
+pub(crate) fn carry_beyond(grid: &Level, part: Window, pressed: &mut [Pressed]) {
     for i in 0..pressed.len() {
-        let all = carried(grid, i, pressed);
-        grid.window = inner;
-        pressed[i].beyond = all - carried(grid, i, pressed);
-        grid.window = whole;
+        let (whole, inner) = (grid.boxes[i], shared(grid.boxes[i], part));
+        if inner != whole {
+            pressed[i].beyond = carried(grid, i, pressed, whole) - carried(grid, i, pressed, inner);
+        }
     }
 }
 

@@ -7,7 +7,7 @@
 
 use crate::grid::{
     COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, Pressed, ROWS, Window, carry, carry_beyond, chunks, guess,
-    highest, pool, raise, raise_floor, reach, refine, rests, settle, shared, sweep, whole, wider,
+    highest, pool, raise, raise_floor, reach, refine, rests, settle, shared, sweep, under, whole, wider,
 };
 use crate::shape::{CLEAR, Indenter};
 use crate::simd;
@@ -34,6 +34,11 @@ const SCHEDULE: [Steps; 3] = [
     Steps { matches: 2, most: 2, sweeps: 2, last: 1, relax: 1.5 },
     Steps { matches: 1, most: 4, sweeps: 2, last: 2, relax: 1.45 },
 ];
+
+/// How much deeper than the coarser grid found it a shape may go before more of it is laid over a grid: so many times, and
+/// as its surface may lie between the middles of coarser cells, so many of their sizes.
+const ROOM: f32 = 1.5;
+const ROOM_CELLS: f32 = 0.5;
 
 /// What the finest grid is asked for: the picture and two cells around it, as a slope needs one and a line between
 /// slopes another. What is further out is left at the coarser answer.
@@ -84,7 +89,9 @@ impl Membrane {
             let over = indenter.force_n > 0.0 && self.lay_over(i, indenter);
             let force = indenter.force_n as f32;
             let depth = if over { guess(&self.levels[0], i, force) } else { CLEAR };
-            self.pressed[i] = Pressed { depth, force: 0.0, beyond: 0.0 };
+            self.pressed[i] = Pressed { depth, force: 0.0, beyond: 0.0, limit: f32::INFINITY };
+            let grid = &mut self.levels[0];
+            grid.boxes[i] = if over { whole(grid) } else { Window::default() };
             any |= over;
         }
         if !any {
@@ -104,9 +111,15 @@ impl Membrane {
                     let half = |[from, to]: [usize; 2]| [from / 2, to / 2];
                     let look = Window { rows: half(look.rows), cols: half(look.cols) };
                     carry_beyond(coarse, look, &mut self.pressed[..n]);
-                    for (i, indenter) in indenters.iter().enumerate() {
-                        if self.pressed[i].depth > 0.0 {
-                            simd::lay(fine, fine.window, i, indenter);
+                }
+                for (i, (pressed, indenter)) in self.pressed.iter_mut().zip(indenters).enumerate() {
+                    fine.boxes[i] = Window::default();
+                    if pressed.depth > 0.0 {
+                        pressed.limit = ROOM * pressed.depth;
+                        let room = pressed.limit + ROOM_CELLS * coarse.cell_mm;
+                        fine.boxes[i] = shared(wider(under(coarse, i, room), fine), fine.window);
+                        if level == 2 {
+                            simd::lay(fine, fine.boxes[i], i, indenter);
                             // Its foremost point may lie where this grid does not look.
                             fine.tops[i] = fine.tops[i].max(coarse.tops[i]);
                         }
@@ -122,7 +135,7 @@ impl Membrane {
                 }
                 carry(grid, &mut self.pressed[..n]);
                 let (mut most, mut off) = (0.0f32, false);
-                for (pressed, indenter) in self.pressed.iter_mut().zip(indenters) {
+                for (i, (pressed, indenter)) in self.pressed.iter_mut().zip(indenters).enumerate() {
                     // Force goes with depth to the power 1.9 for a ball, 1 for a flat face.
                     let ratio =
                         if pressed.force > 0.0 { indenter.force_n as f32 / pressed.force } else { 4.0 };
@@ -131,6 +144,15 @@ impl Membrane {
                     pressed.depth *= change;
                     pressed.beyond *= change * change;
                     most = if pressed.depth > 0.0 && change > most { change } else { most };
+                    if pressed.depth > pressed.limit {
+                        pressed.limit = f32::INFINITY;
+                        grid.boxes[i] = grid.window;
+                        if level == 2 {
+                            let top = grid.tops[i];
+                            simd::lay(grid, grid.window, i, indenter);
+                            grid.tops[i] = grid.tops[i].max(top);
+                        }
+                    }
                 }
                 raise_floor(grid, &self.pressed[..n]);
                 if most < 1.0 {
