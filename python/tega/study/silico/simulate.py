@@ -107,7 +107,7 @@ def simulate(
     )
     mine = plan.participants[part - 1 :: parts]
     run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
-    if not any((folder / RUNNING).glob("*")):
+    if not unfinished(folder, plan):  # else another shard may be at work in there
         shutil.rmtree(folder / RUNNING, ignore_errors=True)
     return plan
 
