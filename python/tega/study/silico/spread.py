@@ -109,7 +109,7 @@ def _about() -> str:
 
     root = Path(tega.__file__).parent
     digest = hashlib.sha256()
-    for path in sorted((*root.glob("*.py"), *(root / "sim").rglob("*.py"), *(root / "study").rglob("*.py"))):
+    for path in sorted(root.rglob("*.py")):
         digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     return f"{tega.__version__} ({digest.hexdigest()[:12]})"
 
