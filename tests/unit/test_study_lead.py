@@ -18,6 +18,7 @@ import pytest
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.coupling import read_course
+from tega.study.finger_rows import finger_rows
 from tega.study.journal import Event, read_events
 from tega.study.lead import lead_session
 from tega.study.lead.benches import LabBench, SimulatedBench
@@ -26,6 +27,7 @@ from tega.study.lead.desk import ENTER, Screen
 from tega.study.lead.lift_rule import LiftRule
 from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
 from tega.study.state import derive, events_path
+from tega.study.touch_picture import pictures_of
 from tega.study.trials import course_path, study_trials
 
 
@@ -290,6 +292,12 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
         if first_ns is not None:  # nothing is felt before the trial begins
             assert facts["zero_ns"] + first_ns >= facts["started_ns"]
         assert read_course(course_path(folder, trial)).eda.max() > 0.5
+    pictures = pictures_of(folder, trials, ["bag"], "haptic")
+    assert list(pictures) == [trial.id for trial in trials if trial.condition == "haptic"]
+    ((row,),) = (finger_rows(pictures, trials),)
+    assert row.finger == "thumb"
+    assert (row.eda_norm or 0) > 0.5
+    assert row.cci > 0.0
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")

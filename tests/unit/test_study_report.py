@@ -151,7 +151,7 @@ def test_the_effect_is_found_at_every_level_and_corrected(study: Path) -> None:
 
 
 def test_coupling_is_told_beside_what_it_is_without_an_answer(study: Path) -> None:
-    analysis, courses = analyse_study(study)
+    analysis, (courses, _pictures) = analyse_study(study)
     assert len(courses) == len(analysis.trials)
     for arm in analysis.arms:
         assert arm.r is not None

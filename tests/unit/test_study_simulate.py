@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("mujoco")
 
-from tega.errors import InvalidValueError
-from tega.study.simulate import ensure_plan, simulate, unfinished
+from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.sim.operator import draw_person, load_parameters
+from tega.study.silico import ensure_plan, read_assumptions, simulate, unfinished
+from tega.study.silico.assumptions import PARAMETERS
+from tega.study.silico.sensitivity import read_sensitivity, run_sensitivity
+from tega.study.touch_picture import read_touch_picture
 from tega.study.trials import study_trials
 
 
@@ -36,20 +41,147 @@ def test_what_cannot_be_simulated_is_refused_before_anything_is_written(
     assert not (tmp_path / "s").exists()
 
 
-def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(tmp_path: Path) -> None:
-    folder = tmp_path / "s"
-    plan = simulate(folder, operators=1, objects=["bag"], trials=1, jobs=1)
-    whole = content(folder)
-    assert unfinished(folder, plan) == []
-    assert len(study_trials(folder)[1]) == 2
-    assert len(whole) == 2 + 1 + 2  # plan, events, two courses
-    events = folder / "sessions" / "p01" / "events.jsonl"
-    events.write_bytes(whole["sessions/p01/events.jsonl"][:300])
-    assert unfinished(folder, plan) == ["p01"]
-    simulate(folder, operators=1, objects=["bag"], trials=1, jobs=1)
-    assert content(folder) == whole
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study of one person and two trials."""
+    folder = tmp_path_factory.mktemp("silico") / "s"
+    told: list[tuple[int, int]] = []
+    simulate(
+        folder,
+        operators=1,
+        objects=["bag"],
+        trials=1,
+        jobs=1,
+        progress=lambda _, done, n: told.append((done, n)),
+    )
+    assert told[0] == (0, 2)
+    assert told[-1] == (2, 2)
+    return folder
+
+
+def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path) -> None:
+    plan = simulate(small, operators=1, objects=["bag"], trials=1, jobs=1)
+    whole = content(small)
+    assert unfinished(small, plan) == []
+    assert len(study_trials(small)[1]) == 2
+    assert sorted(whole) == [
+        "courses/p01/p01-t01.csv",
+        "courses/p01/p01-t02.csv",
+        "parameters.toml",
+        "pictures/p01/p01-t01.npz",
+        "plan.csv",
+        "sessions/p01/events.jsonl",
+        "simulation.toml",
+        "study.toml",
+    ]
+    picture = read_touch_picture(small / "pictures" / "p01" / "p01-t01.npz")
+    assert picture.frame.shape == (320, 240, 3)
+    assert (picture.frame != picture.baseline).any()
+    (small / "sessions" / "p01" / "events.jsonl").write_bytes(whole["sessions/p01/events.jsonl"][:300])
+    (small / ".running" / "p01" / "courses" / "p01").mkdir(parents=True)  # left by the run that was ended
+    (small / ".running" / "p01" / "courses" / "p01" / "p01-t01.csv").write_bytes(b"half")
+    assert unfinished(small, plan) == ["p01"]
+    simulate(small, operators=1, objects=["bag"], trials=1, jobs=1)
+    assert content(small) == whole
+
+
+def test_another_study_or_other_assumptions_are_refused_in_the_same_folder(
+    small: Path, tmp_path: Path
+) -> None:
     with pytest.raises(InvalidValueError, match="another plan"):
-        simulate(folder, operators=2, objects=["bag"], trials=1, jobs=1)
+        simulate(small, operators=2, objects=["bag"], trials=1, jobs=1)
+    changed = tmp_path / "changed.toml"
+    shipped = (files("tega.sim.operator") / PARAMETERS).read_text(encoding="utf-8")
+    changed.write_text(
+        shipped.replace("value = 0.30, sd = 0.10", "value = 0.31, sd = 0.10"), encoding="utf-8"
+    )
+    with pytest.raises(InvalidValueError, match=r"begun with another (simulation|parameters)\.toml"):
+        simulate(small, operators=1, objects=["bag"], trials=1, jobs=1, parameters=changed)
+
+
+def test_the_parameter_file_is_the_frozen_one_and_any_other_is_called_changed(
+    small: Path, tmp_path: Path
+) -> None:
+    stated = read_assumptions(small)
+    assert stated is not None
+    assert stated.frozen, "parameters.toml has changed: that is another study, never another frozen file"
+    assert (small / PARAMETERS).read_bytes() == (files("tega.sim.operator") / PARAMETERS).read_bytes()
+    assert stated.objects["bag"]["mass_kg"] == 0.40
+    changed = tmp_path / "changed.toml"
+    changed.write_bytes((small / PARAMETERS).read_bytes() + b"\n")
+    assert not load_parameters(changed).frozen
+    (tmp_path / PARAMETERS).write_bytes(changed.read_bytes())
+    (tmp_path / "simulation.toml").write_bytes((small / "simulation.toml").read_bytes())
+    with pytest.raises(RecordingError, match="not the file that the people were drawn from"):
+        read_assumptions(tmp_path)
+
+
+def test_everybody_gets_a_value_and_nobody_changes_in_anything_else() -> None:
+    usual, same = load_parameters(), load_parameters().of_everyone({"vision.rt_ms": 320})
+    for seed in range(5):
+        one, other = draw_person(seed, usual), draw_person(seed, same)
+        slower_ms = one.body.rt_per_year_ms * max(0.0, one.body.age_years - 25)
+        assert other.vision.rt_ms == pytest.approx(320 + slower_ms)
+        assert other.vest == one.vest
+        assert other.grip == one.grip
+    with pytest.raises(ConfigError, match="160 to 320"):
+        usual.of_everyone({"vision.rt_ms": 321})
+    with pytest.raises(ConfigError, match=r"vision\.moon"):
+        usual.of_everyone({"vision.moon": 1})
+
+
+def test_a_dask_cluster_gives_the_same_study(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs the extra tega[dask]")
+    simulate(tmp_path / "here", operators=2, objects=["bag"], trials=1, jobs=1)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        address = cluster.scheduler_address
+        simulate(tmp_path / "there", operators=2, objects=["bag"], trials=1, dask=address)
+    assert content(tmp_path / "here") == content(tmp_path / "there")
+    assert len(study_trials(tmp_path / "there")[1]) == 4
+    tables = [
+        {name: tables_of(tmp_path / where)[name] for name in ("table1.csv", "trials.csv")}
+        for where in ("here", "there")
+    ]
+    assert tables[0] == tables[1]
+
+
+def tables_of(folder: Path) -> dict[str, str]:
+    from tega.study.analyse import analyse_study
+    from tega.study.tables import csv_files
+
+    analysis, material = analyse_study(folder)
+    return csv_files(analysis, material.courses)
+
+
+def test_a_scheduler_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="needs the extra tega[dask]")
+    from tega.study.silico import spread
+
+    monkeypatch.setattr(spread, "_CONNECT_S", 0.3)
+    with pytest.raises(DeviceUnavailableError, match="no scheduler answers"):
+        simulate(tmp_path / "s", operators=1, objects=["bag"], trials=1, dask="tcp://127.0.0.1:9")
+
+
+def test_changes_are_small_studies_of_their_own(small: Path) -> None:
+    left = run_sensitivity(small, operators=2, trials=1, varied=["vest.weber"], jobs=1, shard=(8, 8))
+    assert len(left) == 7, "8 changes, of which the 8th part has one"
+    (row,) = read_sensitivity(small)
+    assert (row.what, row.setting, row.end, row.people, row.trials) == (
+        "vest.weber",
+        "0.65 share",
+        "high",
+        2,
+        4,
+    )
+    judged = {(one.metric, one.object) for one in row.directions if one.verdict != "no data"}
+    assert judged == {("duration_s", "bag"), ("slips", "bag"), ("deformations", "bag")}
+    whole = content(small)
+    run_sensitivity(small, operators=2, trials=1, varied=["vest.weber"], jobs=1, shard=(8, 8))
+    assert content(small) == whole
+    with pytest.raises(ConfigError, match=r"vest\.moon"):
+        run_sensitivity(small, varied=["vest.moon"])
 
 
 @pytest.mark.deep

@@ -17,7 +17,16 @@ if TYPE_CHECKING:
 __all__ = ["CONDITIONS", "PULSES", "Condition", "feels", "worn"]
 
 Condition = Literal[
-    "haptic", "non-haptic", "silent", "constant", "unrelated", "permuted", "inverted", "unfelt", "event-gated"
+    "haptic",
+    "non-haptic",
+    "silent",
+    "constant",
+    "unrelated",
+    "permuted",
+    "inverted",
+    "half",
+    "unfelt",
+    "event-gated",
 ]
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
@@ -34,6 +43,7 @@ _SHAMS: dict[Condition, ShamName] = {
     "unrelated": "unrelated",
     "permuted": "permuted",
     "inverted": "inverted",
+    "half": "half",
     "unfelt": "informative",
     "event-gated": "informative",
 }

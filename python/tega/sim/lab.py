@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.calibration import TouchMaxima
-    from tega.sim.operator import Calibrated, ForearmEmg, Operator, ScriptedOperator
+    from tega.sim.operator import Calibrated, ForearmEmg, Operator, Parameters, ScriptedOperator
     from tega.sim.trial import TrialPlan
 
 __all__ = ["EMG_HZ", "Lab", "lab_of"]
@@ -49,6 +49,7 @@ class Lab:
     Args:
         seed: Who.
         preset: Readings of the loop.
+        parameters: Of the population; none means the package's own.
 
     Attributes:
         gels: The four fingertips' gels and cameras.
@@ -57,11 +58,13 @@ class Lab:
         calibrated: The EMG maxima, and the effort that they stand for.
     """
 
-    def __init__(self, seed: int, preset: Literal["paper", "live"]) -> None:
+    def __init__(
+        self, seed: int, preset: Literal["paper", "live"], parameters: Parameters | None = None
+    ) -> None:
         from tega.sim.operator import calibrate, draw_person, load_parameters
 
         self._seed, self.preset = seed, preset
-        self._parameters = load_parameters()
+        self._parameters = parameters or load_parameters()
         self._someone = draw_person(seed, self._parameters)
         self.calibrated: Calibrated = calibrate(self._someone, seed=seed, rate_hz=EMG_HZ, preset=preset)
         self.gels: Mapping[str, Gel] = {

@@ -140,6 +140,14 @@ class Streams:
             eda_norm=min(metrics.eda / (maxima.eda_max or np.inf), 1.0),
         )
 
+    def firmest(self) -> tuple[str, NDArray[np.uint8]] | None:
+        """Return the finger that had the largest contact area, and its frame then; ``None`` without a contact."""
+        areas = {finger: area for finger, (area, _) in self._firmest.items() if area > 0}
+        if not areas:
+            return None
+        finger = max(areas, key=lambda one: areas[one])
+        return finger, self._firmest[finger][1]
+
     def course(self) -> Course:
         """Return touch, as the mean over the fingers in contact, and level over time."""
         at: dict[float, list[tuple[float, float]]] = {}

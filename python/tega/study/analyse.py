@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
 from tega.errors import RecordingError
+from tega.sim.operator.person import Parameter
 from tega.study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
 from tega.study.compare import Cell, Test, cells_of, compare
 from tega.study.coupling import TouchCourse, read_course
+from tega.study.directions import Direction, directions
+from tega.study.finger_rows import FingerRow, finger_rows
 from tega.study.journal import read_events
 from tega.study.plan import default_family
 from tega.study.power import SPREADS, count_power, people_for
@@ -18,10 +22,13 @@ from tega.study.privacy import withdrawn
 from tega.study.ratings import RatingUse, ratings
 from tega.study.score.accounts import agreements
 from tega.study.score.agree import Agreement
+from tega.study.silico.assumptions import Assumptions, read_assumptions, read_parameters
+from tega.study.silico.sensitivity import SensitivityRow, read_sensitivity
 from tega.study.state import derive, events_path
+from tega.study.touch_picture import FingerPicture, pictures_of
 from tega.study.trials import Trial, bench_trials, course_path, study_trials
 
-__all__ = ["Analysis", "Flow", "Planner", "analyse", "analyse_bench", "analyse_study"]
+__all__ = ["Analysis", "Flow", "Material", "Planner", "analyse", "analyse_bench", "analyse_study"]
 
 FORMAT = "tega-study-analysis"
 
@@ -94,6 +101,11 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         planner: What the next study needs.
         agreements: Of raters, experimenter and, in simulation, the truth.
         ratings: What participants answered after blocks.
+        directions: The paper's differences and the study's, where its people are simulated.
+        assumptions: What a study in silico takes for granted.
+        parameters: Of the simulated people, by section and name.
+        sensitivity: Which directions hold when that is changed.
+        fingers: The contacts that Fig 3 shows.
         format: Always ``tega-study-analysis``.
         version: Of the format.
     """
@@ -118,11 +130,28 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     planner: tuple[Planner, ...]
     agreements: tuple[Agreement, ...] = ()
     ratings: tuple[RatingUse, ...] = ()
+    directions: tuple[Direction, ...] = ()
+    assumptions: Assumptions | None = None
+    parameters: dict[str, dict[str, Parameter]] = {}
+    sensitivity: tuple[SensitivityRow, ...] = ()
+    fingers: tuple[FingerRow, ...] = ()
     format: str = FORMAT
     version: int = 1
 
 
-def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, dict[str, TouchCourse]]:
+class Material(NamedTuple):
+    """What the figures need besides the numbers.
+
+    Attributes:
+        courses: Touch and pose, by trial id.
+        pictures: Fingertips, by trial id.
+    """
+
+    courses: Mapping[str, TouchCourse] = {}
+    pictures: Mapping[str, FingerPicture] = {}
+
+
+def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Material]:
     """Analyse a study's folder.
 
     Args:
@@ -130,7 +159,7 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, dic
         interim: Show p-values before the plan is done. Looking early and stopping where p is small is no test.
 
     Returns:
-        The analysis, and the courses it used, by trial id.
+        The analysis, and the courses and pictures it used.
 
     Raises:
         RecordingError: The folder is damaged, or has no trial that counts.
@@ -175,8 +204,17 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, dic
         flow=flow,
         per_cell=settings.trials,
     )
-    result = msgspec.structs.replace(result, agreements=tuple(agreements(folder)), ratings=ratings(folder))
-    return result, courses
+    pictures = pictures_of(folder, trials, settings.objects, settings.conditions[0])
+    result = msgspec.structs.replace(
+        result,
+        agreements=tuple(agreements(folder)),
+        ratings=ratings(folder),
+        assumptions=read_assumptions(folder),
+        parameters=read_parameters(folder),
+        sensitivity=read_sensitivity(folder),
+        fingers=finger_rows(pictures, trials),
+    )
+    return result, Material(courses, pictures)
 
 
 def analyse_bench(paths: Sequence[Path]) -> Analysis:
@@ -285,6 +323,9 @@ def analyse(
         contrasts=tuple(contrasts),
         pose_use=tuple(uses),
         planner=tuple(_planner(cells, family, pair, per_cell)),
+        directions=tuple(one for one in directions(trials, pair) if one.object in objects)
+        if simulated and pair == ("haptic", "non-haptic")
+        else (),
     )
 
 

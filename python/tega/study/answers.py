@@ -128,6 +128,8 @@ class PoseUse(msgspec.Struct, frozen=True, kw_only=True):
         intermediate: Share at 1 to 3.
         transitions: Mean number of changes per trial.
         transitions_intermediate: Of those, into or out of an intermediate pose.
+        silent: Mean share of the time with a closed hand after lift-off in which no finger is read as touching, so
+            that the vest is still; ``None`` where nothing was lifted off.
     """
 
     object: str
@@ -137,6 +139,7 @@ class PoseUse(msgspec.Struct, frozen=True, kw_only=True):
     intermediate: float
     transitions: float
     transitions_intermediate: float
+    silent: float | None = None
 
 
 def answers(
@@ -283,9 +286,11 @@ def _pose_use(
     found = []
     for name in objects:
         for condition in conditions:
-            poses = [even[t.id].pose for t in use if (t.object, t.condition) == (name, condition)]
+            mine = [t for t in use if (t.object, t.condition) == (name, condition)]
+            poses = [even[t.id].pose for t in mine]
             if not poses:
                 continue
+            silent = [one for t in mine if (one := _silent(t, even[t.id])) is not None]
             shares = np.mean([dwell(pose) for pose in poses], axis=0)
             changes = np.mean([transitions(pose) for pose in poses], axis=0)
             found.append(
@@ -297,9 +302,17 @@ def _pose_use(
                     intermediate=float(shares[1:4].sum()),
                     transitions=float(changes[0]),
                     transitions_intermediate=float(changes[1]),
+                    silent=_number(_average(silent)),
                 )
             )
     return found
+
+
+def _silent(trial: Trial, course: TouchCourse) -> float | None:
+    if trial.lift_off_s is None:
+        return None
+    closed = (course.t_s >= trial.lift_off_s) & (course.pose >= 1)
+    return float(np.mean((course.cci == 0) & (course.eda == 0), where=closed)) if closed.any() else None
 
 
 def _average(values: Sequence[float]) -> float:

@@ -16,9 +16,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["figure_7", "figure_8", "figure_8_trials", "lag_figure", "p_text", "pose_figure", "svg"]
+__all__ = [
+    "figure_7",
+    "figure_8",
+    "figure_8_trials",
+    "lag_figure",
+    "new_figure",
+    "p_text",
+    "pose_figure",
+    "svg",
+]
 
-CCI_BLUE, EDA_GREEN, POSE_RED = "#0072B2", "#009E73", "#D55E00"
+CCI_BLUE, EDA_GREEN, POSE_RED = "#0072B2", "#009E73", "#c8202f"
 ARMS = ("#56B4E9", "#E69F00", "#999999", "#CC79A7", "#009E73", "#F0E442", "#0072B2", "#D55E00")
 MEAN_RED = "#c8202f"
 FIG_8_ROWS = 3
@@ -36,7 +45,12 @@ def p_text(p: float | None) -> str:
     return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
 
 
-def _new_figure(width_in: float, height_in: float) -> Figure:
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -61,7 +75,7 @@ def figure_7(analysis: Analysis) -> Figure:
     The p-value is the Mann-Whitney test's, as the paper prints it. Violins end at the lowest and highest trial.
     """
     n = len(analysis.objects)
-    figure = _new_figure(2.6 * n + 0.6, 5.2)
+    figure = new_figure(2.6 * n + 0.6, 5.2)
     axes = figure.subplots(2, n, squeeze=False)
     metrics = (("duration_s", "completion time, s"), ("slips", "slips per trial"))
     for row, (metric, label) in enumerate(metrics):
@@ -172,7 +186,7 @@ def figure_8(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> Figure |
     if not chosen:
         return None
     rows = max(len(ids) for ids in chosen.values())
-    figure = _new_figure(3.2 * len(chosen) + 0.4, 1.7 * rows + 0.6)
+    figure = new_figure(3.2 * len(chosen) + 0.4, 1.7 * rows + 0.6)
     axes = figure.subplots(rows, len(chosen), squeeze=False)
     lines = []
     for column, (name, ids) in enumerate(chosen.items()):
@@ -216,7 +230,7 @@ def lag_figure(analysis: Analysis) -> Figure | None:
     signals = list(dict.fromkeys(arm.signal for arm in analysis.arms))
     if not signals:
         return None
-    figure = _new_figure(3.6 * len(signals) + 0.4, 3.0)
+    figure = new_figure(3.6 * len(signals) + 0.4, 3.0)
     axes = figure.subplots(1, len(signals), squeeze=False, sharey=True)[0]
     for ax, signal in zip(axes, signals, strict=True):
         arms = [arm for arm in analysis.arms if arm.signal == signal]
@@ -242,7 +256,7 @@ def pose_figure(analysis: Analysis) -> Figure | None:
     uses = analysis.pose_use
     if not uses:
         return None
-    figure = _new_figure(6.4, 0.32 * len(uses) + 1.1)
+    figure = new_figure(6.4, 0.32 * len(uses) + 1.1)
     ax = figure.subplots()
     shades = ("#f0f0f0", "#c6dbef", "#6baed6", "#2171b5", "#08306b")
     left = np.zeros(len(uses))

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from tega.study.analyse import Analysis
 from tega.study.markup import anchor_of, esc, fold, number, p_value, picture, table, with_interval
 from tega.study.page_scores import scores_html
+from tega.study.page_silico import assumptions_html, directions_html, sensitivity_html
 from tega.study.paper import PAPER_OBJECTS, PAPER_TABLE_1
 from tega.study.report_text import ALONE, METHODS, STYLE
 from tega.study.tables import PAPER_LABELS, table_1
@@ -39,8 +40,14 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
             '<p class="banner">Interim: the plan is not done yet. Looking at p-values before, and stopping where one '
             f"is small, makes them worthless. {shown}</p>"
         )
-    parts += [_flow(analysis), _table_1(analysis), _family(analysis, figures), _touch(analysis, figures)]
-    parts += [scores_html(analysis), _planner(analysis), METHODS, _details(analysis), "</body></html>\n"]
+    parts += [_flow(analysis), _table_1(analysis), directions_html(analysis), _family(analysis, figures)]
+    parts += [
+        _touch(analysis, figures),
+        sensitivity_html(analysis),
+        scores_html(analysis),
+        _planner(analysis),
+    ]
+    parts += [METHODS, assumptions_html(analysis), _details(analysis), "</body></html>\n"]
     return "\n".join(parts)
 
 
@@ -151,8 +158,9 @@ def _cells_text(analysis: Analysis) -> str:
 
 
 def _touch(analysis: Analysis, figures: Mapping[str, str]) -> str:
+    shown = "<h2>Touch and pose</h2>" + picture(figures, "fig3", _fig_3_caption(analysis))
     if not analysis.arms:
-        return "<h2>Touch and pose</h2><p>No courses of touch and pose were kept with these trials.</p>"
+        return shown + "<p>No courses of touch and pose were kept with these trials.</p>"
     head = [
         "condition",
         "signal",
@@ -181,7 +189,7 @@ def _touch(analysis: Analysis, figures: Mapping[str, str]) -> str:
         ]
         for arm in analysis.arms
     ]
-    text = "<h2>Touch and pose</h2>" + table(head, body, ALONE)
+    text = shown + table(head, body, ALONE)
     if analysis.contrasts:
         rows = [
             [
@@ -210,6 +218,7 @@ def _touch(analysis: Analysis, figures: Mapping[str, str]) -> str:
         "1 to 3",
         "changes",
         "of them 1 to 3",
+        "no touch",
     ]
     uses = [
         [
@@ -219,14 +228,27 @@ def _touch(analysis: Analysis, figures: Mapping[str, str]) -> str:
             *(f"{100 * share:.0f}&nbsp;%" for share in (*u.dwell, u.intermediate)),
             f"{u.transitions:.1f}",
             f"{u.transitions_intermediate:.1f}",
+            "–" if u.silent is None else f"{100 * u.silent:.0f}&nbsp;%",
         ]
         for u in analysis.pose_use
     ]
     note = (
         "Share of time at each pose and changes per trial, means over trials. The paper takes use of poses "
-        "1 to 3 as graded control; a hand that closes step by step passes through them as well."
+        "1 to 3 as graded control; a hand that closes step by step passes through them as well. No touch: share of "
+        "the time with a closed hand after lift-off in which no finger is read as touching; the vest is still then."
     )
     return text + picture(figures, "poses", "Share of time at each pose.") + table(head, uses, note)
+
+
+def _fig_3_caption(analysis: Analysis) -> str:
+    kind = "simulated" if analysis.simulated else "recorded"
+    trials = ", ".join(row.trial for row in analysis.fingers)
+    return (
+        f"Fig 3. From a fingertip's picture to CCI and EDA, {kind}: the untouched gel; the frame with the largest "
+        "contact area of the trial; their difference, scaled; the pressure map. Green circle: the peak, where CCI is "
+        "taken; blue line: the pixels that EDA counts. Both as shares of the calibrated press, as the vest gets "
+        f"them. Trials {trials}."
+    )
 
 
 def _planner(analysis: Analysis) -> str:

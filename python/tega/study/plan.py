@@ -12,7 +12,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -286,12 +286,13 @@ def _toml(settings: StudySettings) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_plan(plan: StudyPlan, folder: Path) -> None:
+def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
     """Write a plan into a new folder, whole or not at all.
 
     Args:
         plan: The plan; its trials are signed again.
         folder: Must not exist, or be empty.
+        files: What else goes into it, by name.
 
     Raises:
         InvalidValueError: There is something already.
@@ -304,7 +305,11 @@ def write_plan(plan: StudyPlan, folder: Path) -> None:
     beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     try:
         settings = _signed(plan.settings, plan.trials)
-        for name, content in (("plan.csv", _plan_csv(plan.trials)), ("study.toml", _toml(settings).encode())):
+        for name, content in (
+            *files.items(),
+            ("plan.csv", _plan_csv(plan.trials)),
+            ("study.toml", _toml(settings).encode()),
+        ):
             with (beside / name).open("wb") as file:
                 file.write(content)
                 file.flush()

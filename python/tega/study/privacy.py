@@ -109,6 +109,8 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
         InvalidValueError: ``out`` is there already, or ``key`` is empty.
         RecordingError: The study is damaged.
     """
+    from tega.study.silico.assumptions import PARAMETERS, SIMULATION
+
     if not key:
         raise InvalidValueError("key is empty", "give a long random word")
     plan, gone = read_plan(folder), withdrawn(folder)
@@ -126,7 +128,10 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
         for trial in plan.of(person)
     )
     settings = msgspec.structs.replace(plan.settings, seed=None)
-    write_plan(StudyPlan(settings, trials), out)
+    assumed = [folder / name for name in (SIMULATION, PARAMETERS)]
+    write_plan(
+        StudyPlan(settings, trials), out, {path.name: path.read_bytes() for path in assumed if path.exists()}
+    )
     signed = read_plan(out).settings.plan_sha256
     observers = {old: read_observers(folder, old) for old in new}
     sessions = {old: read_events(events_path(folder, old)) for old in new}

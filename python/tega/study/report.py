@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 
 from tega.errors import InvalidValueError
-from tega.study.analyse import Analysis, analyse_bench, analyse_study
-from tega.study.coupling import TouchCourse
+from tega.study.analyse import Analysis, Material, analyse_bench, analyse_study
+from tega.study.figure_3 import figure_3
 from tega.study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
 from tega.study.page import report_html
 from tega.study.tables import write_csv
@@ -47,9 +46,9 @@ def write_report(source: Path, out: Path | None = None, *, interim: bool = False
         InvalidValueError: There is a folder ``report`` already that is no report.
         MissingExtraError: A package of the extra ``study`` is not installed.
     """
-    courses: Mapping[str, TouchCourse] = {}
+    material = Material()
     if source.is_dir():
-        analysis, courses = analyse_study(source, interim=interim)
+        analysis, material = analyse_study(source, interim=interim)
     else:
         analysis = analyse_bench([source])
     folder = out or (source if source.is_dir() else source.parent)
@@ -59,11 +58,11 @@ def write_report(source: Path, out: Path | None = None, *, interim: bool = False
         raise InvalidValueError(f"{tables}: is there, and is no report", "name another folder with --out")
     beside = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
     try:
-        figures = figures_of(analysis, courses)
+        figures = figures_of(analysis, material)
         (beside / "analysis.json").write_bytes(
             msgspec.json.format(msgspec.json.encode(analysis), indent=1) + b"\n"
         )
-        write_csv(analysis, courses, beside)
+        write_csv(analysis, material.courses, beside)
         for name, drawing in figures.items():
             (beside / f"{name}.svg").write_text(drawing, encoding="utf-8", newline="\n")
         page = beside / "report.html"
@@ -79,11 +78,12 @@ def write_report(source: Path, out: Path | None = None, *, interim: bool = False
     return Report(folder / "report.html", tables, analysis)
 
 
-def figures_of(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[str, str]:
+def figures_of(analysis: Analysis, material: Material) -> dict[str, str]:
     """Draw every figure that there are data for; SVG by name."""
     drawn = {
+        "fig3": figure_3(analysis.fingers, material.pictures),
         "fig7": figure_7(analysis),
-        "fig8": figure_8(analysis, courses),
+        "fig8": figure_8(analysis, material.courses),
         "lags": lag_figure(analysis),
         "poses": pose_figure(analysis),
     }

@@ -15,6 +15,9 @@ th, td { padding: .22rem .6rem; text-align: left; border-bottom: 1px solid #ddd;
 thead th { border-bottom: 2px solid #555; font-weight: 600 }
 .small { font-size: .8em; color: #444 } a { color: #0b4f8a } figure { margin: 1.2rem 0 } img { max-width: 100% }
 figcaption { font-size: .87em; color: #333 } summary { cursor: pointer; padding: .3rem 0 } code { font-size: .9em }
+td:first-child { white-space: nowrap }
+.mark.told { padding: 0 .35em; border-radius: .2em; font-weight: 600 }
+.mark.yes { background: #cfe3f5 } .mark.no { background: #f7d8bd }
 @page { size: A4; margin: 18mm }
 @media print { body { margin: 0; max-width: none; font-size: 10pt }
   figure, tr { break-inside: avoid } thead { display: table-header-group } }

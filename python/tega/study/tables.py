@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ import msgspec
 
 from tega.study.analyse import Analysis
 from tega.study.coupling import TouchCourse, on_grid
+from tega.study.directions import Direction
 
 __all__ = ["csv_files", "table_1", "write_csv"]
 
@@ -58,6 +60,8 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
         ("planner", analysis.planner),
         ("agreement", analysis.agreements),
         ("ratings", analysis.ratings),
+        ("directions", analysis.directions),
+        ("fig3", analysis.fingers),
     ):
         if rows:
             files[f"{name}.csv"] = _records(rows)
@@ -68,7 +72,41 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
             lines += [[trial, *(f"{value:.6g}" for value in sample)] for sample in samples]
     if len(lines) > 1:
         files["fig8.csv"] = _csv(lines)
+    if analysis.sensitivity:
+        files["sensitivity.csv"] = _csv(_sensitivity(analysis))
+    files["provenance.csv"] = _csv(_provenance(analysis, files))
     return files
+
+
+def _sensitivity(analysis: Analysis) -> list[list[str]]:
+    """Return a line a change and direction."""
+    lines = [["what", "setting", "end", *Direction.__struct_fields__]]
+    for row in analysis.sensitivity:
+        lines += [
+            [
+                row.what,
+                row.setting,
+                row.end,
+                *(_cell(getattr(one, name)) for name in Direction.__struct_fields__),
+            ]
+            for one in row.directions
+        ]
+    return lines
+
+
+def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]:
+    """Return where the tables come from, and each table's SHA-256, so that a table alone can be traced back."""
+    lines = [["what", "value"], ["source", analysis.source], ["simulated", _cell(analysis.simulated)]]
+    lines.append(["plan_sha256", analysis.plan_sha256])
+    if (stated := analysis.assumptions) is not None:
+        lines += [
+            ["parameters_sha256", stated.parameters_sha256],
+            ["parameters", "frozen before the first run" if stated.frozen else "changed"],
+            *([f"everyone {name}", _cell(value)] for name, value in stated.everyone.items()),
+            ["preset", stated.preset],
+            ["version", stated.version],
+        ]
+    return lines + [[name, hashlib.sha256(text.encode()).hexdigest()] for name, text in files.items()]
 
 
 def write_csv(analysis: Analysis, courses: Mapping[str, TouchCourse], folder: Path) -> list[Path]:

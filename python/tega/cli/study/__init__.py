@@ -12,6 +12,7 @@ from tega.cli.study.privacy import export, withdraw
 from tega.cli.study.report import report
 from tega.cli.study.run import run
 from tega.cli.study.score import score
+from tega.cli.study.sensitivity import sensitivity
 from tega.cli.study.simulate import simulate
 
 __all__ = ["study"]
@@ -22,5 +23,18 @@ def study() -> None:
     """Plan a user study, run it, see how it stands, let people withdraw, and report it."""
 
 
-for _verb in (plan, run, observe, detect, status, score, report, withdraw, export, power, simulate):
+for _verb in (
+    plan,
+    run,
+    observe,
+    detect,
+    status,
+    score,
+    report,
+    withdraw,
+    export,
+    power,
+    simulate,
+    sensitivity,
+):
     study.add_command(_verb)

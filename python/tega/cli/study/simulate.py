@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +13,37 @@ import click
 
 from tega.cli.options import NameList, debug_option, echo_json, json_option
 
-__all__ = ["simulate"]
+__all__ = ["SHARD", "simulate", "trials_shown"]
+
+LINE_EVERY_S = 30.0
 
 _FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@contextmanager
+def trials_shown() -> Iterator[Callable[[str, int, int], None]]:
+    """Show how many trials are done: a bar on a terminal, else a line now and then, for the log of a cluster's job."""
+    from tega.cli.options import progress_bar
+
+    if sys.stderr.isatty():
+        with progress_bar() as bar:
+            yield bar
+        return
+    begun_s, told_s, at_first = time.monotonic(), 0.0, -1
+
+    def tell(what: str, done: int, total: int) -> None:
+        nonlocal told_s, at_first
+        at_first = done if at_first < 0 else at_first
+        now_s = time.monotonic()
+        if done < total and now_s - told_s < LINE_EVERY_S:
+            return
+        told_s = now_s
+        left_s = (total - done) * (now_s - begun_s) / (done - at_first) if done > at_first else 0.0
+        click.echo(
+            f"{done} of {total} {what}" + (f", {left_s / 60:.0f} min left" if left_s else ""), err=True
+        )
+
+    yield tell
 
 
 class _Shard(click.ParamType[tuple[int, int]]):
@@ -31,6 +63,9 @@ class _Shard(click.ParamType[tuple[int, int]]):
         return int(part), int(parts)
 
 
+SHARD = _Shard()
+
+
 @click.command(epilog="Example: tega-teleop study simulate --operators 10 --out in-silico")
 @click.option("--operators", type=click.IntRange(1, 999), required=True, help="How many simulated people.")
 @click.option("--out", type=_FOLDER, required=True, help="A new folder, or the same study's to go on.")
@@ -41,7 +76,17 @@ class _Shard(click.ParamType[tuple[int, int]]):
     "--trials", type=click.IntRange(1, 1000), default=10, show_default=True, help="Per object and condition."
 )
 @click.option("--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores.")
-@click.option("--shard", type=_Shard(), default="1/1", help="Only the i-th of n parts, for many machines.")
+@click.option("--shard", type=SHARD, default="1/1", help="Only the i-th of n parts, for many machines.")
+@click.option(
+    "--dask",
+    metavar="ADDRESS",
+    default="",
+    help="Use the workers of a dask scheduler, such as tcp://host:8786.",
+)
+@click.option(
+    "--parameters", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE.toml",
+    help="A changed parameter file for the people; the report then calls it changed.",
+)  # fmt: skip
 @json_option
 @debug_option
 def simulate(
@@ -54,20 +99,21 @@ def simulate(
     trials: int,
     jobs: int,
     shard: tuple[int, int],
+    dask: str,
+    parameters: Path | None,
     as_json: bool,
 ) -> None:
     """Run the whole study with simulated people, and report it once all sessions are there.
 
     Each person goes through a whole session in the plan's order, with what was learned and tired from trial to trial.
-    The results are the same with any number of workers and shards. Run it again to go on where it was stopped;
-    a session that was cut short is run anew.
+    The results are the same with any number of workers, shards and machines. Run it again to go on where it was
+    stopped; a session that was cut short is run anew. The report says which parameter file the people are from.
     """
-    from tega.cli.options import progress_bar
     from tega.study.report import write_report
-    from tega.study.simulate import simulate as run
-    from tega.study.simulate import unfinished
+    from tega.study.silico import simulate as run
+    from tega.study.silico import unfinished
 
-    with progress_bar() as progress:
+    with trials_shown() as progress:
         plan = run(
             out,
             operators=operators,
@@ -77,6 +123,8 @@ def simulate(
             trials=trials,
             jobs=jobs,
             shard=shard,
+            dask=dask,
+            parameters=parameters,
             progress=progress,
         )
     left = unfinished(out, plan)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from statistics import NormalDist
@@ -24,7 +24,19 @@ import numpy as np
 from tega.errors import ConfigError
 from tega.sim.operator.sections import Body, Emg, Forearm, Grip, Motor, Vest, Vision
 
-__all__ = ["Parameter", "Parameters", "Person", "draw_person", "load_parameters", "stream", "typical_person"]
+__all__ = [
+    "FROZEN_SHA256",
+    "Parameter",
+    "Parameters",
+    "Person",
+    "draw_person",
+    "load_parameters",
+    "stream",
+    "typical_person",
+]
+
+FROZEN_SHA256 = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
+"""Of the parameter file as it was before the first closed-loop run; any other file is called changed."""
 
 
 class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -67,6 +79,35 @@ class Parameters(msgspec.Struct, frozen=True):
         for section, entries in self.sections.items():
             for name, entry in entries.items():
                 yield section, name, entry
+
+    @property
+    def frozen(self) -> bool:
+        """Whether the file is the one that was frozen before the first closed-loop run."""
+        return self.digest == FROZEN_SHA256
+
+    def of_everyone(self, values: Mapping[str, float]) -> Parameters:
+        """Return the population in which everybody has these values; the digest stays that of the file.
+
+        Args:
+            values: By ``section.name``.
+
+        Raises:
+            ConfigError: There is no such parameter, or a value is not within its bounds.
+
+        Example:
+            >>> load_parameters().of_everyone({"vest.weber": 0.5}).sections["vest"]["weber"].sd
+            0.0
+        """
+        sections = {section: dict(entries) for section, entries in self.sections.items()}
+        for key, value in values.items():
+            section, _, name = key.partition(".")
+            p = sections.get(section, {}).get(name)
+            if p is None:
+                raise ConfigError(f"parameter {key!r} is not known", "write section.name, such as vest.weber")
+            if not p.low <= value <= p.high:
+                raise ConfigError(f"{key} = {value:g} {p.unit} is not within {p.low:g} to {p.high:g}")
+            sections[section][name] = msgspec.structs.replace(p, value=float(value), sd=0.0)
+        return Parameters(sections, self.digest)
 
 
 class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -135,15 +176,14 @@ def draw_person(seed: int, parameters: Parameters | None = None) -> Person:
     """
     parameters = parameters or load_parameters()
     values = _values(parameters.sections)
-    scores: dict[str, float] = {}
     for section, name, p in parameters:
         if p.sd == 0:
             continue
         score = float(stream(seed, "person", section, name).standard_normal())
         if (section, name) == ("vest", "rt_ms"):
             rho = values["body"]["rt_correlation"]
-            score = rho * scores["vision.rt_ms"] + (1 - rho * rho) ** 0.5 * score
-        scores[f"{section}.{name}"] = score
+            seen = float(stream(seed, "person", "vision", "rt_ms").standard_normal())
+            score = rho * seen + (1 - rho * rho) ** 0.5 * score
         values[section][name] = _within(p, score)
     slower_ms = values["body"]["rt_per_year_ms"] * max(0.0, values["body"]["age_years"] - 25.0)
     values["vision"]["rt_ms"] += slower_ms

@@ -19,7 +19,7 @@ from tega.sim.operator.person import stream
 __all__ = ["SHAMS", "Sham", "ShamName", "sham_vest"]
 
 ShamName = Literal[
-    "informative", "off", "silent", "constant", "unrelated", "replayed", "permuted", "inverted"
+    "informative", "off", "silent", "constant", "unrelated", "replayed", "permuted", "inverted", "half"
 ]
 
 SHAMS: tuple[ShamName, ...] = (
@@ -31,6 +31,7 @@ SHAMS: tuple[ShamName, ...] = (
     "replayed",
     "permuted",
     "inverted",
+    "half",
 )
 """Arms that :func:`sham_vest` knows; ``informative`` is the real vest."""
 
@@ -57,7 +58,8 @@ def sham_vest(
         name: ``informative``: as made. ``off``: not worn. ``silent``: worn, all motors still. ``constant``: all at
             one intensity from the start. ``unrelated``: front and back follow slow processes of their own.
             ``replayed``: the vest of another trial. ``permuted``: finger columns exchanged, by the seed.
-            ``inverted``: what is strong is weak where anything is felt.
+            ``inverted``: what is strong is weak where anything is felt. ``half``: half as strong, for a vest that
+            is turned down.
         seed: Of ``unrelated`` and ``permuted``.
         layout: Of the frames that are made here.
         recorded: For ``replayed``: times and frames of the other trial, in order.
@@ -77,6 +79,7 @@ def sham_vest(
         "replayed": lambda: _Replayed(recorded),
         "permuted": lambda: _Permuted(seed),
         "inverted": lambda: _inverted,
+        "half": lambda: _half,
     }
     if name not in arms:
         raise InvalidValueError(f"sham = {name!r} is not known", f"choose one of {', '.join(SHAMS)}")
@@ -140,3 +143,8 @@ def _inverted(t_s: float, frame: VestFrame) -> VestFrame:
     # One per cent is what the printed law shows where nothing is touched.
     shown = np.where(frame.intensities > 1, 100 - frame.intensities, frame.intensities)
     return VestFrame(frame.layout, shown.astype(np.uint8))
+
+
+def _half(t_s: float, frame: VestFrame) -> VestFrame:
+    del t_s
+    return VestFrame(frame.layout, frame.intensities // 2)

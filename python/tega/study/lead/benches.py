@@ -150,7 +150,7 @@ class SimulatedBench:
         from tega.sim.lab import lab_of
         from tega.sim.plan import TrialPlan
         from tega.sim.world import GRASP_POSES_RAD
-        from tega.study.simulate import person_seed
+        from tega.study.silico.session import person_seed
 
         self._seed = person_seed(plan.settings.seed or 0, participant)
         self._real_time = real_time

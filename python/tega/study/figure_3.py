@@ -1,0 +1,54 @@
+"""Fig 3: from a fingertip's picture to CCI and EDA, a row an object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.study.figures import new_figure
+from tega.study.finger_rows import FingerRow
+from tega.study.touch_picture import FingerPicture
+from tega.tactile import contact_mask, pressure_map
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["figure_3"]
+
+GREEN, BLUE = "#27d045", "#3b8cff"
+
+
+def figure_3(rows: Sequence[FingerRow], pictures: Mapping[str, FingerPicture]) -> Figure | None:
+    """Draw Fig 3: untouched gel, frame, difference, pressure map with the marks of CCI and EDA."""
+    if not rows:
+        return None
+    figure = new_figure(7.0, 2.05 * len(rows) + 0.3)
+    axes = figure.subplots(len(rows), 4, squeeze=False)
+    for number, row in enumerate(rows):
+        _row(axes[number], row, pictures[row.trial], titled=number == 0)
+    return figure
+
+
+def _row(axes: Sequence[Axes], row: FingerRow, picture: FingerPicture, *, titled: bool) -> None:
+    off = np.abs(picture.frame.astype(np.int16) - picture.baseline).mean(axis=2)
+    pressure = pressure_map(picture.frame, picture.baseline, reading=picture.preset)
+    mask = contact_mask(picture.frame, picture.baseline, reading=picture.preset)
+    axes[0].imshow(picture.baseline[..., ::-1])
+    axes[1].imshow(picture.frame[..., ::-1])
+    axes[2].imshow(off, cmap="gray", vmin=0, vmax=max(float(off.max()), 1.0))
+    axes[3].imshow(pressure, cmap="gray", vmin=0, vmax=max(float(pressure.max()), 1.0))
+    if mask.any() and not mask.all():
+        axes[3].contour(mask, levels=[0.5], colors=[BLUE], linewidths=1.4)
+    axes[3].plot([row.peak_x], [row.peak_y], "o", ms=10, mfc="none", mec=GREEN, mew=1.8)
+    for ax, title in zip(axes, ("untouched", "touched", "difference", "pressure map"), strict=True):
+        ax.set_xticks([])
+        ax.set_yticks([])
+        if titled:
+            ax.set_title(title, fontsize=9)
+    axes[0].set_ylabel(f"{row.object}, {row.finger}", fontsize=9)
+    axes[2].set_xlabel(f"up to {off.max():.0f} of 255", fontsize=9)
+    cci, eda = ("–" if one is None else f"{one:.2f}" for one in (row.cci_norm, row.eda_norm))
+    axes[3].set_xlabel(f"CCI {cci}   EDA {eda}", fontsize=9)

@@ -1,0 +1,70 @@
+"""Draw the console as the page on studies shows it: ``python -m tega.study.observe docs/images/study-console.svg``.
+
+A made-up session is under way in a folder that goes away; the console is driven through textual's pilot.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tega.errors import MissingExtraError
+from tega.study.lead.board import Board, board_path, write_board
+from tega.study.plan import make_plan, read_plan, write_plan
+from tega.study.state import resume
+
+if TYPE_CHECKING:
+    from tega.study.observe.console import Console
+
+S = 1_000_000_000
+KEYS = (("l", 2.0), ("s", 0.7), ("s", 0.6), ("u", 0.5), ("d", 0.6), ("s", 0.4))
+"""What the rater presses, and how many seconds after the key before."""
+
+
+@click.command(help=__doc__)
+@click.argument("file", type=click.Path(path_type=Path, dir_okay=False))
+def main(file: Path) -> None:
+    """Write the picture."""
+    try:
+        from tega.study.observe import console
+    except ImportError as error:
+        raise click.ClickException(
+            str(MissingExtraError("textual is not installed", "pip install 'tega[observe]'"))
+        ) from error
+
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made) / "study"
+        write_plan(make_plan(participants=2, seed=5, trials=2), folder)
+        now_ns = time.monotonic_ns()
+        journal, _ = resume(folder, read_plan(folder), "p01", t_ns=now_ns)
+        with journal:
+            name = read_plan(folder).of("p01")[0].object
+            journal.add("trial_start", t_ns=now_ns, trial=1, source="auto")
+            write_board(
+                board_path(folder, "p01"),
+                Board(t_ns=now_ns + 60 * S, phase="trial", trial=1, object=name, n_over=0, n_trials=12),
+            )
+            file.write_text(asyncio.run(_driven(console.Console(folder, "p01", "r1"))), encoding="utf-8")
+
+
+async def _driven(console: Console) -> str:
+    """Press the keys and return the screen as SVG."""
+    async with console.run_test(size=(100, 26)) as pilot:
+        for key, after_s in KEYS:
+            await pilot.pause(after_s)
+            await pilot.press(key)
+        await pilot.pause(0.3)
+        drawn = console.export_screenshot(title="tega-teleop study observe")
+    return re.sub(
+        r"@font-face \{.*?\}\s*", "", drawn, flags=re.DOTALL
+    )  # a font from elsewhere; any fixed one does
+
+
+if __name__ == "__main__":
+    main()

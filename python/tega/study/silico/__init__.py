@@ -1,0 +1,6 @@
+"""A study in silico: simulated people go through a plan on the simulated bench; everything it gives is simulated."""
+
+from tega.study.silico.assumptions import Assumptions, read_assumptions
+from tega.study.silico.simulate import ensure_plan, simulate, unfinished
+
+__all__ = ["Assumptions", "ensure_plan", "read_assumptions", "simulate", "unfinished"]

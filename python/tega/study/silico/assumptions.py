@@ -1,0 +1,170 @@
+"""What a study in silico takes for granted, kept in its folder: ``simulation.toml`` and ``parameters.toml``.
+
+``parameters.toml`` is the file that the simulated people were drawn from, byte for byte; ``simulation.toml`` has its
+SHA-256 and what else decides the outcome. A report is made from these two, not from what the package holds today.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import msgspec
+
+from tega.errors import RecordingError
+
+if TYPE_CHECKING:
+    from tega.sim.operator.person import Parameter
+
+__all__ = [
+    "PARAMETERS",
+    "SIMULATION",
+    "Assumptions",
+    "assume",
+    "assumption_files",
+    "read_assumptions",
+    "read_parameters",
+]
+
+SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
+
+
+class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What decides the outcome of a study in silico besides its plan.
+
+    Attributes:
+        version: Of the program that ran it.
+        parameters_sha256: Of ``parameters.toml``.
+        frozen: Whether that is the file that was frozen before the first run; else it is a changed one.
+        everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the population's.
+        preset: Readings of the loop.
+        objects: What was lifted, attributes by name, as in :class:`tega.sim.world.ObjectSpec`.
+    """
+
+    version: str
+    parameters_sha256: str
+    frozen: bool
+    everyone: dict[str, float] = {}
+    preset: Literal["paper", "live"] = "live"
+    objects: dict[str, dict[str, Any]] = {}
+
+
+def assume(
+    objects: list[str] | tuple[str, ...],
+    *,
+    parameters: Path | None = None,
+    everyone: dict[str, float] | None = None,
+    preset: Literal["paper", "live"] = "live",
+) -> tuple[Assumptions, bytes]:
+    """State what a study takes for granted.
+
+    Args:
+        objects: Names in :data:`tega.sim.world.OBJECTS`.
+        parameters: A parameter file; none means the package's own.
+        everyone: As in :class:`Assumptions`.
+        preset: Likewise.
+
+    Returns:
+        The statement, and the parameter file.
+
+    Raises:
+        ConfigError: The file is not valid, or ``everyone`` names what is not in it or goes out of its bounds.
+        RecordingError: The file cannot be read.
+    """
+    from tega._native import __version__
+    from tega.sim.operator import load_parameters
+    from tega.sim.world import OBJECTS
+
+    source = files("tega.sim.operator") / PARAMETERS if parameters is None else parameters
+    try:
+        content = source.read_bytes()
+    except OSError as error:
+        raise RecordingError(f"{source}: cannot be read: {error}", "name a parameter file") from error
+    loaded = load_parameters(parameters)
+    loaded.of_everyone(everyone or {})
+    stated = Assumptions(
+        version=__version__,
+        parameters_sha256=loaded.digest,
+        frozen=loaded.frozen,
+        everyone=dict(sorted((everyone or {}).items())),
+        preset=preset,
+        objects={name: msgspec.to_builtins(OBJECTS[name]) for name in objects},
+    )
+    return stated, content
+
+
+def assumption_files(stated: Assumptions, parameters: bytes) -> dict[str, bytes]:
+    """Return both files by name."""
+    return {SIMULATION: _toml(stated).encode(), PARAMETERS: parameters}
+
+
+def read_assumptions(folder: Path) -> Assumptions | None:
+    """Read what a study took for granted; ``None`` where it does not say, as with people.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: ``simulation.toml`` is damaged, or ``parameters.toml`` is not the file it names.
+    """
+    path = folder / SIMULATION
+    if not path.exists():
+        return None
+    try:
+        stated = msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), Assumptions)
+        content = (folder / PARAMETERS).read_bytes()
+    except (OSError, ValueError, msgspec.ValidationError) as error:
+        raise RecordingError(f"{path}: {error}", "restore the folder from a copy") from error
+    if hashlib.sha256(content).hexdigest() != stated.parameters_sha256:
+        raise RecordingError(
+            f"{folder / PARAMETERS}: is not the file that the people were drawn from",
+            "restore it from a copy; other parameters are another study, in a new folder",
+        )
+    return stated
+
+
+def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
+    """Read a study's parameters by section and name, also those of an older version; none where it has none.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: The file is damaged.
+    """
+    from tega.sim.operator.person import Parameter
+
+    path = folder / PARAMETERS
+    if not path.exists():
+        return {}
+    try:
+        return msgspec.convert(
+            tomllib.loads(path.read_text(encoding="utf-8")), dict[str, dict[str, Parameter]]
+        )
+    except (OSError, ValueError, msgspec.ValidationError) as error:
+        raise RecordingError(f"{path}: {error}", "restore it from a copy") from error
+
+
+def _toml(stated: Assumptions) -> str:
+    """Write as TOML; JSON's strings, numbers and lists are TOML's as well."""
+    top, tables = [], []
+    for name, value in msgspec.to_builtins(stated).items():
+        if name == "objects":
+            for key, fields in value.items():
+                tables += [f"\n[objects.{json.dumps(key)}]", *_lines(fields)]
+        elif isinstance(value, dict):
+            tables += [f"\n[{name}]", *_lines(value)]
+        else:
+            top += _lines({name: value})
+    return "\n".join([*top, *tables]) + "\n"
+
+
+def _lines(fields: dict[str, Any]) -> list[str]:
+    # TOML tells 1.0 from 1 as JSON does; keys such as "vest.rt_ms" need their quotes.
+    return [
+        f"{json.dumps(name) if '.' in name else name} = {json.dumps(value)}" for name, value in fields.items()
+    ]

@@ -1,0 +1,169 @@
+"""What a report of simulated people says besides: directions, assumptions, sensitivity, Fig 3. No physics is run."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("statsmodels")
+
+from tega.errors import RecordingError
+from tega.study.directions import directions
+from tega.study.journal import Journal
+from tega.study.plan import PlannedTrial, StudyPlan, read_plan
+from tega.study.report import write_report
+from tega.study.silico.sensitivity import ARMS, SENSITIVITY, read_sensitivity
+from tega.study.silico.simulate import made_study
+from tega.study.state import events_path
+from tega.study.touch_picture import FingerPicture, picture_path, read_touch_picture, write_touch_picture
+from tega.study.trials import Trial
+
+SHA = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
+OBJECTS = ("bottle", "container", "bag")
+
+
+def fill(folder: Path, plan: StudyPlan, slips: Callable[[PlannedTrial], int]) -> None:
+    for person in plan.participants:
+        with Journal(events_path(folder, person)) as journal:
+            journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256)
+            for trial in plan.of(person):
+                t_ns = trial.trial * 100 * 10**9
+                journal.add("trial_start", t_ns=t_ns, trial=trial.trial)
+                journal.add("lift_off", t_ns=t_ns + 10**9, trial=trial.trial)
+                for _ in range(slips(trial)):
+                    journal.add("slip", t_ns=t_ns + 2 * 10**9, trial=trial.trial)
+                journal.add(
+                    "trial_end", t_ns=t_ns + 15 * 10**9, trial=trial.trial, status="done", success=True
+                )
+
+
+def few_with_touch(trial: PlannedTrial) -> int:
+    """Fewer slips with touch, by 1 to 3, but more with the container."""
+    less = 1 + int(trial.participant[1:]) % 3
+    return 4 - less * (trial.condition != "non-haptic") * (-1 if trial.object == "container" else 1)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study of six people with changes of one parameter and an arm, and a picture."""
+    folder = tmp_path_factory.mktemp("silico") / "s"
+    plan, _ = made_study(
+        folder, operators=6, seed=1, objects=OBJECTS, conditions=("haptic", "non-haptic"), trials=2
+    )
+    fill(folder, plan, few_with_touch)
+    random = np.random.default_rng(1)
+    baseline = random.integers(90, 100, (320, 240, 3), dtype=np.uint8)
+    frame = baseline.copy()
+    y, x = np.ogrid[:320, :240]
+    frame[(y - 150) ** 2 + (x - 120) ** 2 < 40**2] += 60
+    write_touch_picture(
+        picture_path(folder, plan.trials[0]), FingerPicture("thumb", "live", baseline, frame, 0.0, 9e4)
+    )
+    for name, everyone, first in (
+        ("base", {}, "haptic"),
+        ("vest.weber-low", {"vest.weber": 0.12}, "haptic"),
+        ("vest.weber-high", {"vest.weber": 0.65}, "haptic"),
+        ("arm-constant", {}, "constant"),
+    ):
+        small, _ = made_study(
+            folder / SENSITIVITY / name, operators=3, seed=1, objects=OBJECTS, conditions=(first, "non-haptic"),
+            trials=1, everyone=everyone,
+        )  # fmt: skip
+        slips = few_with_touch if name in {"base", "vest.weber-low"} else lambda _trial: 4
+        fill(folder / SENSITIVITY / name, small, slips)
+    return folder
+
+
+def test_a_direction_is_people_s_mean_difference_with_its_t_interval() -> None:
+    def trial(person: str, condition: str, slips: int) -> Trial:
+        return Trial(
+            id=f"{person}-{condition}-{slips}", participant=person, trial=1, repeat=1, object="bottle",
+            condition=condition, success=True, slips=slips, deformations=0, duration_s=15.0,
+        )  # fmt: skip
+
+    trials = [trial("p01", "haptic", 1), trial("p01", "haptic", 2), trial("p01", "non-haptic", 5)]
+    trials += [trial("p02", "haptic", 1), trial("p02", "non-haptic", 3), trial("p03", "haptic", 9)]
+    of = {(one.metric, one.object): one for one in directions(trials, ("haptic", "non-haptic"))}
+    slips = of["slips", "bottle"]
+    assert (slips.people, slips.first, slips.second, slips.difference) == (2, 1.25, 4.0, -2.75)
+    # Differences -3.5 and -2, so sd 1.5/sqrt(2); t(0.975, 1) = tan(0.475 pi).
+    reach = math.tan(0.475 * math.pi) * 0.75
+    assert slips.low == pytest.approx(-2.75 - reach)
+    assert slips.high == pytest.approx(-2.75 + reach)
+    assert slips.verdict == "not told apart"
+    assert of["duration_s", "bottle"].low is None, "people all alike give no interval"
+    assert of["slips", "bag"].verdict == "no data"
+    assert len(of) == 9
+    signs = {key: one.paper_sign for key, one in of.items()}
+    assert signs["duration_s", "container"] == signs["success", "bottle"] == 1
+    assert signs["deformations", "bag"] == -1
+
+
+def test_the_page_says_what_came_out_and_of_which_assumptions(study: Path) -> None:
+    done = write_report(study)
+    page = done.page.read_text(encoding="utf-8")
+    verdicts = {(one.metric, one.object): one.verdict for one in done.analysis.directions}
+    assert verdicts["slips", "bottle"] == verdicts["slips", "bag"] == "as printed"
+    assert verdicts["slips", "container"] == "opposite"
+    assert verdicts["success", "bottle"] == "not told apart"
+    assert (
+        "2 of the paper's 9 differences come out in its direction (slippage of bottle, slippage of bag)"
+        in page
+    )
+    assert "1 come out the other way (slippage of container)" in page
+    assert SHA in page
+    assert "committed, before the first closed-loop run" in page
+    assert "Fig 3" in page
+    with (done.tables / "provenance.csv").open(encoding="utf-8", newline="") as file:
+        rows = dict(csv.reader(file))
+    assert rows["parameters_sha256"] == SHA
+    assert rows["parameters"] == "frozen before the first run"
+    assert rows["simulated"] == "1"
+    for name in ("trials.csv", "table1.csv", "directions.csv", "sensitivity.csv", "fig3.csv"):
+        assert rows[name] == hashlib.sha256((done.tables / name).read_bytes()).hexdigest()
+
+
+def test_a_changed_parameter_file_is_called_changed(study: Path, tmp_path: Path) -> None:
+    changed = tmp_path / "changed.toml"
+    changed.write_bytes((study / "parameters.toml").read_bytes() + b"\n")
+    folder = tmp_path / "s"
+    plan, _ = made_study(
+        folder, operators=2, seed=1, objects=OBJECTS, conditions=("haptic", "non-haptic"), trials=1, parameters=changed
+    )  # fmt: skip
+    fill(folder, plan, few_with_touch)
+    done = write_report(folder)
+    assert "<b>changed</b>: not the one that was frozen" in done.page.read_text(encoding="utf-8")
+    assert "parameters,changed" in (done.tables / "provenance.csv").read_text(encoding="utf-8")
+
+
+def test_the_sensitivity_table_says_where_a_direction_turns(study: Path) -> None:
+    rows = read_sensitivity(study)
+    assert [(row.what, row.setting, row.end) for row in rows] == [
+        ("base", "", ""),
+        ("vest.weber", "0.12 share", "low"),
+        ("vest.weber", "0.65 share", "high"),
+        ("arm", "constant", ""),
+    ]
+    assert "constant" in ARMS
+    assert all(row.people == 3 and row.trials == 18 for row in rows)
+    page = write_report(study).page.read_text(encoding="utf-8")
+    turns = page[page.index("turns within the range of") :]
+    assert turns.index("Slippage, bottle") < turns.index("vest.weber (at 0.65 share)")
+    (study / SENSITIVITY / "base" / "sessions" / "p02" / "events.jsonl").rename(study / "kept")
+    assert [row.what for row in read_sensitivity(study)] == ["vest.weber", "vest.weber", "arm"]
+    (study / "kept").rename(study / SENSITIVITY / "base" / "sessions" / "p02" / "events.jsonl")
+
+
+def test_a_damaged_picture_is_told(study: Path, tmp_path: Path) -> None:
+    whole = picture_path(study, read_plan(study).trials[0]).read_bytes()
+    for n in (0, 100, len(whole) // 2):
+        (tmp_path / "cut.npz").write_bytes(whole[:n])
+        with pytest.raises(RecordingError, match=r"cut\.npz"):
+            read_touch_picture(tmp_path / "cut.npz")
