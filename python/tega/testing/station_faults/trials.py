@@ -1,0 +1,1 @@
+FAULTS=Fault=Outcome=try_fault=None
