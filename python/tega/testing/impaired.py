@@ -1,8 +1,9 @@
 """A TCP connection made worse on purpose, between two programs on this machine.
 
 TCP delivers every byte once and in order, so a proxy can only make them late: a segment that is lost comes when it is
-sent again, and all behind it wait. That is how ``loss`` is done here; packets that are really lost or change places
-need a wire below TCP (:mod:`tega.testing.lossy_wire`).
+sent again, and all behind it wait. That is how ``loss`` is done here. Packets that are really lost or change places
+need a wire below TCP, such as netem between network namespaces; what a station hears would be the same bytes in the
+same order.
 
 Example::
 
@@ -57,7 +58,6 @@ class ImpairedLink:
         self._loop = asyncio.new_event_loop()
         self._open = asyncio.Event()
         self._open.set()
-        self._is_cut = False
         self._writers: set[asyncio.StreamWriter] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._thread = threading.Thread(target=self._loop.run_forever, name="tega-impaired", daemon=True)
@@ -88,7 +88,6 @@ class ImpairedLink:
 
     def cut(self) -> None:
         """Take the cable out: nothing passes, not even that a connection has ended."""
-        self._is_cut = True
         self.stall()
 
     def mend(self) -> None:
@@ -96,7 +95,6 @@ class ImpairedLink:
 
         def again() -> None:
             self._drop()
-            self._is_cut = False
             self._open.set()
 
         self._loop.call_soon_threadsafe(again)
@@ -130,6 +128,9 @@ class ImpairedLink:
             there, back = await asyncio.open_connection("127.0.0.1", self._to_port, limit=_SEGMENT_BYTES)
             self._writers.add(back)
             await asyncio.gather(self._pass(reader, back), self._pass(there, writer))
+            self._writers.discard(back)
+        self._writers.discard(writer)
+        writer.transport.abort()  # where nobody listens behind, nobody does here
 
     async def _pass(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         waiting: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue()
@@ -153,9 +154,7 @@ class ImpairedLink:
             way_ms += _AGAIN_MS + 2 * self.delay_ms
         return way_ms / 1e3
 
-    async def _send(
-        self, waiting: asyncio.Queue[tuple[float, bytes]], writer: asyncio.StreamWriter
-    ) -> None:
+    async def _send(self, waiting: asyncio.Queue[tuple[float, bytes]], writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError):
             while True:
                 due_s, data = await waiting.get()

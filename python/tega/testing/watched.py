@@ -1,10 +1,11 @@
 """A station that tells what it does, with the time: ``python -m tega.testing.watched robot.toml``.
 
 One JSON object a line whenever hand, arm or vest do something else: ``t_s`` on this machine's monotonic clock,
-``state`` of the run, ``arm``, ``felt`` (whether any motor of the vest turns) and ``alerts``. The
-robot's station tells besides how many commands it has used (``used``), how many of them were really older than its
-time-to-live (``stale``) and how old the oldest was (``oldest_ms``). For that it compares the clocks of both stations
-directly, which are one clock where both run on one machine; the station itself goes by its estimate.
+``state`` of the run, ``arm``, ``felt`` (whether any motor of the vest turns) and ``no_data`` (whether it says that
+none comes from the robot); ``said`` is what it tells a person. The robot's station tells besides how many commands it
+has used (``used``), how many of them were really older than its time-to-live (``stale``), how old the oldest was
+(``oldest_ms``), and how many of this operator's it has refused, by why (``refused``). For that it compares the clocks
+of both stations directly, which are one clock where both run on one machine; the station itself goes by its estimate.
 """
 
 from __future__ import annotations
@@ -45,6 +46,11 @@ class _Judged(RobotStation):
         self.used = self.stale = self.oldest_ns = 0
         type(self).newest = self
 
+    @property
+    def refused(self) -> dict[str, int]:
+        """Commands of this operator's that were not used, by why."""
+        return self._refused_now()
+
     def _accepted(self, name: str, kind: Any, key: str, data: bytes, now_ns: int) -> Any:
         command = super()._accepted(name, kind, key, data, now_ns)
         if command is not None:
@@ -69,18 +75,23 @@ class _Teller:
             "state": view.state,
             "arm": "" if arm is None else f"{arm.state}: {arm.reason}",
             "felt": view.vest is not None and bool(view.vest.intensities.any()),
-            "alerts": list(view.alerts),
+            "no_data": any("no data from the robot" in alert for alert in view.alerts),
         }
         now_s = time.monotonic()
         judged = _Judged.newest
         if seen == self._before and (judged is None or now_s < self._counts_s):
             return
         self._before, self._counts_s = seen, now_s + _COUNTS_S
-        counts = {} if judged is None else {
-            "used": judged.used,
-            "stale": judged.stale,
-            "oldest_ms": judged.oldest_ns / 1e6,
-        }
+        counts = (
+            {}
+            if judged is None
+            else {
+                "used": judged.used,
+                "stale": judged.stale,
+                "oldest_ms": judged.oldest_ns / 1e6,
+                "refused": judged.refused,
+            }
+        )
         _say({"t_s": now_s, **seen, **counts})
 
 
@@ -91,7 +102,9 @@ def _say(what: dict[str, Any]) -> None:
 
 def main() -> int:
     """Run the station; return 3 with a sentence on the error output where it cannot."""
-    parser = argparse.ArgumentParser(prog="python -m tega.testing.watched", description="A station that tells.")
+    parser = argparse.ArgumentParser(
+        prog="python -m tega.testing.watched", description="A station that tells."
+    )
     parser.add_argument("settings", type=Path)
     parser.add_argument("--cap", metavar="SOCKET", help="where an emulated SpaceMouse is")
     given = parser.parse_args()
@@ -103,7 +116,12 @@ def main() -> int:
         stop = stack.enter_context(Stop())
         try:
             config = load_config(given.settings, environ={}).config
-            run_session(config, observer=_Teller(), stop=stop, tell=lambda said: _say({"t_s": time.monotonic(), "said": said}))
+            run_session(
+                config,
+                observer=_Teller(),
+                stop=stop,
+                tell=lambda said: _say({"t_s": time.monotonic(), "said": said}),
+            )
         except TegaError as error:
             _say({"t_s": time.monotonic(), "said": f"ended: {error}"})
             return 3

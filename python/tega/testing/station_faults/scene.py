@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -15,9 +16,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, TegaError
 from tega.testing.impaired import ImpairedLink
 from tega.testing.lab import EmulatedLab, emulated_lab
+from tega.testing.lossy_wire import LossyWire
 from tega.testing.stations import free_port, split, write_trees
 
 __all__ = ["Scene", "Watch", "until"]
@@ -25,6 +27,7 @@ __all__ = ["Scene", "Watch", "until"]
 _PATIENCE_S = 60.0
 _DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
 _PATH_S = 600
+_PRESS_S = 2.0
 
 Told = dict[str, Any]
 
@@ -110,6 +113,16 @@ class Watch:
             None,
         )
 
+    def follow(self, other: Watch) -> None:
+        """Go on as a program that was started in the place of this one; what this one has told stays."""
+        before = self.told
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(5)
+        self._thread.join(5)
+        self.process, self._thread = other.process, other._thread
+        other.told[:0] = before
+        self.told = other.told
+
     def freeze(self) -> None:
         """Let it stand still, as a machine that hangs."""
         os.kill(self.process.pid, signal.SIGSTOP)
@@ -131,8 +144,10 @@ class Scene:
         folder: For settings and calibration.
         net: Further settings of ``[net]`` for both.
         keys: Folder of keys; none for none.
+        wire: Instead of a proxy, with the operator at its other end; needs keys.
 
     Attributes:
+        folder: Where their files are.
         link: What stands between them.
         robot: The robot's station.
         operator: The operator's.
@@ -144,9 +159,18 @@ class Scene:
     operator: Watch
     lab: EmulatedLab
 
-    def __init__(self, folder: Path, *, net: dict[str, Any] | None = None, keys: Path | None = None) -> None:
-        self._folder, self._net, self._keys = folder, net or {}, keys
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        net: dict[str, Any] | None = None,
+        keys: Path | None = None,
+        wire: LossyWire | None = None,
+    ) -> None:
+        self.folder, self._net, self._keys, self.wire = folder, net or {}, keys, wire
         self._stack = ExitStack()
+        self._held: set[int] = set()
+        self._over = threading.Event()
 
     def __enter__(self) -> Self:
         """Start everything and let the operator take the lead and hold of the arm.
@@ -155,15 +179,15 @@ class Scene:
             DeviceUnavailableError: They do not come together.
         """
         with ExitStack() as stack:
-            folder, port = self._folder, free_port()
+            folder, port = self.folder, free_port()
             lab = stack.enter_context(emulated_lab(folder, emg_hz=250.0, fingers=("thumb",), arm=True))
             self.lab = lab
             self.link = stack.enter_context(ImpairedLink(port))
             tree = lab.tree
             tree["hand"] = {"driver": "python-can", "options": {"interface": "virtual", "channel": "tega"}}
             tree["arm"]["tracker"] = {"driver": "poses-file", "options": {"file": str(_still(folder))}}
-            for button in tree["input"].values():
-                button["options"] = {"silent_after_ms": 10_000.0}
+            stack.callback(self._over.set)
+            threading.Thread(target=self._hold_on, name="tega-person", daemon=True).start()
             self._tree, self._port = tree, port
             self._robot_file, self._operator_file = self.files("", keys=self._keys)
             self.robot = self.start_robot()
@@ -182,14 +206,16 @@ class Scene:
         """End everything."""
         self._stack.close()
 
-    def files(self, stem: str, *, keys: Path | None, port: int | None = None) -> tuple[Path, Path]:
-        """Write the settings of both stations."""
-        scheme = "tcp" if keys is None else "tls"
-        listen, connect = (f"{scheme}/127.0.0.1:{p}" for p in (self._port, port or self.link.port))
+    def files(self, stem: str, *, keys: Path | None, name: str = "operator") -> tuple[Path, Path]:
+        """Write the settings of the robot's station, and of an operator's of some name."""
+        place = f"{'tcp' if keys is None else 'tls'}/{'127.0.0.1' if self.wire is None else self.wire.here}"
+        port = self.link.port if self.wire is None else self._port
+        listen, connect = f"{place}:{self._port}", f"{place}:{port}"
         trees = split(self._tree, listen=listen, connect=connect, keys=keys)
         for tree in trees:
             tree["net"] |= self._net
-        return write_trees(self._folder, trees, stem)
+        trees[1]["net"]["name"] = name
+        return write_trees(self.folder, trees, stem)
 
     def start_robot(self) -> Watch:
         """Start the robot's station."""
@@ -197,7 +223,9 @@ class Scene:
 
     def start_operator(self, settings: Path | None = None) -> Watch:
         """Start an operator's station, with the one SpaceMouse that is there."""
-        return Watch(settings or self._operator_file, "--cap", str(self.lab.cap.port)).__enter__()
+        before = () if self.wire is None else self.wire.inside
+        cap = str(self.lab.cap.port)
+        return Watch(settings or self._operator_file, "--cap", cap, before=before).__enter__()
 
     def ready(self) -> bool:
         """Whether muscles steer the hand and touch is felt."""
@@ -230,12 +258,21 @@ class Scene:
     def press(self, *buttons: int) -> None:
         """Press buttons of the SpaceMouse: dead-man, clutch, recover."""
         for button in buttons:
+            self._held.add(button)
             self.lab.cap.say(f"press {button}")
 
     def lift(self, *buttons: int) -> None:
         """Let go of them."""
         for button in buttons:
+            self._held.discard(button)
             self.lab.cap.say(f"lift {button}")
+
+    def _hold_on(self) -> None:
+        """Press what is held again and again: a button of which nothing is heard for ten seconds is not believed."""
+        while not self._over.wait(_PRESS_S):
+            for button in tuple(self._held):
+                with contextlib.suppress(TegaError):  # the emulator has ended
+                    self.lab.cap.say(f"press {button}")
 
 
 def _still(folder: Path) -> Path:
