@@ -82,7 +82,12 @@ class Watch:
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
+        self._hang_up()
+
+    def _hang_up(self) -> None:
         self._thread.join(5)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
 
     def _read(self) -> None:
         assert self.process.stdout is not None
@@ -118,7 +123,7 @@ class Watch:
         before = self.told
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(5)
-        self._thread.join(5)
+        self._hang_up()
         self.process, self._thread = other.process, other._thread
         other.told[:0] = before
         self.told = other.told
