@@ -41,7 +41,8 @@ class Gate:
     @property
     def refused(self) -> dict[str, int]:
         """Messages refused, by why."""
-        return {why: n for why, n in self.counts.items() if why}
+        counts = dict(self.counts)  # others look on while a thread of the link's counts something new
+        return {why: n for why, n in counts.items() if why}
 
     def begin(self, session: int | None) -> None:
         """Listen to a session from its beginning; to none with ``None``."""

@@ -4,45 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-import threading
-import time
 from pathlib import Path
 
 import msgspec
 
 from tega.testing.faults.page import page
 from tega.testing.faults.trials import Outcome, Trial, all_trials
+from tega.testing.peace import in_peace
 
 __all__ = ["main"]
-
-
-# Held up for longer than this, a time that was measured is the machine's, not the driver's.
-_STOOD_STILL_S = 0.5
-_ATTEMPTS = 4
-
-
-def _in_peace(trial: Trial) -> Outcome:
-    """Run a trial; again if this machine stood still meanwhile, and the last time whatever it did."""
-    for _ in range(_ATTEMPTS):
-        over, longest_s = threading.Event(), 0.0
-
-        def watch(over: threading.Event = over) -> None:
-            nonlocal longest_s
-            last_s = time.monotonic()
-            while not over.wait(0.02):
-                now_s = time.monotonic()
-                longest_s, last_s = max(longest_s, now_s - last_s), now_s
-
-        watching = threading.Thread(target=watch)
-        watching.start()
-        try:
-            outcome = trial.run()
-        finally:
-            over.set()
-            watching.join()
-        if longest_s < _STOOD_STILL_S:
-            break
-    return outcome
 
 
 def main() -> int:
@@ -67,7 +37,7 @@ def main() -> int:
             continue
         if given.fault and trial.fault not in given.fault:
             continue
-        outcome = _in_peace(trial)
+        outcome = in_peace(trial.run)
         done.append((trial, outcome))
         told = {
             "driver": trial.driver,

@@ -1,0 +1,132 @@
+"""A station that tells what it does, with the time: ``python -m tega.testing.watched robot.toml``.
+
+One JSON object a line whenever hand, arm or vest do something else: ``t_s`` on this machine's monotonic clock,
+``state`` of the run, ``arm``, ``felt`` (whether any motor of the vest turns) and ``no_data`` (whether it says that
+none comes from the robot); ``said`` is what it tells a person. The robot's station tells besides how many commands it
+has used (``used``), how many of them were really older than its time-to-live (``stale``), how old the oldest was
+(``oldest_ms``), and how many of this operator's it has refused, by why (``refused``). For that it compares the clocks
+of both stations directly, which are one clock where both run on one machine; the station itself goes by its estimate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tega.net.robot
+from tega.cli.options import Stop
+from tega.config import load_config
+from tega.errors import TegaError
+from tega.net.robot import RobotStation
+from tega.teleop import LoopView, run_session
+from tega.testing.emulators.hid_port import HidBoard, HidPort
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tega.config import SessionConfig
+
+__all__ = ["main"]
+
+_COUNTS_S = 0.1
+
+
+class _Judged(RobotStation):
+    """A robot's station whose commands are looked at by somebody who knows the true time."""
+
+    newest: _Judged | None = None
+
+    def __init__(self, config: SessionConfig, tell: Callable[[str], None]) -> None:
+        super().__init__(config, tell)
+        self.used = self.stale = self.oldest_ns = 0
+        type(self).newest = self
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Commands of this operator's that were not used, by why."""
+        return self._refused_now()
+
+    def _accepted(self, name: str, kind: Any, key: str, data: bytes, now_ns: int) -> Any:
+        command = super()._accepted(name, kind, key, data, now_ns)
+        if command is not None:
+            age_ns = now_ns - command.sent_ns
+            self.used += 1
+            self.stale += age_ns > self._ttl_ns
+            self.oldest_ns = max(self.oldest_ns, age_ns)
+        return command
+
+
+class _Teller:
+    """Says what has changed."""
+
+    def __init__(self) -> None:
+        self._before: dict[str, Any] = {}
+        self._counts_s = 0.0
+
+    def __call__(self, view: LoopView) -> None:
+        """See a moment."""
+        arm = view.seen_arm
+        seen: dict[str, Any] = {
+            "state": view.state,
+            "arm": "" if arm is None else f"{arm.state}: {arm.reason}",
+            "felt": view.vest is not None and bool(view.vest.intensities.any()),
+            "no_data": any("no data from the robot" in alert for alert in view.alerts),
+        }
+        now_s = time.monotonic()
+        judged = _Judged.newest
+        if seen == self._before and (judged is None or now_s < self._counts_s):
+            return
+        self._before, self._counts_s = seen, now_s + _COUNTS_S
+        counts = (
+            {}
+            if judged is None
+            else {
+                "used": judged.used,
+                "stale": judged.stale,
+                "oldest_ms": judged.oldest_ns / 1e6,
+                "refused": judged.refused,
+            }
+        )
+        _say({"t_s": now_s, **seen, **counts})
+
+
+def _say(what: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(what) + "\n")
+    sys.stdout.flush()
+
+
+def main() -> int:
+    """Run the station; return 3 with a sentence on the error output where it cannot."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tega.testing.watched", description="A station that tells."
+    )
+    parser.add_argument("settings", type=Path)
+    parser.add_argument("--cap", metavar="SOCKET", help="where an emulated SpaceMouse is")
+    given = parser.parse_args()
+    sys.setswitchinterval(0.0005)
+    tega.net.robot.RobotStation = _Judged  # type: ignore[misc]  # the same, with somebody who looks on
+    with ExitStack() as stack:
+        if given.cap is not None:
+            stack.enter_context(HidPort(HidBoard(given.cap, 0x046D, 0xC626)).installed())
+        stop = stack.enter_context(Stop())
+        try:
+            config = load_config(given.settings, environ={}).config
+            run_session(
+                config,
+                observer=_Teller(),
+                stop=stop,
+                tell=lambda said: _say({"t_s": time.monotonic(), "said": said}),
+            )
+        except TegaError as error:
+            _say({"t_s": time.monotonic(), "said": f"ended: {error}"})
+            return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
