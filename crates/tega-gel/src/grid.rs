@@ -278,25 +278,18 @@ pub(crate) fn wider(coarse: Window, fine: &Level) -> Window {
 /// The highest shape over each cell, at least the still gel.
 #[inline(always)]
 pub(crate) fn raise_floor(grid: &mut Level, pressed: &[Pressed]) {
-    if !grid.boxes[..pressed.len()].contains(&grid.window) {
-        for r in grid.window.rows[0]..grid.window.rows[1] {
-            let at = grid.flat(r);
-            grid.floor[at].fill(0.0);
-        }
+    for r in grid.window.rows[0]..grid.window.rows[1] {
+        let at = grid.flat(r);
+        grid.floor[at].fill(0.0);
     }
-    // One that may touch everywhere leaves no cell as it was.
-    let mut fresh = grid.boxes[..pressed.len()].iter().position(|part| *part == grid.window);
-    let first = fresh.unwrap_or(0);
-    for i in (first..pressed.len()).chain(0..first) {
-        let Window { rows: [top, bottom], cols: [from, to] } = grid.boxes[i];
-        let lift = pressed[i].depth - grid.tops[i];
-        let whole = fresh.take().is_some();
-        for r in top..bottom {
+    for (i, pressed) in pressed.iter().enumerate() {
+        let Window { rows: [first, last], cols: [from, to] } = grid.boxes[i];
+        let lift = pressed.depth - grid.tops[i];
+        for r in first..last {
             let at = r * grid.cols + from..r * grid.cols + to;
             for (floor, gap) in grid.floor[at.clone()].iter_mut().zip(&grid.gaps[i][at]) {
-                let under = if whole { 0.0 } else { *floor };
                 let inside = gap + lift;
-                *floor = if inside > under { inside } else { under };
+                *floor = if inside > *floor { inside } else { *floor };
             }
         }
     }

@@ -78,11 +78,11 @@ impl Membrane {
     /// Presses the shapes in; false where none of them lies over the gel.
     #[inline(always)]
     pub(crate) fn solve(&mut self, indenters: &[Indenter]) -> bool {
-        self.solve_in(indenters, &SCHEDULE, LOOK)
+        self.solve_in(indenters, &SCHEDULE, LOOK, ROOM)
     }
 
     #[inline(always)]
-    fn solve_in(&mut self, indenters: &[Indenter], schedule: &[Steps; 3], look: Window) -> bool {
+    fn solve_in(&mut self, indenters: &[Indenter], schedule: &[Steps; 3], look: Window, room: f32) -> bool {
         let n = indenters.len();
         let mut any = false;
         for (i, indenter) in indenters.iter().enumerate() {
@@ -115,17 +115,17 @@ impl Membrane {
                 for (i, (pressed, indenter)) in self.pressed.iter_mut().zip(indenters).enumerate() {
                     fine.boxes[i] = Window::default();
                     if pressed.depth > 0.0 {
-                        pressed.limit = ROOM * pressed.depth;
-                        let room = pressed.limit + ROOM_CELLS * coarse.cell_mm;
+                        pressed.limit = room * pressed.depth;
+                        let deep = pressed.limit + ROOM_CELLS * coarse.cell_mm;
+                        // What may touch all of the middle grid may touch all of the finest; the coarsest does not ask.
                         fine.boxes[i] = if level == 2 && coarse.boxes[i] == coarse.window {
                             fine.window
                         } else {
-                            shared(wider(under(coarse, i, room), fine), fine.window)
+                            shared(wider(under(coarse, i, deep), fine), fine.window)
                         };
                         if level == 2 {
-                            simd::lay(fine, fine.boxes[i], i, indenter);
                             // Its foremost point may lie where this grid does not look.
-                            fine.tops[i] = fine.tops[i].max(coarse.tops[i]);
+                            lay_below(fine, i, indenter, coarse.tops[i]);
                         }
                     }
                 }
@@ -152,9 +152,7 @@ impl Membrane {
                         pressed.limit = f32::INFINITY;
                         grid.boxes[i] = grid.window;
                         if level == 2 {
-                            let top = grid.tops[i];
-                            simd::lay(grid, grid.window, i, indenter);
-                            grid.tops[i] = grid.tops[i].max(top);
+                            lay_below(grid, i, indenter, grid.tops[i]);
                         }
                     }
                 }
@@ -250,6 +248,13 @@ impl Membrane {
     }
 }
 
+/// Lays a shape over its box in the finest grid; its foremost point is known to lie at least so far down.
+#[inline(always)]
+fn lay_below(grid: &mut Level, i: usize, indenter: &Indenter, top: f32) {
+    simd::lay(grid, grid.boxes[i], i, indenter);
+    grid.tops[i] = grid.tops[i].max(top);
+}
+
 /// Lays a shape over a part of a grid, its foremost point on the still gel.
 #[inline(always)]
 pub(crate) fn lay(grid: &mut Level, part: Window, i: usize, indenter: &Indenter) {
@@ -283,6 +288,9 @@ mod tests {
     /// Far longer on every grid than anything here needs.
     const PATIENT: [Steps; 3] = [Steps { matches: 40, most: 40, sweeps: 10, last: 200, relax: 1.0 }; 3];
 
+    /// Shapes are laid over all of a grid.
+    const EVERYWHERE: f32 = 1e6;
+
     fn tilted(tilt: f64, x: f64, y: f64) -> [[f64; 4]; 3] {
         let (c, s) = (tilt.cos(), tilt.sin());
         [[1.0, 0.0, 0.0, x], [0.0, c, -s, y], [0.0, s, c, 0.0]]
@@ -298,9 +306,8 @@ mod tests {
                 for (tilt, x) in tilts.iter().zip([0.0, 0.1, 0.2]) {
                     let indenter =
                         Indenter { shape: *shape, pose_mm: tilted(*tilt, x, x / 3.0), force_n: *force_n };
-                    assert!(
-                        few.solve(&[indenter]) && many.solve_in(&[indenter], &PATIENT, whole(&Level::new(1)))
-                    );
+                    let all = whole(&Level::new(1));
+                    assert!(few.solve(&[indenter]) && many.solve_in(&[indenter], &PATIENT, all, EVERYWHERE));
                     let mut peak = 0.0f32;
                     let mut height = 0.0f32;
                     for row in MARGIN_ROWS..ROWS - MARGIN_ROWS {
@@ -337,5 +344,40 @@ mod tests {
         ];
         let worst = errors(&sharp, &[0.0, std::f64::consts::FRAC_PI_2, 0.5], &[0.1, 1.0, 5.0]);
         assert!(worst[0] < 0.16 && worst[1] < 0.13, "{worst:?}");
+    }
+
+    #[test]
+    fn a_shape_is_laid_wherever_it_touches() {
+        let shapes = [
+            Shape::Sphere { radius: 0.5 },
+            Shape::Sphere { radius: 4.4 },
+            Shape::Capsule { radius: 1.0, half_length: 6.0 },
+            Shape::Cylinder { radius: 3.0, half_length: 6.0 },
+            Shape::Box { half: [0.4, 8.0, 3.0] },
+            Shape::Box { half: [2.5, 2.5, 2.5] },
+        ];
+        let (mut some, mut all) = (Membrane::new(), Membrane::new());
+        for (k, shape) in shapes.iter().enumerate() {
+            for force_n in [0.05, 0.5, 3.0, 12.0] {
+                for (tilt, x) in [(0.0, -3.0), (0.4, 0.1), (1.2, 4.0), (1.57, 9.0)] {
+                    let own = Indenter { shape: *shape, pose_mm: tilted(tilt, x, -x / 2.0), force_n };
+                    let other = Indenter {
+                        shape: shapes[(k + 1) % shapes.len()],
+                        pose_mm: tilted(0.2 - tilt, -x, x),
+                        force_n: 4.0 / force_n,
+                    };
+                    for indenters in [&[own][..], &[own, other]] {
+                        let found = some.solve(indenters);
+                        assert_eq!(found, all.solve_in(indenters, &SCHEDULE, LOOK, EVERYWHERE));
+                        let rows = MARGIN_ROWS + 1..=ROWS - MARGIN_ROWS;
+                        let (mut peak, mut worst) = (0.0f32, 0.0f32);
+                        for (a, b) in rows.flat_map(|row| some.heights(row).iter().zip(all.heights(row))) {
+                            (peak, worst) = (peak.max(*b), worst.max((a - b).abs()));
+                        }
+                        assert!(!found || worst <= 1e-3 * peak, "{indenters:?}: {worst} of {peak} mm");
+                    }
+                }
+            }
+        }
     }
 }

@@ -267,3 +267,41 @@ fn area(membrane: &Membrane) -> Area {
 }
 
 const _: () = assert!(LIT_ROWS + MARGIN_ROWS < ROWS, "every lit row has rows around it");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Largest and mean error of a row between all pairs of lines, counts; `far` is the far line's share.
+    fn error<const OUTER: bool>(share: f64) -> (f64, f64) {
+        let (mut worst, mut sum) = (0.0f64, 0.0);
+        for near in 0..=255u8 {
+            let far: Vec<u8> = (0..=255).collect();
+            let mut out = [0; 256];
+            blend_row::<OUTER>(&[0; 256], &[0; 256], &[near; 256], &far, &mut out);
+            for (out, far) in out.iter().zip(far) {
+                let exact = f64::from(near) + share * (f64::from(far) - f64::from(near));
+                let off = f64::from(*out) - exact;
+                (worst, sum) = (worst.max(off.abs()), sum + off);
+            }
+        }
+        (worst, sum / 65536.0)
+    }
+
+    #[test]
+    fn a_row_between_two_lines_is_right_to_a_count_and_on_the_whole() {
+        for (worst, mean) in [error::<true>(1.0 / 8.0), error::<false>(3.0 / 8.0)] {
+            assert!(worst < 0.7 && mean.abs() < 0.07, "{worst} {mean}");
+        }
+    }
+
+    #[test]
+    fn a_change_that_leaves_a_byte_is_cut_off() {
+        let mut out = [0; 64];
+        for (still, change, level) in [(100, 255, 255), (-100, 0, 0), (0, 255, 255), (0, 0, 0), (5, 128, 133)]
+        {
+            blend_row::<true>(&[still; 64], &[0; 64], &[change; 64], &[change; 64], &mut out);
+            assert_eq!(out, [level; 64]);
+        }
+    }
+}
