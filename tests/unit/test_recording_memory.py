@@ -80,7 +80,7 @@ def test_a_recorded_run_keeps_no_object_for_what_has_passed(tmp_path: Path) -> N
 
 
 def kept(folder: Path) -> tuple[int, int]:
-    """Return the hand's ticks of a recorded run of 40 s, and by how many objects its last 10 s outgrow its early 10 s."""
+    """Return the hand's ticks of a recorded run of 40 s, and the objects its last 10 s hold beyond its early ones."""
     blocks: dict[int, int] = {}
 
     def look(view: LoopView) -> None:
