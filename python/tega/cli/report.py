@@ -83,6 +83,8 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         out.print(f"{name.replace('_', ' ')}: {said['source']}, {said['presses']} presses{away}")
     if (arm := summary.get("arm")) is not None:
         shares = ", ".join(f"{state} {s:.1f} s" for state, s in arm["state_s"].items() if s)
+        if off := arm.get("off_target_mm"):
+            shares += f"; {off['rms']:.1f} mm from its target (rms), {off['worst']:.1f} at most"
         out.print(
             f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}", markup=False
         )

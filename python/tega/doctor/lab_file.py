@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tega.config import FINGERS
+from tega.config_text import tree_text
 from tega.devices import Found
 from tega.doctor.bench import Looked
 
@@ -128,7 +129,7 @@ def lab_settings(
     name: str,
     calibration: Path | None = None,
     baselines: Mapping[str, Path] | None = None,
-    arm: str | None = None,
+    arm: str | dict[str, Any] | None = None,
 ) -> str:
     """Return the text of a settings file.
 
@@ -137,7 +138,7 @@ def lab_settings(
         name: Of the file, for the commands in it.
         calibration: A calibration to name, relative to the file.
         baselines: Pictures of the untouched gels to name, by finger, likewise.
-        arm: Name of an arm's driver to switch on; none leaves the arm's table as a comment.
+        arm: Name of an arm's driver to switch on, or its whole table; none leaves the arm's table as a comment.
 
     Returns:
         TOML that ``tega-teleop config check`` accepts.
@@ -175,8 +176,10 @@ def lab_settings(
     return text + _left_over([*pedals[1:], *others]) + _arm(arm)
 
 
-def _arm(driver: str | None) -> str:
+def _arm(driver: str | dict[str, Any] | None) -> str:
     """Return the arm's tables, switched off where no driver is named."""
+    if isinstance(driver, dict):
+        return "\n" + tree_text({"arm": driver})
     off, name = ("# ", "franky") if driver is None else ("", driver)
     options = f"{off}{_OPTIONS[name]}" if name in _OPTIONS else ""
     gap = " " * max(1, 34 - len(f'{off}driver = "{name}"'))
