@@ -6,7 +6,6 @@ import json
 import math
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -79,7 +78,10 @@ def test_the_operator_sees_how_the_check_goes_and_what_to_set(tmp_path: Path) ->
 def test_a_tracker_that_sees_nothing_is_told(tmp_path: Path) -> None:
     with moving(tmp_path, 0.0) as file, Emulator("hololens") as blind:
         blind.say("lose")
-        file.write_text(file.read_text().split("options")[0] + f"options = {{ host = '127.0.0.1', port = {blind.port} }}\n")
+        file.write_text(
+            file.read_text().split("options")[0]
+            + f"options = {{ host = '127.0.0.1', port = {blind.port} }}\n"
+        )
         said = CliRunner().invoke(forward, [str(file), "--json", "--seconds", "1"])
     assert "the forearm was not seen within 1 s" in str(said.exception)
 

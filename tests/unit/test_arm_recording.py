@@ -195,7 +195,9 @@ def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) ->
     tracker = {"driver": "poses-file", "options": {"file": str(session)}}
     tree = {
         "arm": {"driver": "simulated-arm", "tracker": tracker},
-        "input": {"dead_man": {"driver": "spacemouse", "button": "left", "options": {"silent_after_ms": 10_000.0}}},
+        "input": {
+            "dead_man": {"driver": "spacemouse", "button": "left", "options": {"silent_after_ms": 10_000.0}}
+        },
         "recording": {"dir": str(tmp_path / "next")},
     }
     with emulated_lab(tmp_path, arm=True) as lab:  # for its buttons
@@ -211,8 +213,10 @@ def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) ->
         run_session(
             check_tree(tree, {}, base=tmp_path).config,
             observer=see,
-            stop=lambda: any("has ended" in said or said.startswith("stopped") for said in followed[-1:])
-            or time.monotonic() > until_s,
+            stop=lambda: (
+                any("has ended" in said or said.startswith("stopped") for said in followed[-1:])
+                or time.monotonic() > until_s
+            ),
         )
     assert any(said.startswith("following") for said in followed)
     (_, first), (_, second) = (forearm(folder / "trial-001.mcap") for folder in (session, tmp_path / "next"))

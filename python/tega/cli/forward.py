@@ -23,7 +23,11 @@ _BAR = 20
 @click.command(epilog="Example: tega-teleop forward lab.toml")
 @click.argument("config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="CONFIG.toml")
 @click.option(
-    "--seconds", default=30.0, show_default=True, type=click.FloatRange(1, 600), help="To wait for a movement."
+    "--seconds",
+    default=30.0,
+    show_default=True,
+    type=click.FloatRange(1, 600),
+    help="To wait for a movement.",
 )
 @json_option
 @debug_option
@@ -67,9 +71,8 @@ def _tracker(config: SessionConfig) -> Tracker:
     from tega.devices.registry import driver_class
     from tega.errors import ConfigError
 
-    section = None if config.arm is None else config.arm.tracker
-    if section is None and config.net is not None:
-        section = config.net.tracker
+    set_here = (None if part is None else part.tracker for part in (config.arm, config.net))
+    section = next((one for one in set_here if one is not None), None)
     if section is None:
         raise ConfigError(
             "no tracker is set, so there is no forward to find",
@@ -115,11 +118,12 @@ def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Sweep:
         return sweep
     if not sweep.places:
         raise CalibrationError(
-            f"the forearm was not seen within {seconds:g} s", tracker.problem or "is it in the tracker's sight?"
+            f"the forearm was not seen within {seconds:g} s",
+            tracker.problem or "is it in the tracker's sight?",
         )
     gone_cm = 100 * float(np.linalg.norm(sweep.gone_m))
     raise CalibrationError(
-        f"no movement that came to rest was seen within {seconds:g} s; the forearm is {gone_cm:.0f} cm from where it began",
+        f"no movement that came to rest was seen within {seconds:g} s; the forearm is {gone_cm:.0f} cm from its start",
         "move it straight forward by 20 cm, then hold it still",
     )
 

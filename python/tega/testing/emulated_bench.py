@@ -124,7 +124,9 @@ class EmulatedBench:
         baselines = {finger: Path(folder.name, f"{finger}.npy") for finger in fingers}
         calibration = Path(folder.name, "calibration.toml")
         arm = None if self.operator is None else self.operator.tables
-        text = lab_settings(self.looked, name=file.name, baselines=baselines, calibration=calibration, arm=arm)
+        text = lab_settings(
+            self.looked, name=file.name, baselines=baselines, calibration=calibration, arm=arm
+        )
         file.write_text(text, encoding="utf-8")
         if self.operator is not None:
             self.operator.write_hidapi(folder / "hidapi")

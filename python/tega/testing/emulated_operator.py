@@ -19,7 +19,7 @@ from tega.testing.emulators.process import Emulator
 __all__ = ["EmulatedOperator"]
 
 _PEDAL: Final = (0x05F3, 0x00FF)
-_HELD_S, _LET_GO_S = 20.0, 2.0
+_HELD_S, _LET_GO_S = 8.0, 2.0
 _HIDAPI: Final = '''"""Stands for hidapi, so that the emulated pedal is found."""
 
 from tega.testing.emulators.hid_port import HidBoard, HidPort
@@ -104,7 +104,7 @@ class EmulatedOperator:
         self.hidapi = folder
 
     def act(self, after_s: float) -> None:
-        """Step on the pedal or off it: held for 20 s, then let go for 2 s.
+        """Step on the pedal or off it: held for 8 s, then let go for 2 s.
 
         Args:
             after_s: Seconds since the operator began.
