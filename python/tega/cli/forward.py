@@ -18,6 +18,7 @@ __all__ = ["forward"]
 
 _LOOK_S = 0.02
 _BAR = 20
+_WIDTH = 79
 
 
 @click.command(epilog="Example: tega-teleop forward lab.toml")
@@ -104,12 +105,14 @@ def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Sweep:
     sweep = Sweep(tracker.frame, yaw_rad=yaw_rad or 0.0)
     tracker.read(time.monotonic_ns())  # what came before the key is not of this movement
     end_s = time.monotonic() + seconds
+    shown = ""
     try:
         while not sweep.done and time.monotonic() < end_s:
             for pose in tracker.read(time.monotonic_ns()):
                 sweep.take(pose)
-            if yaw_rad is not None:
-                click.echo(f"\r{_seen(sweep)}", nl=False)
+            if yaw_rad is not None and (line := _seen(sweep)) != shown:
+                shown = line
+                click.echo(f"\r{line}", nl=False)
             time.sleep(_LOOK_S)
     finally:
         if yaw_rad is not None:
@@ -130,7 +133,7 @@ def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Sweep:
 
 def _seen(sweep: Sweep) -> str:
     """Say in a line where the forearm has gone, seen from the robot."""
-    ahead, left, up = (100 * float(x) for x in sweep.gone_m)
-    bar = "#" * max(0, min(_BAR, round(ahead)))
-    side = f"{abs(left):3.0f} cm {'left' if left >= 0 else 'right':5}"
-    return f"forward [{bar:<{_BAR}}] {ahead:+4.0f} cm, {side}, {up:+4.0f} cm up "
+    ahead, left, up = (round(100 * float(x)) for x in sweep.gone_m)
+    bar = "#" * max(0, min(_BAR, ahead))
+    side = f"{abs(left)} cm to the {'left' if left > 0 else 'right'}" if left else "straight"
+    return f"forward [{bar:<{_BAR}}] {ahead:+4d} cm, {side}, {up:+d} cm up".ljust(_WIDTH)

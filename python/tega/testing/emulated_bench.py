@@ -94,7 +94,9 @@ class EmulatedBench:
         vest = Found(driver="bhaptics-player", label="emulated Player", options={"port": port})
         # An emulated hand is a program, which a busy machine holds up now and then.
         patient = {"lowest_rate_hz": 150.0, "silent_after_ms": 100.0}
-        if self.operator is not None and self.operator.robot is not None:  # physics fill a processor
+        if (
+            self.operator is not None
+        ):  # one more who takes his share of the machine, and physics if it is a robot
             patient = {"lowest_rate_hz": 10.0, "silent_after_ms": 1000.0}
         hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.address | patient)
         self.looked = {
