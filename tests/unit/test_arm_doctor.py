@@ -120,7 +120,7 @@ def test_an_emulated_bench_with_an_arm_is_run_by_another_program(tmp_path: Path)
         )
         try:
             for _ in range(200):
-                operator.act(10.0 if (tmp_path / "results" / "arm.csv").is_file() else 0.0)
+                operator.act(5.0 if (tmp_path / "results" / "arm.csv").is_file() else 0.0)
                 time.sleep(0.1)
                 if "following" in _read(tmp_path / "results" / "arm.csv"):
                     break
