@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tega.hand_link import Received
     from tega.wire import CanFrame
 
-__all__ = ["HandBus"]
+__all__ = ["HandBus", "can_message"]
 
 # Waiting for a frame ends this soon, so that silence is noticed in time.
 _WAIT_S = 0.002
@@ -24,6 +24,17 @@ _WAIT_S = 0.002
 _SEND_S = 0.01
 _REOPEN_NS = 1_000_000_000
 _MOST_FRAMES = 64
+
+
+def can_message(can: Any, frame: CanFrame) -> Any:
+    """Return a frame as python-can's: classic CAN, an identifier of 11 bits."""
+    return can.Message(
+        arbitration_id=frame.id,
+        data=frame.data,
+        is_remote_frame=frame.remote,
+        is_extended_id=False,
+        is_fd=False,
+    )
 
 
 class HandBus:
@@ -120,15 +131,8 @@ class HandBus:
         for frame in frames:
             if self._bus is None:
                 break
-            message = self._can.Message(
-                arbitration_id=frame.id,
-                data=frame.data,
-                is_remote_frame=frame.remote,
-                is_extended_id=False,
-                is_fd=False,
-            )
             try:
-                self._bus.send(message, timeout=_SEND_S)
+                self._bus.send(can_message(self._can, frame), timeout=_SEND_S)
                 sent.append(frame)
             except (self._can.CanError, OSError):
                 self.n_unsent += 1
