@@ -280,8 +280,8 @@ def test_a_recorded_path_moves_the_arm_as_it_was_recorded(tmp_path: Path) -> Non
     with running(tmp_path, recorded) as run:
         run.hold()
         run.until(lambda: run.view is not None and run.view.t_ns > 7e9)
-        if not run.arm.startswith("following"):  # a machine that stood still made it let go; it is not moving yet
-            run.hold()
+        if not run.arm.startswith("following"):
+            run.hold()  # a machine that stood still has made it let go; the path does not move yet
         run.until(lambda: "path.csv has ended" in run.alerts or run.arm.startswith("stopped"))
     went = [place for _, place in places(run.rows(), "arm")]
     moved = [b - a for a, b in zip(went[0], went[-1], strict=True)]

@@ -140,10 +140,10 @@ def test_a_hand_that_hangs_at_the_flange_sags_unless_its_weight_is_told() -> Non
     with Emulator("franka_faults", "--hand-kg", str(HAND_KG)) as robot:
         for told_kg in (0.0, HAND_KG):
             told = {"load_kg": told_kg, "load_centre_m": HAND_CENTRE_M}
-            with FrankyArm(options(robot, **told)) as arm:
+            with FrankyArm(options(robot, start_rad=_START, **told)) as arm:
                 led = Led(arm, _SETTINGS)
                 led.hold()
-                led.go_on(150)
+                led.go_on(250)
                 assert led.command is not None
                 assert led.command.target is not None
                 sag_m[told_kg] = led.command.target.position_m[2] - led.place[2]
