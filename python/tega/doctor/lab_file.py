@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from tega.config import FINGERS
-from tega.config_text import tree_text
 from tega.devices import Found
 from tega.doctor.bench import Looked
-from tega.toml_text import toml_value
+from tega.toml_text import toml_value, tree_text
 
 __all__ = ["lab_settings"]
 
