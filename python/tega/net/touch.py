@@ -10,10 +10,11 @@ import msgspec
 import numpy as np
 
 from tega.net.ends import FarFinger
-from tega.net.gate import Gate
+from tega.net.gate import Gate, refused_by
 from tega.net.messages import Feature, Image, Welcome, decode
 from tega.net.pictures import unpacked
 from tega.net.streams import InboxStream
+from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.net.clock import Offset
@@ -31,6 +32,9 @@ class FarTouch:
     Args:
         robot: Its name.
         ttl_ns: How old what comes may be.
+
+    Attributes:
+        way: How long touch was on its way, by the clock's estimate.
     """
 
     def __init__(self, robot: str, *, ttl_ns: int) -> None:
@@ -41,6 +45,7 @@ class FarTouch:
         self._ring: Callable[[], None] = lambda: None
         self._leaving = threading.Event()
         self._readers: list[threading.Thread] = []
+        self.way = Spread()
 
     def welcome(self, welcome: Welcome) -> None:
         """Listen to a robot's station from its beginning."""
@@ -58,7 +63,8 @@ class FarTouch:
         for name, rate_hz in welcome.fingers.items():
             report = SourceReport()
             source: Any = FarFinger(name, self._robot, rate_hz=rate_hz)
-            stream: InboxStream[Contact] = InboxStream(on_loss=report.drop)
+            stream: InboxStream[Contact] = InboxStream()
+            stream.on_loss = report.drop
             baseline = unpacked(welcome.baselines[name]) if name in welcome.baselines else None
             if baseline is None:
                 baseline = np.zeros((0, 0, 3), np.uint8)
@@ -95,21 +101,22 @@ class FarTouch:
         for far in self._fingers.values():
             far.mind(lost=lost)
 
-    def feature(self, name: str, data: bytes, now_ns: int, offset: Offset | None) -> int | None:
-        """Take in what one picture says; return how long it was on its way, ``None`` if it is not used."""
+    def feature(self, name: str, data: bytes, now_ns: int, offset: Offset | None) -> None:
+        """Take in what one picture says."""
         far, gate, start_ns = self._fingers.get(name), self._gates.get(name), self._start_ns
         if far is None or gate is None or start_ns is None:
-            return None
+            return
         try:
             feature = decode(Feature, data)
         except msgspec.DecodeError:
             gate.malformed()
-            return None
+            return
         if gate.refusal(feature, now_ns, offset) or offset is None:
-            return None
-        far.take(min(offset.ours(feature.t_ns), now_ns) - start_ns, now_ns, feature)
+            return
+        use_by_ns = offset.earliest(feature.sent_ns) + self._ttl_ns
+        far.take(min(offset.ours(feature.t_ns), now_ns) - start_ns, now_ns, feature, use_by_ns=use_by_ns)
+        self.way.add(now_ns - offset.ours(feature.sent_ns))
         self._ring()
-        return now_ns - offset.ours(feature.sent_ns)
 
     def image(self, name: str, data: bytes, offset: Offset | None) -> None:
         """Take in a picture for display."""
@@ -123,13 +130,10 @@ class FarTouch:
         far.source.show(offset.ours(image.t_ns), image.number, image.jpeg)
 
     def summary(self) -> dict[str, Any]:
-        """Return how much came, and how much of it was not used."""
-        refused: dict[str, int] = {}
-        for gate in self._gates.values():
-            for why, n in gate.refused.items():
-                refused[why] = refused.get(why, 0) + n
+        """Return how much came and how long that took, and how much of it was not used."""
         came = {name: far.report.n_items for name, far in self._fingers.items()}
-        return {"features": came, "refused_features": refused}
+        way_ms = self.way.summary_ms() if self.way.n else None
+        return {"way_ms": way_ms, "features": came, "refused_features": refused_by(self._gates.values())}
 
     def _read(self, source: Any) -> None:
         """Read what comes for display, so that page and recording see it."""
@@ -145,14 +149,14 @@ class _Finger:
         self.stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
         self._next = 0
 
-    def take(self, t_ns: int, received_ns: int, feature: Feature) -> None:
+    def take(self, t_ns: int, received_ns: int, feature: Feature, *, use_by_ns: int) -> None:
         """Take in what one picture says."""
         self.report.n_items += 1
         self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
         self._next = feature.sequence + 1
         t_ns = max(t_ns, self._stream.end_ns)  # the clock's estimate may have moved back a little
         self.stamp(t_ns, received_ns)
-        self._stream.put((t_ns, feature.metrics))
+        self._stream.put((t_ns, feature.metrics), use_by_ns=use_by_ns)
 
     def mind(self, *, lost: bool) -> None:
         """Take note of whether the robot answers."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,43 +23,54 @@ import tega.net.robot
 from tega.cli.options import Stop
 from tega.config import load_config
 from tega.errors import TegaError
-from tega.net.robot import RobotStation
+from tega.net.commands import Commands
 from tega.teleop import LoopView, run_session
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tega.config import SessionConfig
+    from tega.net.messages import ArmCommand, HandCommand
 
 __all__ = ["main"]
 
 _COUNTS_S = 0.1
 
 
-class _Judged(RobotStation):
-    """A robot's station whose commands are looked at by somebody who knows the true time."""
+class _Judged(Commands):
+    """Commands that are looked at, as they are used, by somebody who knows the true time."""
 
     newest: _Judged | None = None
 
-    def __init__(self, config: SessionConfig, tell: Callable[[str], None]) -> None:
-        super().__init__(config, tell)
+    def __init__(self, *, ttl_ns: int, **rest: Any) -> None:
+        self._looked = threading.local()
+        super().__init__(ttl_ns=ttl_ns, clock=self._look, **rest)
+        self._true_ttl_ns = ttl_ns
         self.used = self.stale = self.oldest_ns = 0
         type(self).newest = self
 
-    @property
-    def refused(self) -> dict[str, int]:
-        """Commands of this operator's that were not used, by why."""
-        return self._refused_now()
-
-    def _accepted(self, name: str, kind: Any, key: str, data: bytes, now_ns: int) -> Any:
-        command = super()._accepted(name, kind, key, data, now_ns)
-        if command is not None:
-            age_ns = now_ns - command.sent_ns
-            self.used += 1
-            self.stale += age_ns > self._ttl_ns
-            self.oldest_ns = max(self.oldest_ns, age_ns)
+    def hand(self, data: bytes) -> HandCommand | None:
+        """Take in a command for the hand, and judge it."""
+        command = super().hand(data)
+        self._judge(command)
         return command
+
+    def arm(self, data: bytes) -> ArmCommand | None:
+        """Take in a command for the arm, and judge it."""
+        command = super().arm(data)
+        self._judge(command)
+        return command
+
+    def _look(self) -> int:
+        """Return the time, and keep when it was: this program may be held up right after."""
+        now_ns: int = time.monotonic_ns()
+        self._looked.ns = now_ns
+        return now_ns
+
+    def _judge(self, command: HandCommand | ArmCommand | None) -> None:
+        if command is not None:
+            age_ns = self._looked.ns - command.sent_ns
+            self.used += 1
+            self.stale += age_ns > self._true_ttl_ns
+            self.oldest_ns = max(self.oldest_ns, age_ns)
 
 
 class _Teller:
@@ -109,7 +121,7 @@ def main() -> int:
     parser.add_argument("--cap", metavar="SOCKET", help="where an emulated SpaceMouse is")
     given = parser.parse_args()
     sys.setswitchinterval(0.0005)
-    tega.net.robot.RobotStation = _Judged  # type: ignore[misc]  # the same, with somebody who looks on
+    tega.net.robot.Commands = _Judged  # type: ignore[misc, attr-defined]  # the same, with somebody who looks on
     with ExitStack() as stack:
         if given.cap is not None:
             stack.enter_context(HidPort(HidBoard(given.cap, 0x046D, 0xC626)).installed())
