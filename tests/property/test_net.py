@@ -3,7 +3,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tega.config import check_tree
@@ -172,6 +172,8 @@ _steps = st.lists(
 
 
 @given(st.integers(-(10**15), 10**15), _steps)
+@example(0, [("ask", 0, 100_000_000), ("send", 110_000_000)])  # by the estimate alone it is 60 ms old
+@example(0, [("ask", 0, 0), ("send", 1_000_000), ("rest", 100_000_000)])
 def test_whatever_the_ways_and_the_rests_nothing_is_used_that_is_truly_older_than_the_limit(
     offset_ns, steps
 ) -> None:

@@ -3,9 +3,10 @@
 One JSON object a line whenever hand, arm or vest do something else: ``t_s`` on this machine's monotonic clock,
 ``state`` of the run, ``arm``, ``felt`` (whether any motor of the vest turns) and ``no_data`` (whether it says that
 none comes from the robot); ``said`` is what it tells a person. The robot's station tells besides how many commands it
-has used (``used``), how many of them were really older than its time-to-live (``stale``), how old the oldest was
-(``oldest_ms``), and how many of this operator's it has refused, by why (``refused``). For that it compares the clocks
-of both stations directly, which are one clock where both run on one machine; the station itself goes by its estimate.
+has used (``used``), how many of them were really older than its time-to-live (``stale``), how old the oldest was since
+it last told (``oldest_ms``), and how many of this operator's it has refused, by why (``refused``). For that it compares
+the clocks of both stations directly, which are one clock where both run on one machine; the station itself goes by its
+estimate.
 """
 
 from __future__ import annotations
@@ -59,6 +60,11 @@ class _Judged(Commands):
         self._judge(command)
         return command
 
+    def oldest(self) -> int:
+        """Return how old the oldest was that was used since this was asked, ns."""
+        oldest_ns, self.oldest_ns = self.oldest_ns, 0
+        return oldest_ns
+
     def _look(self) -> int:
         """Return the time, and keep when it was: this program may be held up right after."""
         now_ns: int = time.monotonic_ns()
@@ -100,7 +106,7 @@ class _Teller:
             else {
                 "used": judged.used,
                 "stale": judged.stale,
-                "oldest_ms": judged.oldest_ns / 1e6,
+                "oldest_ms": judged.oldest() / 1e6,
                 "refused": judged.refused,
             }
         )
@@ -128,6 +134,7 @@ def main() -> int:
         stop = stack.enter_context(Stop())
         try:
             config = load_config(given.settings, environ={}).config
+            _say({"t_s": time.monotonic(), "said": "begins"})
             run_session(
                 config,
                 observer=_Teller(),

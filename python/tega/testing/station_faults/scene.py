@@ -22,7 +22,10 @@ from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.testing.lossy_wire import LossyWire
 from tega.testing.stations import free_port, split, write_trees
 
-__all__ = ["Scene", "Watch", "until"]
+__all__ = ["SECOND", "Scene", "Watch", "until"]
+
+SECOND = "bob"
+"""Name of an operator besides the one who leads, who is called ``operator``."""
 
 _PATIENCE_S = 60.0
 _DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
@@ -153,12 +156,15 @@ class Scene:
 
     Attributes:
         folder: Where their files are.
+        keys: Folder of keys; ``None`` for none.
         link: What stands between them.
         robot: The robot's station.
         operator: The operator's.
         lab: Their devices.
+        refused_s: How long after it began another operator's program was told no; ``None`` for never.
     """
 
+    refused_s: float | None = None
     link: ImpairedLink
     robot: Watch
     operator: Watch
@@ -172,7 +178,7 @@ class Scene:
         keys: Path | None = None,
         wire: LossyWire | None = None,
     ) -> None:
-        self.folder, self._net, self._keys, self.wire = folder, net or {}, keys, wire
+        self.folder, self._net, self.keys, self.wire = folder, net or {}, keys, wire
         self._stack = ExitStack()
         self._held: set[int] = set()
         self._over = threading.Event()
@@ -194,7 +200,7 @@ class Scene:
             stack.callback(self._over.set)
             threading.Thread(target=self._hold_on, name="tega-person", daemon=True).start()
             self._tree, self._port = tree, port
-            self._robot_file, self._operator_file = self.files("", keys=self._keys)
+            self._robot_file, self._operator_file = self.files("", keys=self.keys)
             self.robot = self.start_robot()
             stack.callback(lambda: self.robot.__exit__(None, None, None))
             if not until(lambda: self.robot.has_said("waits for an operator") is not None):
@@ -220,6 +226,9 @@ class Scene:
         for tree in trees:
             tree["net"] |= self._net
         trees[1]["net"]["name"] = name
+        if keys is not None:
+            trees[0]["net"]["operators"] = ["operator", SECOND]
+            trees[1]["net"]["keys"] = str(keys / name)
         return write_trees(self.folder, trees, stem)
 
     def start_robot(self) -> Watch:
