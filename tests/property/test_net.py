@@ -226,10 +226,10 @@ def _damaged(draw: st.DrawFn) -> bytes:
 )
 def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> None:
     station = RobotStation(check_tree(_TREE, {}, base=Path()).config, lambda _said: None)
-    station._welcome = Welcome(station=1, fingers={}, hand=True, arm=True)
+    station._reception.welcome = Welcome(station=1, fingers={}, hand=True, arm=True)
     station._commands.start(time.monotonic_ns(), None)
     join = Join(5, "alice", frame="openxr", dead_man=True, muscles=True)
-    assert decode(Welcome, station._join("join/alice", encode(join))).arm
+    assert decode(Welcome, station._reception.join("join/alice", encode(join))).arm
     for key, data in arrivals:
         hear = station._hear_clock if "clock" in key else station._hear_command
         hear(key, data)

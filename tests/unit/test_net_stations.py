@@ -20,6 +20,8 @@ from tega.devices.watched import Watched
 from tega.errors import ConfigError
 from tega.net.messages import Refused, Welcome
 from tega.net.station import open_station
+from tega.recording.mcap_reader import McapReader
+from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.teleop.prepare import Prepared
 from tega.testing.stations import Program, free_port, split, write_stations, write_trees
@@ -167,6 +169,37 @@ def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
     assert "hold" in states
     assert any("no data from the robot" in said for said in summary["notes"])
     assert summary["tactile"]["thumb"]["silent_s"] > 0.1
+
+
+def test_the_robot_s_recording_holds_the_operator_s_samples_and_plays_again(tmp_path) -> None:
+    pytest.importorskip("foxglove", reason="needs the extra record")
+    robot_file, operator_file = write_stations(tmp_path, port=free_port())
+    there, here = tmp_path / "at-robot", tmp_path / "at-operator"
+    with Program("robot", robot_file, "--record", str(there), "--lossless") as robot:
+        robot.await_said("waits for an operator")
+        with Program("operator", operator_file, "--record", str(here)) as operator:
+            operator.await_said("\nactive: ")
+            robot.await_said("\nactive: ")
+            time.sleep(1.0)
+            operator.end()
+        robot.end()
+    came, given = _samples(there / "trial-001.mcap"), _samples(here / "trial-001.mcap")
+    assert len(came) > 500
+    assert came.items() <= given.items()  # bit for bit, by number
+    report = replay_file(there / "trial-001.mcap")
+    assert report.same
+    assert {"/emg/levels", "/hand/frames"} <= {stream.stream for stream in report.streams}
+
+
+def _samples(file: Path) -> dict[int, tuple[float, ...]]:
+    """Return the EMG samples of a recording by their number."""
+    found = {}
+    for message in McapReader(file).messages():
+        if message.topic == "/emg/samples":
+            value, n = message.value, message.value.n_channels
+            for k in range(len(value.samples) // n):
+                found[value.first_index + k] = tuple(value.samples[k * n : (k + 1) * n])
+    return found
 
 
 def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:

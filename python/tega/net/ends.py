@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from tega.devices.base import DeviceInfo, InputEvent, InputState, TactileFrame
+from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputState, TactileFrame
 from tega.devices.lifecycle import Opened
 from tega.net.pictures import unpacked
 
@@ -29,6 +29,7 @@ _STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _JOINTS = 16
 # Every amplifier's samples become ten levels a second.
 _BLOCKS_HZ = 10.0
+_MOST_CHUNKS = 64
 
 
 class FarFinger(Opened):
@@ -76,9 +77,10 @@ class FarFinger(Opened):
 
 
 class FarMuscles(Opened):
-    """The operator's EMG: levels come as a stream, samples stay where they are measured."""
+    """The operator's EMG: levels come as a stream, samples for the recording as they can."""
 
     def __init__(self) -> None:
+        self._chunks: queue.Queue[EmgChunk] = queue.Queue(_MOST_CHUNKS)
         self._info = DeviceInfo(
             driver="net",
             kind="emg",
@@ -87,7 +89,7 @@ class FarMuscles(Opened):
             rate_hz=_BLOCKS_HZ,
             channels=("operator",),
             unit="level",
-            notes=("levels are made at the operator's station; no sample comes here",),
+            notes=("levels are made at the operator's station; samples come for the recording, as they can",),
         )
         self.ended = False
 
@@ -102,13 +104,21 @@ class FarMuscles(Opened):
     def close(self) -> None:
         """Nothing is to be closed here."""
 
-    def read(self, timeout_s: float) -> None:  # noqa: ARG002  # samples never come
-        """Return nothing: only levels come."""
-        return
+    def give(self, chunk: EmgChunk) -> None:
+        """Take in samples, in a thread of the link's; what nobody reads in time is lost."""
+        with contextlib.suppress(queue.Full):
+            self._chunks.put_nowait(chunk)
+
+    def read(self, timeout_s: float) -> EmgChunk | None:
+        """Return the next samples, or ``None`` when none came in time."""
+        try:
+            return self._chunks.get(block=timeout_s > 0, timeout=timeout_s or None)
+        except queue.Empty:
+            return None
 
 
-def far_muscles(blocks: InboxStream[Block]) -> Muscles:
-    """Return the EMG side of a run whose levels come over the link."""
+def far_muscles(source: Any, blocks: InboxStream[Block]) -> Muscles:
+    """Return the EMG side of a run whose samples and levels come over the link."""
     from tega.calibration import EmgMaxima
     from tega.teleop.prepare import Muscles
     from tega.teleop.sources import SourceReport
@@ -117,7 +127,6 @@ def far_muscles(blocks: InboxStream[Block]) -> Muscles:
     blocks.on_loss = report.drop
     # One channel, whose sample is the level itself: 5 is as far as it goes.
     maxima = EmgMaxima(kind="envelope", rate_hz=_BLOCKS_HZ, tau=1, channels=("operator",), maxima=(5.0,))
-    source: Any = FarMuscles()
     return Muscles(source, maxima, None, report, blocks)
 
 

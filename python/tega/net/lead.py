@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from tega.errors import DeviceUnavailableError
 from tega.net.messages import Join, Refused, Welcome, decode, encode
 
 if TYPE_CHECKING:
     from tega.net.link import Link
+    from tega.net.settings import NetSection
 
 __all__ = ["Lead"]
 
@@ -89,13 +91,37 @@ class Lead:
         self.has = True
         self._answered.set()
 
-    def wait(self, patience_s: float, stop: Callable[[], bool]) -> bool:
-        """Wait for the first answer; return whether it was yes."""
-        until_s = time.monotonic() + patience_s
+    def await_yes(self, net: NetSection, stop: Callable[[], bool]) -> None:
+        """Wait for the first answer.
+
+        Args:
+            net: The station's settings, which say for how long.
+            stop: Asked meanwhile.
+
+        Raises:
+            DeviceUnavailableError: There is none, or it is no.
+            KeyboardInterrupt: ``stop`` said so.
+        """
+        until_s = time.monotonic() + net.wait_s
         while time.monotonic() < until_s and not stop():
             if self._answered.wait(0.05):
                 break
-        return self.has
+        if self.has:
+            return
+        if stop():
+            raise KeyboardInterrupt
+        if (refused := self.refusal) is not None:
+            raise DeviceUnavailableError(refused.why, refused.hint)
+        hint = "start it there with: tega-teleop robot ROBOT.toml; check its name and address"
+        if net.keys is not None:
+            hint += ", and that both stations' keys are from the same folder and name each other"
+        why = f"no robot {net.robot!r} answers at {net.connect} within {net.wait_s:g} s"
+        raise DeviceUnavailableError(why, hint)
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether a robot is led whose station records."""
+        return self.has and self.welcome is not None and self.welcome.records
 
     def lose(self) -> None:
         """Take note that the robot listens to this session no more: the next one is asked for at once."""

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 import tega
-from tega.errors import ConfigError, DeviceUnavailableError
+from tega.errors import ConfigError
 from tega.net.forearm import Forearm
 from tega.net.gate import Gate
 from tega.net.intent import Intent
 from tega.net.lead import Lead
 from tega.net.link import Channel
 from tega.net.messages import Event, Join, State, Welcome, decode
+from tega.net.samples import SampleSender
 from tega.net.station import Station
 from tega.net.touch import FarTouch
 
@@ -63,6 +64,9 @@ class OperatorStation(Station):
         self._states, self._events = Gate(ttl_ns=10**12), Gate(ttl_ns=10**12)
         self._touch = FarTouch(net.robot, ttl_ns=round(net.ttl_ms * 1e6))
         self._intent = Intent(self._forearm, lambda stream: self._stamp(self._lead.session, stream))
+        self._samples = SampleSender(
+            lambda: self._stamp(self._lead.session, "emg"), lambda: self._lead.is_recorded
+        )
         self._was_lost = False
         self._n_lost = 0
 
@@ -79,6 +83,7 @@ class OperatorStation(Station):
         self._intent.open(
             link.sends(f"{mine}/hand", Channel.COMMAND), link.sends(f"{mine}/arm", Channel.COMMAND)
         )
+        self._samples.open(link.sends(f"{mine}/emg", Channel.RECORD))
         self._clock.open(
             link.sends(f"{mine}/clock/ping", Channel.COMMAND),
             link.sends(f"{mine}/clock/pong", Channel.COMMAND),
@@ -90,23 +95,10 @@ class OperatorStation(Station):
         link.hears("tactile/image/*", self._hear_image)
         self._start()
         try:
-            self._await_robot()
+            self._lead.await_yes(self.net, self._stop)
         except BaseException:
             self.close()
             raise
-
-    def _await_robot(self) -> None:
-        if self._lead.wait(self.net.wait_s, self._stop):
-            return
-        if self._stop():
-            raise KeyboardInterrupt
-        if (refused := self._lead.refusal) is not None:
-            raise DeviceUnavailableError(refused.why, refused.hint)
-        net, hint = self.net, "start it there with: tega-teleop robot ROBOT.toml; check its name and address"
-        if net.keys is not None:
-            hint += ", and that both stations' keys are from the same folder and name each other"
-        why = f"no robot {net.robot!r} answers at {net.connect} within {net.wait_s:g} s"
-        raise DeviceUnavailableError(why, hint)
 
     def end(self) -> None:
         """Let go of hand and arm."""
@@ -127,7 +119,7 @@ class OperatorStation(Station):
     # The session's side.
 
     def prepared(self, prepared: Prepared) -> Prepared:
-        """Add the robot's fingertips."""
+        """Add the robot's fingertips, and look at the samples as they are read."""
         welcome = self._lead.welcome
         assert welcome is not None
         robot, preset = self.net.robot, self._config.session.preset
@@ -141,7 +133,7 @@ class OperatorStation(Station):
             prepared.calibration.check_fits(
                 preset=preset, fingers=fingers, emg=None, name=prepared.calibration_name or "the calibration"
             )
-        return prepared._replace(fingers=fingers)
+        return self._samples.watch(prepared._replace(fingers=fingers))
 
     def sinks(self, sinks: Sinks) -> Sinks:
         """Add the robot's hand."""
@@ -168,6 +160,7 @@ class OperatorStation(Station):
         """Take in touch from now on."""
         self._touch.begin(prepared, start_ns=start_ns, bell=bell, trace=trace)
         self._intent.begin(guard)
+        self._samples.begin(start_ns)
         self._start_ns = start_ns
 
     def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:  # noqa: ARG002  # the guard decides

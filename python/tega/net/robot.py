@@ -17,11 +17,12 @@ import msgspec
 
 import tega
 from tega.net.commands import Commands
-from tega.net.ends import FarSwitch, FarTracker, far_muscles
-from tega.net.leader import Leadership
+from tega.net.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
+from tega.net.leader import Leadership, Reception
 from tega.net.link import Channel
-from tega.net.messages import Event, Feature, Join, Refused, State, Welcome, decode, encode
+from tega.net.messages import Event, Feature, State, Welcome, encode
 from tega.net.pictures import PictureSender
+from tega.net.samples import Readers, SampleReceiver
 from tega.net.station import Station
 from tega.teleop.inputs import Inputs, Seat
 
@@ -49,7 +50,11 @@ class RobotStation(Station):
         self._session = secrets.randbits(62) | 1
         frame = "" if arm is None else arm.mapping.frame
         self._has_hand = config.hand.driver is not None
-        self._leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
+        leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
+        self._leader = leader
+        self._reception = Reception(
+            leader, self._lock, robot=net.own_name, begin=self._begin_session, tell=tell
+        )
         self._tracker = FarTracker(frame) if arm is not None else None
         self._commands = Commands(
             ttl_ns=round(net.ttl_ms * 1e6),
@@ -57,8 +62,11 @@ class RobotStation(Station):
             hand=self._has_hand,
             tracker=self._tracker,
         )
+        self._records = config.recording.dir is not None
+        self._muscles = FarMuscles()
+        self._samples = SampleReceiver(self._muscles)
+        self._readers = Readers()
         self._n_leaders = 0
-        self._welcome: Welcome | None = None
         self._features: dict[str, Callable[[bytes], None]] = {}
         self._pictures: PictureSender | None = None
         self._next_state_ns = 0
@@ -78,14 +86,20 @@ class RobotStation(Station):
             self._features[finger] = link.sends(f"tactile/features/{finger}", Channel.FEATURES)
         link.hears("cmd/*/hand", self._hear_command)
         link.hears("cmd/*/arm", self._hear_command)
+        link.hears("cmd/*/emg", self._hear_samples)
         link.hears("cmd/*/clock/*", self._hear_clock)
-        link.watches("operator/*/*", self._watch)
-        link.answers("join/*", self._join)
+        link.watches("operator/*/*", self._reception.watch)
+        link.answers("join/*", self._reception.join)
         self._start()
         self._tell(f"robot {self.net.own_name!r} waits for an operator at {self.net.listen}")
 
+    def end(self) -> None:
+        """Hand nothing more to the recording."""
+        self._readers.end()
+
     def close(self) -> None:
         """End the link."""
+        self.end()
         if self._pictures is not None:
             self._pictures.close()
         super().close()
@@ -104,7 +118,7 @@ class RobotStation(Station):
             )
             prepared = self._pictures.watch(prepared)
         if self._has_hand:
-            prepared = prepared._replace(muscles=far_muscles(self._commands.blocks))
+            prepared = prepared._replace(muscles=far_muscles(self._muscles, self._commands.blocks))
         return prepared
 
     def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:  # noqa: ARG002
@@ -135,7 +149,7 @@ class RobotStation(Station):
         """Let operators lead from now on."""
         del bell, guard  # the loop is woken by its own pictures
         pictures = self._pictures
-        self._welcome = Welcome(
+        self._reception.welcome = Welcome(
             station=self._session,
             fingers={name: f.source.info.rate_hz or 0.0 for name, f in prepared.fingers.items()},
             hand=self._has_hand,
@@ -143,7 +157,10 @@ class RobotStation(Station):
             tega=str(tega.__version__),
             preset=self._config.session.preset,
             baselines={} if pictures is None else pictures.baselines(prepared),
+            records=self._records,
         )
+        if self._records and prepared.muscles is not None:
+            self._readers.start("emg", prepared.muscles.source)
         if pictures is not None:
             pictures.start(start_ns)
         traced = trace is not None and prepared.muscles is not None
@@ -203,59 +220,27 @@ class RobotStation(Station):
 
     # The link's side: in Zenoh's threads.
 
-    def _join(self, key: str, asked: bytes) -> bytes:
-        now_ns = time.monotonic_ns()
-        try:
-            join = decode(Join, asked)
-        except msgspec.DecodeError:
-            return encode(Refused("this question cannot be read", "install the same version of TEGA on both"))
-        if key != f"join/{join.name}":  # who asks is known by the key, which the certificate allows
-            return encode(Refused(f"{join.name!r} asked as somebody else"))
-        if self._welcome is None:
-            return encode(Refused(f"robot {self.net.own_name!r} is still preparing", final=False))
-        with self._lock:
-            before = self._leader.session
-            refused = self._leader.ask(join, now_ns)
-            if refused is None and before != join.session:
-                self._begin_session(join.session)
-        if refused is not None:
-            self._tell(f"operator {join.name!r} was refused: {refused.why}")
-            return encode(refused)
-        if before != join.session:
-            self._tell(f"operator {join.name!r} leads")
-        return encode(msgspec.structs.replace(self._welcome, sent_ns=now_ns))
-
     def _begin_session(self, session: int | None) -> None:
         """Listen to a session, or to none; with the lock held."""
         self._commands.begin(session)
+        self._samples.begin(session)
         self._clock.forget()
         self._n_leaders += session is not None
         self._next_state_ns = 0
 
-    def _watch(self, key: str, alive: bool) -> None:  # noqa: FBT001  # the link's signature
-        _, name, number = key.split("/")
-        try:
-            session = int(number, 16)
-        except ValueError:
-            return
-        with self._lock:
-            gone = self._leader.sign(name, session, alive=alive)
-            if gone:
-                self._begin_session(None)
-        if gone:
-            self._tell(f"operator {name!r} is gone")
-
-    def _is_leader(self, key: str) -> bool:
-        return self._leader.session != 0 and key.split("/")[1] == self._leader.name
-
     def _hear_clock(self, key: str, data: bytes) -> None:
-        if self._is_leader(key):
+        if self._reception.is_leader(key):
             self._clock.hear(key, data, self._leader.session)
+
+    def _hear_samples(self, key: str, data: bytes) -> None:
+        if self._records and self._reception.is_leader(key):
+            now_ns = time.monotonic_ns()
+            self._samples.take(data, now_ns, self._clock.offset(now_ns))
 
     def _hear_command(self, key: str, data: bytes) -> None:
         commands, for_arm = self._commands, key.endswith("/arm")
         with self._lock:
-            if not self._is_leader(key):
+            if not self._reception.is_leader(key):
                 commands.foreign("arm" if for_arm else "hand")
             elif for_arm:
                 commands.arm(data)
@@ -263,14 +248,7 @@ class RobotStation(Station):
                 commands.hand(data)
 
     def _turn(self, now_ns: int) -> None:
-        with self._lock:
-            name = self._leader.name
-            gone = self._leader.look(now_ns)
-            if gone:
-                self._begin_session(None)
-            session = self._leader.session
-        if gone:
-            self._tell(f"operator {name!r} asked and then went")
+        session = self._reception.look(now_ns)
         if session:
             self._clock.ask(session, now_ns)
         self._commands.count_rate(now_ns)

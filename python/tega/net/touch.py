@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ from tega.net.ends import FarFinger
 from tega.net.gate import Gate, refused_by
 from tega.net.messages import Feature, Image, Welcome, decode
 from tega.net.pictures import unpacked
+from tega.net.samples import Readers
 from tega.net.streams import InboxStream
 from tega.teleop.spread import Spread
 
@@ -43,8 +43,7 @@ class FarTouch:
         self._gates: dict[str, Gate] = {}
         self._start_ns: int | None = None
         self._ring: Callable[[], None] = lambda: None
-        self._leaving = threading.Event()
-        self._readers: list[threading.Thread] = []
+        self._readers = Readers()
         self.way = Spread()
 
     def welcome(self, welcome: Welcome) -> None:
@@ -79,22 +78,14 @@ class FarTouch:
         for name, far in self._fingers.items():
             if trace is not None:
                 far.stamp = trace.source(name)
-            source = prepared.fingers[name].source
-            reader = threading.Thread(
-                target=self._read, args=(source,), name=f"tega-{name}-pictures", daemon=True
-            )
-            self._readers.append(reader)
-            reader.start()
+            self._readers.start(f"{name}-pictures", prepared.fingers[name].source)
         if bell is not None:
             self._ring = bell.ring
         self._start_ns = start_ns
 
     def end(self) -> None:
         """Read no more pictures."""
-        self._leaving.set()
-        for reader in self._readers:
-            reader.join(2.0)
-        self._readers.clear()
+        self._readers.end()
 
     def mind(self, *, lost: bool) -> None:
         """Take note of whether the robot answers."""
@@ -134,11 +125,6 @@ class FarTouch:
         came = {name: far.report.n_items for name, far in self._fingers.items()}
         way_ms = self.way.summary_ms() if self.way.n else None
         return {"way_ms": way_ms, "features": came, "refused_features": refused_by(self._gates.values())}
-
-    def _read(self, source: Any) -> None:
-        """Read what comes for display, so that page and recording see it."""
-        while not self._leaving.is_set():
-            source.read(0.1)
 
 
 class _Finger:
