@@ -14,12 +14,20 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
 from reference.waiting import until
+from tega.calibration import (
+    Calibration,
+    FingerMaxima,
+    TouchMaxima,
+    load_calibration,
+    save_calibration,
+)
 from tega.config import load_config
 from tega.devices.base import TactileFrame
 from tega.devices.watched import Watched
-from tega.errors import ConfigError
+from tega.errors import CalibrationError, ConfigError
 from tega.net.messages import Refused, Welcome
 from tega.net.station import open_station
+from tega.net.touch import with_touch
 from tega.recording.mcap_reader import McapReader
 from tega.replay import replay_file
 from tega.teleop import run_session
@@ -174,6 +182,14 @@ def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
 def test_the_robot_s_recording_holds_the_operator_s_samples_and_plays_again(tmp_path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra record")
     robot_file, operator_file = write_stations(tmp_path, port=free_port())
+    # What counts as full touch is known at the robot alone, what the muscles can at the operator alone.
+    known = load_calibration(tmp_path / "calibration.toml")
+    save_calibration(msgspec.structs.replace(known, emg=None), tmp_path / "gels.toml")
+    save_calibration(msgspec.structs.replace(known, tactile=FingerMaxima()), tmp_path / "muscles.toml")
+    with robot_file.open("a", encoding="utf-8") as file:
+        file.write('\n[calibration]\nfile = "gels.toml"\n')
+    text = operator_file.read_text(encoding="utf-8").replace("calibration.toml", "muscles.toml")
+    operator_file.write_text(text, encoding="utf-8")
     there, here = tmp_path / "at-robot", tmp_path / "at-operator"
     with Program("robot", robot_file, "--record", str(there), "--lossless") as robot:
         robot.await_said("waits for an operator")
@@ -189,6 +205,20 @@ def test_the_robot_s_recording_holds_the_operator_s_samples_and_plays_again(tmp_
     report = replay_file(there / "trial-001.mcap")
     assert report.same
     assert {"/emg/levels", "/hand/frames"} <= {stream.stream for stream in report.streams}
+
+
+def test_full_touch_is_what_the_operator_s_calibration_says_else_what_the_robot_s_does() -> None:
+    ours, theirs = TouchMaxima(cci_max=1.0, eda_max=100.0), TouchMaxima(cci_max=2.0, eda_max=200.0)
+    calibration = Calibration(preset="live", origin="test", tactile=FingerMaxima(thumb=ours))
+    welcome = Welcome(
+        1, {"thumb": 60.0, "index": 60.0}, hand=True, arm=False, touch={"thumb": theirs, "index": theirs}
+    )
+    whole = with_touch(calibration, welcome, robot="panda")
+    assert (whole.touch("thumb"), whole.touch("index")) == (ours, theirs)
+    with pytest.raises(CalibrationError, match="index of robot 'panda' is known neither here nor there"):
+        with_touch(calibration, msgspec.structs.replace(welcome, touch={}), robot="panda")
+    with pytest.raises(CalibrationError, match="preset 'live', the run uses 'paper'"):
+        with_touch(calibration, msgspec.structs.replace(welcome, preset="paper"), robot="panda")
 
 
 def _samples(file: Path) -> dict[int, tuple[float, ...]]:

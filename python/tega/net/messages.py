@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import msgspec
 
+from tega.calibration import TouchMaxima
 from tega.tactile import ContactMetrics
 
 __all__ = [
@@ -224,6 +225,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
         baselines: The fingertips' untouched pictures, as PNG, where pictures are sent.
         sent_ns: When it was sent, on the robot's clock; a state from before knows nothing of it.
         records: Whether it records, and wants EMG samples for that.
+        touch: What counts as full touch of each fingertip, as far as that is known there.
     """
 
     station: int
@@ -235,6 +237,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
     baselines: dict[str, bytes] = {}
     sent_ns: int = 0
     records: bool = False
+    touch: dict[str, TouchMaxima] = {}
 
 
 class Refused(msgspec.Struct, frozen=True, tag=True):

@@ -19,7 +19,7 @@ from tega.net.link import Channel
 from tega.net.messages import Event, Join, State, Welcome, decode
 from tega.net.samples import SampleSender
 from tega.net.station import Station
-from tega.net.touch import FarTouch
+from tega.net.touch import FarTouch, with_touch
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -129,10 +129,7 @@ class OperatorStation(Station):
                 "set session.preset alike in both files",
             )
         fingers = self._touch.fingers(welcome)
-        if fingers:
-            prepared.calibration.check_fits(
-                preset=preset, fingers=fingers, emg=None, name=prepared.calibration_name or "the calibration"
-            )
+        prepared = prepared._replace(calibration=with_touch(prepared.calibration, welcome, robot=robot))
         return self._samples.watch(prepared._replace(fingers=fingers))
 
     def sinks(self, sinks: Sinks) -> Sinks:

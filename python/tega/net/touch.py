@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from tega.errors import CalibrationError
 from tega.net.ends import FarFinger
 from tega.net.gate import Gate, refused_by
 from tega.net.messages import Feature, Image, Welcome, decode
@@ -17,13 +18,38 @@ from tega.net.streams import InboxStream
 from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
+    from tega.calibration import Calibration
     from tega.net.clock import Offset
     from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.prepare import Finger, Prepared
     from tega.teleop.sources import Contact, SourceReport
 
-__all__ = ["FarTouch"]
+__all__ = ["FarTouch", "with_touch"]
+
+
+def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Calibration:
+    """Return a calibration that also knows what counts as full touch of a robot's fingertips.
+
+    What it knows itself stays; else what the robot's station knows is taken.
+
+    Raises:
+        CalibrationError: Of a fingertip neither knows it, or it was made for another preset.
+    """
+    known = {name: calibration.touch(name) or welcome.touch.get(name) for name in welcome.fingers}
+    for name, full in known.items():
+        if full is None:
+            raise CalibrationError(
+                f"what counts as full touch of the {name} of robot {robot!r} is known neither here nor there",
+                "at the robot: tega-teleop calibrate ROBOT.toml --person ID, then robot ROBOT.toml --person ID",
+            )
+    if known and calibration.preset != welcome.preset:
+        raise CalibrationError(
+            f"the calibration was made with preset {calibration.preset!r}, the run uses {welcome.preset!r}",
+            "calibrate again under the conditions of this run, or run under those of the calibration",
+        )
+    tactile = msgspec.structs.replace(calibration.tactile, **known)
+    return msgspec.structs.replace(calibration, tactile=tactile)
 
 
 class FarTouch:

@@ -70,7 +70,7 @@ _ON = "all goes on"
 _SHORT = "all goes on, or holds until a young command comes"
 
 # The clocks' offset is known from the last ten seconds: longer than that, and only what is late is left of it.
-_LEARNT_S = 13.0
+_LEARNT_S = 12.0
 _PATIENT = {"ttl_ms": 250.0}
 
 FAULTS = (
@@ -117,7 +117,7 @@ FAULTS = (
     Fault("20 ms later each way", _ON, _worse(delay_ms=20.0), _well, lasts_s=_LEARNT_S, interrupts=False),
     Fault(
         "50 ms later each way",
-        "goes on as long as the clocks are known from before; then all may be too old",
+        "goes on for 10 s, while the clocks are known from before; then all may be too old, as without a link",
         _worse(delay_ms=50.0),
         _well,
         lasts_s=_LEARNT_S,

@@ -249,6 +249,10 @@ class Scene:
             and bool(self.operator.now.get("felt"))
         )
 
+    def steers(self) -> bool:
+        """Whether the operator steers hand and arm and feels touch."""
+        return self.ready() and self._arm("following")
+
     def take_hold(self) -> None:
         """Have the arm follow, however it is."""
         for _ in range(10):

@@ -14,7 +14,8 @@ from tega.testing.station_faults.setups import Setups
 __all__ = ["Fault", "Outcome", "try_fault"]
 
 _CALM_S = 1.0
-_BACK_S = 20.0
+_BACK_S = 40.0
+_ATTEMPTS = 5
 
 
 class Fault(msgspec.Struct, frozen=True):
@@ -90,7 +91,11 @@ def try_fault(fault: Fault, setups: Setups) -> Outcome:
     """
     scene = setups.scene(net=fault.net, keys=fault.keys, wire=fault.wire)
     scene.refused_s = None
-    time.sleep(_CALM_S)
+    for _ in range(_ATTEMPTS):
+        time.sleep(_CALM_S)
+        if scene.steers():
+            break
+        scene.take_hold()  # a busy machine has made them hold by itself
     begun_s, before = time.monotonic(), scene.robot.now
     fault.begin(scene)
     time.sleep(max(0.0, begun_s + fault.lasts_s - time.monotonic()))
