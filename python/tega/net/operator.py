@@ -258,6 +258,8 @@ class OperatorStation(Station):
         with self._lock:
             # A time-to-live of its own has no use: a state is what the station says of itself, whenever it came.
             refusal = self._states.refusal(state, now_ns, self._clock.offset(now_ns))
+        if self._leaving.is_set():  # the lead was given back
+            return
         if lead.has and lead.welcome is not None and state.session != lead.welcome.station:
             self._lose_lead("it was started again")
         elif not lead.has or lead.welcome is None or refusal not in {"", "no clock"}:
