@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -138,7 +139,7 @@ class _Machines:
         self.sequence += 1
         sent_ns = self.now_ns
         self.now_ns += way_ns
-        stamp = {"session": 7, "sequence": self.sequence, "sent_ns": sent_ns + self.offset_ns}
+        stamp: dict[str, Any] = {"session": 7, "sequence": self.sequence, "sent_ns": sent_ns + self.offset_ns}
         self.sent_ns[self.sequence] = sent_ns
         level = 1 + self.sequence % 5
         pose = ForearmPose(stamp["sent_ns"], (float(self.sequence), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))

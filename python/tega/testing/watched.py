@@ -127,7 +127,7 @@ def main() -> int:
     parser.add_argument("--cap", metavar="SOCKET", help="where an emulated SpaceMouse is")
     given = parser.parse_args()
     sys.setswitchinterval(0.0005)
-    tega.net.robot.Commands = _Judged  # type: ignore[misc, attr-defined]  # the same, with somebody who looks on
+    tega.net.robot.Commands = _Judged  # type: ignore[attr-defined]  # the same, with somebody who looks on
     with ExitStack() as stack:
         if given.cap is not None:
             stack.enter_context(HidPort(HidBoard(given.cap, 0x046D, 0xC626)).installed())

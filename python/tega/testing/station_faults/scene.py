@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tega.errors import DeviceUnavailableError, TegaError
+from tega.repeated import repeated
 from tega.testing.impaired import ImpairedLink
 from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.testing.lossy_wire import LossyWire
@@ -181,7 +182,6 @@ class Scene:
         self.folder, self._net, self.keys, self.wire = folder, net or {}, keys, wire
         self._stack = ExitStack()
         self._held: set[int] = set()
-        self._over = threading.Event()
 
     def __enter__(self) -> Self:
         """Start everything and let the operator take the lead and hold of the arm.
@@ -197,8 +197,8 @@ class Scene:
             tree = lab.tree
             tree["hand"] = {"driver": "python-can", "options": {"interface": "virtual", "channel": "tega"}}
             tree["arm"]["tracker"] = {"driver": "poses-file", "options": {"file": str(_still(folder))}}
-            stack.callback(self._over.set)
-            threading.Thread(target=self._hold_on, name="tega-person", daemon=True).start()
+            # A button of which nothing is heard for ten seconds is not believed.
+            stack.enter_context(repeated(self._hold_on, every_s=_PRESS_S, name="tega-person"))
             self._tree, self._port = tree, port
             self._robot_file, self._operator_file = self.files("", keys=self.keys)
             self.robot = self.start_robot()
@@ -286,11 +286,10 @@ class Scene:
             self.lab.cap.say(f"lift {button}")
 
     def _hold_on(self) -> None:
-        """Press what is held again and again: a button of which nothing is heard for ten seconds is not believed."""
-        while not self._over.wait(_PRESS_S):
-            for button in tuple(self._held):
-                with contextlib.suppress(TegaError):  # the emulator has ended
-                    self.lab.cap.say(f"press {button}")
+        """Press what is held once more."""
+        for button in tuple(self._held):
+            with contextlib.suppress(TegaError):  # the emulator has ended
+                self.lab.cap.say(f"press {button}")
 
 
 def _still(folder: Path) -> Path:
