@@ -1,16 +1,19 @@
 from __future__ import annotations
 
+import itertools
 import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tega.config import check_tree
+from tega.devices.base import EmgChunk
 from tega.net.clock import ClockEstimate, Offset
 from tega.net.commands import Commands
-from tega.net.ends import FarTracker
+from tega.net.ends import FarMuscles, FarTracker
 from tega.net.gate import REFUSALS, Gate
 from tega.net.messages import (
     ArmCommand,
@@ -19,12 +22,14 @@ from tega.net.messages import (
     Join,
     Ping,
     Pong,
+    Samples,
     Stamped,
     Welcome,
     decode,
     encode,
 )
 from tega.net.robot import RobotStation
+from tega.net.samples import SampleReceiver, SampleSender
 
 TTL_NS = 100_000_000
 _ns = st.integers(-(10**10), 10**10)
@@ -195,6 +200,55 @@ def test_on_a_quick_link_a_command_is_used_until_just_before_the_limit_and_not_a
         machines.send(200_000)
         machines.now_ns += rest_ns
         assert bool(machines.uses()) == used
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 40), st.integers(0, 3), st.booleans()), max_size=40),
+    st.integers(-(10**12), 10**12),
+)
+def test_samples_arrive_as_they_were_and_what_is_lost_shows_in_their_numbers(chunks, offset_ns) -> None:
+    sequence, lost = itertools.count(), iter([is_lost for _, _, is_lost in chunks])
+    muscles, messages = FarMuscles(), list[bytes]()
+    receiver, sender = (
+        SampleReceiver(muscles),
+        SampleSender(lambda: {"session": 7, "sequence": next(sequence), "sent_ns": offset_ns}, lambda: True),
+    )
+    receiver.begin(7)
+    sender.open(messages.append)
+    sender.begin(0)
+    given: dict[int, list[float]] = {}
+    n = t_ns = 0
+    for size, gap, _ in chunks:
+        n, t_ns = n + gap, t_ns + (size + gap) * 10**6
+        samples = np.arange(n, n + size)[:, None] + np.array([[0.0, 0.1, 1 / 3]])
+        given |= {n + k: row.tolist() for k, row in enumerate(samples)}
+        sender._see(EmgChunk(t_ns + offset_ns, n, samples))
+        n += size
+    came: dict[int, list[float]] = {}
+    for message in [m for m in messages if not next(lost)]:
+        receiver.take(message, 10**12, Offset(offset_ns, 0))
+        receiver.take(message, 10**12, Offset(offset_ns, 0))  # one that comes twice counts once
+        chunk = muscles.read(0.0)
+        assert chunk is not None
+        assert muscles.read(0.0) is None
+        assert chunk.t_ns >= (chunk.first_index + len(chunk.samples)) * 10**6
+        came |= {chunk.first_index + k: row.tolist() for k, row in enumerate(chunk.samples)}
+    assert came.items() <= given.items()
+
+
+@given(st.binary(max_size=80), st.integers(-5, 70), st.integers(-5, 5))
+def test_samples_that_are_not_whole_are_not_recorded(data, n_channels, first_index) -> None:
+    muscles = FarMuscles()
+    receiver = SampleReceiver(muscles)
+    receiver.begin(7)
+    message = Samples(
+        session=7, sequence=0, sent_ns=0, t_ns=0, first_index=first_index, n_channels=n_channels, samples=data
+    )
+    receiver.take(encode(message), 0, Offset(0, 0))
+    receiver.take(data, 0, Offset(0, 0))
+    chunk = muscles.read(0.0)
+    whole = 1 <= n_channels <= 64 and data and len(data) % (8 * n_channels) == 0 and first_index >= 0
+    assert (chunk is not None) == bool(whole)
 
 
 _HOST = {"station": "robot", "listen": "tcp/127.0.0.1:1"}

@@ -58,14 +58,15 @@ class SampleSender:
 
     def _see(self, chunk: EmgChunk) -> None:
         """See a chunk, in the thread that reads the amplifier."""
-        waiting, start_ns = self._waiting, self._start_ns
+        start_ns = self._start_ns
         if start_ns is None or not self._wanted():
-            waiting.clear()
+            self._waiting.clear()
             return
-        if waiting and chunk.first_index != waiting[-1].first_index + len(waiting[-1].samples):
+        before = self._waiting[-1] if self._waiting else chunk
+        if before is not chunk and chunk.first_index != before.first_index + len(before.samples):
             self._pass_on(start_ns)  # samples are missing between, so that they have to be two messages
-        waiting.append(chunk)
-        if chunk.t_ns - waiting[0].t_ns >= _AT_ONCE_NS:
+        self._waiting.append(chunk)
+        if chunk.t_ns - self._waiting[0].t_ns >= _AT_ONCE_NS:
             self._pass_on(start_ns)
 
     def _pass_on(self, start_ns: int) -> None:
