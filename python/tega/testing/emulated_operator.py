@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from tega.devices import Found
+from tega.devices.lifecycle import require
 from tega.doctor.bench import Looked
 from tega.testing.emulators.franka_faults import HAND_KG, on_franky_sim
 from tega.testing.emulators.process import Emulator
@@ -54,7 +55,13 @@ class EmulatedOperator:
         self._is_held = False
 
     def __enter__(self) -> Self:
-        """Start them; the wrist swings forward and back."""
+        """Start them; the wrist swings forward and back.
+
+        Raises:
+            MissingExtraError: franky-sim is asked for and not installed.
+        """
+        if self.robot is not None:
+            require("franky_sim", driver="franky-sim's robot", extra="arm-sim")
         with ExitStack() as starting:
             for device in self.devices:
                 starting.enter_context(device)
