@@ -211,7 +211,19 @@ def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
 def begun(folder: Path) -> subprocess.Popen[bytes]:
     """Begin a study of two people with two workers, in a program of its own."""
     code = "from tega.cli.main import main; main()"
-    asked = "study simulate --operators 2 --objects bag --trials 1 --jobs 2 --out".split()
+    asked = [
+        "study",
+        "simulate",
+        "--operators",
+        "2",
+        "--objects",
+        "bag",
+        "--trials",
+        "1",
+        "--jobs",
+        "2",
+        "--out",
+    ]
     quiet = subprocess.DEVNULL
     return subprocess.Popen([sys.executable, "-c", code, *asked, str(folder)], stdout=quiet, stderr=quiet)
 

@@ -1,7 +1,7 @@
 """The detector's numbers, all of them, and why they are what they are.
 
 They were fixed before the detector was compared with anything: weights and thresholds of the slip were fitted on
-simulated people 1000 to 1019 (``python -m tega.sim.check_events --fit 1000:1020``), and are reported on others.
+simulated people 1000 to 1022 (``python -m tega.sim.check_events --fit 1000:1023``), and are reported on others.
 """
 
 from __future__ import annotations
@@ -23,18 +23,37 @@ FEATURES: Final = (
     "edge_change",
     "lost",
     "gained",
+    "eased",
+    "weakest",
 )
 """What a slip is seen by in the fingertips alone:
 
 - fingers in contact; log of their summed maps (1 + sum / 10,000), its change over 0.35 s and over 1 s;
 - how far a contact's middle moves (log of 1 + pixels): the furthest over 0.35 s and over 1 s, and the mean;
 - the highest peak / 20, the largest fall of a peak / 10 and of the root of an area / 20;
-- how lately a finger has lost contact, or gained it: exp(-age / 0.4 s).
+- how lately a finger has lost contact, or gained it: exp(-age / 0.4 s);
+- how far the log of the summed maps is below that at lift-off, and below its lowest since, 0.4 s ago or longer.
 """
 
-HAND_FEATURES: Final = ("closing", "stall", "rising")
-"""And in hand and arm, where they are measured: change of the closure and level less closure (the object stops the
-fingers: how hard they press), in levels; change of the height over 0.35 s, decimetres."""
+HAND_FEATURES: Final = (
+    "eased",
+    "weakest",
+    "closing",
+    "stall",
+    "rising",
+    "opened",
+    "widest",
+    "fresh",
+)
+"""And instead where hand and arm are measured, since then lift-off is known: an object that hangs in a grip slides
+where the grip gets weaker than it ever was since.
+
+- the last two of the fingertips;
+- change of the closure over 0.35 s, and level less closure (the object stops the fingers: how hard they press), levels;
+- change of the height over 0.35 s, decimetres;
+- how far the closure is below that at lift-off, and below its lowest since, 0.4 s ago or longer, levels;
+- exp(-time since lift-off / 1 s).
+"""
 
 
 class Rule(NamedTuple):
@@ -64,6 +83,8 @@ class Settings(NamedTuple):
         touch_s: A contact has to last so long, as three frames do: single frames flicker at the threshold.
         release_s: And its end likewise; longer, since a light contact flickers more.
         settle_s: After the first contact of a grasp fingers find their place, which looks like slipping.
+        before_s: What is longer ago than this is before: a slip's first half second counts as its beginning, and 0.4 s
+            leave it room.
         rest_s: Two slips closer than this are one (the definition that raters are given).
         lift_m: Height gained in a grasp that counts as lift-off: the object then hangs in the hand.
         down_m: So close over the height of the grasp it is being put down, and slips are not counted.
@@ -83,6 +104,7 @@ class Settings(NamedTuple):
     touch_s: float = 0.05
     release_s: float = 0.1
     settle_s: float = 0.5
+    before_s: float = 0.4
     rest_s: float = 0.5
     lift_m: float = 0.005
     down_m: float = 0.015
@@ -91,33 +113,27 @@ class Settings(NamedTuple):
     eased: float = 0.8
     look_ahead_s: float = 0.5
     touch: Rule = Rule(
-        -0.919,
-        (-0.293, -0.005, -5.72, -0.807, 0.248, -0.055, 0.16, -1.44, -0.748, 1.06, 1.176, -0.04),
+        -1.114,
+        (
+            -0.372,
+            -0.273,
+            -4.624,
+            -1.119,
+            0.124,
+            -0.085,
+            0.309,
+            -0.973,
+            -0.543,
+            0.808,
+            0.418,
+            0.714,
+            -0.267,
+            0.419,
+        ),
         0.5,
         0.2,
     )
-    hand: Rule = Rule(
-        -2.03,
-        (
-            -0.503,
-            0.45,
-            0.284,
-            -1.994,
-            0.128,
-            0.009,
-            -0.25,
-            -1.725,
-            0.092,
-            -0.075,
-            0.545,
-            0.064,
-            -13.126,
-            -0.639,
-            3.821,
-        ),
-        0.5,
-        0.15,
-    )
+    hand: Rule = Rule(-4.01, (0.108, 0.414, -10.474, -0.87, 0.872, 0.83, 3.584, 0.859), 0.5, 0.05)
 
 
 SETTINGS: Final = Settings()
