@@ -101,7 +101,7 @@ class Detector:
         self._next_s = -math.inf
         self._level: int | None = None
         self._closure, self._height = (Course(settings.quick_s, settings.slow_s) for _ in range(2))
-        self._base_m = math.inf
+        self._base_m = self._floor_m = math.inf
         self._lifted = False
         self._since_s: float | None = None
         self._grip, self._pressed = Low(settings.before_s), Low(settings.before_s)
@@ -208,8 +208,6 @@ class Detector:
             min((one.area.change for one, _ in on), default=0.0) / 20,
             math.exp((self._lost_s - t_s) / _FADE_S),
             math.exp((self._gained_s - t_s) / _FADE_S),
-            self._pressed.fallen,
-            self._pressed.below,
         )
 
     @property
@@ -241,11 +239,10 @@ class Detector:
         return [Found("contact" if track.touching else "release", track.since_s, 1.0, t_s, finger)]
 
     def _remember(self, t_s: float) -> None:
-        """Keep how firm the grip is, from lift-off on, or from when it has settled where the height is not known."""
-        if self._since_s is None:
-            if not (self._settled(t_s) if math.isnan(self._height.quick) else self._lifted):
-                return
-            self._since_s = t_s
+        """Keep how firm the grip is, from lift-off on."""
+        if not self._lifted or self._grasp_s is None:
+            return
+        self._since_s = t_s if self._since_s is None else self._since_s
         on = (one for one in self._quick.values() if one.touching)
         self._pressed.add(t_s, math.log(_FLOOR + sum(math.exp(one.mass.quick) for one in on)))
         if not math.isnan(self._closure.quick):
@@ -264,8 +261,11 @@ class Detector:
         return [] if found is None else [found]
 
     def _lift(self, t_s: float, height_m: float) -> list[Found]:
+        self._floor_m = min(self._floor_m, height_m)
         if self._grasp_s is None and not self._holds:
-            self._base_m, self._lifted = height_m, False
+            # What is taken hold of again in the air does not leave the table a second time.
+            self._lifted = self._lifted and height_m > self._floor_m + self._s.down_m
+            self._base_m = self._floor_m if self._lifted else height_m
             return []
         self._base_m = min(self._base_m, height_m)
         if self._lifted or height_m - self._base_m < self._s.lift_m:
@@ -291,7 +291,6 @@ class Detector:
     def _let_go(self) -> None:
         self._grasp_s = self._first_closure = self._squeezed_s = self._since_s = None
         self._grip, self._pressed = Low(self._s.before_s), Low(self._s.before_s)
-        self._lifted = False
 
 
 def share_of(rule: Rule, seen: Sequence[float]) -> float:

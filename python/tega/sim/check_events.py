@@ -263,14 +263,15 @@ def narrowing(trials: Sequence[Kept]) -> Iterable[str]:
     for one in trials:
         lifted_s = next((e.t_s for e in one.result.events if e.kind == "lift_off"), math.inf)
         first_s = next((row.t_s for row in one.touch if row.in_contact), math.inf)
-        t_s = np.arange(lifted_s, one.result.duration_s, 0.1) if max(first_s, lifted_s) < math.inf else []
+        held = max(first_s, lifted_s) < math.inf
+        t_s = np.arange(lifted_s, one.result.duration_s, 0.1) if held else np.zeros(0)
         closure = np.array([(row.t_s, row.closure) for row in one.hand if row.closure is not None])
         closed = np.interp(t_s, *closure.T)
         touch = np.zeros((2, len(t_s)))
         for finger in {row.finger for row in one.touch}:
             mine = np.array(
                 [
-                    (r.t_s, r.in_contact * r.mass, r.in_contact * r.eda)
+                    (r.t_s, *((r.mass, r.eda) if r.in_contact else (0.0, 0)))
                     for r in one.touch
                     if r.finger == finger
                 ]
@@ -317,9 +318,9 @@ def _plans(
 def _table(trials: Sequence[Judged]) -> Iterable[str]:
     yield (
         "| event | seen | object | vest | trials | true | found | both "
-        "| precision | recall | F1 | chance | delay, s |"
+        "| precision | recall | F1 | chance | delay, s | kappa |"
     )
-    yield "|" + "---|" * 13
+    yield "|" + "---|" * 14
     objects = list(dict.fromkeys(one.result.object for one in trials))
     vests = list(dict.fromkeys(one.result.condition for one in trials))
     for kind in KINDS:
@@ -339,7 +340,9 @@ def _table(trials: Sequence[Judged]) -> Iterable[str]:
                     one.matched / one.n_b if one.n_b else None,
                     one.matched / one.n_a if one.n_a else None,
                 )
-                numbers = " | ".join(_number(v) for v in (*cells, one.f1, one.chance_f1, one.delay_s))
+                numbers = " | ".join(
+                    _number(v) for v in (*cells, one.f1, one.chance_f1, one.delay_s, one.kappa)
+                )
                 yield (
                     f"| {kind.replace('_', '-')} | {way} | {name} | {vest} | {one.trials} | {one.n_a} | {one.n_b} | "
                     f"{one.matched} | {numbers} |"
