@@ -2,8 +2,9 @@
 
 ::
 
-    python -m tega.sim.check_events --fit 1000:1020         # prints weights and thresholds for tega.detect.settings
-    python -m tega.sim.check_events --seeds 2000:2010       # the table of docs/detect.md
+    python -m tega.sim.check_events --fit 1000:1023                       # weights for tega.detect.settings
+    python -m tega.sim.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
+    python -m tega.sim.check_events --narrowing --objects bag             # what a deformation could be told by
 
 Needs the extras ``sim`` and ``study``. A seed is a person; those that the rules were fitted on are never reported.
 """
@@ -323,11 +324,13 @@ def _table(trials: Sequence[Judged]) -> Iterable[str]:
     yield "|" + "---|" * 14
     objects = list(dict.fromkeys(one.result.object for one in trials))
     vests = list(dict.fromkeys(one.result.condition for one in trials))
+    groups = [("all", "all"), *((o, "all") for o in objects if len(objects) > 1)]
+    groups += [("all", v) for v in vests if len(vests) > 1]
     for kind in KINDS:
         for way in WAYS:
             if kind != "slip" and way == WAYS[2]:
                 continue  # needs hand and arm
-            for name, vest in [("all", "all"), *((o, "all") for o in objects), *(("all", v) for v in vests)]:
+            for name, vest in groups:
                 some = [
                     t
                     for t in trials
