@@ -13,13 +13,13 @@ from mcap.reader import make_reader
 from reference.sessions import tree
 from tega.cli.main import main
 from tega.config import check_tree
-from tega.config_text import config_text
 from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.teleop.loop import LoopView
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
+from tega.toml_text import config_text
 
 
 def test_the_public_reader_finds_well_known_schemas_times_and_files(lossless: Path) -> None:
