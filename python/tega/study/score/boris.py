@@ -128,7 +128,7 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
         folder: The study's folder.
         path: A project (``.boris``), or a tabular export as TSV or CSV. Observations are named as
             :func:`export_boris` names them. Of several of a trial the one that ends in the rater's code is taken,
-            else the one that ends in none; the detector's never.
+            else the one that ends in none, and the detector's only where there is no other.
         rater: A code that nobody has used in these sessions.
 
     Returns:
@@ -146,8 +146,7 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
         if found is None:
             raise RecordingError(f"{path.name}: observation {name!r} names no trial", "name it as p01_t07_a1")
         key, whose = (int(found[2]), int(found[3])), found[4] or ""
-        if whose != DETECTOR:
-            by_person.setdefault(found[1], {}).setdefault(key, {})[whose] = coded
+        by_person.setdefault(found[1], {}).setdefault(key, {})[whose] = coded
     ready: dict[str, list[tuple[Event, Event, Sequence[tuple[float, str]]]]] = {}
     for person, trials in by_person.items():
         plan.of(person)
@@ -197,12 +196,13 @@ def _of_one(
     for whose in (rater, ""):
         if whose in accounts:
             return accounts[whose]
-    if len(accounts) > 1:
+    people = [coded for whose, coded in accounts.items() if whose != DETECTOR]
+    if len(people) > 1:
         raise RecordingError(
             f"{path.name}: two observations of {name}, none of them {name}_{rater}",
             "name the rater's so, or leave those of one rater in the file",
         )
-    return next(iter(accounts.values()))
+    return next(iter(people or accounts.values()))
 
 
 def _project(path: Path) -> dict[str, Sequence[tuple[float, str]]]:
