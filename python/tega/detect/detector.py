@@ -19,8 +19,7 @@ EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
 
 _FADE_S = 0.4
 _STALE_S = 0.1
-_FLOOR = 3000.0
-"""Sum of a map that is no more than noise: below it nothing is said of how firm a grip is."""
+_FLOOR = 3000.0  # Sum of a map that is no more than noise: below it nothing is said of how firm a grip is.
 
 
 class Found(NamedTuple):
@@ -243,8 +242,8 @@ class Detector:
         if not self._lifted or self._grasp_s is None:
             return
         self._since_s = t_s if self._since_s is None else self._since_s
-        on = (one for one in self._quick.values() if one.touching)
-        self._pressed.add(t_s, math.log(_FLOOR + sum(math.exp(one.mass.quick) for one in on)))
+        on = (math.exp(one.mass.quick) for one in self._quick.values() if one.touching)
+        self._pressed.add(t_s, math.log(_FLOOR + sum(on)))
         if not math.isnan(self._closure.quick):
             self._grip.add(t_s, self._closure.quick)
 
@@ -255,8 +254,7 @@ class Detector:
         self._remember(t_s)
         seen = self.features(t_s)
         rule = self._s.touch if len(seen) == len(self._s.touch.weights) else self._s.hand
-        settled = self._settled(t_s)
-        share = share_of(rule, seen) if settled and self.may_slip else 0.0
+        share = share_of(rule, seen) if self._settled(t_s) and self.may_slip else 0.0
         found = self._rises[rule].add(t_s, share, void=not self.may_slip)
         return [] if found is None else [found]
 
