@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tega.detect import Detector, Found, Touch
-from tega.detect.tracks import Course
+from tega.detect.tracks import Course, Low
 
 HZ = 60.0
 NOTHING = Touch(False, 0, 0.0, 0.0, math.nan, math.nan)
@@ -61,6 +61,33 @@ def test_lift_off_is_the_height_that_a_grasp_gains() -> None:
     [lift] = [one for one in found if one.kind == "lift_off"]
     assert lift.t_s == pytest.approx(2.05, abs=0.011)
     assert lift.confidence == 0.75
+
+
+def test_what_is_taken_hold_of_again_in_the_air_does_not_lift_off_twice() -> None:
+    detector, found = Detector(), list[Found]()
+    for n in range(1000):
+        t_s = n / 100
+        felt = 0.5 < t_s < 2.5 or 5.0 < t_s < 7.0 or t_s > 8.0  # lost in the air, and put down from 7 to 8 s
+        height_m = (
+            0.1 * min(max(t_s - 1, 0.0), 2.0) + 0.02 * (t_s > 5.5) if t_s < 7 else 0.1 * max(t_s - 9, 0.0)
+        )
+        found += detector.touch(t_s, "thumb", FIRM if felt else NOTHING)
+        found += detector.hand(t_s, level=1, closure=1.0, height_m=height_m)
+    assert [round(one.t_s) for one in found if one.kind == "lift_off"] == [1, 9]
+
+
+def test_a_grip_is_weaker_than_before_only_where_it_never_was_so_weak() -> None:
+    low = Low(0.4)
+    below = []
+    for n in range(60):
+        t_s = n / 10
+        low.add(t_s, {0: 3.0, 1: 2.5, 2: 3.0, 3: 2.5, 4: 2.0, 5: 2.0}[int(t_s)])
+        below.append(round(low.below, 6))
+    assert low.fallen == 1.0
+    assert below[10] == 0.5, "new when it happens"
+    assert below[19] == 0.0, "and no longer when it has been so for a while"
+    assert set(below[20:40]) == {0.0}, "nor when it is so again"
+    assert below[40] == 0.5
 
 
 def test_a_deformation_is_closure_gained_since_contact_once_until_it_eases() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import random
@@ -23,7 +24,7 @@ from tega.study.journal import Event, read_events
 from tega.study.lead import lead_session
 from tega.study.lead.benches import LabBench, SimulatedBench
 from tega.study.lead.board import board_path, read_board
-from tega.study.lead.desk import ENTER, Screen
+from tega.study.lead.desk import ENTER, LineDesk, Screen
 from tega.study.lead.lift_rule import LiftRule
 from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
 from tega.study.state import derive, events_path
@@ -315,3 +316,20 @@ def test_devices_that_do_not_come_begin_no_trial(tmp_path: Path) -> None:
         lead_session(folder, "p01", bench, Experimenter(), time_scale=0.1, auto=True)
     assert kinds(events_of(folder))[-1] == "session_stop"
     assert "trial_start" not in kinds(events_of(folder))
+
+
+@pytest.mark.parametrize(("alone", "stops"), [(False, True), (True, False)])
+def test_a_standard_input_that_has_ended_stops_a_session_unless_nobody_needs_to_be_there(
+    monkeypatch: pytest.MonkeyPatch, *, alone: bool, stops: bool
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("y\n"))
+    heard, stopped = list[str](), False
+    with LineDesk(alone=alone) as desk:
+        for _ in range(20):
+            try:
+                heard += desk.keys()
+            except KeyboardInterrupt:
+                stopped = True
+            time.sleep(0.01)
+    assert heard == ["y"]
+    assert stopped is stops

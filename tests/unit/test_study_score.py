@@ -142,7 +142,9 @@ def test_boris_goes_out_and_comes_back(folder: Path, tmp_path: Path) -> None:
         export_boris(folder, path)
     with pytest.raises(RecordingError, match="two observations"):
         import_boris(folder, path, "r3")
-    project["observations"] = {k: v for k, v in project["observations"].items() if k.endswith("r1")}
+    for name in [name for name in project["observations"] if name.endswith("r1")]:
+        project["observations"][f"{name[:-3]}"] = project["observations"][name]
+        project["observations"][f"{name[:-3]}_detector"] = {"events": [[1.0, "", "drop", "", ""]]}
     path.write_text(json.dumps(project))
     assert import_boris(folder, path, "r3") == {"p01": 4}
     found = {(one.kind, one.a, one.b): one for one in agreements(folder)}

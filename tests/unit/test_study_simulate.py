@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
@@ -200,3 +206,76 @@ def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
     before = content(tmp_path / "s")
     ensure_plan(plan, tmp_path / "s")
     assert content(tmp_path / "s") == before
+
+
+def begun(folder: Path) -> subprocess.Popen[bytes]:
+    """Begin a study of two people with two workers, in a program of its own."""
+    code = "from tega.cli.main import main; main()"
+    asked = [
+        "study",
+        "simulate",
+        "--operators",
+        "2",
+        "--objects",
+        "bag",
+        "--trials",
+        "1",
+        "--jobs",
+        "2",
+        "--out",
+    ]
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen([sys.executable, "-c", code, *asked, str(folder)], stdout=quiet, stderr=quiet)
+
+
+def wait_until(what: Callable[[], bool], limit_s: float = 60) -> None:
+    until_s = time.monotonic() + limit_s
+    while not what():
+        assert time.monotonic() < until_s, f"not so within {limit_s:g} s"
+        time.sleep(0.05)
+
+
+def workers_of(pid: int) -> list[int]:
+    """Return a program's worker processes, without joblib's own tracker, which ends when its pipe does."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        found += [int(child) for child in task.read_text(encoding="ascii").split()]
+    return [child for child in found if b"popen_loky" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_end_with_the_program_that_started_them(tmp_path: Path, how: signal.Signals) -> None:
+    program = begun(tmp_path / "s")
+    try:
+        wait_until(lambda: len(workers_of(program.pid)) == 2 and any((tmp_path / "s").glob(".running/*")))
+        workers = workers_of(program.pid)
+        program.send_signal(how)
+        assert program.wait(20) == -how
+        wait_until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))
+    finally:
+        program.kill()
+        program.wait()
+
+
+@pytest.mark.deep
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+def test_a_study_killed_ten_times_is_the_one_that_was_not(tmp_path: Path) -> None:
+    simulate(tmp_path / "whole", operators=2, objects=["bag"], trials=1, jobs=1)
+    rng, cut, plan, cut_short = random.Random(8), tmp_path / "cut", b"", 0
+    for _ in range(10):
+        program = begun(cut)
+        try:
+            wait_until(lambda: (cut / "study.toml").exists() or program.poll() is not None)  # noqa: B023
+            time.sleep(rng.uniform(0.5, 6.0))
+        finally:
+            cut_short += program.poll() is None
+            program.kill()
+            program.wait()
+        plan = plan or (cut / "plan.csv").read_bytes()
+        assert (cut / "plan.csv").read_bytes() == plan
+    assert cut_short > 2
+    simulate(cut, operators=2, objects=["bag"], trials=1, jobs=1)
+    whole, left = content(tmp_path / "whole"), content(cut)
+    assert {name: left[name] for name in whole} == whole
+    assert not any(name.startswith(".running") for name in left)

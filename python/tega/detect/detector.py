@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from tega.detect.settings import SETTINGS, Rule, Settings
-from tega.detect.tracks import Course, FingerTrack, Touch
+from tega.detect.tracks import Course, FingerTrack, Low, Touch
 
 __all__ = ["Detector", "EventKind", "Found"]
 
@@ -19,6 +19,7 @@ EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
 
 _FADE_S = 0.4
 _STALE_S = 0.1
+_FLOOR = 3000.0  # Sum of a map that is no more than noise: below it nothing is said of how firm a grip is.
 
 
 class Found(NamedTuple):
@@ -99,8 +100,10 @@ class Detector:
         self._next_s = -math.inf
         self._level: int | None = None
         self._closure, self._height = (Course(settings.quick_s, settings.slow_s) for _ in range(2))
-        self._base_m = math.inf
+        self._base_m = self._floor_m = math.inf
         self._lifted = False
+        self._since_s: float | None = None
+        self._grip, self._pressed = Low(settings.before_s), Low(settings.before_s)
         self._first_closure: float | None = None
         self._squeezed_s: float | None = None
         self._rises = {
@@ -172,7 +175,18 @@ class Detector:
         return [one._replace(known_s=t_s) for one in last if one is not None]
 
     def features(self, t_s: float) -> tuple[float, ...]:
-        """Return what a slip is seen by: :data:`FEATURES`, then :data:`HAND_FEATURES` where they are measured."""
+        """Return what a slip is seen by: :data:`HAND_FEATURES` where they are measured, else :data:`FEATURES`."""
+        if not (math.isnan(self._closure.quick) or math.isnan(self._height.quick) or self._level is None):
+            return (
+                self._pressed.fallen,
+                self._pressed.below,
+                self._closure.change,
+                self._level - self._closure.quick,
+                10 * self._height.change,
+                self._grip.fallen,
+                self._grip.below,
+                0.0 if self._since_s is None else math.exp(self._since_s - t_s),
+            )
         on = [(one, self._trend[finger]) for finger, one in self._quick.items() if one.touching]
         sums = [math.exp(one.mass.quick) for one, _ in on]
         mass = sum(sums)
@@ -180,7 +194,7 @@ class Detector:
         long_before = sum(math.exp(trend.mass.slow) for _, trend in on)
         flows = [one.flow_px for one, _ in on]
         mean = sum(flow * part for flow, part in zip(flows, sums, strict=True)) / mass if on else 0.0
-        seen = (
+        return (
             float(len(on)),
             math.log1p(mass / 1e4),
             math.log((mass + 1e3) / (before + 1e3)),
@@ -194,9 +208,6 @@ class Detector:
             math.exp((self._lost_s - t_s) / _FADE_S),
             math.exp((self._gained_s - t_s) / _FADE_S),
         )
-        if math.isnan(self._closure.quick) or math.isnan(self._height.quick) or self._level is None:
-            return seen
-        return (*seen, self._closure.change, self._level - self._closure.quick, 10 * self._height.change)
 
     @property
     def _holds(self) -> bool:
@@ -226,17 +237,33 @@ class Detector:
         # Certain as far as the fingertip's own noise goes: the reading calls contact what stands out of it.
         return [Found("contact" if track.touching else "release", track.since_s, 1.0, t_s, finger)]
 
+    def _remember(self, t_s: float) -> None:
+        """Keep how firm the grip is, from lift-off on."""
+        if not self._lifted or self._grasp_s is None:
+            return
+        self._since_s = t_s if self._since_s is None else self._since_s
+        on = (math.exp(one.mass.quick) for one in self._quick.values() if one.touching)
+        self._pressed.add(t_s, math.log(_FLOOR + sum(on)))
+        if not math.isnan(self._closure.quick):
+            self._grip.add(t_s, self._closure.quick)
+
+    def _settled(self, t_s: float) -> bool:
+        return self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
+
     def _slip(self, t_s: float) -> list[Found]:
+        self._remember(t_s)
         seen = self.features(t_s)
         rule = self._s.touch if len(seen) == len(self._s.touch.weights) else self._s.hand
-        settled = self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
-        share = share_of(rule, seen) if settled and self.may_slip else 0.0
+        share = share_of(rule, seen) if self._settled(t_s) and self.may_slip else 0.0
         found = self._rises[rule].add(t_s, share, void=not self.may_slip)
         return [] if found is None else [found]
 
     def _lift(self, t_s: float, height_m: float) -> list[Found]:
+        self._floor_m = min(self._floor_m, height_m)
         if self._grasp_s is None and not self._holds:
-            self._base_m, self._lifted = height_m, False
+            # What is taken hold of again in the air does not leave the table a second time.
+            self._lifted = self._lifted and height_m > self._floor_m + self._s.down_m
+            self._base_m = self._floor_m if self._lifted else height_m
             return []
         self._base_m = min(self._base_m, height_m)
         if self._lifted or height_m - self._base_m < self._s.lift_m:
@@ -260,8 +287,8 @@ class Detector:
         return []
 
     def _let_go(self) -> None:
-        self._grasp_s = self._first_closure = self._squeezed_s = None
-        self._lifted = False
+        self._grasp_s = self._first_closure = self._squeezed_s = self._since_s = None
+        self._grip, self._pressed = Low(self._s.before_s), Low(self._s.before_s)
 
 
 def share_of(rule: Rule, seen: Sequence[float]) -> float:

@@ -7,6 +7,7 @@ slow mean's time, without a buffer and whatever the interval between frames.
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 __all__ = ["Course", "FingerTrack", "Touch"]
@@ -67,6 +68,40 @@ class Course:
     def change(self) -> float:
         """How the quantity has changed lately; 0 before the first value."""
         return 0.0 if math.isnan(self.quick) else self.quick - self.slow
+
+
+class Low:
+    """How far a quantity has fallen since a moment, and whether it was ever so low before.
+
+    An object that has slid comes to rest in the grip that it has; it slides again where the grip falls lower still.
+
+    Args:
+        before_s: What is younger than this is now, seconds; the rest is before.
+    """
+
+    def __init__(self, before_s: float) -> None:
+        self._before_s = before_s
+        self._young: deque[tuple[float, float]] = deque()
+        self._first = self._lowest = self._now = math.nan
+
+    def add(self, t_s: float, value: float) -> None:
+        """Take in a value; the first is the moment's."""
+        if math.isnan(self._first):
+            self._first = self._lowest = value
+        self._now = value
+        self._young.append((t_s, value))
+        while self._young[0][0] <= t_s - self._before_s:
+            self._lowest = min(self._lowest, self._young.popleft()[1])
+
+    @property
+    def fallen(self) -> float:
+        """How far it is below the first value; 0 before that."""
+        return 0.0 if math.isnan(self._first) else self._first - self._now
+
+    @property
+    def below(self) -> float:
+        """How far it is below the lowest before; 0 where it is not."""
+        return 0.0 if math.isnan(self._first) else max(self._lowest - self._now, 0.0)
 
 
 class FingerTrack:

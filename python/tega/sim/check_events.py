@@ -2,8 +2,9 @@
 
 ::
 
-    python -m tega.sim.check_events --fit 1000:1020         # prints weights and thresholds for tega.detect.settings
-    python -m tega.sim.check_events --seeds 2000:2010       # the table of docs/detect.md
+    python -m tega.sim.check_events --fit 1000:1023                       # weights for tega.detect.settings
+    python -m tega.sim.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
+    python -m tega.sim.check_events --narrowing --objects bag             # what a deformation could be told by
 
 Needs the extras ``sim`` and ``study``. A seed is a person; those that the rules were fitted on are never reported.
 """
@@ -20,7 +21,7 @@ import numpy as np
 
 from tega.detect import Detector, Found
 from tega.detect.detector import Rise
-from tega.detect.settings import SETTINGS, Rule
+from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, Rule
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.streams import Streams
 from tega.study.detecting import events_of
@@ -44,6 +45,7 @@ KINDS = ("lift_off", "slip", "deformation")
 WAYS = ("record", "live", "live, touch only")
 _PLACING = frozenset({"place", "release", "done"})
 _ONSET_S = 0.5
+_HOLDS_LEVEL = 1.5
 
 
 class Kept(NamedTuple):
@@ -54,12 +56,14 @@ class Kept(NamedTuple):
         touch: Every frame of the fingertips.
         hand: Hand and arm a hundred times a second.
         slipping: Beginning and end of each slip, seconds.
+        narrowing: How much narrower the object is, by time: seconds, millimetres.
     """
 
     result: TrialResult
     touch: list[TouchRow]
     hand: list[HandRow]
     slipping: list[tuple[float, float]]
+    narrowing: Sequence[tuple[float, float]] = ()
 
 
 class _Keeper(Streams):
@@ -68,11 +72,13 @@ class _Keeper(Streams):
         self.touch: list[TouchRow] = []
         self.hand: list[HandRow] = []
         self.speed: list[tuple[float, float]] = []
+        self.narrowing: list[tuple[float, float]] = []
         self._level: int | None = None
 
     def act(self, percept: Percept, act: Act) -> None:
         self.hand.append(HandRow(percept.t_s, self._level, percept.closure, act.forearm_m[0]))
         self.speed.append((percept.t_s, percept.scene.slip_m_s))
+        self.narrowing.append((percept.t_s, 1e3 * percept.scene.deformation_m))
 
     def contact(
         self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt, image: NDArray[np.uint8]
@@ -107,7 +113,7 @@ def run(plan: TrialPlan) -> Kept:
         if event.kind == "slip":
             rests = (t for t, v in keeper.speed if t > event.t_s + 0.3 and v < REST_M_S)
             slipping.append((event.t_s, next(rests, result.duration_s)))
-    return Kept(result, keeper.touch, keeper.hand, slipping)
+    return Kept(result, keeper.touch, keeper.hand, slipping, keeper.narrowing)
 
 
 class Judged(NamedTuple):
@@ -154,8 +160,8 @@ class _Looks(Detector):
         self.seen: list[tuple[float, tuple[float, ...], bool]] = []
 
     def _slip(self, t_s: float) -> list[Found]:
-        settled = self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
-        self.seen.append((t_s, self.features(t_s), settled and self.may_slip))
+        self._remember(t_s)
+        self.seen.append((t_s, self.features(t_s), self._settled(t_s) and self.may_slip))
         return []
 
 
@@ -180,7 +186,7 @@ class _Seen(NamedTuple):
 def _looks(kept: Kept, *, hand: bool) -> _Seen:
     looks = _Looks()
     events_of(kept.touch, kept.hand if hand else [], detector=looks)
-    width = len(SETTINGS.hand.weights if hand else SETTINGS.touch.weights)
+    width = len(HAND_FEATURES if hand else FEATURES)
     rows = [row for row in looks.seen if len(row[1]) == width]
     t_s = np.array([row[0] for row in rows])
     slips, near = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
@@ -197,7 +203,7 @@ def _looks(kept: Kept, *, hand: bool) -> _Seen:
     )
 
 
-def fit(trials: Sequence[Kept], *, hand: bool, penalty: float = 10.0) -> Rule:
+def fit(trials: Sequence[Kept], *, hand: bool, penalty: float = 30.0) -> Rule:
     """Fit the slip's rule: ridge-penalised logistic weights, then the threshold with the best F1 over these trials."""
     from scipy.optimize import minimize
 
@@ -252,6 +258,43 @@ def _f1(
     return 2 * matched / max(events, 1)
 
 
+def narrowing(trials: Sequence[Kept]) -> Iterable[str]:
+    """Say how well the signals tell how much narrower a held object is: least squares, ten looks a second."""
+    looks, true_mm = [], []
+    for one in trials:
+        lifted_s = next((e.t_s for e in one.result.events if e.kind == "lift_off"), math.inf)
+        first_s = next((row.t_s for row in one.touch if row.in_contact), math.inf)
+        held = max(first_s, lifted_s) < math.inf
+        t_s = np.arange(lifted_s, one.result.duration_s, 0.1) if held else np.zeros(0)
+        closure = np.array([(row.t_s, row.closure) for row in one.hand if row.closure is not None])
+        closed = np.interp(t_s, *closure.T)
+        touch = np.zeros((2, len(t_s)))
+        for finger in {row.finger for row in one.touch}:
+            mine = np.array(
+                [
+                    (r.t_s, *((r.mass, r.eda) if r.in_contact else (0.0, 0)))
+                    for r in one.touch
+                    if r.finger == finger
+                ]
+            )
+            touch += [np.interp(t_s, mine[:, 0], mine[:, n]) for n in (1, 2)]
+        gained = closed - np.interp(first_s, *closure.T)
+        holds = closed > _HOLDS_LEVEL
+        looks.append(np.stack([np.ones(len(t_s)), gained, *touch], axis=1)[holds])
+        true_mm.append(np.interp(t_s, *np.array(one.narrowing).T)[holds])
+    x, y = np.concatenate(looks), np.concatenate(true_mm)
+    yield "| narrowing of a held object, told by | standard deviation of what is left, mm | 95 % within, mm |"
+    yield "|---|---|---|"
+    for what, columns in (
+        ("nothing", [0]),
+        ("areas and sums of the fingertips", [0, 2, 3]),
+        ("closure gained since contact", [0, 1]),
+        ("both", [0, 1, 2, 3]),
+    ):
+        left = y - x[:, columns] @ np.linalg.lstsq(x[:, columns], y, rcond=None)[0]
+        yield f"| {what} | {left.std():.2f} | {np.quantile(np.abs(left), 0.95):.2f} |"
+
+
 def _plans(
     seeds: Iterable[int], conditions: Sequence[str], stiffness: float, friction: float
 ) -> list[TrialPlan]:
@@ -276,16 +319,18 @@ def _plans(
 def _table(trials: Sequence[Judged]) -> Iterable[str]:
     yield (
         "| event | seen | object | vest | trials | true | found | both "
-        "| precision | recall | F1 | chance | delay, s |"
+        "| precision | recall | F1 | chance | delay, s | kappa |"
     )
-    yield "|" + "---|" * 13
+    yield "|" + "---|" * 14
     objects = list(dict.fromkeys(one.result.object for one in trials))
     vests = list(dict.fromkeys(one.result.condition for one in trials))
+    groups = [("all", "all"), *((o, "all") for o in objects if len(objects) > 1)]
+    groups += [("all", v) for v in vests if len(vests) > 1]
     for kind in KINDS:
         for way in WAYS:
             if kind != "slip" and way == WAYS[2]:
                 continue  # needs hand and arm
-            for name, vest in [("all", "all"), *((o, "all") for o in objects), *(("all", v) for v in vests)]:
+            for name, vest in groups:
                 some = [
                     t
                     for t in trials
@@ -298,7 +343,9 @@ def _table(trials: Sequence[Judged]) -> Iterable[str]:
                     one.matched / one.n_b if one.n_b else None,
                     one.matched / one.n_a if one.n_a else None,
                 )
-                numbers = " | ".join(_number(v) for v in (*cells, one.f1, one.chance_f1, one.delay_s))
+                numbers = " | ".join(
+                    _number(v) for v in (*cells, one.f1, one.chance_f1, one.delay_s, one.kappa)
+                )
                 yield (
                     f"| {kind.replace('_', '-')} | {way} | {name} | {vest} | {one.trials} | {one.n_a} | {one.n_b} | "
                     f"{one.matched} | {numbers} |"
@@ -324,6 +371,10 @@ def main() -> None:
     parser.add_argument("--conditions", default="haptic,non-haptic,event-gated")
     parser.add_argument("--stiffness", type=float, default=1.0, help="of the objects, times their own")
     parser.add_argument("--friction", type=float, default=1.0, help="likewise")
+    parser.add_argument("--objects", default="", help="some of them, by name; all unless given")
+    parser.add_argument(
+        "--narrowing", action="store_true", help="how well the signals tell an object's narrowing"
+    )
     parser.add_argument("--jobs", type=int, default=-1)
     asked = parser.parse_args()
     from joblib import Parallel, delayed
@@ -335,6 +386,11 @@ def main() -> None:
             sys.stdout.write(f"{name}: {fit(kept, hand=hand)}\n")
         return
     plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction)
+    plans = [plan for plan in plans if not asked.objects or plan.object in asked.objects.split(",")]
+    if asked.narrowing:
+        trials: list[Kept] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
+        sys.stdout.writelines(line + "\n" for line in narrowing(trials))
+        return
     judged: list[Judged] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
     for line in _table(judged):
         sys.stdout.write(line + "\n")

@@ -14,8 +14,9 @@ from typing import IO
 
 import msgspec
 
-from tega.errors import MissingExtraError, RecordingError
+from tega.errors import RecordingError
 from tega.sim.trial import TrialPlan, TrialResult, run_trial
+from tega.sim.workers import over_cores
 
 __all__ = ["plan_trials", "read_results", "run_trials"]
 
@@ -77,7 +78,7 @@ def run_trials(
         file = out.open("ab")
     try:
         progress("trials", n_done, n_done + len(left))
-        for result in _results(left, jobs or os.cpu_count() or 1):
+        for result in over_cores(run_trial, left, jobs or os.cpu_count() or 1):
             known[result.plan] = result
             if file is not None:
                 _add(file, result)
@@ -132,18 +133,6 @@ def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
                 f"{path.name}: made with the person's parameters {result.person}, which are {today[:16]} now",
                 "name a new file",
             )
-
-
-def _results(plans: Sequence[TrialPlan], jobs: int) -> Iterable[TrialResult]:
-    if jobs == 1 or len(plans) < 2:
-        return map(run_trial, plans)
-    try:
-        from joblib import Parallel, delayed
-    except ImportError as error:
-        raise MissingExtraError("joblib is not installed", "pip install 'tega[sim]'") from error
-    parallel = Parallel(n_jobs=min(jobs, len(plans)), return_as="generator_unordered", batch_size=1)
-    results: Iterable[TrialResult] = parallel(delayed(run_trial)(plan) for plan in plans)
-    return results
 
 
 def _add(file: IO[bytes], result: TrialResult) -> None:

@@ -83,7 +83,7 @@ def run(
     with (
         _bench(plan, participant, lab=lab, emulated=emulated, sets=sets) as bench,
         Stop() as stop,
-        desk_for(stop) as desk,
+        desk_for(stop, alone=yes) as desk,
     ):
         state = lead_session(
             folder,

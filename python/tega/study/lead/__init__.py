@@ -7,7 +7,10 @@
     benches.py     what a trial runs on: the lab's devices, or the simulated bench
     questions.py   raw NASA-TLX and comfort, asked after each block
     desk.py        what the experimenter sees and presses: a terminal, or lines
+    screens.py     what there is to see while a trial is waited for, and while it goes on
+    before.py      the trial before: how it went, corrections, notes
     board.py       what the observers' consoles are told, in a file beside the events
+    telling.py     screen and board, no more often than is of use
     session.py     the session: rest, countdown, trial, questions, from the first trial to the last
 
 All that is decided is an event in the session's journal; a stop at any moment loses nothing that was acknowledged.

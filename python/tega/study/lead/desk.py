@@ -65,24 +65,31 @@ class Desk(Protocol):
         ...
 
 
-def desk_for(stop: Callable[[], bool]) -> LineDesk | TerminalDesk:
+def desk_for(stop: Callable[[], bool], *, alone: bool = False) -> LineDesk | TerminalDesk:
     """Return the desk that fits where this runs.
 
     Args:
         stop: Asked while a typed line is waited for; :meth:`Desk.line` then raises KeyboardInterrupt.
+        alone: Whether nobody needs to be there, so that a standard input that has ended stops nothing.
     """
-    return TerminalDesk(stop) if sys.stdin.isatty() and sys.stderr.isatty() else LineDesk(stop)
+    if sys.stdin.isatty() and sys.stderr.isatty():
+        return TerminalDesk(stop)
+    return LineDesk(stop, alone=alone)
 
 
 class LineDesk:
     """One line at a time on stderr; keys are letters in lines of stdin, an empty line is Enter.
 
+    Args:
+        stop: As of :func:`desk_for`.
+        alone: Likewise.
+
     Raises:
         KeyboardInterrupt: From :meth:`keys` and :meth:`line`: stdin has ended, so whoever led has gone.
     """
 
-    def __init__(self, stop: Callable[[], bool] = lambda: False) -> None:
-        self._stop = stop
+    def __init__(self, stop: Callable[[], bool] = lambda: False, *, alone: bool = False) -> None:
+        self._stop, self._alone = stop, alone
         self._heard: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._shown: tuple[object, ...] = ()
         self._shown_s = 0.0
@@ -118,7 +125,7 @@ class LineDesk:
     def keys(self) -> list[str]:
         """Return the keys of the lines that have come."""
         found: list[str] = []
-        if self._gone:
+        if self._gone and not self._alone:
             raise KeyboardInterrupt
         while not self._heard.empty():
             line = self._heard.get()
@@ -126,7 +133,8 @@ class LineDesk:
                 self._gone = True
                 break
             found += list(line) or [ENTER]
-        if self._gone and not found:
+        if self._gone and not found and not self._alone:
+            click.echo("standard input has ended, so nobody leads; --yes rehearses without anybody", err=True)
             raise KeyboardInterrupt
         return found
 

@@ -6,13 +6,16 @@ that more is worse on all six and nothing is turned round.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from tega.study.journal import Event
 from tega.study.plan import PlannedTrial
 
-__all__ = ["QUESTIONS", "TLX", "Question", "answer_of", "blocks_to_ask", "raw_tlx"]
+if TYPE_CHECKING:
+    from tega.study.lead.desk import Desk
+
+__all__ = ["QUESTIONS", "TLX", "Question", "answer_of", "ask", "blocks_to_ask", "raw_tlx"]
 
 STEP = 5
 
@@ -69,6 +72,26 @@ def answer_of(said: str) -> float | None:
     if not 0 <= value <= 100 or value % STEP:
         raise ValueError(said)
     return float(value)
+
+
+def ask(question: Question, desk: Desk, stop: Callable[[], bool]) -> float | None:
+    """Ask until there is an answer.
+
+    Args:
+        question: What.
+        desk: Where.
+        stop: Asked before each try whether to give up.
+
+    Raises:
+        KeyboardInterrupt: ``stop`` said so, or nobody is at the desk.
+    """
+    while not stop():
+        said = desk.line(f"{question.title}: 0 {question.left} … 100 {question.right}:")
+        try:
+            return answer_of(said)
+        except ValueError:
+            desk.say(f"{said!r} is not one of 0, 5, 10 … 100, and not -")
+    raise KeyboardInterrupt
 
 
 def raw_tlx(answers: Mapping[str, float | None]) -> float | None:

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING
 
 from tega.clock import Clock, SystemClock
 from tega.errors import DeviceUnavailableError
-from tega.study.journal import Journal, counting
-from tega.study.lead.board import Board, board_path, write_board
-from tega.study.lead.desk import ENTER, Desk, Screen
-from tega.study.lead.questions import QUESTIONS, answer_of, blocks_to_ask
-from tega.study.lead.trial import EXPERIMENTER, LedTrial, Task, keys_of, undo_last
+from tega.study.journal import Journal
+from tega.study.lead.before import TrialBefore
+from tega.study.lead.board import Board, board_path
+from tega.study.lead.desk import ENTER, Desk
+from tega.study.lead.questions import QUESTIONS, ask, blocks_to_ask
+from tega.study.lead.screens import running, waiting
+from tega.study.lead.telling import Telling
+from tega.study.lead.trial import LedTrial, Task
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.state import SessionState, derive, resume
 
@@ -29,8 +32,6 @@ INSTRUCTION = (
 """Read to the participant, the same in every condition; kept with the session's events."""
 
 _POLL_S = 0.02
-_REDRAW_S = 0.1
-_BOARD_S = 0.5
 
 
 def lead_session(
@@ -119,10 +120,9 @@ class _Lead:
         self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
         self._task, self._scale, self._pedal = task, time_scale, pedal
         self._auto, self._stop = auto, stop
-        self._drawn_s = self._boarded_s = float("-inf")
-        self._told: Board | None = None
+        self._before = TrialBefore(journal, desk, clock)
+        self._telling = Telling(desk, board_path(folder, participant))
         self._led: LedTrial | None = None
-        self._last: tuple[int, int] | None = None
 
     @property
     def _state(self) -> SessionState:
@@ -130,12 +130,9 @@ class _Lead:
 
     def run(self, most: int | None) -> SessionState:
         """Go on until all trials are over, or so many of them, or somebody quits."""
-        ends = [event for event in self._journal.events if event.kind == "trial_end"]
-        if ends:
-            self._last = ends[-1].trial, ends[-1].attempt
-        self._note(INSTRUCTION)
+        self._before.note(INSTRUCTION)
         if self._scale != 1.0:
-            self._note(f"rehearsal: waits are {self._scale:g} times as long")
+            self._before.note(f"rehearsal: waits are {self._scale:g} times as long")
         self._desk.say(f"Read to the participant: {INSTRUCTION}")
         n_done = 0
         while self._questions() and (most is None or n_done < most):
@@ -157,13 +154,16 @@ class _Lead:
         if self._led is not None:
             self._led.break_off("the session was stopped")
         self._journal.add("session_stop", t_ns=self._clock.now_ns(), source="auto")
-        self._board("over" if self._state.next is None else "stopped", None, at_once=True)
+        self._board("over" if self._state.next is None else "stopped", at_once=True)
 
     # The parts of a session.
 
     def _wait(self, trial: PlannedTrial, attempt: int) -> bool:
         """Rest, then wait until everybody is ready; False to quit."""
-        until_ns = self._rest_until_ns(trial, attempt)
+        rest_s = trial.rest_s if attempt == 1 else max(trial.rest_s, self._plan.settings.rest_s)
+        now_ns = self._clock.now_ns()
+        ended_ns = self._before.ended_ns(now_ns)
+        until_ns = now_ns if ended_ns is None else ended_ns + round(rest_s * self._scale * 1e9)
         again = ", again" if attempt > 1 else ""
         heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)}{again} · {trial.object}"
         quitting = False
@@ -180,19 +180,12 @@ class _Lead:
                 elif key in {ENTER, self._pedal} and not resting:
                     return True
                 else:
-                    self._correct(key)
+                    self._before.take(key)
             if self._auto and not resting:
                 return True
-            phase = "rest" if resting else "ready"
-            big = (
-                f"rest  {_clock(left_s)}"
-                if resting
-                else f"put the {trial.object} in its place; Enter to begin"
-            )
-            keys = [("q q", "stop here")] if resting else [("Enter", "begin"), ("q q", "stop here")]
-            self._show(
-                Screen(phase, heading, big, self._about_last(), [*keys, *self._correcting()]),
-                self._as_board(phase, trial, attempt, until_ns=until_ns if resting else None),
+            screen = waiting(heading, trial.object, left_s, self._before.lines(), self._before.keys)
+            self._telling.show(
+                screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
             )
             time.sleep(_POLL_S)
 
@@ -214,25 +207,15 @@ class _Lead:
         heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)} · {trial.object}"
         while not led.step(self._heard()):
             going = led.going
-            t_s = going.elapsed_s()
-            big = {
-                "preparing": going.reason or "devices start",
-                "countdown": f"ready … {max(1, round(led.left_s + 0.5))}",
-            }.get(led.phase, f"{t_s:5.1f} s of {window_s:g}")
-            lines = [] if led.phase != "trial" else [_about(led)]
-            if going.state == "hold":
-                lines.append(f"hold: {going.reason}")
-            phase = led.phase
-            keys = keys_of(sees_height=self._bench.sees_height) if phase == "trial" else [("a", "break off")]
             until_ns = None if going.started_ns is None else going.started_ns + round(window_s * 1e9)
-            self._show(
-                Screen(phase, heading, big, lines, keys, going.alerts),
+            self._telling.show(
+                running(heading, led, window_s, sees_height=self._bench.sees_height),
                 self._as_board(
-                    phase,
+                    led.phase,
                     trial,
                     attempt,
                     until_ns=until_ns,
-                    started_ns=going.started_ns if phase == "trial" else None,
+                    started_ns=going.started_ns if led.phase == "trial" else None,
                     says=going.reason,
                     health=going.alerts,
                 ),
@@ -244,7 +227,6 @@ class _Lead:
                 raise DeviceUnavailableError(f"trial {trial.trial} cannot begin: {led.broke}")
             self._desk.say(f"The trial did not begin: {led.broke}")
             return False
-        self._last = trial.trial, attempt
         end = next(e for e in reversed(self._journal.events) if e.kind == "trial_end")
         self._desk.say(
             f"trial {trial.trial}: {end.text}" + ("" if end.status == "done" else f" ({end.status})")
@@ -266,17 +248,8 @@ class _Lead:
                     f"{len(QUESTIONS)} left)"
                 )
             for question in questions:
-                self._board("questions", None)
-                value = None
-                while not self._auto:
-                    if self._stop():
-                        raise KeyboardInterrupt
-                    said = self._desk.line(f"{question.title}: 0 {question.left} … 100 {question.right}:")
-                    try:
-                        value = answer_of(said)
-                        break
-                    except ValueError:
-                        self._desk.say(f"{said!r} is not one of 0, 5, 10 … 100, and not -")
+                self._board("questions")
+                value = None if self._auto else ask(question, self._desk, self._stop)
                 self._journal.add(
                     "rating",
                     t_ns=self._clock.now_ns(),
@@ -287,82 +260,10 @@ class _Lead:
                 )
         return True
 
-    # What else is pressed while nothing runs.
-
-    def _correct(self, key: str) -> None:
-        """Take in a correction of the trial before, or a note."""
-        if key == "n":
-            self._note(self._desk.line("note:"), source=EXPERIMENTER)
-            return
-        if self._last is None:
-            return
-        trial, attempt = self._last
-        now_ns = self._clock.now_ns()
-        if key in {"y", "f"}:
-            self._journal.add(
-                "override", t_ns=now_ns, trial=trial, attempt=attempt, success=key == "y", source=EXPERIMENTER
-            )
-        elif key == "u" and (done := undo_last(self._journal, trial, attempt, t_ns=now_ns)) is not None:
-            what = self._journal.events[(done.undone or 1) - 1]
-            self._desk.say(f"undone: {what.kind} of trial {trial}")
-
-    def _correcting(self) -> list[tuple[str, str]]:
-        keys = [("n", "note")]
-        if self._last is not None:
-            keys = [("y", "it was a success"), ("f", "it was a failure"), ("u", "undo"), *keys]
-        return keys
-
-    def _about_last(self) -> list[str]:
-        """Return how the trial before went."""
-        if self._last is None:
-            return []
-        events = counting(self._journal.events, *self._last)
-        end = next((event for event in events if event.kind == "trial_end"), None)
-        if end is None or end.status is None:
-            return []
-        if end.status.startswith("aborted"):
-            return [f"trial {self._last[0]}: {end.status.replace('_', ' ')}, {end.text}"]
-        success = bool(end.success)
-        for event in events:
-            if event.kind == "override" and event.success is not None:
-                success = event.success
-        n = {kind: sum(event.kind == kind for event in events) for kind in ("slip", "deformation")}
-        how = "success" if success else "failure"
-        return [
-            f"trial {self._last[0]}: {how}; slips {n['slip']}, deformations {n['deformation']}; {end.text}"
-        ]
-
-    # Small things.
-
-    def _rest_until_ns(self, trial: PlannedTrial, attempt: int) -> int:
-        ends = [event for event in self._journal.events if event.kind == "trial_end"]
-        now_ns = self._clock.now_ns()
-        if not ends:
-            return now_ns
-        rest_s = trial.rest_s if attempt == 1 else max(trial.rest_s, self._plan.settings.rest_s)
-        # After a restart of the machine its clock begins anew: nobody knows how long ago the end was.
-        since_ns = min(ends[-1].t_ns, now_ns)
-        if any(event.t_ns > now_ns for event in self._journal.events[-1:]):
-            since_ns = now_ns
-        return since_ns + round(rest_s * self._scale * 1e9)
-
     def _heard(self) -> list[str]:
         if self._stop():
             raise KeyboardInterrupt
         return self._desk.keys()
-
-    def _note(self, text: str, *, source: str = "auto") -> None:
-        trial, attempt = self._last or (0, 1)
-        self._journal.add(
-            "note", t_ns=self._clock.now_ns(), trial=trial, attempt=attempt, source=source, text=text
-        )
-
-    def _show(self, screen: Screen, board: Board) -> None:
-        now_s = time.monotonic()
-        if now_s - self._drawn_s >= _REDRAW_S:
-            self._drawn_s = now_s
-            self._desk.show(screen)
-        self._put(board, now_s=now_s)
 
     def _as_board(
         self,
@@ -390,39 +291,5 @@ class _Lead:
             health=health,
         )
 
-    def _board(self, phase: str, trial: PlannedTrial | None, *, at_once: bool = False) -> None:
-        self._put(self._as_board(phase, trial), now_s=float("inf") if at_once else time.monotonic())
-
-    def _put(self, board: Board, *, now_s: float) -> None:
-        """Write the board when something changes, and often enough to show that somebody is there."""
-        told = self._told
-        same = told is not None and (told.phase, told.trial, told.started_ns, told.health) == (
-            board.phase,
-            board.trial,
-            board.started_ns,
-            board.health,
-        )
-        if same and now_s - self._boarded_s < _BOARD_S:
-            return
-        self._told, self._boarded_s = board, now_s
-        write_board(board_path(self._folder, self._participant), board)
-
-
-def _about(led: LedTrial) -> str:
-    rule = led.rule
-    if rule.held_s is not None:
-        how = "lifted and held"
-    elif rule.since_s is not None:
-        how = "at the mark"
-    elif rule.lift_off_s is not None:
-        how = "off the table"
-    else:
-        how = "on the table"
-    events = led.events()
-    n = {kind: sum(event.kind == kind for event in events) for kind in ("slip", "deformation", "drop")}
-    return f"{how}   slips {n['slip']}   deformations {n['deformation']}   drops {n['drop']}"
-
-
-def _clock(left_s: float) -> str:
-    whole = max(0, int(left_s + 0.999))
-    return f"{whole // 60}:{whole % 60:02d}"
+    def _board(self, phase: str, *, at_once: bool = False) -> None:
+        self._telling.put(self._as_board(phase, None), at_once=at_once)

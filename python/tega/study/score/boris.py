@@ -29,7 +29,7 @@ _CODES: dict[str, tuple[Kind, str]] = {
     "drop": ("drop", "x"),
     "lift_off": ("lift_off", "l"),
 }
-_ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_.+)?")
+_ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_(.+))?")
 
 
 def export_boris(folder: Path, path: Path) -> int:
@@ -127,7 +127,8 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
     Args:
         folder: The study's folder.
         path: A project (``.boris``), or a tabular export as TSV or CSV. Observations are named as
-            :func:`export_boris` names them; anything behind ``_a1`` does not matter.
+            :func:`export_boris` names them. Of several of a trial the one that ends in the rater's code is taken,
+            else the one that ends in none, and the detector's only where there is no other.
         rater: A code that nobody has used in these sessions.
 
     Returns:
@@ -139,26 +140,23 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
     """
     observed = _project(path) if path.suffix == ".boris" else _table(path)
     plan = read_plan(folder)
-    by_person: dict[str, dict[tuple[int, int], Sequence[tuple[float, str]]]] = {}
+    by_person: dict[str, dict[tuple[int, int], dict[str, Sequence[tuple[float, str]]]]] = {}
     for name, coded in observed.items():
         found = _ID.fullmatch(name)
         if found is None:
             raise RecordingError(f"{path.name}: observation {name!r} names no trial", "name it as p01_t07_a1")
-        key = int(found[2]), int(found[3])
-        if key in by_person.setdefault(found[1], {}):
-            raise RecordingError(
-                f"{path.name}: two observations of {name[:10]}", "leave those of one rater in the file"
-            )
-        by_person[found[1]][key] = coded
+        key, whose = (int(found[2]), int(found[3])), found[4] or ""
+        by_person.setdefault(found[1], {}).setdefault(key, {})[whose] = coded
     ready: dict[str, list[tuple[Event, Event, Sequence[tuple[float, str]]]]] = {}
     for person, trials in by_person.items():
         plan.of(person)
         if observer_path(folder, person, rater).exists():
             raise InvalidValueError(f"{rater} has scored {person} already", "give another --rater")
         ran = {(s.trial, s.attempt): (s, e) for s, e in attempts(read_events(events_path(folder, person)))}
-        for key, coded in trials.items():
+        for key, accounts in trials.items():
             if key not in ran:
                 raise RecordingError(f"{path.name}: trial {key[0]} of {person} was not run")
+            coded = _of_one(path, f"{person}_t{key[0]:02d}_a{key[1]}", accounts, rater)
             for _t_s, code in coded:
                 if code not in _CODES:
                     raise RecordingError(
@@ -189,6 +187,22 @@ def attempts(events: Sequence[Event]) -> list[tuple[Event, Event]]:
         for e in events
         if e.kind == "trial_end" and (e.trial, e.attempt) in starts
     ]
+
+
+def _of_one(
+    path: Path, name: str, accounts: dict[str, Sequence[tuple[float, str]]], rater: str
+) -> Sequence[tuple[float, str]]:
+    """Return what the rater coded: under that name, else under none, else what there is."""
+    for whose in (rater, ""):
+        if whose in accounts:
+            return accounts[whose]
+    people = [coded for whose, coded in accounts.items() if whose != DETECTOR]
+    if len(people) > 1:
+        raise RecordingError(
+            f"{path.name}: two observations of {name}, none of them {name}_{rater}",
+            "name the rater's so, or leave those of one rater in the file",
+        )
+    return next(iter(people or accounts.values()))
 
 
 def _project(path: Path) -> dict[str, Sequence[tuple[float, str]]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import DeviceUnavailableError, MissingExtraError, WrongDeviceError
+from tega.sim.workers import over_cores
 from tega.study.silico.session import RUNNING, SessionJob, keep_session, run_session
 
 __all__ = ["Progress", "run_sessions"]
@@ -49,30 +50,17 @@ def run_sessions(
     done = 0
     finished: Iterator[tuple[SessionJob, dict[str, bytes]]]
     with _watched(jobs, total, progress, on=not dask) as count:
-        finished = _over_dask(jobs, dask) if dask else _over_cores(jobs, workers or os.cpu_count() or 1)
+        finished = (
+            _over_dask(jobs, dask) if dask else over_cores(_session, jobs, workers or os.cpu_count() or 1)
+        )
         for job, files in finished:
             keep_session(job, files)
             done += len(job.trials)
             count(done)
 
 
-def _over_cores(jobs: Sequence[SessionJob], workers: int) -> Iterator[tuple[SessionJob, dict[str, bytes]]]:
-    if workers == 1 or len(jobs) < 2:
-        for number in range(len(jobs)):
-            yield jobs[number], _numbered(number, jobs[number])[1]
-        return
-    try:
-        from joblib import Parallel, delayed
-    except ImportError as error:
-        raise MissingExtraError("joblib is not installed", "pip install 'tega[sim]'") from error
-    parallel = Parallel(n_jobs=min(workers, len(jobs)), return_as="generator_unordered", batch_size=1)
-    found: Any = parallel(delayed(_numbered)(number, job) for number, job in enumerate(jobs))
-    for number, files in found:
-        yield jobs[number], files
-
-
-def _numbered(number: int, job: SessionJob) -> tuple[int, dict[str, bytes]]:
-    return number, run_session(job, job.folder / RUNNING / job.person)
+def _session(job: SessionJob) -> tuple[SessionJob, dict[str, bytes]]:
+    return job, run_session(job, job.folder / RUNNING / job.person)
 
 
 def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[SessionJob, dict[str, bytes]]]:
