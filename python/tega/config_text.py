@@ -34,7 +34,7 @@ def tree_text(tree: dict[str, Any]) -> str:
 
 
 def _plain(value: object) -> Any:
-    if isinstance(value, Path):
+    if isinstance(value, Path | str):  # a text given outside the file is a str of its own kind
         return str(value)
     raise NotImplementedError(f"a setting of type {type(value).__name__} cannot be written")
 

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from reference.sessions import tree
 from tega.cli.main import main
 from tega.config import check_tree
+from tega.config_errors import Overridden
 from tega.config_text import config_text
 from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
@@ -57,7 +58,8 @@ def test_inspect_prints_what_is_there(lossless: Path, capsys: pytest.CaptureFixt
 
 
 def test_settings_survive_being_written_down(tmp_path: Path) -> None:
-    config = check_tree(tree(tmp_path), {}, base=tmp_path).config
+    given = tree(tmp_path) | {"markers": {"lsl_out": Overridden("tega")}}  # as with --set
+    config = check_tree(given, {}, base=tmp_path).config
     assert check_tree(tomllib.loads(config_text(config)), {}, base=Path("/")).config == config
 
 

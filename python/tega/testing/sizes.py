@@ -44,7 +44,7 @@ def _per_minute(found: Inspection) -> dict[str, float]:
         topic = "/".join(["", "tactile", "FINGER", *parts[3:]]) if parts[1] == "tactile" else stream.topic
         sizes[topic] += stream.mib
     minutes = found.duration_s / 60
-    rows = {topic: mib / minutes for topic, mib in sorted(sizes.items()) if mib / minutes >= _WORTH_A_ROW}
+    rows = {topic: mib / minutes for topic, mib in sizes.most_common() if mib / minutes >= _WORTH_A_ROW}
     rows["everything else"] = sum(sizes.values()) / minutes - sum(rows.values())
     return rows | {"the file": found.mib / minutes}
 
