@@ -22,6 +22,22 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+# What a test module calls that lets programs of its own run beside it.
+PROGRAMS = {"Emulator", "emulated_lab", "subprocess"}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Ask a test with programs beside it once more where it fails, and say so (RERUN).
+
+    Emulated devices keep true time. On a machine that stands still for seconds a device rightly takes the run for
+    dead, or the run the device. Tests that compute in this program alone are never repeated.
+    """
+    for item in items:
+        module = getattr(item, "module", None)
+        if item.path.parent.name in {"contract", "hazards"} or PROGRAMS & vars(module or object).keys():
+            item.add_marker(pytest.mark.flaky(reruns=1))
+
+
 def pytest_unconfigure() -> None:
     """Say which thread keeps the tests from ending, and end: a run of them never hangs after its last line."""
     faulthandler.dump_traceback_later(120, exit=True)
