@@ -8,13 +8,13 @@ that does nothing else it takes some ten minutes; ``--markdown FILE`` writes wha
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -59,7 +59,7 @@ GUARDS: Final = (
         f"{_LOST}emg_unplugged_holds_the_level_then_opens_the_hand",
     ),
     Guard(
-        "`then = \"keep\"` is not heeded",
+        '`then = "keep"` is not heeded',
         'round(s.hold_ms * 1e6) if s.then == "open" else None',
         "round(s.hold_ms * 1e6)",
         f"{_LOST}emg_lost_keeps_the_level_where_the_settings_say_so",
@@ -285,10 +285,16 @@ def place(text: str, package: Path = ROOT / "python/tega") -> Path:
     Raises:
         LookupError: It stands in none, or more than once.
     """
-    found = [file for file in sorted(package.rglob("*.py")) for _ in range(file.read_text("utf-8").count(text))]
+    found = [
+        file for file in sorted(package.rglob("*.py")) for _ in range(file.read_text("utf-8").count(text))
+    ]
     if len(found) != 1:
         raise LookupError(f"{len(found)} times in the program: {text!r}; put what does it now into GUARDS")
     return found[0]
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)  # noqa: T201  # this is a program
 
 
 def _command(shown_by: str) -> list[str]:
@@ -317,10 +323,8 @@ def _try(copy: Path, shown_by: str) -> tuple[bool, str]:
         said = f"it did not end within {_LONGEST_S:g} s"
     finally:
         # A test that fails may leave programs behind; they are all of its session.
-        try:
+        with contextlib.suppress(ProcessLookupError):
             os.killpg(running.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
         running.wait()
     lines = [line.strip() for line in said.splitlines() if line.strip()]
     wrong = [line for line in lines if line.startswith(("E  ", "failed:")) or "Error: " in line]
@@ -349,7 +353,7 @@ def main() -> int:
                 failed, words = _try(copy, guard.shown_by)
                 passes[guard.shown_by] = not failed
                 if failed:
-                    print(f"FAILS WITH EVERYTHING IN PLACE | {guard.shown_by} | {words}", flush=True)
+                    _say(f"FAILS WITH EVERYTHING IN PLACE | {guard.shown_by} | {words}")
             file = place(guard.old, copy / "python/tega")
             whole = file.read_text(encoding="utf-8")
             file.write_text(whole.replace(guard.old, guard.new), encoding="utf-8")
@@ -358,9 +362,11 @@ def main() -> int:
             shown = failed and passes[guard.shown_by]
             missed += shown
             said = "fails" if shown else "DOES NOT SHOW IT"
-            print(f"{said} | {guard.what} | {guard.shown_by} | {words}", flush=True)
-            rows.append(f"| {guard.what} | `{file.relative_to(copy / 'python')}` | `{guard.shown_by}` | {said} |")
-    print(f"{missed} of {len(chosen)} guards are missed when they are taken out")
+            _say(f"{said} | {guard.what} | {guard.shown_by} | {words}")
+            rows.append(
+                f"| {guard.what} | `{file.relative_to(copy / 'python')}` | `{guard.shown_by}` | {said} |"
+            )
+    _say(f"{missed} of {len(chosen)} guards are missed when they are taken out")
     if asked.markdown is not None:
         head = ["| without it | guard in | what then fails | |", "|---|---|---|---|"]
         asked.markdown.write_text("\n".join([*head, *rows, ""]), encoding="utf-8")
