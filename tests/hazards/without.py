@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 __all__ = ["GUARDS", "Guard", "place"]
 
 ROOT: Final = Path(__file__).parents[2]
-_LONGEST_S: Final = 180.0
+_LONGEST_S: Final = 120.0
 _LOST: Final = "tests/hazards/test_lost.py::test_"
 _STOP: Final = "tests/hazards/test_stop.py::test_"
 _LAWS: Final = "tests/property/test_safety.py::test_"
