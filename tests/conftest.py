@@ -23,7 +23,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 # What a test module calls that lets programs of its own run beside it.
-PROGRAMS = {"Emulator", "emulated_lab", "subprocess"}
+PROGRAMS = {"Emulator", "emulated", "emulated_lab", "subprocess"}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

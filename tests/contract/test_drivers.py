@@ -14,6 +14,7 @@ from tega.devices import Found, Options, driver_class, driver_names, list_driver
 from tega.errors import TegaError
 from tega.testing.benches import BENCHES, why_not
 from tega.testing.contract import check_driver, main
+from tega.testing.contract.sources import check_source
 
 
 def test_every_built_in_driver_is_put_through_the_contract() -> None:
@@ -109,10 +110,8 @@ def test_the_contract_notices_a_source_that_does_not_start_again(tmp_path: Path)
     forgetful: Any = _Forgetful
     device = forgetful(make(file=tmp_path / "emg.npy", rate_hz=200.0))
     device._opened = 2
-    from tega.testing import contract
-
     with pytest.raises(AssertionError, match="starts from its beginning"):
-        contract._check_source(device, 64)
+        check_source(device, 64)
 
 
 @pytest.mark.parametrize(

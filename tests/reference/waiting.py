@@ -9,9 +9,9 @@ import pytest
 
 
 def until(what: Callable[[], bool]) -> None:
-    """Return once it is so; fail after ten seconds."""
-    for _ in range(1000):
+    """Return once it is so; fail after fifteen seconds."""
+    for _ in range(7500):
         if what():
             return
-        time.sleep(0.01)
-    pytest.fail("nothing happened for 10 s")
+        time.sleep(0.002)
+    pytest.fail("nothing happened for 15 s")

@@ -15,8 +15,9 @@ import click
 import numpy as np
 import pytest
 
+from reference.command import call
 from reference.recordings import squeezes, write_folder
-from tega.cli.main import cli, main
+from tega.cli.main import cli
 
 DEVICE_KEYS = {"name", "kind", "summary", "package", "ready", "problem", "found", "could_not"}
 
@@ -29,14 +30,6 @@ def _verbs(group: click.Group, name: str) -> list[str]:
         assert command is not None
         found += [full, *(_verbs(command, full) if isinstance(command, click.Group) else [])]
     return found
-
-
-def call(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> tuple[str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main([str(w) for w in words])
-    captured = capsys.readouterr()
-    assert ended.value.code == code, captured.err
-    return captured.out, captured.err
 
 
 @pytest.fixture

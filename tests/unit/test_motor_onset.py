@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.command import call
 from tega.calibration.folder import CalibrationFolder
 from tega.calibration.motor_onset import motor_onset
 from tega.calibration.records import OnsetRecord, read_record
-from tega.cli.main import main
 from tega.clock import SystemClock
 from tega.config import check_tree
 from tega.devices import driver_class
@@ -199,14 +199,6 @@ def _found(onsets: Onsets) -> Any:
     from tega.onset.measure import Found
 
     return Found(ClockMap(began_s=0, rate_hz=RATE_HZ, uncertainty_ms=8.0, how="clicks"), onsets)
-
-
-def call(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> tuple[str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main([str(word) for word in words])
-    said = capsys.readouterr()
-    assert ended.value.code == code, said.err
-    return said.out, said.err
 
 
 def test_a_phone_s_recording_with_its_log(

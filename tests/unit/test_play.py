@@ -20,7 +20,6 @@ import pytest
 from reference.waiting import until
 from tega.cli.main import main
 from tega.config import SessionConfig, check_tree
-from tega.config_text import tree_text
 from tega.errors import ConfigError
 from tega.haptics import VestFrame
 from tega.replay.play import LEAD_S, play_file
@@ -30,6 +29,7 @@ from tega.teleop import run_session
 from tega.teleop.loop import LoopView
 from tega.testing.emulators.vests import seen_by
 from tega.testing.lab import EmulatedLab, emulated_lab
+from tega.toml_text import tree_text
 
 SECONDS = 1.5
 

@@ -13,14 +13,13 @@ from mcap.reader import make_reader
 from reference.sessions import tree
 from tega.cli.main import main
 from tega.config import check_tree
-from tega.config_errors import Overridden
-from tega.config_text import config_text
 from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.teleop.loop import LoopView
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
+from tega.toml_text import config_text
 
 
 def test_the_public_reader_finds_well_known_schemas_times_and_files(lossless: Path) -> None:
@@ -58,8 +57,7 @@ def test_inspect_prints_what_is_there(lossless: Path, capsys: pytest.CaptureFixt
 
 
 def test_settings_survive_being_written_down(tmp_path: Path) -> None:
-    given = tree(tmp_path) | {"markers": {"lsl_out": Overridden("tega")}}  # as with --set
-    config = check_tree(given, {}, base=tmp_path).config
+    config = check_tree(tree(tmp_path), {}, base=tmp_path).config
     assert check_tree(tomllib.loads(config_text(config)), {}, base=Path("/")).config == config
 
 

@@ -17,7 +17,6 @@ from mcap.reader import make_reader
 
 from reference.sessions import SECONDS, record, stream, tree
 from tega.config import RecordingSection, check_tree
-from tega.config_text import config_text
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_queue import BoundedQueue, Item
@@ -25,6 +24,7 @@ from tega.recording.mcap_recorder import McapRecorder
 from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.testing.kills import kill_one, settings
+from tega.toml_text import config_text
 
 
 def test_kills_at_random_instants_cost_at_most_half_a_second(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@
 mod error;
 mod gel;
 mod grid;
+mod lay;
 mod membrane;
 mod noise;
 mod paint;
@@ -32,11 +33,15 @@ mod plane;
 mod rng;
 mod shape;
 mod simd;
+mod skin;
+mod springs;
 mod unit;
+mod window;
 
 pub use error::GelError;
 pub use gel::{CELLS, Gel, PICTURE, Touch};
-pub use grid::{LENGTH_MM, PX_PER_MM, STIFFNESS_N_MM3};
+pub use grid::{LENGTH_MM, PX_PER_MM};
 pub use membrane::{DOME_MM, MAX_INDENTERS};
 pub use shape::{Indenter, Shape};
+pub use springs::STIFFNESS_N_MM3;
 pub use unit::{HEIGHT, WIDTH};

@@ -5,12 +5,13 @@
 //! answer depends on what presses now and on nothing before. A shape goes in until the springs under it carry its force:
 //! with `k` the springs' stiffness, the pressure is p = k(h - l²∇²h) where it touches and 0 elsewhere.
 
-use crate::grid::{
-    COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, Pressed, ROWS, Window, carry, carry_beyond, chunks, guess,
-    highest, pool, raise, raise_floor, reach, refine, rests, settle, shared, sweep, under, whole, wider,
-};
+use crate::grid::{COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, ROWS, chunks};
+use crate::lay::{lay_below, pool};
 use crate::shape::{CLEAR, Indenter};
 use crate::simd;
+use crate::skin::{raise_floor, refine, settle, sweep};
+use crate::springs::{Pressed, carry, carry_beyond, guess, rests};
+use crate::window::{Window, reach, shared, under, whole, wider};
 
 /// Radius of the gel's dome, millimetres.
 pub const DOME_MM: f64 = 100.0;
@@ -246,38 +247,6 @@ impl Membrane {
         coarse.tops[i] = pool(&middle.gaps[i], &mut coarse.gaps[i], middle.cols);
         coarse.tops[i] > CLEAR / 2.0
     }
-}
-
-/// Lays a shape over its box in the finest grid; its foremost point is known to lie at least so far down.
-#[inline(always)]
-fn lay_below(grid: &mut Level, i: usize, indenter: &Indenter, top: f32) {
-    simd::lay(grid, grid.boxes[i], i, indenter);
-    grid.tops[i] = grid.tops[i].max(top);
-}
-
-/// Lays a shape over a part of a grid, its foremost point on the still gel.
-#[inline(always)]
-pub(crate) fn lay(grid: &mut Level, part: Window, i: usize, indenter: &Indenter) {
-    let ([c0, c1], step, cols) = (part.cols, grid.cell_mm, grid.cols);
-    let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * step;
-    let curve = (0.5 / DOME_MM) as f32;
-    // The gel's dome drops away from its middle.
-    let mut drop = [0.0; COLS];
-    for (c, drop) in drop[..c1 - c0].iter_mut().enumerate() {
-        let x = at(cols, c0 + c);
-        *drop = x * x * curve;
-    }
-    let mut tops = [CLEAR; LANES];
-    for r in part.rows[0]..part.rows[1] {
-        let y = at(grid.rows, r);
-        let row = &mut grid.gaps[i][r * cols..][c0..c1];
-        indenter.lowest(at(cols, c0), step, y, row);
-        for (low, drop) in row.iter_mut().zip(&drop) {
-            *low -= drop + y * y * curve;
-        }
-        raise(&mut tops, row);
-    }
-    grid.tops[i] = highest(tops);
 }
 
 #[cfg(test)]

@@ -7,12 +7,14 @@
 
 use tega_simd::dispatched;
 
-use crate::grid::{self, Window};
-use crate::membrane::{self, Measured, Membrane};
+use crate::grid::Level;
+use crate::lay;
+use crate::membrane::{Measured, Membrane};
 use crate::noise::{Noise, Part};
 use crate::paint::Canvas;
 use crate::shape::Indenter;
 use crate::unit::Unit;
+use crate::window::Window;
 
 dispatched! {
     /// See [`Membrane::solve`].
@@ -20,8 +22,8 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`membrane::lay`].
-    lay = membrane::lay, (grid: &mut grid::Level, part: Window, i: usize, indenter: &Indenter) -> ()
+    /// See [`lay::lay`].
+    lay = lay::lay, (grid: &mut Level, part: Window, i: usize, indenter: &Indenter) -> ()
 }
 
 dispatched! {

@@ -5,18 +5,18 @@ A record is written whole or not at all, and refused where its format or version
 
 from __future__ import annotations
 
-import json
 import os
 import tomllib
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import ClassVar, Literal, TypeVar
 
 import msgspec
 
-from tega.calibration.store import TouchMaxima, toml_text
+from tega.calibration.store import TouchMaxima
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
+from tega.toml_text import toml_value
 
 __all__ = [
     "EmgRecord",
@@ -310,7 +310,7 @@ def read_record(path: Path, wanted: type[_Any]) -> _Any:
 def write_record(record: Record, path: Path) -> None:
     """Write a record; whoever reads the file sees the old one or the new one, whole."""
     config = record.__struct_config__
-    lines = [f"format = {_toml(config.tag)}", f"version = {record.version}"]
+    lines = [f"format = {toml_value(config.tag)}", f"version = {record.version}"]
     tables: list[str] = []
     for name in (*_FIRST, *(n for n in record.__struct_fields__ if n not in _FIRST)):
         value = getattr(record, name, None)
@@ -320,12 +320,12 @@ def write_record(record: Record, path: Path) -> None:
         if isinstance(value, msgspec.Struct):
             tables += ["", f"[{name}]{said}"]
             tables += [
-                f"{key} = {_toml(v)}"
+                f"{key} = {toml_value(v)}"
                 for key in value.__struct_fields__
                 if (v := getattr(value, key)) is not None
             ]
         else:
-            lines.append(f"{name} = {_toml(value)}{said}")
+            lines.append(f"{name} = {toml_value(value)}{said}")
     write_bytes(path, ("\n".join([*lines, *tables]) + "\n").encode())
 
 
@@ -344,15 +344,3 @@ def write_bytes(path: Path, data: bytes) -> None:
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, datetime):
-        return value.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(map(_toml, value))}]"
-    if isinstance(value, float):
-        return repr(float(value))
-    return toml_text(value) if isinstance(value, str) else json.dumps(value)

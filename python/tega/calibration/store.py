@@ -21,7 +21,6 @@ Example of a file::
 
 from __future__ import annotations
 
-import json
 import sys
 import tomllib
 from collections.abc import Iterable
@@ -32,6 +31,7 @@ import msgspec
 
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
+from tega.toml_text import toml_value
 
 __all__ = [
     "Calibration",
@@ -42,7 +42,6 @@ __all__ = [
     "load_calibration",
     "parse_calibration",
     "save_calibration",
-    "toml_text",
 ]
 
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
@@ -207,7 +206,7 @@ def calibration_text(calibration: Calibration) -> str:
         f'format = "{calibration.format}"',
         f"version = {calibration.version}",
         f'preset = "{calibration.preset}"',
-        f"origin = {toml_text(calibration.origin)}",
+        f"origin = {toml_value(calibration.origin)}",
     ]
     for finger in FingerMaxima.__struct_fields__:
         if (touch := calibration.touch(finger)) is None:
@@ -217,20 +216,15 @@ def calibration_text(calibration: Calibration) -> str:
             lines.append("# no press was seen: this finger's columns stay still")
         for name in ("cci_max", "eda_max"):
             if (value := getattr(touch, name)) is not None:
-                lines.append(f"{name} = {value!r}")
+                lines.append(f"{name} = {toml_value(value)}")
     if (emg := calibration.emg) is not None:
         lines += [
             "",
             "[emg]",
             f'kind = "{emg.kind}"',
-            f"rate_hz = {emg.rate_hz!r}",
+            f"rate_hz = {toml_value(emg.rate_hz)}",
             f"tau = {emg.tau}",
-            f"channels = [{', '.join(toml_text(c) for c in emg.channels)}]",
-            f"maxima = [{', '.join(repr(m) for m in emg.maxima)}]",
+            f"channels = {toml_value(emg.channels)}",
+            f"maxima = {toml_value(emg.maxima)}",
         ]
     return "\n".join(lines) + "\n"
-
-
-def toml_text(value: str) -> str:
-    """Return a text as TOML has it: a JSON string, with the one sign escaped that JSON lets through."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -89,10 +89,10 @@ def replay(
     """
     import time
 
-    from tega.cli.options import Stop, echo_json, progress_bar
+    from tega.cli.options import Stop, progress_bar
     from tega.cli.page import run_viewed
     from tega.cli.replay_session import check_flags, replay_session
-    from tega.cli.report import print_summary
+    from tega.cli.report import tell_summary
     from tega.config import check_tree
     from tega.teleop import run_session
 
@@ -116,14 +116,7 @@ def replay(
             )  # fmt: skip
         else:
             summary = run_session(settings, progress=progress, stop=stop)
-    wall_s = time.perf_counter() - started
-    measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
-    if as_json:
-        echo_json({**summary, "measured": measured})
-    else:
-        print_summary(summary, measured=measured)
-    if summary["ended"] == "stopped":
-        raise KeyboardInterrupt
+    tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
     return None
 
 

@@ -9,7 +9,29 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-__all__ = ["latency_tables", "print_summary"]
+__all__ = ["latency_tables", "print_summary", "tell_summary"]
+
+
+def tell_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
+    """Tell how a run was, to people or as JSON, and end as it ended.
+
+    Args:
+        summary: As ``run_session`` returns it.
+        wall_s: How long this run took, seconds; told, and written to no file.
+        as_json: Print the summary as JSON, with a table ``measured`` of ``wall_s`` and ``real_time_factor``.
+
+    Raises:
+        KeyboardInterrupt: The run was stopped.
+    """
+    from tega.cli.options import echo_json
+
+    measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
+    if as_json:
+        echo_json({**summary, "measured": measured})
+    else:
+        print_summary(summary, measured=measured)
+    if summary["ended"] == "stopped":
+        raise KeyboardInterrupt
 
 
 def _print_link(out: Console, net: dict[str, Any] | None) -> None:

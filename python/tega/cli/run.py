@@ -100,9 +100,9 @@ def run_settings(
     import sys
     import time
 
-    from tega.cli.options import Stop, echo_json, stop_keys
+    from tega.cli.options import Stop, stop_keys
     from tega.cli.page import run_viewed
-    from tega.cli.report import print_summary
+    from tega.cli.report import tell_summary
     from tega.cli.stage import stage
     from tega.config import load_config
     from tega.teleop import run_session
@@ -145,14 +145,7 @@ def run_settings(
             summary = run_session(
                 settings, observer=observer, progress=progress, stop=stop, settings=name, tell=tell
             )
-    wall_s = time.perf_counter() - started
-    measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
-    if as_json:
-        echo_json({**summary, "measured": measured})
-    else:
-        print_summary(summary, measured=measured)
-    if summary["ended"] == "stopped":
-        raise KeyboardInterrupt
+    tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
 
 
 def _check_station(settings: SessionConfig, config: Path, station: str | None) -> None:

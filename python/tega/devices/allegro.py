@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -17,9 +17,9 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.can_links import can_links, link_trouble
+from tega.devices.hand_bus import HandBus
 from tega.devices.hand_guard import Guard
-from tega.devices.lifecycle import Opened, require
-from tega.devices.slcan import slcan_bus
+from tega.devices.lifecycle import Opened
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.priority import ahead_of_others
@@ -33,13 +33,8 @@ if TYPE_CHECKING:
 __all__ = ["Allegro", "AllegroOptions"]
 
 _BITRATE = 1_000_000
-# Waiting for a frame ends this soon, so that silence is noticed in time.
-_WAIT_S = 0.002
-# A frame that waits longer is dropped: the next cycle has a newer one.
-_SEND_S = 0.01
 # Python changes threads every 5 ms when left alone; the hand reports every 3 ms.
 _SWITCH_S = 0.0005
-_REOPEN_NS = 1_000_000_000
 _START_S = 10.0
 _LEAVE_S = 1.0
 _KEPT = 16_384
@@ -108,15 +103,14 @@ class Allegro(Opened):
 
     def __init__(self, options: AllegroOptions) -> None:
         self._options = options
-        self._can: Any = None
-        self._bus: Any = None
+        o = options
+        self._bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
         self._link: HandLink | None = None
         self._thread: threading.Thread | None = None
         self._ready = threading.Event()
         self._leaving = threading.Event()
         self._level = 1
-        self._reopen_ns = 0
-        self._trouble = ""
+        self._died = ""
         self._guard: Guard | None = None
         self._switch_s = 0.0
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
@@ -126,10 +120,6 @@ class Allegro(Opened):
         )
         """Told in the hand's thread of every exchange: time, level, frames received and to be sent, and ``exchange``,
         ``release`` or ``abandon``. From these the same conversation can be held again."""
-        self.n_garbled = 0
-        """Pieces of the adapter's stream that were no frame."""
-        self.n_unsent = 0
-        """Frames the adapter did not take; the next cycle sends new ones."""
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
@@ -151,15 +141,13 @@ class Allegro(Opened):
     @property
     def info(self) -> DeviceInfo:
         """Name, version and serial number of the hand, as far as it has said them."""
-        o = self._options
-        label = f"{o.interface} {Path(str(o.channel)).name}"
         notes: tuple[str, ...] = ()
         if self._link is not None and (state := self._link.state(0)).hardware:
             notes = (f"version {state.hardware}, firmware {state.firmware}, serial SAH040{state.serial}",)
         return DeviceInfo(
             driver="allegro",
             kind="hand",
-            label=label,
+            label=self._bus.label,
             live=True,
             rate_hz=1000 / 3,
             unit="CAN frames",
@@ -189,9 +177,8 @@ class Allegro(Opened):
             kd=o.kd,
             torque_limits=TORQUE_LIMITS * o.torque_share,
         )
-        self._can = require("can", driver="allegro", extra="lab")
-        self._bus = self._open_bus()
-        self._level, self._trouble = 1, ""
+        self._bus.open()
+        self._level, self._died = 1, ""
         self._sent.clear()
         self._cycles.clear()
         self._ready.clear()
@@ -210,7 +197,7 @@ class Allegro(Opened):
         # A bus inside this process ends with it.
         if o.guard and o.torque and o.interface != "virtual" and os.name == "posix":
             frames = [*limp_frames(o.device_id), allegro_set_period(0, device_id=o.device_id)]
-            self._guard = Guard(self._bus_settings(), frames)
+            self._guard = Guard(self._bus.settings, frames)
         self._thread = threading.Thread(target=self._run, args=(self._link,), name="allegro", daemon=True)
         self._thread.start()
         # A program that ends without closing must not leave the fingers pushing.
@@ -284,6 +271,16 @@ class Allegro(Opened):
         return self._link.state(time.monotonic_ns())
 
     @property
+    def n_garbled(self) -> int:
+        """Pieces of the adapter's stream that were no frame."""
+        return self._bus.n_garbled
+
+    @property
+    def n_unsent(self) -> int:
+        """Frames the adapter did not take; the next cycle sends new ones."""
+        return self._bus.n_unsent
+
+    @property
     def cycles(self) -> list[tuple[int, int]]:
         """Of the last 16,384 cycles, when its torques were sent and how long after their frames, both in ns."""
         return list(self._cycles)
@@ -310,39 +307,20 @@ class Allegro(Opened):
         return [self._sent.popleft() for _ in range(len(self._sent))]
 
     def _check(self, *, started: bool = True) -> None:
-        link = self._link
+        link, trouble = self._link, self._died or self._bus.trouble
         if link is None:
             raise DeviceUnavailableError("allegro: the hand is not open", "open it first")
         fault: HandFault | None = link.fault
         if fault is not None:
             wrong = WrongDeviceError if fault.kind in _REFUSED else DeviceUnavailableError
-            raise wrong(f"allegro: {fault.message}{self._trouble}", fault.hint)
+            raise wrong(f"allegro: {fault.message}{trouble}", fault.hint)
         if self._thread is None or not self._thread.is_alive():
-            raise DeviceUnavailableError(
-                f"allegro: the hand's thread has ended{self._trouble}", "open it again"
-            )
+            raise DeviceUnavailableError(f"allegro: the hand's thread has ended{trouble}", "open it again")
         if not started:
             raise DeviceUnavailableError(
-                f"allegro: the hand was not ready within {_START_S:g} s{self._trouble}",
+                f"allegro: the hand was not ready within {_START_S:g} s{trouble}",
                 "try again; then check the adapter",
             )
-
-    def _bus_settings(self) -> dict[str, Any]:
-        o = self._options
-        return {"interface": o.interface, "channel": o.channel, "bitrate": o.bitrate, **o.bus}
-
-    def _open_bus(self) -> Any:
-        o = self._options
-        try:
-            if o.interface == "slcan":
-                return slcan_bus()(o.channel, bitrate=o.bitrate, **o.bus)
-            return self._can.Bus(**self._bus_settings())
-        except (self._can.CanError, OSError, ValueError, TypeError, ImportError) as error:
-            raise DeviceUnavailableError(
-                f"allegro: interface {o.interface!r} did not open {self.info.label.split()[-1]!r}: {error}",
-                "check the adapter and its name; a socketcan bus has to be up: "
-                "ip link set can0 up type can bitrate 1000000 restart-ms 100",
-            ) from error
 
     @ahead_of_others("act")
     def _run(self, link: HandLink) -> None:
@@ -352,7 +330,7 @@ class Allegro(Opened):
             while not (link.released or (leave_ns and time.monotonic_ns() > leave_ns)):
                 if leave_ns and link.phase == "faulted":
                     break
-                frames = self._receive()
+                frames = self._bus.receive(may_reopen=not self._leaving.is_set())
                 t_ns = time.monotonic_ns()
                 if self._leaving.is_set() and not leave_ns:
                     link.release(t_ns)
@@ -362,104 +340,31 @@ class Allegro(Opened):
                 before = link.phase
                 out = link.exchange(frames, t_ns, level)
                 if out:
-                    self._send(out)
+                    self._sent.extend(self._bus.send(out))
                     if len(out) >= 4 and link.phase == "running":
                         now_ns = time.monotonic_ns()
                         self._cycles.append((now_ns, now_ns - t_ns))
                 if link.phase == "silent" != before:
                     # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
-                    self._drop_bus()
+                    self._bus.drop()
                 self._tell(t_ns, level, frames, out, "exchange")
                 if link.phase in {"running", "faulted"}:
                     self._ready.set()
                 if self._guard is not None and self._ready.is_set():
                     self._guard.beat()
         except Exception as error:  # told by the next step, in the thread that can act on it
-            self._trouble = f" ({type(error).__name__}: {error})"
+            self._died = f" ({type(error).__name__}: {error})"
         finally:
             # Whatever was sent before: a hand that hears this is without force.
             last = link.abandon()
-            self._send(last)
+            self._sent.extend(self._bus.send(last))
             self._tell(time.monotonic_ns(), 0, (), last, "abandon")
             self._ready.set()
             with contextlib.suppress(Exception):
-                self._drop_bus()
+                self._bus.drop()
 
     def _tell(
         self, t_ns: int, level: int, received: Sequence[Received], sent: Sequence[CanFrame], action: str
     ) -> None:
         if self.on_exchange is not None:
             self.on_exchange(t_ns, level, received, sent, action)
-
-    def _receive(self) -> list[Received]:
-        from tega.hand_link import Received
-
-        frames: list[Received] = []
-        if self._bus is None and not self._reopened():
-            time.sleep(_WAIT_S)
-            return frames
-        wait_s = _WAIT_S
-        while len(frames) < 64:
-            try:
-                message = self._bus.recv(timeout=wait_s)
-            except (self._can.CanError, OSError) as error:
-                self._trouble = f" (the adapter failed: {error})"
-                self._drop_bus()
-                break
-            except (ValueError, IndexError):
-                self.n_garbled += 1
-                continue
-            if message is None:
-                break
-            frames.append(
-                Received(
-                    message.arbitration_id,
-                    message.data,
-                    message.is_remote_frame,
-                    message.is_extended_id,
-                    message.is_error_frame,
-                )
-            )
-            wait_s = 0.0
-        return frames
-
-    def _reopened(self) -> bool:
-        """Try to open a bus that went away, once a second."""
-        t_ns = time.monotonic_ns()
-        if self._leaving.is_set() or t_ns < self._reopen_ns:
-            return False
-        self._reopen_ns = t_ns + _REOPEN_NS
-        with contextlib.suppress(DeviceUnavailableError):
-            self._bus = self._open_bus()
-            self._trouble = ""
-        return self._bus is not None
-
-    def _drop_bus(self) -> None:
-        bus, self._bus = self._bus, None
-        if bus is not None:
-            with contextlib.suppress(self._can.CanError, OSError):
-                bus.shutdown()
-
-    def _send(self, frames: list[CanFrame]) -> None:
-        for message, frame in self._messages(frames):
-            if self._bus is None:
-                return
-            try:
-                self._bus.send(message, timeout=_SEND_S)
-                self._sent.append(frame)
-            except (self._can.CanError, OSError):
-                self.n_unsent += 1
-
-    def _messages(self, frames: list[CanFrame]) -> Iterator[tuple[Any, CanFrame]]:
-        make: Callable[..., Any] = self._can.Message
-        for frame in frames:
-            yield (
-                make(
-                    arbitration_id=frame.id,
-                    data=frame.data,
-                    is_remote_frame=frame.remote,
-                    is_extended_id=False,
-                    is_fd=False,
-                ),
-                frame,
-            )

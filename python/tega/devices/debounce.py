@@ -34,14 +34,12 @@ class Debounce:
 
     Attributes:
         held: Buttons that are down.
-        n_bounces: Contacts that were too short.
     """
 
     def __init__(self, hold_ns: int) -> None:
         self._hold_ns = hold_ns
         self._since: dict[str, int] = {}
         self.held: frozenset[str] = frozenset()
-        self.n_bounces = 0
 
     def take(self, t_ns: int, down: Set[str]) -> Iterator[Edge]:
         """Take what a report says.
@@ -59,8 +57,6 @@ class Debounce:
             if button in self.held:
                 self.held -= {button}
                 yield Edge(t_ns, button, pressed=False)
-            else:
-                self.n_bounces += 1
         for button in sorted(down - self._since.keys()):
             self._since[button] = t_ns
         yield from self.settle(t_ns)

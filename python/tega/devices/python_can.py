@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import msgspec
 
 from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.hand_bus import can_message
 from tega.devices.lifecycle import Opened, require
 from tega.errors import ConfigError, DeviceUnavailableError
 
@@ -116,15 +117,8 @@ class PythonCan(Opened):
         if self._bus is None:
             raise DeviceUnavailableError("python-can: the bus is not open", "open it first")
         for frame in frames:
-            message = self._can.Message(
-                arbitration_id=frame.id,
-                data=frame.data,
-                is_remote_frame=frame.remote,
-                is_extended_id=False,
-                is_fd=False,
-            )
             try:
-                self._bus.send(message, timeout=self._options.send_timeout_s)
+                self._bus.send(can_message(self._can, frame), timeout=self._options.send_timeout_s)
             except (self._can.CanError, OSError) as error:
                 raise DeviceUnavailableError(
                     f"python-can: frame {frame.id:#05x} was not sent within {self._options.send_timeout_s} s: {error}",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from tega.config import FINGERS
 from tega.devices import Found
 from tega.doctor.bench import Looked
+from tega.toml_text import toml_value
 
 __all__ = ["lab_settings"]
 
@@ -142,7 +142,7 @@ def lab_settings(
     Returns:
         TOML that ``tega-teleop config check`` accepts.
     """
-    file = _toml(str(calibration or "calibration.toml"))
+    file = toml_value(str(calibration or "calibration.toml"))
     text = _HEAD.format(name=name) + _CALIBRATION.format(off="" if calibration else "# ", file=file)
     sensors = _found(looked, "tactile")
     if sensors:
@@ -152,7 +152,7 @@ def lab_settings(
             text += _NO_FINGER.format(table=f"[tactile.{finger}]")
             continue
         picture = (baselines or {}).get(finger)
-        untouched = f"baseline = {_toml(str(picture))}" if picture else f'# baseline = "{finger}.png"'
+        untouched = f"baseline = {toml_value(str(picture))}" if picture else f'# baseline = "{finger}.png"'
         text += _section(f"tactile.{finger}", sensor, f"{untouched:<28}  # picture of the untouched gel\n")
     text += _left_over(sensors[len(FINGERS) :])
     amplifiers = _found(looked, "emg")
@@ -199,20 +199,22 @@ def _section(table: str, found: Found, more: str) -> str:
     text = "\n" + _comment(f"{found.label}{f': {found.note}' if found.note else ''}")
     if found.problem:
         text += _comment(f"Not usable yet: {found.problem}. {found.hint}")
-    text += f"[{table}]\ndriver = {_toml(found.driver)}\n{more}"
+    text += f"[{table}]\ndriver = {toml_value(found.driver)}\n{more}"
     extra = {key: told for key, told in _MORE.get(found.driver, {}).items() if key not in found.options}
     if not found.options and not extra:
         return text
     text += f"\n[{table}.options]\n"
-    lines = [f"{key} = {_toml(value)}\n" for key, value in found.options.items()]
-    lines += [f"{f'{key} = {_toml(value)}':<28}  # {told}\n" for key, (value, told) in extra.items()]
+    lines = [f"{key} = {toml_value(value)}\n" for key, value in found.options.items()]
+    lines += [f"{f'{key} = {toml_value(value)}':<28}  # {told}\n" for key, (value, told) in extra.items()]
     return text + "".join(lines)
 
 
 def _left_over(found: Iterable[Found]) -> str:
     """Name what was found besides, to choose from."""
     return "".join(
-        _comment(f"also found: {one.label}: driver = {_toml(one.driver)}, options = {_toml(one.options)}")
+        _comment(
+            f"also found: {one.label}: driver = {toml_value(one.driver)}, options = {toml_value(one.options)}"
+        )
         for one in found
     )
 
@@ -221,12 +223,3 @@ def _comment(text: str) -> str:
     """Return a text as comment lines; what a device calls itself may hold anything."""
     lines = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, dict):
-        return (
-            f"{{ {', '.join(f'{key} = {_toml(item)}' for key, item in value.items())} }}" if value else "{}"
-        )
-    # A JSON string is a TOML string, but for this one character.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -123,6 +123,13 @@ def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.floa
     A click is a peak of what is above 2 kHz, ten times the middle level and a fifth of the loudest; its time is where
     it rose through half of its peak.
 
+    Args:
+        samples: float64 (n,), the sound.
+        rate_hz: Samples per second.
+
+    Returns:
+        float64 (n_clicks,).
+
     Raises:
         InvalidValueError: The rate is too low to tell a click from a motor.
         MissingExtraError: scipy is not installed.

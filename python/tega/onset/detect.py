@@ -76,12 +76,12 @@ class Onsets(NamedTuple):
 
     @property
     def delays_s(self) -> NDArray[np.float64]:
-        """The delays that count."""
+        """The delays that count, float64 (n,), seconds."""
         return np.array([b.delay_s for b in self.bursts if not b.why])
 
     @property
     def halves_s(self) -> NDArray[np.float64]:
-        """Likewise, to half of the strength."""
+        """Likewise, to half of the strength; float64 (n,), seconds."""
         return np.array([b.half_s for b in self.bursts if not b.why])
 
     def left_out(self) -> dict[str, int]:

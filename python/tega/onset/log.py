@@ -114,7 +114,7 @@ def read_wav(path: Path) -> tuple[NDArray[np.float64], float]:
 
 
 def write_wav(path: Path, samples: NDArray[np.float64], rate_hz: float) -> None:
-    """Write a recording, 16 bits, mono."""
+    """Write a recording, 16 bits, mono; samples are float64 (n,), -1 to 1, and clipped there."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with wave.open(str(path), "wb") as file:
         file.setnchannels(1)

@@ -118,7 +118,7 @@ class Microphone:
         return self._n / self.rate_hz
 
     def heard(self) -> tuple[NDArray[np.float64], list[Block]]:
-        """Return what was heard and how it came.
+        """Return what was heard, float64 (n,), -1 to 1, and the blocks in which it came.
 
         Raises:
             DeviceUnavailableError: The microphone was unplugged meanwhile, or the system has lost samples.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.prepare import Prepared
-    from tega.teleop.session import LoopParts
+    from tega.teleop.run import LoopParts
 
 __all__ = ["Recording"]
 

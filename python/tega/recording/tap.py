@@ -14,7 +14,6 @@ import numpy as np
 
 from tega.calibration.store import calibration_text
 from tega.config import SessionConfig
-from tega.config_text import config_text
 from tega.devices.watched import Watched
 from tega.recording.arm_tap import ArmTap
 from tega.recording.between import HandTap, InputsTap, LoopTap, SentTap, Written
@@ -22,6 +21,7 @@ from tega.recording.versions import versions
 from tega.teleop.loop import FIRST_LEVEL
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import SourceReport
+from tega.toml_text import config_text
 
 if TYPE_CHECKING:
     from tega.arm.pose import ArmCommand

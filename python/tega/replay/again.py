@@ -22,11 +22,11 @@ from tega.replay.exchanges import compare_exchanges
 from tega.replay.measured import Measured, PictureError, contact_items, level_items, picture_errors
 from tega.replay.recorded import Recorded, read_recorded
 from tega.tactile import ContactMetrics
+from tega.teleop.feedback import touch_loop
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
-from tega.teleop.session import touch_loop
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame

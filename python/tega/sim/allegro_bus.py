@@ -6,11 +6,11 @@ simulated world unchanged. Simulated: temperatures are constant, the inertial un
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.wire import (
     FINGERS,
@@ -41,7 +41,7 @@ _PALM_C: Final = 45
 _ANGLE_MAX_RAD: Final = 2.9
 
 
-class AllegroOnBus:
+class AllegroOnBus(Opened):
     """Plays a version 4 right hand on a bus.
 
     It obeys SERVO ON and OFF, SET TORQUE and SET PERIOD, answers requests, and sends its joint positions and
@@ -96,17 +96,6 @@ class AllegroOnBus:
         if self._bus is not None:
             self._bus.shutdown()
         self._bus = None
-
-    def __enter__(self) -> Self:
-        """Open and return it."""
-        self.open()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close it."""
-        self.close()
 
     @property
     def torques(self) -> NDArray[np.float64]:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tega.config_text import tree_text
 from tega.errors import TegaError
 from tega.hand import TORQUE_LIMITS
 from tega.recording.mcap_folder import SessionFolder
@@ -19,6 +18,7 @@ from tega.soak.standstill import Standstills, within_ns
 from tega.soak.supervisor import Line, Supervisor
 from tega.testing.emulators.vests import seen_by
 from tega.testing.lab import EmulatedLab, emulated_lab
+from tega.toml_text import tree_text
 
 __all__ = ["soak"]
 

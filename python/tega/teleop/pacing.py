@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 from tega.clock import Clock
+from tega.devices.base import DeviceInfo
+from tega.errors import ConfigError
 from tega.teleop.bell import Bell
 
-__all__ = ["Pacer", "PacingReport"]
+__all__ = ["Pacer", "PacingReport", "refuse_live"]
 
 # A tick this late is made up for; beyond it, a burst of old commands would do more harm than a gap.
 CATCH_UP_NS = 100_000_000
@@ -107,3 +111,13 @@ class Pacer:
             n_skipped=self._n_skipped,
             worst_late_ms=self._worst_ns / 1e6,
         )
+
+
+def refuse_live(info: DeviceInfo, pace: Literal["fast", "real"]) -> None:
+    """Refuse a live device where the run does not wait for real time.
+
+    Raises:
+        ConfigError: The device is live, and the session's pace is ``fast``.
+    """
+    if pace == "fast" and info.live:
+        raise ConfigError(f"session.pace = 'fast', but {info.label} is live", "set session.pace = 'real'")

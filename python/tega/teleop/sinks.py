@@ -17,6 +17,7 @@ from tega.recording.spared import Disk, Spared
 from tega.safety.dose_file import KeptDose
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
+from tega.teleop.pacing import refuse_live
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -49,10 +50,7 @@ def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
     seats = {}
     for name, c in config.input.in_use().items():
         source = stack.enter_context(driver_class(c.driver, "input")(c.options))
-        if config.session.pace == "fast" and source.info.live:
-            raise ConfigError(
-                f"session.pace = 'fast', but {source.info.label} is live", "set session.pace = 'real'"
-            )
+        refuse_live(source.info, config.session.pace)
         seats[name] = Seat(source, c.button)
     return Inputs(seats)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tega.errors import TegaError
 from tega.recording.folder import SUMMARY_FORMAT
@@ -15,11 +15,38 @@ from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
+    from tega.config import Pace
     from tega.devices.base import SteeredHand
-    from tega.teleop.session import RunState
+    from tega.haptics import Layout
+    from tega.teleop.latency import LatencyTrace
+    from tega.teleop.loop_report import LoopReport
+    from tega.teleop.pacing import PacingReport
+    from tega.teleop.rig import Rig
     from tega.teleop.sources import SourceReport
 
-__all__ = ["summarise", "write_summary"]
+__all__ = ["RunState", "summarise", "write_summary"]
+
+
+class RunState(NamedTuple):
+    """Everything a summary is made of.
+
+    Attributes:
+        rig: What the run was made of.
+        layout: Which motors the vest has.
+        pace: When the vest was told.
+        loop: What the loop counted.
+        pacing: How well the clock was kept.
+        trace: What followed frames and blocks through the loop; ``None`` where nothing was live.
+        real_time: Whether the loop's thread went ahead of others.
+    """
+
+    rig: Rig
+    layout: Layout
+    pace: Pace
+    loop: LoopReport
+    pacing: PacingReport
+    trace: LatencyTrace | None
+    real_time: bool
 
 
 def summarise(state: RunState, *, error: BaseException | None = None) -> dict[str, Any]:
@@ -34,7 +61,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     """
     from tega import __version__
 
-    config, loop = state.config, state.loop
+    config, loop = state.rig.config, state.loop
     summary: dict[str, Any] = {
         "format": SUMMARY_FORMAT,
         "version": 1,
@@ -46,11 +73,11 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     if error is not None:
         summary["error"] = error.message if isinstance(error, TegaError) else type(error).__name__
     summary["calibration"] = {
-        "origin": state.prepared.calibration.origin,
-        "file": state.prepared.calibration_name or None,
-        "self_calibrated": not state.prepared.calibration_name,
+        "origin": state.rig.prepared.calibration.origin,
+        "file": state.rig.prepared.calibration_name or None,
+        "self_calibrated": not state.rig.prepared.calibration_name,
     }
-    summary["tactile"] = {finger: _finger(state, finger) for finger in state.prepared.fingers}
+    summary["tactile"] = {finger: _finger(state, finger) for finger in state.rig.prepared.fingers}
     summary["emg"] = _emg(state)
     summary["vest"] = {
         "layout": state.layout,
@@ -61,22 +88,23 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         "skipped": loop.n_vest_skipped,
         **({} if state.trace is None else {"replaced": state.trace.n_replaced}),
         "sinks": [
-            sink.info.driver for sink in (*(vest.sink for vest in state.sinks.kept), *state.sinks.vests)
+            sink.info.driver
+            for sink in (*(vest.sink for vest in state.rig.sinks.kept), *state.rig.sinks.vests)
         ],
     }
     summary["hand"] = {
-        "model": ModelledAllegro.label if state.sinks.steered is None else state.sinks.steered.label,
+        "model": ModelledAllegro.label if state.rig.sinks.steered is None else state.rig.sinks.steered.label,
         "rate_hz": 1e9 / HAND_TICK_NS,
         "ticks": loop.n_hand_ticks,
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
-        "sinks": [sink.info.driver for sink in (*_steered(state), *state.sinks.hands)],
+        "sinks": [sink.info.driver for sink in (*_steered(state), *state.rig.sinks.hands)],
     }
-    if inputs := state.inputs.summary():
+    if inputs := state.rig.inputs.summary():
         summary["inputs"] = inputs
-    if state.steering is not None:
-        summary["arm"] = state.steering.summary()
-    if state.station is not None:
-        summary["net"] = state.station.summary()
+    if state.rig.steering is not None:
+        summary["arm"] = state.rig.steering.summary()
+    if state.rig.station is not None:
+        summary["net"] = state.rig.station.summary()
     if config.session.pace == "real":
         pacing = state.pacing
         summary["pacing"] = {
@@ -86,10 +114,10 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
             "worst_late_ms": pacing.worst_late_ms,
             "real_time": state.real_time,
         }
-    summary["safety"] = state.guard.summary()
+    summary["safety"] = state.rig.guard.summary()
     if state.trace is not None:
         summary["latency_ms"] = state.trace.summary()
-        if state.sinks.kept:
+        if state.rig.sinks.kept:
             motor = state.trace.motor
             summary["motor_onset"] = None if motor is None else motor._asdict() | {"said": motor.words}
     summary["notes"] = _notes(state)
@@ -97,8 +125,8 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
 
 
 def _finger(state: RunState, name: str) -> dict[str, Any]:
-    finger, loop = state.prepared.fingers[name], state.loop
-    info, maxima = finger.source.info, state.prepared.calibration.touch(name)
+    finger, loop = state.rig.prepared.fingers[name], state.loop
+    info, maxima = finger.source.info, state.rig.prepared.calibration.touch(name)
     return {
         "driver": info.driver,
         "source": info.label,
@@ -109,7 +137,7 @@ def _finger(state: RunState, name: str) -> dict[str, Any]:
         "duplicate": finger.report.n_duplicate,
         "identical": finger.report.n_identical,
         "stuck": finger.report.n_stuck,
-        "silent_s": loop.n_stale_ticks[name] / state.config.vest.rate_hz,
+        "silent_s": loop.n_stale_ticks[name] / state.rig.config.vest.rate_hz,
         "baseline": finger.baseline_origin,
         "cci_max": None if maxima is None else maxima.cci_max,
         "eda_max": None if maxima is None else maxima.eda_max,
@@ -117,7 +145,7 @@ def _finger(state: RunState, name: str) -> dict[str, Any]:
 
 
 def _emg(state: RunState) -> dict[str, Any] | None:
-    muscles = state.prepared.muscles
+    muscles = state.rig.prepared.muscles
     if muscles is None:
         return None
     maxima = muscles.maxima
@@ -138,19 +166,19 @@ def _emg(state: RunState) -> dict[str, Any] | None:
 
 
 def _steered(state: RunState) -> list[SteeredHand]:
-    return [] if state.sinks.steered is None else [state.sinks.steered]
+    return [] if state.rig.sinks.steered is None else [state.rig.sinks.steered]
 
 
 def _notes(state: RunState) -> list[str]:
     """Say in sentences what a reader of the tables has to know."""
     notes = []
-    end_ns, net = state.loop.end_ns, state.config.net
+    end_ns, net = state.loop.end_ns, state.rig.config.net
     robot = net is not None and net.station == "robot"
-    if not state.prepared.calibration_name:
-        notes.append(f"maxima {state.prepared.calibration.origin}")
-    notes += state.prepared.warnings
-    for name, finger in state.prepared.fingers.items():
-        maxima = state.prepared.calibration.touch(name)
+    if not state.rig.prepared.calibration_name:
+        notes.append(f"maxima {state.rig.prepared.calibration.origin}")
+    notes += state.rig.prepared.warnings
+    for name, finger in state.rig.prepared.fingers.items():
+        maxima = state.rig.prepared.calibration.touch(name)
         if robot and maxima is None:
             pass  # the vest is somewhere else, and so is what counts as full
         elif maxima is None or maxima.eda_max is None:
@@ -162,7 +190,7 @@ def _notes(state: RunState) -> list[str]:
         notes += [f"{name}: {note}" for note in finger.source.info.notes]
         notes += _repeats(name, finger.report, live=finger.source.info.live)
         notes += _ending(name, finger.report, end_ns, f"silent {STALE_NS / 1e6:g} ms later")
-    if (muscles := state.prepared.muscles) is not None:
+    if (muscles := state.rig.prepared.muscles) is not None:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
         held = () if muscles.intent is None else muscles.intent.held_samples
         for name, n_held in zip(muscles.maxima.channels, held, strict=False):
@@ -173,15 +201,15 @@ def _notes(state: RunState) -> list[str]:
         notes += _ending("emg", muscles.report, end_ns, _lost_emg(state))
     if state.trace is not None and state.trace.last_warning:
         notes.append(state.trace.last_warning)
-    notes += [f"vest: {note}" for vest in state.sinks.kept for note in vest.sink.info.notes]
-    notes += state.inputs.notes()
-    if state.steering is not None:
-        notes += [f"arm: {note}" for note in state.steering.notes()]
+    notes += [f"vest: {note}" for vest in state.rig.sinks.kept for note in vest.sink.info.notes]
+    notes += state.rig.inputs.notes()
+    if state.rig.steering is not None:
+        notes += [f"arm: {note}" for note in state.rig.steering.notes()]
     return notes
 
 
 def _lost_emg(state: RunState) -> str:
-    safety, muscles = state.config.safety, state.prepared.muscles
+    safety, muscles = state.rig.config.safety, state.rig.prepared.muscles
     if muscles is None or not muscles.source.info.live or safety.then == "keep":
         return "its last level held to the end"
     return f"its last level held for {safety.hold_ms / 1e3:g} s, then the hand opens"

@@ -30,10 +30,10 @@ import msgspec
 import numpy as np
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
-from tega.config_text import tree_text
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import McapReader
 from tega.replay import replay_file
+from tega.toml_text import tree_text
 
 __all__ = ["Kill", "kill_one", "main", "settings"]
 

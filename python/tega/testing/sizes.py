@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections import Counter
+from collections import defaultdict
 from pathlib import Path
 
 from tega.config import FINGERS, check_tree
@@ -38,13 +38,14 @@ def _record(folder: Path, *, seconds: float, lossless: bool) -> Inspection:
 
 def _per_minute(found: Inspection) -> dict[str, float]:
     """Return MiB a minute by stream, those of all fingers together, then of the file."""
-    sizes: Counter[str] = Counter()
+    sizes: defaultdict[str, float] = defaultdict(float)
     for stream in found.streams:
         parts = stream.topic.split("/")
         topic = "/".join(["", "tactile", "FINGER", *parts[3:]]) if parts[1] == "tactile" else stream.topic
         sizes[topic] += stream.mib
     minutes = found.duration_s / 60
-    rows = {topic: mib / minutes for topic, mib in sizes.most_common() if mib / minutes >= _WORTH_A_ROW}
+    ordered = sorted(sizes.items(), key=lambda item: -item[1])
+    rows = {topic: mib / minutes for topic, mib in ordered if mib / minutes >= _WORTH_A_ROW}
     rows["everything else"] = sum(sizes.values()) / minutes - sum(rows.values())
     return rows | {"the file": found.mib / minutes}
 

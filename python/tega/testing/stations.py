@@ -22,12 +22,14 @@ from types import TracebackType
 from typing import IO, Any, Literal, Self
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
-from tega.config_text import tree_text
+from tega.child_process import end_child
 from tega.errors import DeviceUnavailableError
+from tega.toml_text import tree_text
 
 __all__ = ["Program", "free_port", "split", "write_stations", "write_trees"]
 
 _PATIENCE_S = 60.0
+_LEAVE_S = 10.0
 _ROBOT_S = ("tactile", "hand", "arm", "recording")
 
 
@@ -163,11 +165,7 @@ class Program:
         with contextlib.suppress(ProcessLookupError):
             self.process.send_signal(signal.SIGCONT)
             self.process.terminate()
-        try:
-            self.process.wait(10)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        end_child(self.process, _LEAVE_S)
         self._out.close()
         self._err.close()
 

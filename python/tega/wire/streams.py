@@ -57,12 +57,39 @@ class CytonBatch:
         return len(self.counters)
 
 
-class CytonDecoder:
+class _NumberedPackets:
+    """What is counted in a stream whose packets carry a number."""
+
+    _stream: _native.CytonStream | _native.ChordsStream
+
+    @property
+    def packets(self) -> int:
+        """Packets given so far."""
+        return self._stream.stats()[0]
+
+    @property
+    def missing_packets(self) -> int:
+        """Packets missing so far, by the counter."""
+        return self._stream.stats()[1]
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes so far that belong to no packet."""
+        return self._stream.stats()[2]
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes held back until more arrive."""
+        return self._stream.stats()[3]
+
+
+class CytonDecoder(_NumberedPackets):
     r"""Finds packets in the stream of an OpenBCI Cyton, whatever else it holds.
 
     A packet that follows another with the next counter is given at once; so is one that holds no second
     header. Otherwise up to three more packets are waited for, and their counters decide, so that a payload
-    full of headers cannot capture the decoder. Packets that nothing tells apart from false ones are dropped.
+    full of headers cannot capture the decoder. Packets that nothing tells apart from false ones are dropped. At most
+    130 bytes are held back.
 
     Args:
         gain: What all channels are set to: 1, 2, 4, 6, 8, 12 or 24. The board does not say.
@@ -91,26 +118,6 @@ class CytonDecoder:
         """
         return CytonBatch(*self._stream.feed(as_bytes(data)))
 
-    @property
-    def packets(self) -> int:
-        """Packets given so far."""
-        return self._stream.stats()[0]
-
-    @property
-    def missing_packets(self) -> int:
-        """Packets missing so far, by the counter."""
-        return self._stream.stats()[1]
-
-    @property
-    def skipped_bytes(self) -> int:
-        """Bytes so far that belong to no packet."""
-        return self._stream.stats()[2]
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes held back until more arrive, at most 130."""
-        return self._stream.stats()[3]
-
 
 class ChordsBatch(NamedTuple):
     """Packets of a board with Chords firmware, oldest first.
@@ -126,7 +133,7 @@ class ChordsBatch(NamedTuple):
     samples: NDArray[np.uint16]
 
 
-class ChordsDecoder:
+class ChordsDecoder(_NumberedPackets):
     """Finds packets in the stream of a board with Chords firmware, by the rules of :class:`CytonDecoder`.
 
     Args:
@@ -151,26 +158,6 @@ class ChordsDecoder:
             DtypeError: If `data` is no buffer of bytes.
         """
         return ChordsBatch(*self._stream.feed(as_bytes(data)))
-
-    @property
-    def packets(self) -> int:
-        """Packets given so far."""
-        return self._stream.stats()[0]
-
-    @property
-    def missing_packets(self) -> int:
-        """Packets missing so far, by the counter."""
-        return self._stream.stats()[1]
-
-    @property
-    def skipped_bytes(self) -> int:
-        """Bytes so far that belong to no packet."""
-        return self._stream.stats()[2]
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes held back until more arrive."""
-        return self._stream.stats()[3]
 
 
 def chords_channels(data: bytes | bytearray | memoryview) -> int | None:

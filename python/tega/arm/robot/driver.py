@@ -18,6 +18,7 @@ import tega.errors
 from tega.arm.pose import ArmCommand, StampedPose
 from tega.arm.robot.process import Settings
 from tega.arm.robot.words import Asked, Failed, Health, Leave, Message, Ready, Recover, Told, decode, encode
+from tega.child_process import end_child
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
@@ -180,13 +181,7 @@ class ProcessArm(Opened):
         if process is None:
             return
         self._say(Leave())
-        if process.stdin is not None:
-            process.stdin.close()
-        try:
-            process.wait(_LEAVE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        end_child(process, _LEAVE_S)
         if self._link is not None:
             self._link.close()
             self._link = None

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from tega.child_process import end_child
 from tega.errors import DeviceUnavailableError, InvalidValueError
 
 __all__ = ["Emulator"]
@@ -71,13 +72,7 @@ class Emulator:
         process, self._process = self._process, None
         if process is None:
             return
-        if process.stdin is not None:
-            process.stdin.close()
-        try:
-            process.wait(_LEAVE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        end_child(process, _LEAVE_S)
         if process.stdout is not None:
             process.stdout.close()
 

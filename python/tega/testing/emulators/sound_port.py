@@ -84,7 +84,7 @@ class SoundPort:
 
 class _Stream:
     def __init__(self, port: SoundPort, callback: Callable[..., None], *, hears: bool) -> None:
-        self._port, self._callback, self._hears = port, callback, hears
+        self._port, self._callback = port, callback
         self._leave = threading.Event()
         self._thread = threading.Thread(target=self._hear if hears else self._play, daemon=True)
         self.samplerate, self.latency = RATE_HZ, port.latency_s

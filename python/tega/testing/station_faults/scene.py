@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from tega.child_process import end_child
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.testing.impaired import ImpairedLink
 from tega.testing.lab import EmulatedLab, emulated_lab
@@ -25,6 +26,7 @@ from tega.testing.stations import free_port, split, write_trees
 __all__ = ["Scene", "Watch", "until"]
 
 _PATIENCE_S = 60.0
+_LEAVE_S = 10.0
 _DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
 _PATH_S = 600
 _PRESS_S = 2.0
@@ -77,11 +79,7 @@ class Watch:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGCONT)
             self.process.terminate()
-        try:
-            self.process.wait(10)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        end_child(self.process, _LEAVE_S)
         self._hang_up()
 
     def _hang_up(self) -> None:

@@ -81,7 +81,7 @@ class Page:
             n = len(FINGERS)
             blank = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), 236, np.uint8)
             self._images = gui.add_image(blank, jpeg_quality=85)
-            self._legend = gui.add_html(_LEGEND)
+            gui.add_html(_LEGEND)
             self._vest = gui.add_html(vest_svg(None))
             self._course = CourseChart(gui)
         panel.dock_left()

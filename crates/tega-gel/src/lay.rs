@@ -1,0 +1,71 @@
+//! Shapes laid over a grid: how near to the gel each cell of a shape is.
+
+use crate::grid::{COLS, LANES, Level, chunks};
+use crate::membrane::DOME_MM;
+use crate::shape::{CLEAR, Indenter};
+use crate::simd;
+use crate::window::Window;
+
+/// Lays a shape over a part of a grid, its foremost point on the still gel.
+#[inline(always)]
+pub(crate) fn lay(grid: &mut Level, part: Window, i: usize, indenter: &Indenter) {
+    let ([c0, c1], step, cols) = (part.cols, grid.cell_mm, grid.cols);
+    let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * step;
+    let curve = (0.5 / DOME_MM) as f32;
+    // The gel's dome drops away from its middle.
+    let mut drop = [0.0; COLS];
+    for (c, drop) in drop[..c1 - c0].iter_mut().enumerate() {
+        let x = at(cols, c0 + c);
+        *drop = x * x * curve;
+    }
+    let mut tops = [CLEAR; LANES];
+    for r in part.rows[0]..part.rows[1] {
+        let y = at(grid.rows, r);
+        let row = &mut grid.gaps[i][r * cols..][c0..c1];
+        indenter.lowest(at(cols, c0), step, y, row);
+        for (low, drop) in row.iter_mut().zip(&drop) {
+            *low -= drop + y * y * curve;
+        }
+        raise(&mut tops, row);
+    }
+    grid.tops[i] = highest(tops);
+}
+
+/// Lays a shape over its box in the finest grid; its foremost point is known to lie at least so far down.
+#[inline(always)]
+pub(crate) fn lay_below(grid: &mut Level, i: usize, indenter: &Indenter, top: f32) {
+    simd::lay(grid, grid.boxes[i], i, indenter);
+    grid.tops[i] = grid.tops[i].max(top);
+}
+
+/// Means of four cells, or the nearest of them where the shape does not lie over all; returns the highest of them.
+#[inline(always)]
+pub(crate) fn pool(fine: &[f32], coarse: &mut [f32], cols: usize) -> f32 {
+    for (two, out) in fine.chunks_exact(2 * cols).zip(coarse.chunks_exact_mut(cols / 2)) {
+        let (upper, lower) = two.split_at(cols);
+        for ((out, a), b) in out.iter_mut().zip(upper.as_chunks::<2>().0).zip(lower.as_chunks::<2>().0) {
+            let (low0, high0) = if a[0] < a[1] { (a[0], a[1]) } else { (a[1], a[0]) };
+            let (low1, high1) = if b[0] < b[1] { (b[0], b[1]) } else { (b[1], b[0]) };
+            let low = if low0 < low1 { low0 } else { low1 };
+            let high = if high0 > high1 { high0 } else { high1 };
+            *out = if low > CLEAR / 2.0 { 0.25 * ((a[0] + a[1]) + (b[0] + b[1])) } else { high };
+        }
+    }
+    let mut tops = [CLEAR; LANES];
+    raise(&mut tops, coarse);
+    highest(tops)
+}
+
+/// Raises the highest gaps so far, a few columns apart, by those of a row.
+#[inline(always)]
+fn raise(tops: &mut [f32; LANES], gaps: &[f32]) {
+    for lanes in chunks(gaps) {
+        for k in 0..LANES {
+            tops[k] = if lanes[k] > tops[k] { lanes[k] } else { tops[k] };
+        }
+    }
+}
+
+fn highest(tops: [f32; LANES]) -> f32 {
+    tops.into_iter().fold(CLEAR, |top, gap| if gap > top { gap } else { top })
+}

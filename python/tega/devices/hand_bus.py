@@ -1,0 +1,163 @@
+"""The CAN bus a hand is on: opened through python-can, read and written frame by frame, opened anew if it went away."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tega.devices.lifecycle import require
+from tega.devices.slcan import slcan_bus
+from tega.errors import DeviceUnavailableError
+
+if TYPE_CHECKING:
+    from tega.hand_link import Received
+    from tega.wire import CanFrame
+
+__all__ = ["HandBus", "can_message"]
+
+# Waiting for a frame ends this soon, so that silence is noticed in time.
+_WAIT_S = 0.002
+# A frame that waits longer is dropped: the next cycle has a newer one.
+_SEND_S = 0.01
+_REOPEN_NS = 1_000_000_000
+_MOST_FRAMES = 64
+
+
+def can_message(can: Any, frame: CanFrame) -> Any:
+    """Return a frame as python-can's: classic CAN, an identifier of 11 bits."""
+    return can.Message(
+        arbitration_id=frame.id,
+        data=frame.data,
+        is_remote_frame=frame.remote,
+        is_extended_id=False,
+        is_fd=False,
+    )
+
+
+class HandBus:
+    """A bus on any adapter that python-can knows; one thread at a time uses it.
+
+    Args:
+        interface: The adapter's name in python-can.
+        channel: Which of its buses.
+        bitrate: Bits per second.
+        more: Further arguments of ``can.Bus``.
+
+    Attributes:
+        trouble: Why the adapter went away, to be put behind a message; ``""`` while it is there.
+        n_garbled: Pieces of the adapter's stream that were no frame.
+        n_unsent: Frames the adapter did not take.
+    """
+
+    def __init__(self, interface: str, channel: str | int, *, bitrate: int, more: Mapping[str, Any]) -> None:
+        self.settings: dict[str, Any] = {
+            "interface": interface,
+            "channel": channel,
+            "bitrate": bitrate,
+            **more,
+        }
+        """Arguments of ``can.Bus``."""
+        self.trouble = ""
+        self.n_garbled = self.n_unsent = 0
+        self._can: Any = None
+        self._bus: Any = None
+        self._reopen_ns = 0
+
+    @property
+    def label(self) -> str:
+        """Adapter and bus, without a path."""
+        return f"{self.settings['interface']} {Path(str(self.settings['channel'])).name}"
+
+    def open(self) -> None:
+        """Open the bus.
+
+        Raises:
+            DeviceUnavailableError: The adapter is not there, or refuses.
+            MissingExtraError: python-can is not installed.
+        """
+        self._can = require("can", driver="allegro", extra="lab")
+        self._bus, self.trouble = self._opened(), ""
+
+    def drop(self) -> None:
+        """Close the bus, whatever state it is in."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            with contextlib.suppress(self._can.CanError, OSError):
+                bus.shutdown()
+
+    def receive(self, *, may_reopen: bool) -> list[Received]:
+        """Return the frames that have come, after 2 ms at most.
+
+        Args:
+            may_reopen: Whether a bus that went away is opened again, tried once a second.
+        """
+        from tega.hand_link import Received
+
+        frames: list[Received] = []
+        if self._bus is None and not (may_reopen and self._reopened()):
+            time.sleep(_WAIT_S)
+            return frames
+        wait_s = _WAIT_S
+        while len(frames) < _MOST_FRAMES:
+            try:
+                message = self._bus.recv(timeout=wait_s)
+            except (self._can.CanError, OSError) as error:
+                self.trouble = f" (the adapter failed: {error})"
+                self.drop()
+                break
+            except (ValueError, IndexError):
+                self.n_garbled += 1
+                continue
+            if message is None:
+                break
+            frames.append(
+                Received(
+                    message.arbitration_id,
+                    message.data,
+                    message.is_remote_frame,
+                    message.is_extended_id,
+                    message.is_error_frame,
+                )
+            )
+            wait_s = 0.0
+        return frames
+
+    def send(self, frames: Sequence[CanFrame]) -> list[CanFrame]:
+        """Send frames and return those that the adapter took."""
+        sent: list[CanFrame] = []
+        for frame in frames:
+            if self._bus is None:
+                break
+            try:
+                self._bus.send(can_message(self._can, frame), timeout=_SEND_S)
+                sent.append(frame)
+            except (self._can.CanError, OSError):
+                self.n_unsent += 1
+        return sent
+
+    def _reopened(self) -> bool:
+        t_ns = time.monotonic_ns()
+        if t_ns < self._reopen_ns:
+            return False
+        self._reopen_ns = t_ns + _REOPEN_NS
+        with contextlib.suppress(DeviceUnavailableError):
+            self._bus, self.trouble = self._opened(), ""
+        return self._bus is not None
+
+    def _opened(self) -> Any:
+        settings = dict(self.settings)
+        try:
+            if settings["interface"] == "slcan":
+                del settings["interface"]
+                return slcan_bus()(settings.pop("channel"), **settings)
+            return self._can.Bus(**settings)
+        except (self._can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+            raise DeviceUnavailableError(
+                f"allegro: interface {self.settings['interface']!r} did not open "
+                f"{self.label.split()[-1]!r}: {error}",
+                "check the adapter and its name; a socketcan bus has to be up: "
+                "ip link set can0 up type can bitrate 1000000 restart-ms 100",
+            ) from error

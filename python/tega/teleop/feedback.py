@@ -1,0 +1,30 @@
+"""The back loop that the settings ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from tega.calibration import Calibration, TouchMaxima
+from tega.config import DEFAULT_LAYOUT
+from tega.haptics import FeltMap
+from tega.teleop.pulses import PulseLoop
+from tega.teleop.touch import TouchLoop
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+
+__all__ = ["touch_loop"]
+
+
+def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:
+    """Make the back loop that settings and a calibration ask for."""
+    vest = config.vest
+    maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
+    felt = None
+    if (vest.threshold, vest.step) != (0.0, 1.0):
+        felt = FeltMap(threshold=vest.threshold, step=vest.step)
+    layout = vest.layout or DEFAULT_LAYOUT[config.session.preset]
+    if vest.feedback == "events":
+        return PulseLoop(maxima, pulses=vest.pulses, layout=layout, mirror=vest.mirror, felt=felt)
+    return TouchLoop(maxima, layout=layout, mirror=vest.mirror, felt=felt)

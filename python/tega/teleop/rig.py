@@ -1,0 +1,166 @@
+"""Everything that a run is made of, opened in the order in which what is missing is told first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, NamedTuple
+
+from tega.config import SessionConfig
+from tega.devices.base import EmgSource, TactileSource
+from tega.devices.registry import driver_class
+from tega.priority import ahead_of_others
+from tega.recording.spared import Disk
+from tega.safety.guard import Guard
+from tega.safety.states import Transition
+from tega.teleop.arm import Steering, open_arm
+from tega.teleop.inputs import Inputs
+from tega.teleop.pacing import refuse_live
+from tega.teleop.prepare import Prepared, Progress, prepare
+from tega.teleop.sinks import Sinks, open_inputs, open_sinks
+from tega.teleop.watch import watch_over
+
+if TYPE_CHECKING:
+    from tega.markers import RunMarkers
+    from tega.net.station import Station
+    from tega.recording.session import Recording
+
+__all__ = ["Rig", "open_rig"]
+
+
+class Rig(NamedTuple):
+    """What a run is made of, all of it open.
+
+    Attributes:
+        config: The settings.
+        prepared: The sources, with their baselines and maxima.
+        sinks: What is written to.
+        inputs: What the operator holds or steps on.
+        guard: What watches over the live devices.
+        recording: The recording; ``None`` without one, like those below.
+        markers: The streams of markers.
+        steering: What leads the arm.
+        station: This end of the link to another station.
+    """
+
+    config: SessionConfig
+    prepared: Prepared
+    sinks: Sinks
+    inputs: Inputs
+    guard: Guard
+    recording: Recording | None
+    markers: RunMarkers | None
+    steering: Steering | None
+    station: Station | None
+
+
+def open_rig(
+    stack: ExitStack,
+    config: SessionConfig,
+    *,
+    prepared: Prepared | None,
+    on_prepared: Callable[[Prepared], Prepared],
+    progress: Progress,
+    stop: Callable[[], bool],
+    settings: str,
+    go: Callable[[], bool],
+    on_state: Callable[[Transition], None],
+    tell: Callable[[str], None],
+) -> Rig:
+    """Open what the settings name; the arguments are those of :func:`tega.teleop.run_session`.
+
+    Args:
+        stack: Closes all of it.
+        config: The settings.
+        prepared: What to start with instead of the sources of the settings.
+        on_prepared: Given what the run starts with; returns what it is to start with.
+        progress: Told how preparation goes.
+        stop: Asked whether to give up.
+        settings: How the settings file is named in the commands that an error suggests.
+        go: Asked all the time whether an armed run may become active.
+        on_state: Told of every change of the run's state.
+        tell: Told what happens on the link to the other station.
+
+    Raises:
+        TegaError: Whatever is wrong with settings, recordings, calibration or devices.
+        KeyboardInterrupt: ``stop`` said so.
+    """
+    recording = _recording(stack, config)
+    markers = _markers(stack, config)
+    station = None
+    if config.net is not None:
+        from tega.net.station import open_station
+
+        progress("opening the link", 0, 0)
+        station = open_station(config, tell=tell, stop=stop)
+        # The link's own threads, which others wait for at the other station.
+        with ahead_of_others("act", inherited=True):
+            stack.enter_context(station)
+    if prepared is None:
+        sources, emg = _sources(stack, config)
+        prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
+    if station is not None:
+        prepared = station.prepared(prepared)
+    prepared = on_prepared(prepared)
+    if recording is not None:
+        prepared = recording.watch(prepared)
+    disk = Disk()
+    sinks = open_sinks(stack, config, prepared, recording, disk)
+    inputs = open_inputs(stack, config)
+    if station is not None:
+        sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)
+    steering = None
+    if config.arm is not None:
+        steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
+        if recording is not None:
+            recording.lead(steering)
+    progress("running", 0, 0)
+    guard = watch_over(
+        config,
+        prepared,
+        sinks,
+        disk,
+        recording,
+        markers=markers,
+        go=go,
+        steering=steering,
+        station=station,
+    )
+    guard.observers.append(on_state)
+    return Rig(config, prepared, sinks, inputs, guard, recording, markers, steering, station)
+
+
+def _sources(stack: ExitStack, config: SessionConfig) -> tuple[dict[str, TactileSource], EmgSource | None]:
+    """Open the sources of the settings."""
+    sources: dict[str, TactileSource] = {
+        finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
+        for finger, c in config.tactile.in_use().items()
+    }
+    emg: EmgSource | None = None
+    if config.emg is not None:
+        emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
+    for source in (*sources.values(), *([] if emg is None else [emg])):
+        refuse_live(source.info, config.session.pace)
+    return sources, emg
+
+
+def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
+    """Make the recording, if one is asked for, before any device is touched."""
+    if config.recording.dir is None:
+        return None
+    from tega.recording.session import Recording
+
+    recording = Recording(config, config.recording.dir)
+    stack.callback(recording.abandon)
+    return recording
+
+
+def _markers(stack: ExitStack, config: SessionConfig) -> RunMarkers | None:
+    """Open the streams of markers, if there are any."""
+    if config.markers.lsl_out is None and config.markers.lsl_in is None:
+        return None
+    from tega.markers import RunMarkers
+
+    markers = RunMarkers(config.markers)
+    stack.callback(markers.close)
+    return markers

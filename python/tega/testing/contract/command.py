@@ -1,0 +1,71 @@
+"""Drivers put through the contract by name."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from tega.devices.registry import driver_class, driver_names
+from tega.errors import TegaError
+from tega.testing.contract.check import check_driver
+
+__all__ = ["main"]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Check drivers by name and print a line for each; return 1 if one broke a rule, 2 if one could not be tried."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tega.testing.contract", description="Put drivers through the driver contract."
+    )
+    parser.add_argument("names", nargs="*", metavar="DRIVER", help="names of entry points; none: all of them")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="sets", help="an option of the driver"
+    )
+    parser.add_argument(
+        "--real", action="store_true", help="TEGA's own drivers on the device itself, not on its emulator"
+    )
+    given = parser.parse_args(arguments)
+    if given.sets and len(given.names) != 1:
+        parser.error("--set needs the name of one driver")
+    worst = 0
+    for name in given.names or driver_names():
+        verdict, said = _try_driver(name, given.sets, real=given.real)
+        worst = max(worst, {"ok": 0, "not tried": 0 if not given.names else 2, "broken": 1}[verdict])
+        sys.stdout.write(f"{verdict:<10} {name:<18} {said}\n")
+        sys.stdout.flush()
+    return worst
+
+
+def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
+    """Check one driver; return the verdict and what there is to say."""
+    from tega.config import driver_options
+    from tega.testing.benches import BENCHES, why_not
+
+    with ExitStack() as stack:
+        tree: dict[str, Any] = {}
+        where = "with its default options"
+        try:
+            driver = driver_class(name)
+            if sets:
+                where = f"with {' '.join(sets)}"
+            elif name in BENCHES and not real:
+                if reason := why_not(name):
+                    return "not tried", reason
+                where = BENCHES[name].summary
+                folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+                tree = stack.enter_context(BENCHES[name].start(folder))
+            check_driver(driver, driver_options(name, tree, sets=sets))
+        except AssertionError as error:
+            return "broken", f"rule: {error} ({where})"
+        except TegaError as error:
+            return "not tried", str(error)
+        except Exception as error:  # whatever a driver in the making does
+            sys.stderr.write(traceback.format_exc())
+            return "broken", f"it raised {type(error).__name__}: {error} ({where})"
+    return "ok", where

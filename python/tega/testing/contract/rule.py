@@ -1,0 +1,30 @@
+"""A rule of the contract, and what it says when it is broken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+__all__ = ["refuses", "rule"]
+
+
+def rule(holds: bool, said: str) -> None:  # noqa: FBT001  # an assertion that survives python -O
+    """Break off where a rule does not hold.
+
+    Raises:
+        AssertionError: It does not; the message is the rule.
+    """
+    if not holds:
+        raise AssertionError(said)
+
+
+def refuses(call: Callable[[], object], error: type[Exception], said: str) -> None:
+    """Break off where a call does not raise this error.
+
+    Raises:
+        AssertionError: It does not; the message is the rule.
+    """
+    try:
+        call()
+    except error:
+        return
+    raise AssertionError(said)

@@ -1,0 +1,68 @@
+"""The arm's chain in use: a hand that can be moved, an arm that goes where it is asked or stays."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from tega.arm import (
+    ArmChain,
+    ArmCommand,
+    ArmSettings,
+    LimitSettings,
+    MappingSettings,
+    Pose,
+    StampedPose,
+)
+from tega.arm import rotation as so3
+
+MS = 1_000_000
+
+MIDDLE = np.array([0.5, 0.0, 0.3])
+
+FORWARD = so3.exp(np.array([0, math.pi / 2, 0]))
+
+
+class Bench:
+    """A chain in use: a hand that can be moved, an arm that goes where it is asked or stays."""
+
+    def __init__(self, limits: LimitSettings | None = None, **mapping: Any) -> None:
+        self.limits = limits or LimitSettings(ahead_m=10, ahead_rad=3)
+        self.chain = ArmChain(
+            ArmSettings(mapping=MappingSettings(**{"frame": "base", **mapping}), limits=self.limits)
+        )
+        self.now_ns, self.hand_m, self.turn = 0, np.zeros(3), so3.IDENTITY
+        self.arm = Pose(MIDDLE, FORWARD)
+        self.clutch = self.dead_man = self.tracker = self.link = True
+        self.stuck = False
+
+    def go(
+        self, ms: int, *, dt_ms: int = 10, valid: bool = True, move: tuple[float, ...] = (0, 0, 0)
+    ) -> ArmCommand:
+        """Go on for a time; ``move`` is the hand's way over all of it."""
+        n = ms // dt_ms
+        for _ in range(n):
+            self.now_ns += dt_ms * MS
+            self.hand_m = self.hand_m + np.array(move) / n
+            self.last = self.chain.step(
+                self.now_ns,
+                [StampedPose(self.now_ns, self.hand_m, self.turn, valid)] if self.tracker else [],
+                clutch=self.clutch,
+                dead_man=self.dead_man,
+                measured=StampedPose(self.now_ns, *self.arm) if self.link else None,
+            )
+            self.arm = self.arm if self.stuck else self.last.target or self.arm
+        return self.last
+
+    def take_hold(self) -> Bench:
+        self.clutch = False
+        self.go(20)
+        self.clutch = True
+        assert self.go(20).state == "following", self.last.reason
+        return self
+
+    @property
+    def away_m(self) -> list[float]:
+        return [round(x, 4) for x in (self.arm.position_m - MIDDLE).tolist()]

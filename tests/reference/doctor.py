@@ -1,0 +1,22 @@
+"""What the doctor says of the devices of a settings file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tega.config import load_config
+from tega.doctor import Examination, Finding, examine
+
+
+def told(tmp_path: Path, settings: str) -> Examination:
+    path = tmp_path / "lab.toml"
+    path.write_text(settings)
+    examination = examine(load_config(path, environ={}).config, name=path.name)
+    # The calibration has tests of its own; here it is about devices.
+    devices = tuple(f for f in examination.findings if f.check != "calibration")
+    return Examination(settings=examination.settings, findings=devices)
+
+
+def only(examination: Examination) -> Finding:
+    (finding,) = examination.findings
+    return finding

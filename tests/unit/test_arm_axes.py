@@ -1,0 +1,89 @@
+"""From the axes of a tracker to those of the robot, and the calibration that finds them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.arm_bench import Bench
+from tega.arm import (
+    MappingSettings,
+    StampedPose,
+    check_forward,
+    yaw_from_sweep,
+)
+from tega.arm import rotation as so3
+from tega.arm.frames import ToBase
+from tega.errors import CalibrationError
+
+
+@pytest.mark.parametrize(
+    ("frame", "forward", "left", "up"),
+    [
+        ("openxr", (0, 0, -1), (-1, 0, 0), (0, 1, 0)),
+        ("unity", (0, 0, 1), (-1, 0, 0), (0, 1, 0)),
+        ("ros", (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    ],
+)
+def test_unit_vectors_of_each_frame(frame: Any, forward: Any, left: Any, up: Any) -> None:
+    to_base = ToBase(MappingSettings(frame=frame))
+    for there, here in zip((forward, left, up), np.eye(3), strict=True):
+        assert to_base(StampedPose(0, there, (0, 0, 0, 1))).position_m.tolist() == here.tolist()
+    # A turn about "up" from forward towards left: right-handed in the base, whatever the tracker's hand is.
+    sign = -1 if frame == "unity" else 1
+    q = so3.exp(sign * 0.4 * np.array(up, float))
+    turned = to_base(StampedPose(0, (0, 0, 0), q)).quaternion_xyzw
+    np.testing.assert_allclose(so3.log(turned), [0, 0, 0.4], atol=1e-12)
+
+
+def test_a_left_forearm_on_a_right_hand_is_mirrored() -> None:
+    left = ToBase(MappingSettings(frame="base", forearm="left"))
+    place, q = left(StampedPose(0, (0.1, 0.2, 0.3), so3.exp(np.array([0.1, 0.2, 0.3]))))
+    assert place.tolist() == [0.1, -0.2, 0.3]
+    np.testing.assert_allclose(so3.log(q), [-0.1, 0.2, -0.3], atol=1e-12)
+    both = ToBase(MappingSettings(frame="base", forearm="left", robot_hand="left"))
+    assert both.matrix.tolist() == np.eye(3).tolist()
+
+
+def sweep(direction: Any, n: int = 30) -> np.ndarray:
+    noise = np.random.default_rng(1).normal(0, 0.001, (n, 3))
+    along = np.array(direction) / np.linalg.norm(direction)
+    places: np.ndarray = np.outer(np.linspace(0, 0.2, n), along) + noise
+    return places
+
+
+@pytest.mark.parametrize("frame", ["openxr", "unity", "base"])
+def test_after_calibration_forward_is_forward(frame: Any) -> None:
+    direction = {"base": (0.3, 0.9, 0.1)}.get(frame, (0.6, 0.1, -0.7))
+    yaw = yaw_from_sweep(sweep(direction), frame=frame)
+    assert check_forward(sweep(direction), frame=frame, yaw_rad=yaw).ok
+    bench = Bench(frame=frame, yaw_rad=yaw).take_hold()
+    bench.go(1000, move=tuple(0.1 * np.array(direction) / np.linalg.norm(direction)))
+    bench.go(3000)
+    assert bench.away_m[0] == pytest.approx(0.1, abs=0.002)
+    assert bench.away_m[1] == pytest.approx(0, abs=0.002)
+
+
+def test_a_wrong_calibration_is_seen() -> None:
+    left = check_forward(sweep((0, 0, -1)), frame="openxr", yaw_rad=-math.pi / 2)
+    assert left.words == "forward came out 90° to the left; calibrate again"
+    assert not check_forward(sweep((0, 0, 1)), frame="openxr", yaw_rad=0).ok
+    assert "backward" in check_forward(sweep((0, 0, 1)), frame="openxr", yaw_rad=0).words
+    assert "too little" in check_forward(0.1 * sweep((0, 0, -1)), frame="openxr", yaw_rad=0).words
+
+
+@pytest.mark.parametrize(
+    ("places", "says"),
+    [
+        ([[0, 0, 0]], "no movement"),
+        ([[0, 0, 0], [0, 0, -0.05]], "5 cm, which is too little"),
+        ([[0, 0, 0], [0.1, 0, -0.1], [0, 0, -0.2]], "strayed by 10 cm"),
+        ([[0, 0, 0], [0, 0.2, -0.2]], "rose by 45°"),
+    ],
+)
+def test_a_sweep_that_says_nothing_is_refused(places: Any, says: str) -> None:
+    with pytest.raises(CalibrationError, match=says):
+        yaw_from_sweep(places, frame="openxr")

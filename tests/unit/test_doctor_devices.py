@@ -1,0 +1,199 @@
+"""The doctor: what it says of devices that are broken in known ways."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from reference.doctor import only, told
+from tega.doctor import Finding
+from tega.doctor.bench import look_around
+from tega.doctor.tactile import Camera, crowded
+from tega.testing.emulators.process import Emulator
+from tega.testing.emulators.vests import seen_by
+
+
+def test_a_hand_of_another_version(tmp_path: Path) -> None:
+    with Emulator("allegro_port", "--hardware", "0x0500") as hand:
+        options = json.dumps({"interface": "slcan", "channel": hand.address["channel"]})
+        case = '[hand]\ndriver = "allegro"\n[hand.options]\n' + "".join(
+            f"{key} = {json.dumps(value)}\n" for key, value in json.loads(options).items()
+        )
+        finding = only(told(tmp_path, case + "bus = { sleep_after_open = 0.0 }\n"))
+        assert not hand.say("look")["servo_on"]
+    assert finding.status == "wrong"
+    assert "version 5.0" in finding.finding
+    assert finding.todo
+
+
+def test_an_amplifier_that_is_too_slow(tmp_path: Path) -> None:
+    with Emulator("ascii_board", "--rate", "500", "--fault", "slow=0.2") as board:
+        finding = only(
+            told(
+                tmp_path,
+                f'[emg]\ndriver = "serial-emg"\nkind = "raw"\n'
+                f'options = {{ port = "{board.port}", rate_hz = 500, measure_s = 0.25 }}\n',
+            )
+        )
+    assert finding.status == "wrong"
+    assert "samples/s" in finding.finding
+    assert any("delay()" in step for step in finding.todo)
+
+
+def test_an_amplifier_that_hums(tmp_path: Path) -> None:
+    with Emulator("cyton", "--signal", "hum") as board:
+        examination = told(
+            tmp_path,
+            f'[emg]\ndriver = "cyton"\nkind = "raw"\noptions = {{ port = "{board.port}", measure_s = 0.3 }}\n',
+        )
+    assert examination.exit_code == 0
+    assert any("50 Hz mains" in f.finding for f in examination.findings if f.status == "doubt")
+
+
+def test_a_player_that_is_not_there(tmp_path: Path) -> None:
+    with Emulator("bhaptics_player", "--port", "0") as player:
+        port = player.address["port"]
+    finding = only(told(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n'))
+    assert finding.status == "missing"
+    assert "cannot be reached" in finding.finding
+    assert "start the bHaptics Player" in finding.todo[0]
+
+
+def test_a_player_without_a_vest(tmp_path: Path) -> None:
+    with Emulator("bhaptics_player", "--port", "0") as player:
+        player.say("no-vest")
+        port = player.address["port"]
+        finding = only(told(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n'))
+    assert "has no vest connected" in finding.finding
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "said"), [("black", "wrong", "black"), ("cut", "missing", "does not open")]
+)
+def test_a_camera_in_trouble(tmp_path: Path, fault: str, status: str, said: str) -> None:
+    with Emulator("digit") as camera:
+        camera.say(fault)
+        finding = only(
+            told(
+                tmp_path,
+                f'[tactile.thumb]\ndriver = "digit"\noptions = {{ source = "{camera.address["source"]}" }}\n',
+            )
+        )
+    assert finding.status == status
+    assert said in finding.finding
+
+
+def test_a_camera_slower_than_agreed_and_a_baseline_of_another_size(tmp_path: Path) -> None:
+    import numpy as np
+
+    np.save(tmp_path / "gel.npy", np.zeros((240, 320, 3), np.uint8))
+    with Emulator("digit", "--rate-hz", "15") as camera:
+        examination = told(
+            tmp_path,
+            '[tactile.thumb]\ndriver = "digit"\nbaseline = "gel.npy"\n'
+            f'options = {{ source = "{camera.address["source"]}" }}\n',
+        )
+    slow, baseline = examination.findings
+    assert "where 60 were agreed" in slow.finding
+    assert baseline.status == "wrong"
+    assert "gel.npy is 320×240" in baseline.finding
+
+
+def test_a_package_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "serial", None)
+    finding = only(
+        told(tmp_path, '[emg]\ndriver = "cyton"\nkind = "raw"\noptions = { port = "/dev/ttyUSB9" }\n')
+    )
+    assert finding.status == "missing"
+    assert finding.todo == ("install it with: pip install 'tega[lab]'",)
+
+
+def test_one_device_named_twice_is_opened_once(tmp_path: Path) -> None:
+    section = 'driver = "digit"\noptions = {{ serial = "D2064{}" }}\n'
+    examination = told(tmp_path, f"[tactile.thumb]\n{section.format(1)}[tactile.index]\n{section.format(1)}")
+    thumb, index = examination.findings
+    assert (thumb.check, thumb.status) == ("tactile.thumb", "missing")
+    assert "no camera has the serial number 'D20641'" in thumb.finding
+    assert (index.check, index.status) == ("tactile.index", "wrong")
+    assert "tactile.thumb name the same device" in index.finding
+
+
+def test_a_can_bus_that_is_not_there(tmp_path: Path) -> None:
+    finding = only(
+        told(
+            tmp_path, '[hand]\ndriver = "allegro"\noptions = { interface = "socketcan", channel = "can77" }\n'
+        )
+    )
+    assert "no CAN bus 'can77'" in finding.finding
+
+
+def test_what_would_overwrite_a_recording_is_not_opened(tmp_path: Path) -> None:
+    table = tmp_path / "vest.csv"
+    table.write_text("kept")
+    examination = told(
+        tmp_path,
+        '[vest]\ndriver = "vest-recorder"\noptions = { file = "vest.csv" }\n'
+        '[hand]\ndriver = "can-recorder"\noptions = { file = "vest.csv" }\n',
+    )
+    assert table.read_text() == "kept"
+    assert examination.findings[0].status == "fine"
+    assert "needs no device" in examination.findings[0].finding
+
+
+def test_four_sensors_on_one_bus_are_too_many() -> None:
+    from tega.devices.video_nodes import VideoNode
+
+    def bench_of(rate_hz: float, buses: str) -> list[Finding]:
+        cameras = [Camera("tactile", f"D{n}", rate_hz, 320 * 240) for n in range(4)]
+        nodes = [
+            VideoNode(f"/dev/video{n}", "DIGIT", f"D{n}", 0x0200, "2833:0209", bus)
+            for n, bus in enumerate(buses)
+        ]
+        return crowded(cameras, nodes)
+
+    (finding,) = bench_of(60.0, "1111")
+    assert "4 sensors share USB bus 1 and send 37 MB/s" in finding.finding
+    assert bench_of(60.0, "1122") == []
+    assert bench_of(30.0, "1111") == []
+
+
+@pytest.mark.skipif(shutil.which("dbus-daemon") is None, reason="dbus-daemon is not installed")
+def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tega.devices.vest_ble import BleVest
+
+    with Emulator("bluez_vest") as vest:
+        monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", vest.address["bus"])
+        (found,) = BleVest.discover(3.0)
+        assert found.label.startswith(("TactSuit", "Tactot"))
+        assert not found.may_open
+        (seen,) = [f for f in look_around().findings if f.check == "vest"]
+        assert found.label in seen.finding
+        finding = only(
+            told(
+                tmp_path,
+                '[vest]\ndriver = "bhaptics-ble"\n'
+                f'options = {{ scan_s = 1.0, address = "{found.options["address"]}" }}\n',
+            )
+        )
+        assert finding.status == "fine"
+        assert not any(any(motors) for _, motors in seen_by(vest).history)
+
+
+def test_a_vest_board_that_may_not_be_opened(tmp_path: Path) -> None:
+    from tega.devices.vest_hid import HidVest
+    from tega.testing.emulators.hid_port import HidPort
+
+    with Emulator("hid_bridge", str(tmp_path)) as vest:
+        port = HidPort(vest.address["path"])
+        with port.installed():
+            assert [found.options for found in HidVest.discover(1.0)] == [{"serial": "EMULATED"}]
+            settings = '[vest]\ndriver = "hid-vest"\n'
+            assert only(told(tmp_path, settings)).status == "fine"
+            port.can_open = False
+            finding = only(told(tmp_path, settings))
+    assert "does not open" in finding.finding
+    assert any("udev rule" in step for step in finding.todo)

@@ -1,0 +1,62 @@
+"""Settings files that ``init`` writes from what was found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reference.command import call
+from tega.config import load_config
+from tega.doctor.bench import Looked
+
+
+def test_init_never_overwrites_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "lab.toml"
+    out.write_text("mine")
+    _, err = call(capsys, "init", "--out", out, code=1)
+    assert "nothing was written" in err
+    assert out.read_text() == "mine"
+    said, _ = call(capsys, "init", "--out", out, "--force", code=0)
+    assert f"tega-teleop doctor {out}" in said
+    assert call(capsys, "config", "check", out, code=0)[0] == "lab.toml: ok\n"
+
+
+def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
+    from tega.devices import Found
+    from tega.doctor import lab_settings
+
+    digits = [
+        Found(driver="digit", label=f"D{n}", options={"serial": f"D{n}"}, problem="busy" if n == 3 else "")
+        for n in range(6)
+    ]
+    board = Found(driver="serial-emg", label="/dev/ttyACM0", options={"port": "/dev/ttyACM0"})
+    stream = Found(driver="lsl-emg", label="amp", options={"by": "source_id", "value": 'a"b\\c'})
+    vest = Found(driver="bhaptics-ble", label="X40", options={"address": "AA:BB"})
+    hand = Found(
+        driver="allegro",
+        label="can0\n[evil]",
+        options={"interface": "socketcan", "channel": "can0"},
+        problem="down",
+        hint="do:\nip link",
+    )
+    path = tmp_path / "lab.toml"
+    looked: dict[str, Any] = {
+        "digit": Looked("tactile", digits),
+        "serial-emg": Looked("emg", [board]),
+        "lsl-emg": Looked("emg", [stream]),
+        "bhaptics-ble": Looked("vest", [vest]),
+        "allegro": Looked("hand", [hand]),
+    }
+    path.write_text(lab_settings(looked, name=path.name))
+    config = load_config(path, environ={}).config
+    # The one that cannot be used goes last, and with six found it has no finger.
+    assert [c.options.serial for c in config.tactile.in_use().values()] == ["D0", "D1", "D2", "D4"]
+    assert config.emg is not None
+    assert config.emg.options.value == 'a"b\\c'
+    assert config.vest.options.limit == 60
+    assert (config.hand.options.torque_share, config.hand.options.side) == (0.3, "right")
+    text = path.read_text()
+    assert 'also found: /dev/ttyACM0: driver = "serial-emg"' in text
+    assert "# Not usable yet: down" in text

@@ -1,0 +1,229 @@
+"""A SpaceMouse against its emulator in another process, and its pure parts with time as a number."""
+
+from __future__ import annotations
+
+import struct
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reference.held import MS, ONE, PEDAL, TWO, emulated, holds, moves, pedal, spacemouse
+from reference.waiting import until
+from tega.devices.hid_input import AT_REST, HidInput
+from tega.devices.pedal import Pedal
+from tega.devices.spacemouse import MODELS, NOT_SIX_AXES, SpaceMouse
+from tega.errors import DeviceUnavailableError
+from tega.testing.emulators.hid_input import InputDevice
+from tega.testing.emulators.hid_port import HidBoard, HidPort
+from tega.testing.emulators.process import Emulator
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+
+LAYOUTS = [("spacemouse", TWO), ("spacemouse-wireless", ONE)]
+
+# The cap pushed or turned along one of its own axes, and what the robot's base makes of it: looking along x, the cap's
+# x is right (-y), its y towards the operator (-x), its z down (-z).
+AXES = [(0, 1, -1), (1, 0, -1), (2, 2, -1), (3, 4, -1), (4, 3, -1), (5, 5, -1)]
+
+
+@pytest.mark.parametrize(("device", "numbers"), LAYOUTS)
+def test_every_axis_of_both_layouts_arrives_with_its_sign(device: str, numbers: tuple[int, int]) -> None:
+    with emulated(device, numbers) as peer, spacemouse() as mouse:
+        assert mouse.info.label == MODELS[numbers]
+        assert mouse.state().motion == AT_REST
+        for axis, robot, sign in AXES:
+            for counts in (350, -350, 176):
+                wanted = [0.0] * 6
+                wanted[robot] = sign * (1 if counts > 0 else -1) * (min(abs(counts) / 350, 1) - 0.06) / 0.94
+                peer.say("push " + " ".join(str(counts * (i == axis)) for i in range(6)))
+                until(moves(mouse, wanted))
+            peer.say("push 0 0 0 0 0 0")
+            until(lambda: mouse.state().motion == AT_REST)
+        assert mouse.state().live
+        assert mouse.info.notes == ()
+
+
+def test_a_frozen_cap_is_at_rest_after_its_watchdog_and_says_no_data() -> None:
+    with emulated("spacemouse", TWO) as peer, spacemouse() as mouse:
+        peer.say("press 0")
+        peer.say("push 0 -300 0 0 0 100")
+        until(lambda: mouse.state().motion[0] > 0.8 and mouse.state().held == {"left"})
+        peer.say("freeze")
+        until(lambda: not mouse.state().live)
+        assert mouse.state().motion == AT_REST
+        assert mouse.state().held == frozenset()
+        assert [(e.button, e.pressed) for e in mouse.events()] == [("left", True), ("left", False)]
+        assert "fell silent in the middle" in mouse.info.notes[0]
+        peer.say("clear")
+        until(lambda: mouse.state().live and mouse.state().motion[0] > 0.8)
+        # A button that was down all the time has to be let go before it counts again.
+        assert mouse.state().held == frozenset()
+
+
+def report(mouse: HidInput, t_ms: int, body: bytes) -> bool:
+    took = mouse._take(body, t_ms * MS)
+    mouse._pass_time(t_ms * MS)
+    return took
+
+
+def test_each_half_of_the_two_reports_has_its_own_watchdog() -> None:
+    mouse = spacemouse(dead_zone=0.0)
+    assert report(mouse, 0, b"\x01" + struct.pack("<3h", 0, -350, 0))
+    assert report(mouse, 0, b"\x02" + struct.pack("<3h", 0, 0, -175))
+    for t_ms in range(10, 101, 10):
+        assert report(mouse, t_ms, b"\x01" + struct.pack("<3h", 0, -350, 0))
+        assert mouse._motion() == (1.0, 0, 0, 0, 0, 0.5)
+    report(mouse, 101, b"\x01" + struct.pack("<3h", 0, -350, 0))
+    assert mouse._motion() == (1.0, 0, 0, 0, 0, 0)
+    assert not mouse._is_stalled
+    mouse._pass_time(201 * MS)
+    assert mouse._motion()[0] == 1.0
+    mouse._pass_time(202 * MS)
+    assert mouse._motion() == AT_REST
+    assert mouse._is_stalled
+    mouse._pass_time(10_000 * MS)
+    assert mouse.counts.stalled == 1
+
+
+def test_a_cap_at_rest_may_be_silent_for_ever() -> None:
+    mouse = spacemouse()
+    report(mouse, 0, b"\x01" + bytes(6))
+    mouse._pass_time(10**9 * MS)
+    assert not mouse._is_stalled
+
+
+BROKEN = [
+    b"\x01\x00\x01",
+    b"\x01" + bytes(8),
+    b"\x02" + bytes(12),
+    b"\x09" + bytes(6),
+    b"\x03",
+    b"\x01" + struct.pack("<3h", 0, 701, 0),
+    b"\x01" + struct.pack("<6h", 0, 0, 0, 0, 0, -32768),
+]
+
+
+@pytest.mark.parametrize("body", BROKEN, ids=lambda b: b.hex())
+def test_what_is_no_report_moves_nothing(body: bytes) -> None:
+    mouse = spacemouse()
+    assert not report(mouse, 0, body)
+    assert mouse._motion() == AT_REST
+
+
+@given(st.binary(min_size=1, max_size=64))
+def test_any_bytes_leave_motion_within_its_range(body: bytes) -> None:
+    mouse, stepper = spacemouse(), pedal()
+    mouse._take(body, 0)
+    stepper._take(body, 0)
+    assert all(-1 <= share <= 1 for share in mouse._motion())
+
+
+def test_buttons_battery_and_a_flood_of_reports() -> None:
+    with emulated("spacemouse-wireless", ONE) as peer, spacemouse() as mouse:
+        for button, name in ((0, "left"), (1, "right"), (4, "button 5")):
+            peer.say(f"press {button}")
+            until(holds(mouse, name))
+            peer.say(f"lift {button}")
+            until(lambda: mouse.state().held == frozenset())
+        events = mouse.events()
+        assert [e.seq for e in events] == list(range(6))
+        assert [e.pressed for e in events] == [True, False] * 3
+        assert mouse.events() == ()
+        before = mouse.counts.reports
+        peer.say("flood 100")
+        until(lambda: mouse.counts.reports > before and mouse.state().motion == AT_REST)
+    low = spacemouse()
+    low._take(b"\x17\x09", 0)
+    assert low.info.notes == ("its battery is at 9 %",)
+
+
+@pytest.mark.parametrize("how", ["unplug", "power-cycle"])
+def test_an_unplugged_cap_is_at_rest_and_comes_back(how: str) -> None:
+    with emulated("spacemouse", TWO) as peer, spacemouse() as mouse:
+        peer.say("push 200 0 0 0 0 0")
+        peer.say("press 1")
+        until(lambda: mouse.state().motion != AT_REST and bool(mouse.state().held))
+        peer.say(how)
+        until(lambda: mouse.counts.lost == 1)
+        assert (mouse.state().motion, mouse.state().held) == (AT_REST, frozenset())
+        peer.say("plug")
+        until(lambda: mouse.state().live)
+        peer.say("push 0 0 350 0 0 0")
+        until(lambda: mouse.state().motion == (0, 0, -1.0, 0, 0, 0))
+        assert "lost 1 times" in mouse.info.notes[0]
+    with pytest.raises(DeviceUnavailableError, match="not open"):
+        _ = mouse.state()
+
+
+@pytest.mark.parametrize("fault", ["garbage", "half"])
+def test_bad_reports_are_counted_and_never_move(fault: str) -> None:
+    with emulated("spacemouse-wireless", ONE) as peer, spacemouse() as mouse:
+        peer.say("push 300 0 0 0 0 0")
+        until(lambda: mouse.state().motion[1] < -0.8)
+        peer.say(fault)
+        until(lambda: mouse.counts.odd > 20)
+        until(lambda: not mouse.state().live and mouse.state().motion == AT_REST)
+        peer.say("clear")
+        until(lambda: mouse.state().motion[1] < -0.8)
+        assert "could not be read" in mouse.info.notes[0]
+
+
+def test_which_device_is_taken() -> None:
+    with Emulator("hid_input", "--device", "spacemouse-wireless") as peer:
+        cad = HidBoard(peer.port, 0x256F, 0xC650)
+        keys = HidBoard(peer.port + ".none", *ONE, usage=(1, 6))
+        without = "256f:c650 is a mouse or keyboard without six axes"
+        with HidPort(cad).installed(), pytest.raises(DeviceUnavailableError, match=without):
+            spacemouse().open()
+        with HidPort(HidBoard(peer.port, 0x256F, 0xC6FF)).installed():
+            with pytest.raises(DeviceUnavailableError, match=r"found 256f:c6ff.*set product_id"):
+                spacemouse().open()
+            with spacemouse(product_id=0xC6FF) as mouse:
+                assert mouse.info.label == "256f:c6ff"
+        with HidPort(keys, HidBoard(peer.port, *ONE, usage=(1, 8))).installed():
+            spacemouse().open()
+        locked = HidPort(HidBoard(peer.port, *ONE), can_open=False).installed()
+        with locked, pytest.raises(DeviceUnavailableError, match=r"does not open.*udev rule"):
+            spacemouse().open()
+        with HidPort().installed():
+            with pytest.raises(DeviceUnavailableError, match="no SpaceMouse is there"):
+                spacemouse().open()
+            with pytest.raises(DeviceUnavailableError, match="with the serial number X is there"):
+                spacemouse(serial="X").open()
+            with pytest.raises(DeviceUnavailableError, match=r"no pedal that is known.*set vendor_id"):
+                pedal().open()
+            with pytest.raises(DeviceUnavailableError, match="no device 05f3:00ff is there"):
+                pedal(vendor_id=0x05F3, product_id=0x00FF).open()
+        boards = (
+            HidBoard(peer.port, *ONE, "A"),
+            HidBoard(peer.port, *ONE, "A"),
+            HidBoard(peer.port, *PEDAL, ""),
+        )
+        with HidPort(*boards, HidBoard(peer.port)).installed():
+            (cap,), (foot,) = SpaceMouse.discover(1.0), Pedal.discover(1.0)
+        assert (cap.label, cap.options["serial"]) == ("SpaceMouse Wireless (cable) A", "A")
+        assert (foot.label, foot.options) == (
+            "PCsensor FootSwitch",
+            {"vendor_id": PEDAL[0], "product_id": PEDAL[1]},
+        )
+    assert not set(MODELS) & NOT_SIX_AXES
+
+
+def test_the_emulator_s_reports_are_those_of_the_fact_sheet() -> None:
+    device = InputDevice("spacemouse")
+    device.axes, device.buttons = [1, -2, 3, -4, 5, 350], {0, 1}
+    assert [r.hex() for r in device.motion()] == ["010100feff0300", "02fcff05005e01"]
+    assert device.pressed().hex() == "030300"
+    device = InputDevice("spacemouse-wireless")
+    device.axes = [1, -2, 3, -4, 5, 350]
+    assert [r.hex() for r in device.motion()] == ["010100feff0300fcff05005e01"]
+
+
+def test_half_a_button_report_of_the_cap_releases_it() -> None:
+    mouse = spacemouse()
+    assert report(mouse, 0, b"\x03\x01\x00")
+    assert mouse._buttons.held == {"left"}
+    assert not report(mouse, 1, b"\x03")
+    assert mouse._buttons.held == frozenset()
