@@ -265,7 +265,7 @@ GUARDS: Final = (
     ),
     Guard(
         "an adapter that was closed is not opened again",
-        "if self._bus is None and not self._reopened():",
+        "if self._bus is None and not (may_reopen and self._reopened()):",
         "if self._bus is None:",
         "soak stop program",
     ),
