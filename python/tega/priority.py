@@ -27,6 +27,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final, Literal
 
+from tega.repeated import repeated
+
 __all__ = ["Rank", "ahead_of_others", "all_along", "bring_along", "realtime"]
 
 Rank = Literal["act", "measure", "take", "beside"]
@@ -86,25 +88,18 @@ def all_along() -> Iterator[None]:
     if not _possible():
         yield
         return
-    over = threading.Event()
     brought: set[int] = set()
 
     def sweep() -> None:
-        while True:
-            for thread in threading.enumerate():
-                tid = thread.native_id
-                if tid is not None and _is_ordinary(tid) and bring_along(thread, "beside"):
-                    brought.add(tid)
-            if over.wait(_SWEEP_S):
-                return
+        for thread in threading.enumerate():
+            tid = thread.native_id
+            if tid is not None and _is_ordinary(tid) and bring_along(thread, "beside"):
+                brought.add(tid)
 
-    thread = threading.Thread(target=sweep, name="tega-priority", daemon=True)
-    thread.start()
     try:
-        yield
+        with repeated(sweep, every_s=_SWEEP_S, name="tega-priority"):
+            yield
     finally:
-        over.set()
-        thread.join()
         for left in threading.enumerate():
             if left.native_id in brought:
                 _ordinary(left.native_id)

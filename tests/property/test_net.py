@@ -1,16 +1,35 @@
 from __future__ import annotations
 
+import itertools
 import time
 from pathlib import Path
+from typing import Any
 
-from hypothesis import given
+import numpy as np
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tega.config import check_tree
+from tega.devices.base import EmgChunk
 from tega.net.clock import ClockEstimate, Offset
+from tega.net.commands import Commands
+from tega.net.ends import FarMuscles, FarTracker
 from tega.net.gate import REFUSALS, Gate
-from tega.net.messages import ArmCommand, HandCommand, Join, Ping, Pong, Stamped, Welcome, decode, encode
+from tega.net.messages import (
+    ArmCommand,
+    ForearmPose,
+    HandCommand,
+    Join,
+    Ping,
+    Pong,
+    Samples,
+    Stamped,
+    Welcome,
+    decode,
+    encode,
+)
 from tega.net.robot import RobotStation
+from tega.net.samples import SampleReceiver, SampleSender
 
 TTL_NS = 100_000_000
 _ns = st.integers(-(10**10), 10**10)
@@ -32,7 +51,8 @@ def test_whatever_comes_only_the_session_s_own_messages_pass_in_order_and_young(
         assert stamp.session == session
         assert stamp.sequence > newest
         age_ns = now_ns - (stamp.sent_ns - clock.offset_ns)
-        assert -(20_000_000 + clock.round_trip_ns // 2) <= age_ns <= TTL_NS
+        assert age_ns >= -(20_000_000 + clock.round_trip_ns // 2)
+        assert age_ns + clock.round_trip_ns / 2 <= TTL_NS
         newest = stamp.sequence
     assert sum(gate.counts.values()) == len(arrivals)
 
@@ -94,6 +114,143 @@ def test_answers_that_contradict_themselves_change_nothing(t0_ns, t1_ns, t2_ns, 
     assert (best is None) == (t2_ns < t1_ns or (t3_ns - t0_ns) < (t2_ns - t1_ns))
 
 
+class _Machines:
+    """Two machines whose clocks are apart, and ways that are as unlike as they please; nobody is told how much."""
+
+    def __init__(self, offset_ns: int) -> None:
+        self.now_ns, self.offset_ns, self.sequence = 10**12, offset_ns, 0
+        self.estimate = ClockEstimate()
+        self.tracker = FarTracker("openxr")
+        self.robot = Commands(
+            ttl_ns=TTL_NS,
+            offset=self.estimate.best,
+            hand=True,
+            tracker=self.tracker,
+            clock=lambda: self.now_ns,
+        )
+        self.robot.begin(7)
+        self.robot.start(self.now_ns, None)
+        self.sent_ns: dict[int, int] = {}  # when each was truly sent
+        self.levels: dict[int, int] = {}  # level: the newest command with it that was taken in
+        self.held = 0  # the newest command for the arm that was taken in
+
+    def ask(self, there_ns: int, back_ns: int) -> None:
+        t0_ns = self.now_ns
+        t1_ns = t0_ns + there_ns + self.offset_ns
+        self.now_ns += there_ns + back_ns
+        self.estimate.add(t0_ns, t1_ns, t1_ns, self.now_ns)
+
+    def send(self, way_ns: int) -> None:
+        self.sequence += 1
+        sent_ns = self.now_ns
+        self.now_ns += way_ns
+        stamp: dict[str, Any] = {"session": 7, "sequence": self.sequence, "sent_ns": sent_ns + self.offset_ns}
+        self.sent_ns[self.sequence] = sent_ns
+        level = 1 + self.sequence % 5
+        pose = ForearmPose(stamp["sent_ns"], (float(self.sequence), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        if self.robot.hand(encode(HandCommand(**stamp, level=level, block_ns=stamp["sent_ns"]))) is not None:
+            self.levels[level] = self.sequence
+        if self.robot.arm(encode(ArmCommand(**stamp, pose=pose, dead_man=True, recover=True))) is not None:
+            self.held = self.sequence
+
+    def uses(self) -> list[int]:
+        """Return the numbers of the commands that the robot would use now."""
+        used: list[int] = []
+        while (block := self.robot.blocks.next_until(2**62)) is not None:
+            used.append(self.levels[block[2]])
+        used += [round(float(pose.position_m[0])) for pose in self.tracker.read(self.now_ns)]
+        if self.robot.switch("dead_man")[2] or self.robot.switch("recover")[2]:
+            used.append(self.held)
+        if not self.robot.missing("alice"):  # else the run holds, whatever the level was
+            used.append(max(self.levels.values()))
+        return used
+
+
+_ways = st.integers(0, 120_000_000)
+_steps = st.lists(
+    st.one_of(
+        st.tuples(st.just("ask"), _ways, _ways),
+        st.tuples(st.just("send"), _ways),
+        st.tuples(st.just("rest"), st.integers(0, 150_000_000)),
+    ),
+    max_size=40,
+)
+
+
+@given(st.integers(-(10**15), 10**15), _steps)
+@example(0, [("ask", 0, 100_000_000), ("send", 110_000_000)])  # by the estimate alone it is 60 ms old
+@example(0, [("ask", 0, 0), ("send", 1_000_000), ("rest", 100_000_000)])
+def test_whatever_the_ways_and_the_rests_nothing_is_used_that_is_truly_older_than_the_limit(
+    offset_ns, steps
+) -> None:
+    machines = _Machines(offset_ns)
+    for what, *how in steps:
+        if what == "rest":  # this program stands still, and then looks at what lies there
+            machines.now_ns += how[0]
+        else:
+            getattr(machines, what)(*how)
+        if what != "send" or machines.sequence % 2:  # now and then two commands wait
+            assert all(machines.now_ns - machines.sent_ns[n] <= TTL_NS for n in machines.uses())
+
+
+def test_on_a_quick_link_a_command_is_used_until_just_before_the_limit_and_not_after() -> None:
+    for rest_ns, used in ((98_000_000, True), (101_000_000, False)):
+        machines = _Machines(10**9)
+        machines.ask(200_000, 200_000)
+        machines.send(200_000)
+        machines.now_ns += rest_ns
+        assert bool(machines.uses()) == used
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 40), st.integers(0, 3), st.booleans()), max_size=40),
+    st.integers(-(10**12), 10**12),
+)
+def test_samples_arrive_as_they_were_and_what_is_lost_shows_in_their_numbers(chunks, offset_ns) -> None:
+    sequence, lost = itertools.count(), iter([is_lost for _, _, is_lost in chunks])
+    muscles, messages = FarMuscles(), list[bytes]()
+    receiver, sender = (
+        SampleReceiver(muscles),
+        SampleSender(lambda: {"session": 7, "sequence": next(sequence), "sent_ns": offset_ns}, lambda: True),
+    )
+    receiver.begin(7)
+    sender.open(messages.append)
+    sender.begin(0)
+    given: dict[int, list[float]] = {}
+    n = t_ns = 0
+    for size, gap, _ in chunks:
+        n, t_ns = n + gap, t_ns + (size + gap) * 10**6
+        samples = np.arange(n, n + size)[:, None] + np.array([[0.0, 0.1, 1 / 3]])
+        given |= {n + k: row.tolist() for k, row in enumerate(samples)}
+        sender._see(EmgChunk(t_ns + offset_ns, n, samples))
+        n += size
+    came: dict[int, list[float]] = {}
+    for message in [m for m in messages if not next(lost)]:
+        receiver.take(message, 10**12, Offset(offset_ns, 0))
+        receiver.take(message, 10**12, Offset(offset_ns, 0))  # one that comes twice counts once
+        chunk = muscles.read(0.0)
+        assert chunk is not None
+        assert muscles.read(0.0) is None
+        assert chunk.t_ns >= (chunk.first_index + len(chunk.samples)) * 10**6
+        came |= {chunk.first_index + k: row.tolist() for k, row in enumerate(chunk.samples)}
+    assert came.items() <= given.items()
+
+
+@given(st.binary(max_size=80), st.integers(-5, 70), st.integers(-5, 5))
+def test_samples_that_are_not_whole_are_not_recorded(data, n_channels, first_index) -> None:
+    muscles = FarMuscles()
+    receiver = SampleReceiver(muscles)
+    receiver.begin(7)
+    message = Samples(
+        session=7, sequence=0, sent_ns=0, t_ns=0, first_index=first_index, n_channels=n_channels, samples=data
+    )
+    receiver.take(encode(message), 0, Offset(0, 0))
+    receiver.take(data, 0, Offset(0, 0))
+    chunk = muscles.read(0.0)
+    whole = 1 <= n_channels <= 64 and data and len(data) % (8 * n_channels) == 0 and first_index >= 0
+    assert (chunk is not None) == bool(whole)
+
+
 _HOST = {"station": "robot", "listen": "tcp/127.0.0.1:1"}
 _TREE = {"net": _HOST, "arm": {"driver": "simulated-arm"}, "hand": {"driver": "python-can"}}
 _KEYS = ("cmd/alice/hand", "cmd/alice/arm", "cmd/alice/clock/ping", "cmd/alice/clock/pong", "cmd/eve/hand")
@@ -124,14 +281,14 @@ def _damaged(draw: st.DrawFn) -> bytes:
 )
 def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> None:
     station = RobotStation(check_tree(_TREE, {}, base=Path()).config, lambda _said: None)
-    station._welcome = Welcome(station=1, fingers={}, hand=True, arm=True)
-    station._start_ns = time.monotonic_ns()
+    station._reception.welcome = Welcome(station=1, fingers={}, hand=True, arm=True)
+    station._commands.start(time.monotonic_ns(), None)
     join = Join(5, "alice", frame="openxr", dead_man=True, muscles=True)
-    assert decode(Welcome, station._join("join/alice", encode(join))).arm
+    assert decode(Welcome, station._reception.join("join/alice", encode(join))).arm
     for key, data in arrivals:
-        hear = station._hear_clock if "clock" in key else getattr(station, f"_hear_{key.rpartition('/')[2]}")
+        hear = station._hear_clock if "clock" in key else station._hear_command
         hear(key, data)
     # No question for the clock was ever answered as it was asked, so nothing that came has an age.
-    assert station._blocks.next_until(2**62) is None
-    assert not any(station._switch(name)[2] for name in ("dead_man", "clutch", "recover"))
+    assert station._commands.blocks.next_until(2**62) is None
+    assert not any(station._commands.switch(name)[2] for name in ("dead_man", "clutch", "recover"))
     assert "no command from 'alice' yet" in station.missing()

@@ -14,7 +14,7 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 
 from tega.testing.impaired import ImpairedLink
 from tega.testing.station_faults import FAULTS, Scene
-from tega.testing.station_faults.page import table
+from tega.testing.station_faults.page import put_table, table
 from tega.testing.station_faults.scene import until
 from tega.testing.station_faults.trials import Outcome
 
@@ -110,7 +110,7 @@ def test_what_a_link_keeps_back_comes_whole_and_in_order() -> None:
     assert came == sent
 
 
-def test_the_table_says_where_a_fault_did_not_go_as_it_should() -> None:
+def test_the_table_says_where_a_fault_did_not_go_as_it_should(tmp_path) -> None:
     found = Outcome(
         hand=[(0.0, "active"), (0.1, "hold"), (2.1, "idle")],
         arm=[(0.0, "following")],
@@ -118,12 +118,19 @@ def test_the_table_says_where_a_fault_did_not_go_as_it_should() -> None:
         no_data_s=0.5,
         seen_s=0.1,
         over_s=None,
+        refused_s=2.0,
         used=3,
         stale=1,
         oldest_ms=120.0,
         said=[],
         as_wished=False,
     )
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- x: begin -->\nold\n<!-- x: end -->\nz\n", encoding="utf-8")
+    put_table(page, [(FAULTS[0], found)], name="x")
+    assert page.read_text(encoding="utf-8").startswith("a\n<!-- x: begin -->\n\n| fault")
+    assert page.read_text(encoding="utf-8").endswith("|\n\n<!-- x: end -->\nz\n")
     row = table([(FAULTS[0], found)]).splitlines()[2]
     assert "**did not**" in row
     assert "keeps its level 0.10 s, opens 2.10 s | follows | silent 0.10 s" in row
+    assert "the other is refused 2.00 s after it began" in row

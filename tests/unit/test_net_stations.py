@@ -14,12 +14,22 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
 from reference.waiting import until
+from tega.calibration import (
+    Calibration,
+    FingerMaxima,
+    TouchMaxima,
+    load_calibration,
+    save_calibration,
+)
 from tega.config import load_config
 from tega.devices.base import TactileFrame
 from tega.devices.watched import Watched
-from tega.errors import ConfigError
+from tega.errors import CalibrationError, ConfigError
 from tega.net.messages import Refused, Welcome
 from tega.net.station import open_station
+from tega.net.touch import with_touch
+from tega.recording.mcap_reader import McapReader
+from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.teleop.prepare import Prepared
 from tega.testing.stations import Program, free_port, split, write_stations, write_trees
@@ -167,6 +177,59 @@ def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
     assert "hold" in states
     assert any("no data from the robot" in said for said in summary["notes"])
     assert summary["tactile"]["thumb"]["silent_s"] > 0.1
+
+
+def test_the_robot_s_recording_holds_the_operator_s_samples_and_plays_again(tmp_path) -> None:
+    pytest.importorskip("foxglove", reason="needs the extra record")
+    robot_file, operator_file = write_stations(tmp_path, port=free_port())
+    # What counts as full touch is known at the robot alone, what the muscles can at the operator alone.
+    known = load_calibration(tmp_path / "calibration.toml")
+    save_calibration(msgspec.structs.replace(known, emg=None), tmp_path / "gels.toml")
+    save_calibration(msgspec.structs.replace(known, tactile=FingerMaxima()), tmp_path / "muscles.toml")
+    with robot_file.open("a", encoding="utf-8") as file:
+        file.write('\n[calibration]\nfile = "gels.toml"\n')
+    text = operator_file.read_text(encoding="utf-8").replace("calibration.toml", "muscles.toml")
+    operator_file.write_text(text, encoding="utf-8")
+    there, here = tmp_path / "at-robot", tmp_path / "at-operator"
+    with Program("robot", robot_file, "--record", str(there), "--lossless") as robot:
+        robot.await_said("waits for an operator")
+        with Program("operator", operator_file, "--record", str(here)) as operator:
+            operator.await_said("\nactive: ")
+            robot.await_said("\nactive: ")
+            time.sleep(1.0)
+            operator.end()
+        robot.end()
+    came, given = _samples(there / "trial-001.mcap"), _samples(here / "trial-001.mcap")
+    assert len(came) > 500
+    assert came.items() <= given.items()  # bit for bit, by number
+    report = replay_file(there / "trial-001.mcap")
+    assert report.same
+    assert {"/emg/levels", "/hand/frames"} <= {stream.stream for stream in report.streams}
+
+
+def test_full_touch_is_what_the_operator_s_calibration_says_else_what_the_robot_s_does() -> None:
+    ours, theirs = TouchMaxima(cci_max=1.0, eda_max=100.0), TouchMaxima(cci_max=2.0, eda_max=200.0)
+    calibration = Calibration(preset="live", origin="test", tactile=FingerMaxima(thumb=ours))
+    welcome = Welcome(
+        1, {"thumb": 60.0, "index": 60.0}, hand=True, arm=False, touch={"thumb": theirs, "index": theirs}
+    )
+    whole = with_touch(calibration, welcome, robot="panda")
+    assert (whole.touch("thumb"), whole.touch("index")) == (ours, theirs)
+    with pytest.raises(CalibrationError, match="index of robot 'panda' is known neither here nor there"):
+        with_touch(calibration, msgspec.structs.replace(welcome, touch={}), robot="panda")
+    with pytest.raises(CalibrationError, match="preset 'live', the run uses 'paper'"):
+        with_touch(calibration, msgspec.structs.replace(welcome, preset="paper"), robot="panda")
+
+
+def _samples(file: Path) -> dict[int, tuple[float, ...]]:
+    """Return the EMG samples of a recording by their number."""
+    found = {}
+    for message in McapReader(file).messages():
+        if message.topic == "/emg/samples":
+            value, n = message.value, message.value.n_channels
+            for k in range(len(value.samples) // n):
+                found[value.first_index + k] = tuple(value.samples[k * n : (k + 1) * n])
+    return found
 
 
 def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:

@@ -1,4 +1,4 @@
-"""``tega-teleop net``: keys for two stations, and how fast the way between them is."""
+"""``tega-teleop net``: keys for two stations."""
 
 from __future__ import annotations
 

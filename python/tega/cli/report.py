@@ -39,9 +39,10 @@ def _print_link(out: Console, net: dict[str, Any] | None) -> None:
     if net is None:
         return
     operator = net["station"] == "operator"
-    words = [f"led robot {net['robot']!r}" if operator else f"led by {net['leaders']} operators in turn"]
+    n_led = "" if operator else f"{net['leaders']} operator{'' if net['leaders'] == 1 else 's in turn'}"
+    words = [f"led robot {net['robot']!r}" if operator else f"led by {n_led}"]
     if operator and net["lost"]:
-        words.append(f"lost it {net['lost']} times")
+        words.append(f"lost it {net['lost']} time{'' if net['lost'] == 1 else 's'}")
     if (way := net["way_ms"]) is not None:
         what = "touch" if operator else "commands"
         words.append(f"{what} on the way {way['p50']:.1f} ms (p99 {way['p99']:.1f})")

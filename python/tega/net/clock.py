@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
-__all__ = ["PING_PERIOD_NS", "WINDOW_NS", "ClockEstimate", "Offset"]
+import msgspec
 
-PING_PERIOD_NS = 200_000_000
+from tega.net.messages import Ping, Pong, decode, encode
+
+__all__ = ["WINDOW_NS", "ClockEstimate", "Offset", "PeerClock"]
+
+_PERIOD_NS = 200_000_000
+_MOST_ASKED = 100
 WINDOW_NS = 10_000_000_000
 
 
@@ -25,6 +33,10 @@ class Offset(NamedTuple):
     def ours(self, theirs_ns: int) -> int:
         """Return our clock's time for one of theirs."""
         return theirs_ns - self.offset_ns
+
+    def earliest(self, theirs_ns: int) -> int:
+        """Return the earliest that one of their times can be on our clock, however unlike the ways are."""
+        return theirs_ns - self.offset_ns - (self.round_trip_ns + 1) // 2
 
 
 class ClockEstimate:
@@ -63,3 +75,85 @@ class ClockEstimate:
     def forget(self) -> None:
         """Begin anew, with another machine."""
         self._kept.clear()
+
+
+class PeerClock:
+    """Asks the other station's time five times a second, and answers when it asks; for any thread.
+
+    Attributes:
+        last: The newest estimate there was, also where there is none any more.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._estimate = ClockEstimate()
+        self._asked: dict[int, None] = {}
+        self._next_ns = 0
+        self._send_ping: Callable[[bytes], None] = lambda _message: None
+        self._send_pong: Callable[[bytes], None] = lambda _message: None
+        self.last: Offset | None = None
+
+    def open(self, send_ping: Callable[[bytes], None], send_pong: Callable[[bytes], None]) -> None:
+        """Take note of what sends questions and answers."""
+        self._send_ping, self._send_pong = send_ping, send_pong
+
+    def ask(self, session: int, now_ns: int) -> None:
+        """Ask, if it is time to."""
+        if now_ns < self._next_ns:
+            return
+        self._next_ns = now_ns + _PERIOD_NS
+        with self._lock:
+            t0_ns = time.monotonic_ns()
+            self._asked[t0_ns] = None
+            while len(self._asked) > _MOST_ASKED:
+                del self._asked[next(iter(self._asked))]
+        self._send_ping(encode(Ping(session, t0_ns)))
+
+    def hear(self, key: str, data: bytes, session: int) -> None:
+        """Take in a question or an answer of a session; what is of another or cannot be read counts for nothing."""
+        now_ns = time.monotonic_ns()
+        try:
+            heard = decode(Ping, data) if key.endswith("/ping") else decode(Pong, data)
+        except msgspec.DecodeError:
+            return
+        if heard.session != session:
+            return
+        if isinstance(heard, Ping):
+            self._send_pong(encode(Pong(session, heard.t0_ns, now_ns, time.monotonic_ns())))
+            return
+        with self._lock:
+            if heard.t0_ns in self._asked:  # what we asked, and only once
+                del self._asked[heard.t0_ns]
+                self._estimate.add(heard.t0_ns, heard.t1_ns, heard.t2_ns, now_ns)
+
+    def forget(self) -> None:
+        """Begin anew, with another machine."""
+        with self._lock:
+            self._estimate.forget()
+            self._asked.clear()
+            self._next_ns = 0
+
+    def offset(self, now_ns: int) -> Offset | None:
+        """Return how far apart the clocks are; ``None`` where that is not known."""
+        with self._lock:
+            best = self._estimate.best(now_ns)
+        if best is not None:
+            self.last = best
+        return best
+
+    @property
+    def words(self) -> str:
+        """How far apart they are, and by how much that may be wrong."""
+        offset = self.offset(time.monotonic_ns())
+        if offset is None:
+            return "clock not known"
+        return f"clock {offset.offset_ns / 1e6:+.1f} ms ± {offset.round_trip_ns / 2e6:.1f}"
+
+    def summary(self) -> dict[str, float] | None:
+        """Return the same for a run's summary; ``None`` where it was never known."""
+        if (offset := self.last) is None:
+            return None
+        return {
+            "offset_ms": round(offset.offset_ns / 1e6, 3),
+            "round_trip_ms": round(offset.round_trip_ns / 1e6, 3),
+        }

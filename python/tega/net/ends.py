@@ -6,11 +6,11 @@ import contextlib
 import queue
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from tega.devices.base import DeviceInfo, InputEvent, InputState, TactileFrame
+from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputState, TactileFrame
 from tega.devices.lifecycle import Opened
 from tega.net.pictures import unpacked
 
@@ -18,12 +18,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.arm.pose import StampedPose
+    from tega.net.streams import InboxStream
+    from tega.teleop.prepare import Muscles
+    from tega.teleop.sources import Block
     from tega.wire import CanFrame
 
-__all__ = ["FarFinger", "FarHand", "FarMuscles", "FarSwitch", "FarTracker"]
+__all__ = ["FarFinger", "FarHand", "FarMuscles", "FarSwitch", "FarTracker", "far_muscles"]
 
 _STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _JOINTS = 16
+# Every amplifier's samples become ten levels a second.
+_BLOCKS_HZ = 10.0
+_MOST_CHUNKS = 64
 
 
 class FarFinger(Opened):
@@ -71,22 +77,19 @@ class FarFinger(Opened):
 
 
 class FarMuscles(Opened):
-    """The operator's EMG: levels come as a stream, samples stay where they are measured.
+    """The operator's EMG: levels come as a stream, samples for the recording as they can."""
 
-    Args:
-        rate_hz: Blocks a second.
-    """
-
-    def __init__(self, *, rate_hz: float) -> None:
+    def __init__(self) -> None:
+        self._chunks: queue.Queue[EmgChunk] = queue.Queue(_MOST_CHUNKS)
         self._info = DeviceInfo(
             driver="net",
             kind="emg",
             label="the operator's station",
             live=True,
-            rate_hz=rate_hz,
+            rate_hz=_BLOCKS_HZ,
             channels=("operator",),
             unit="level",
-            notes=("levels are made at the operator's station; no sample comes here",),
+            notes=("levels are made at the operator's station; samples come for the recording, as they can",),
         )
         self.ended = False
 
@@ -101,9 +104,30 @@ class FarMuscles(Opened):
     def close(self) -> None:
         """Nothing is to be closed here."""
 
-    def read(self, timeout_s: float) -> None:  # noqa: ARG002  # samples never come
-        """Return nothing: only levels come."""
-        return
+    def give(self, chunk: EmgChunk) -> None:
+        """Take in samples, in a thread of the link's; what nobody reads in time is lost."""
+        with contextlib.suppress(queue.Full):
+            self._chunks.put_nowait(chunk)
+
+    def read(self, timeout_s: float) -> EmgChunk | None:
+        """Return the next samples, or ``None`` when none came in time."""
+        try:
+            return self._chunks.get(block=timeout_s > 0, timeout=timeout_s or None)
+        except queue.Empty:
+            return None
+
+
+def far_muscles(source: Any, blocks: InboxStream[Block]) -> Muscles:
+    """Return the EMG side of a run whose samples and levels come over the link."""
+    from tega.calibration import EmgMaxima
+    from tega.teleop.prepare import Muscles
+    from tega.teleop.sources import SourceReport
+
+    report = SourceReport()
+    blocks.on_loss = report.drop
+    # One channel, whose sample is the level itself: 5 is as far as it goes.
+    maxima = EmgMaxima(kind="envelope", rate_hz=_BLOCKS_HZ, tau=1, channels=("operator",), maxima=(5.0,))
+    return Muscles(source, maxima, None, report, blocks)
 
 
 class FarHand(Opened):
@@ -200,7 +224,7 @@ class FarTracker(Opened):
 
     def __init__(self, frame: str) -> None:
         self.frame = frame
-        self._poses: deque[StampedPose] = deque(maxlen=16)
+        self._poses: deque[tuple[StampedPose, int]] = deque(maxlen=16)
         self._info = DeviceInfo(
             driver="net", kind="tracker", label="the operator's station", live=True, unit="m"
         )
@@ -216,14 +240,15 @@ class FarTracker(Opened):
     def close(self) -> None:
         """Nothing is to be closed here."""
 
-    def see(self, pose: StampedPose) -> None:
-        """Take in a pose, in a thread of the link's."""
-        self._poses.append(pose)
+    def see(self, pose: StampedPose, *, use_by_ns: int) -> None:
+        """Take in a pose that may be used until some time of our clock; in a thread of the link's."""
+        self._poses.append((pose, use_by_ns))
 
     def forget(self) -> None:
         """Drop what nobody has read: another operator leads."""
         self._poses.clear()
 
-    def read(self, now_ns: int) -> Sequence[StampedPose]:  # noqa: ARG002  # they are stamped on arrival
-        """Return the poses that came since the last call, oldest first."""
-        return [self._poses.popleft() for _ in range(len(self._poses))]
+    def read(self, now_ns: int) -> Sequence[StampedPose]:
+        """Return the poses that came since the last call and have not lapsed, oldest first."""
+        came = [self._poses.popleft() for _ in range(len(self._poses))]
+        return [pose for pose, use_by_ns in came if now_ns <= use_by_ns]

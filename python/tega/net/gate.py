@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final, Literal
 
 from tega.net.clock import Offset
 from tega.net.messages import Stamped
 
-__all__ = ["REFUSALS", "Gate", "Refusal"]
+__all__ = ["REFUSALS", "Gate", "Refusal", "refused_by"]
 
 Refusal = Literal["foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed"]
 REFUSALS: Final = ("foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed")
@@ -19,11 +20,12 @@ class Gate:
     """Looks at the stamp of every message of a stream.
 
     A message is refused as ``foreign`` (of another session, or while there is none), ``repeated`` or ``reordered`` (its
-    number is the newest one's, or smaller), ``no clock`` (how old it is cannot be told yet), ``old`` (older than the
-    time-to-live) or ``ahead`` (sent after it was received, by more than the estimate of the clock can be wrong).
+    number is the newest one's, or smaller), ``no clock`` (how old it is cannot be told yet), ``old`` (it may be older
+    than the time-to-live: its age as estimated, and half the round trip by which that can be wrong) or ``ahead`` (sent
+    after it was received, by more than the estimate of the clock can be wrong).
 
     Args:
-        ttl_ns: How old a message may be.
+        ttl_ns: How old a message may be at most, truly; the clocks' drift within ten seconds is not counted.
         ahead_ns: By how much it may seem to come from the future, besides half the round trip.
 
     Attributes:
@@ -68,15 +70,13 @@ class Gate:
             return self._count("foreign")
         if stamp.sequence <= self._newest:
             return self._count("repeated" if stamp.sequence == self._newest else "reordered")
-        self._newest = (
-            stamp.sequence
-        )  # an older one that comes after this one is late, whatever becomes of this one
+        # An older one that comes after this one is late, whatever becomes of this one.
+        self._newest = stamp.sequence
         if clock is None:
             return self._count("no clock")
-        age_ns = now_ns - clock.ours(stamp.sent_ns)
-        if age_ns > self._ttl_ns:
+        if now_ns - clock.earliest(stamp.sent_ns) > self._ttl_ns:
             return self._count("old")
-        if age_ns < -(self._ahead_ns + clock.round_trip_ns // 2):
+        if now_ns - clock.ours(stamp.sent_ns) < -(self._ahead_ns + clock.round_trip_ns // 2):
             return self._count("ahead")
         self.counts[""] = self.counts.get("", 0) + 1
         self.last = ""
@@ -86,3 +86,12 @@ class Gate:
         self.counts[why] = self.counts.get(why, 0) + 1
         self.last = why
         return why
+
+
+def refused_by(gates: Iterable[Gate]) -> dict[str, int]:
+    """Return how many messages several gates have refused together, by why."""
+    refused: dict[str, int] = {}
+    for gate in gates:
+        for why, n in gate.refused.items():
+            refused[why] = refused.get(why, 0) + n
+    return refused

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Callable, Sequence
 
-from tega.net.messages import PROTOCOL, Join, Refused
+import msgspec
 
-__all__ = ["Leadership"]
+from tega.net.messages import PROTOCOL, Join, Refused, Welcome, decode, encode
+
+__all__ = ["Leadership", "Reception"]
 
 # An operator who has asked but whose sign of life has not come by then has gone again.
 _SIGN_NS = 1_000_000_000
@@ -107,3 +111,84 @@ class Leadership:
 
     def _free(self) -> None:
         self.session, self.name = 0, ""
+
+
+class Reception:
+    """Answers operators who ask to lead, and notices when one is gone.
+
+    Args:
+        leader: Who leads.
+        lock: The station's; held while who leads changes.
+        robot: The robot's name.
+        begin: Told of a session that begins, or with ``None`` that there is none any more, with the lock held.
+        tell: Told in a sentence what happens.
+
+    Attributes:
+        welcome: What an operator who leads is told; ``None`` while nobody may lead yet.
+    """
+
+    def __init__(
+        self,
+        leader: Leadership,
+        lock: threading.Lock,
+        *,
+        robot: str,
+        begin: Callable[[int | None], None],
+        tell: Callable[[str], None],
+    ) -> None:
+        self._leader, self._lock, self._robot = leader, lock, robot
+        self._begin, self._tell = begin, tell
+        self.welcome: Welcome | None = None
+
+    def is_leader(self, key: str) -> bool:
+        """Return whether a key such as ``cmd/NAME/hand`` is the leader's."""
+        return self._leader.session != 0 and key.split("/")[1] == self._leader.name
+
+    def join(self, key: str, asked: bytes) -> bytes:
+        """Return the answer to a question under ``join/NAME``."""
+        now_ns = time.monotonic_ns()
+        try:
+            join = decode(Join, asked)
+        except msgspec.DecodeError:
+            return encode(Refused("this question cannot be read", "install the same version of TEGA on both"))
+        if key != f"join/{join.name}":  # who asks is known by the key, which the certificate allows
+            return encode(Refused(f"{join.name!r} asked as somebody else"))
+        if self.welcome is None:
+            return encode(Refused(f"robot {self._robot!r} is still preparing", final=False))
+        with self._lock:
+            before = self._leader.session
+            refused = self._leader.ask(join, now_ns)
+            if refused is None and before != join.session:
+                self._begin(join.session)
+        if refused is not None:
+            self._tell(f"operator {join.name!r} was refused: {refused.why}")
+            return encode(refused)
+        if before != join.session:
+            self._tell(f"operator {join.name!r} leads")
+        return encode(msgspec.structs.replace(self.welcome, sent_ns=now_ns))
+
+    def watch(self, key: str, alive: bool) -> None:  # noqa: FBT001  # the link's signature
+        """Take in a sign of life under ``operator/NAME/SESSION``, or its end."""
+        _, name, number = key.split("/")
+        try:
+            session = int(number, 16)
+        except ValueError:
+            return
+        with self._lock:
+            gone = self._leader.sign(name, session, alive=alive)
+            if gone:
+                self._begin(None)
+        if gone:
+            self._tell(f"operator {name!r} is gone")
+
+    def look(self, now_ns: int) -> int:
+        """Return the leader's session, 0 for none; who asked and never gave a sign of life leads no more."""
+        with self._lock:
+            name = self._leader.name
+            gone = self._leader.look(now_ns)
+            if gone:
+                self._begin(None)
+            session = self._leader.session
+        if gone:
+            self._tell(f"operator {name!r} asked and then went")
+        return session

@@ -24,7 +24,7 @@ KEY_FILES = ("ca.pem", "station.pem", "station.key")
 
 _LEAVE_S = 2.0
 # Measured: with two, the default, messages are lost on one machine whenever a thread waits for more than a millisecond.
-_REAL_TIME_QUEUE = 16
+_QUEUE = 16
 _RETRY_MS = (100, 500)
 
 
@@ -35,6 +35,7 @@ class Channel(Enum):
     FEATURES = ("INTERACTIVE_HIGH", True)
     STATE = ("INTERACTIVE_HIGH", False)
     EVENT = ("DATA_HIGH", False)
+    RECORD = ("DATA", False)
     IMAGE = ("DATA_LOW", False)
 
 
@@ -205,7 +206,8 @@ def zenoh_settings(net: NetSection) -> dict[str, Any]:
         },
         "transport/link/tx/lease": round(net.lease_ms),
         "transport/link/tx/keep_alive": 4,
-        "transport/link/tx/queue/size/real_time": _REAL_TIME_QUEUE,
+        "transport/link/tx/queue/size/real_time": _QUEUE,
+        "transport/link/tx/queue/size/data": _QUEUE,
         "transport/shared_memory/enabled": False,
     }
     if net.keys is not None:

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import msgspec
 
+from tega.calibration import TouchMaxima
 from tega.tactile import ContactMetrics
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Ping",
     "Pong",
     "Refused",
+    "Samples",
     "Stamped",
     "State",
     "Welcome",
@@ -118,6 +120,27 @@ class Image(Stamped, frozen=True, tag=True, kw_only=True):
     jpeg: bytes
 
 
+class Samples(Stamped, frozen=True, tag=True, kw_only=True):
+    """Consecutive EMG samples, for the robot's recording; see ``tega.devices.EmgChunk``.
+
+    Attributes:
+        t_ns: When the last of them was complete, sender's clock.
+        first_index: Number of the first of them; a gap is a loss.
+        n_channels: How many channels.
+        samples: float64, little-endian, sample by sample.
+    """
+
+    t_ns: int
+    first_index: int
+    n_channels: int
+    samples: bytes
+
+    def malformed(self) -> str:
+        """Return why they cannot be used, ``""`` if they can."""
+        whole = 1 <= self.n_channels <= 64 and len(self.samples) % (8 * self.n_channels) == 0
+        return "" if whole and self.samples and self.first_index >= 0 else "not a whole number of samples"
+
+
 class State(Stamped, frozen=True, tag=True, kw_only=True):
     """How the robot's station is; ten a second, and the sign that it is there.
 
@@ -201,6 +224,8 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
         preset: By which readings it measures touch.
         baselines: The fingertips' untouched pictures, as PNG, where pictures are sent.
         sent_ns: When it was sent, on the robot's clock; a state from before knows nothing of it.
+        records: Whether it records, and wants EMG samples for that.
+        touch: What counts as full touch of each fingertip, as far as that is known there.
     """
 
     station: int
@@ -211,6 +236,8 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
     preset: str = "live"
     baselines: dict[str, bytes] = {}
     sent_ns: int = 0
+    records: bool = False
+    touch: dict[str, TouchMaxima] = {}
 
 
 class Refused(msgspec.Struct, frozen=True, tag=True):

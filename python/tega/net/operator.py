@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import secrets
-import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
@@ -13,26 +10,16 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 import tega
-from tega.errors import ConfigError, DeviceUnavailableError
-from tega.net.ends import FarHand
+from tega.errors import ConfigError
 from tega.net.forearm import Forearm
 from tega.net.gate import Gate
+from tega.net.intent import Intent
+from tega.net.lead import Lead
 from tega.net.link import Channel
-from tega.net.messages import (
-    ArmCommand,
-    Event,
-    HandCommand,
-    Join,
-    Ping,
-    Pong,
-    Refused,
-    State,
-    Welcome,
-    decode,
-    encode,
-)
+from tega.net.messages import Event, Join, State, Welcome, decode
+from tega.net.samples import SampleSender
 from tega.net.station import Station
-from tega.net.touch import FarTouch
+from tega.net.touch import FarTouch, with_touch
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -45,10 +32,6 @@ if TYPE_CHECKING:
     from tega.teleop.sinks import Sinks
 
 __all__ = ["OperatorStation"]
-
-_ASK_NS = 250_000_000
-_ASK_AGAIN_NS = 2_000_000_000
-_ASK_S = 1.0
 
 
 class OperatorStation(Station):
@@ -65,27 +48,27 @@ class OperatorStation(Station):
         net = self.net
         self.tick_s = 1 / net.rate_hz
         self._stop = stop
-        self._name = net.own_name
         self._lost_ns = round(net.lost_ms * 1e6)
-        self._session = 0
-        self._joined = False
-        self._refusal: Refused | None = None
-        self._welcome: Welcome | None = None
-        self._answered = threading.Event()
-        self._next_ask_ns = 0
-        self._end_life: Callable[[], None] = lambda: None
+        self._forearm = Forearm(config)
+        join = Join(
+            0,
+            net.own_name,
+            tega=str(tega.__version__),
+            frame=self._forearm.frame,
+            dead_man=config.input.dead_man is not None,
+            muscles=config.emg is not None,
+        )
+        self._lead = Lead(self._link, join, anew=self._clock.forget, given=self._welcomed)
         self._state: State | None = None
         self._state_ns = 0
         self._states, self._events = Gate(ttl_ns=10**12), Gate(ttl_ns=10**12)
         self._touch = FarTouch(net.robot, ttl_ns=round(net.ttl_ms * 1e6))
-        self._forearm = Forearm(config)
-        self._numbers = {"hand": 0, "arm": 0}
-        self._sent: deque[int] = deque(maxlen=1024)
-        self._hand: FarHand | None = None
-        self._block: tuple[int, tuple[int, ...]] = (0, ())
-        self._may_move: Callable[[], bool] = lambda: False
+        self._intent = Intent(self._forearm, lambda stream: self._stamp(self._lead.session, stream))
+        self._samples = SampleSender(
+            lambda: self._stamp(self._lead.session, "emg"), lambda: self._lead.is_recorded
+        )
         self._was_lost = False
-        self._n_lost = self._n_joined = self._n_commands = 0
+        self._n_lost = 0
 
     def open(self) -> None:
         """Find the robot and take the lead.
@@ -96,44 +79,26 @@ class OperatorStation(Station):
         """
         link = self._link
         link.open()
-        mine = f"cmd/{self._name}"
-        self._send_hand = link.sends(f"{mine}/hand", Channel.COMMAND)
-        self._send_arm = link.sends(f"{mine}/arm", Channel.COMMAND)
-        self._send_ping = link.sends(f"{mine}/clock/ping", Channel.COMMAND)
-        self._send_pong = link.sends(f"{mine}/clock/pong", Channel.COMMAND)
+        mine = f"cmd/{self.net.own_name}"
+        self._intent.open(
+            link.sends(f"{mine}/hand", Channel.COMMAND), link.sends(f"{mine}/arm", Channel.COMMAND)
+        )
+        self._samples.open(link.sends(f"{mine}/emg", Channel.RECORD))
+        self._clock.open(
+            link.sends(f"{mine}/clock/ping", Channel.COMMAND),
+            link.sends(f"{mine}/clock/pong", Channel.COMMAND),
+        )
         link.hears("state", self._hear_state)
         link.hears("event", self._hear_event)
-        link.hears("clock/*", self._hear_clock)
+        link.hears("clock/*", lambda key, data: self._clock.hear(key, data, self._lead.session))
         link.hears("tactile/features/*", self._hear_feature)
         link.hears("tactile/image/*", self._hear_image)
         self._start()
         try:
-            self._await_robot()
+            self._lead.await_yes(self.net, self._stop)
         except BaseException:
             self.close()
             raise
-
-    def _await_robot(self) -> None:
-        until_s = time.monotonic() + self.net.wait_s
-        while time.monotonic() < until_s and not self._stop():
-            if self._answered.wait(0.05):
-                break
-        if self._joined:
-            return
-        if self._stop():
-            raise KeyboardInterrupt
-        robot = self.net.robot
-        if (refused := self._refusal) is not None:
-            raise DeviceUnavailableError(refused.why, refused.hint)
-        keys = (
-            ", and that both stations' keys are from the same folder and name each other"
-            if self.net.keys
-            else ""
-        )
-        raise DeviceUnavailableError(
-            f"no robot {robot!r} answers at {self.net.connect} within {self.net.wait_s:g} s",
-            f"start it there with: tega-teleop robot ROBOT.toml; check its name and address{keys}",
-        )
 
     def end(self) -> None:
         """Let go of hand and arm."""
@@ -141,24 +106,21 @@ class OperatorStation(Station):
         self._touch.end()
         if self._thread is not None:
             self._thread.join(2.0)
-        if self._joined and self._thread is not None and not self._error:
-            if self._hand is not None:
-                self._hand.limp()
-            self._say_hand()
-            self._send_arm(encode(ArmCommand(**self._stamp("arm"))))  # nothing is held any more
+        if self._lead.has and self._thread is not None and not self._error:
+            self._intent.let_go()
         self._thread = None
 
     def close(self) -> None:
         """Give the lead back, and end the link."""
         self.end()
-        self._end_life()
+        self._lead.end()
         super().close()
 
     # The session's side.
 
     def prepared(self, prepared: Prepared) -> Prepared:
-        """Add the robot's fingertips."""
-        welcome = self._welcome
+        """Add the robot's fingertips, and look at the samples as they are read."""
+        welcome = self._lead.welcome
         assert welcome is not None
         robot, preset = self.net.robot, self._config.session.preset
         if welcome.fingers and welcome.preset != preset:
@@ -167,18 +129,15 @@ class OperatorStation(Station):
                 "set session.preset alike in both files",
             )
         fingers = self._touch.fingers(welcome)
-        if fingers:
-            prepared.calibration.check_fits(
-                preset=preset, fingers=fingers, emg=None, name=prepared.calibration_name or "the calibration"
-            )
-        return prepared._replace(fingers=fingers)
+        prepared = prepared._replace(calibration=with_touch(prepared.calibration, welcome, robot=robot))
+        return self._samples.watch(prepared._replace(fingers=fingers))
 
     def sinks(self, sinks: Sinks) -> Sinks:
         """Add the robot's hand."""
-        if self._welcome is None or not self._welcome.hand:
+        welcome = self._lead.welcome
+        if welcome is None or not welcome.hand:
             return sinks
-        hand: Any = FarHand(self.net.robot, answered=self._answered_ns)
-        self._hand = hand
+        hand: Any = self._intent.give_hand(self.net.robot)
         return sinks._replace(steered=hand)
 
     def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:
@@ -197,21 +156,23 @@ class OperatorStation(Station):
     ) -> None:
         """Take in touch from now on."""
         self._touch.begin(prepared, start_ns=start_ns, bell=bell, trace=trace)
-        self._may_move = lambda: guard.state == "active"
+        self._intent.begin(guard)
+        self._samples.begin(start_ns)
         self._start_ns = start_ns
 
     def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:  # noqa: ARG002  # the guard decides
         """Note the newest block of EMG."""
         if self._start_ns is not None:
-            self._block = (self._start_ns + t_ns, tuple(channels))
+            self._intent.block(self._start_ns + t_ns, channels)
 
     def missing(self) -> str:
         """Say that the robot does not answer, or does not want us."""
         if self._error:
             return self._error
         robot = self.net.robot
-        if not self._joined:
-            why = "" if self._refusal is None else f": {self._refusal.why}"
+        if not self._lead.has:
+            refusal = self._lead.refusal
+            why = "" if refusal is None else f": {refusal.why}"
             return f"link: robot {robot!r} is asked for the lead again{why}"
         away_ns = time.monotonic_ns() - self._state_ns
         if away_ns > self._lost_ns:
@@ -235,44 +196,33 @@ class OperatorStation(Station):
     def words(self) -> str:
         """Which robot is led, how it is, and how the link is."""
         state, robot = self._state, self.net.robot
-        if not self._joined:
+        if not self._lead.has:
             return f"robot {robot} does not answer"
         said = f"leads {robot}"
         if state is not None and state.state:
             said += f" ({state.state}: {state.reason})" if state.state != "active" else " (active)"
-        if self._way.n:
-            said += f", touch on the way {self._way.at(0.5) / 1e6:.1f} ms"
-        return f"{said}, {self._clock_words}"
+        if (way := self._touch.way).n:
+            said += f", touch on the way {way.at(0.5) / 1e6:.1f} ms"
+        return f"{said}, {self._clock.words}"
 
     def summary(self) -> dict[str, Any]:
         """Return what a run says of the link."""
         return self._link_summary() | {
             "robot": self.net.robot,
-            "joined": self._n_joined,
+            "joined": self._lead.n,
             "lost": self._n_lost,
-            "commands": self._n_commands,
+            "commands": self._intent.n,
             **self._touch.summary(),
         }
-
-    def _answered_ns(self, since_ns: int) -> int | None:
-        """Return when a command was first handed to the link at or after a time."""
-        found = None
-        for sent_ns in reversed(self._sent):
-            if sent_ns < since_ns:
-                break
-            found = sent_ns
-        return found
 
     # The link's side.
 
     def _turn(self, now_ns: int) -> None:
-        if not self._joined:
-            if now_ns >= self._next_ask_ns:
-                refused = self._refusal is not None and self._refusal.final
-                self._next_ask_ns = now_ns + (_ASK_AGAIN_NS if refused else _ASK_NS)
-                self._ask()
+        lead = self._lead
+        if not lead.has:
+            lead.ask(now_ns)
             return
-        self._ping(self._session, now_ns)
+        self._clock.ask(lead.session, now_ns)
         lost = now_ns - self._state_ns > self._lost_ns
         if lost != self._was_lost:
             self._was_lost = lost
@@ -281,55 +231,21 @@ class OperatorStation(Station):
         self._touch.mind(lost=lost)
         if lost:
             return
-        self._say_hand()
-        if self._start_ns is not None and self._welcome is not None and self._welcome.arm:
-            self._say_arm()
+        self._intent.say_hand()
+        if self._start_ns is not None and lead.welcome is not None and lead.welcome.arm:
+            self._intent.say_arm()
 
-    def _ask(self) -> None:
-        if not self._session:
-            self._session = secrets.randbits(62) | 1
-            self._end_life()
-            self._end_life = self._link.lives(f"operator/{self._name}/{self._session:x}")
-            with self._lock:
-                self._new_peer()
-        join = Join(
-            self._session,
-            self._name,
-            tega=str(tega.__version__),
-            frame=self._forearm.frame,
-            dead_man=self._config.input.dead_man is not None,
-            muscles=self._config.emg is not None,
-        )
-        self._link.asks(f"join/{self._name}", encode(join), self._hear_answer, timeout_s=_ASK_S)
-
-    def _hear_answer(self, data: bytes) -> None:
+    def _welcomed(self, welcome: Welcome) -> None:
+        """Listen to a robot's station from its beginning."""
         now_ns = time.monotonic_ns()
-        if self._joined:
-            return
-        try:
-            welcome: Welcome | Refused = decode(Welcome, data)
-        except msgspec.DecodeError:
-            try:
-                welcome = decode(Refused, data)
-            except msgspec.DecodeError:
-                return
-        if isinstance(welcome, Refused):
-            self._refusal = welcome
-            if welcome.final:
-                self._answered.set()
-            return
         with self._lock:
             self._states.begin(welcome.station)
             self._events.begin(welcome.station)
             self._touch.welcome(welcome)
-            self._new_peer()
-        self._numbers = dict.fromkeys(self._numbers, 0)
-        self._welcome, self._refusal = welcome, None
+            self._clock.forget()
+        self._numbers.clear()
         self._state, self._state_ns = None, now_ns
-        self._n_joined += 1
-        self._joined = True
-        self._answered.set()
-        if self._n_joined > 1:
+        if self._lead.n:
             self._tell(f"robot {self.net.robot!r} is led again")
 
     def _hear_state(self, _key: str, data: bytes) -> None:
@@ -338,23 +254,28 @@ class OperatorStation(Station):
             state = decode(State, data)
         except msgspec.DecodeError:
             return
+        lead = self._lead
         with self._lock:
             # A time-to-live of its own has no use: a state is what the station says of itself, whenever it came.
-            foreign = self._states.refusal(state, now_ns, self._offset_now(now_ns)) not in {"", "no clock"}
-        if self._joined and self._welcome is not None and state.session != self._welcome.station:
-            self._lose_lead("it was started again")
-        elif not self._joined or self._welcome is None or foreign or state.sent_ns < self._welcome.sent_ns:
+            refusal = self._states.refusal(state, now_ns, self._clock.offset(now_ns))
+        if self._leaving.is_set():  # the lead was given back
             return
-        elif state.leader != self._session:
+        if lead.has and lead.welcome is not None and state.session != lead.welcome.station:
+            self._lose_lead("it was started again")
+        elif not lead.has or lead.welcome is None or refusal not in {"", "no clock"}:
+            return
+        elif state.sent_ns < lead.welcome.sent_ns:
+            return  # from before we led
+        elif state.leader != lead.session:
             self._lose_lead("it does not listen to this session any more")
         else:
             self._state, self._state_ns = state, now_ns
-            if self._hand is not None:
-                self._hand.angles = state.angles_rad
+            if (hand := self._intent.hand) is not None:
+                hand.angles = state.angles_rad
 
     def _lose_lead(self, why: str) -> None:
-        self._joined, self._session, self._state = False, 0, None
-        self._next_ask_ns = 0
+        self._lead.lose()
+        self._state = None
         self._tell(f"robot {self.net.robot!r} is asked for the lead again: {why}")
 
     def _hear_event(self, _key: str, data: bytes) -> None:
@@ -364,52 +285,14 @@ class OperatorStation(Station):
         except msgspec.DecodeError:
             return
         with self._lock:
-            refusal = self._events.refusal(event, now_ns, self._offset_now(now_ns))
+            refusal = self._events.refusal(event, now_ns, self._clock.offset(now_ns))
         if refusal in {"", "no clock"}:
             self._tell(f"robot {self.net.robot!r}: {event.state}: {event.reason}")
 
-    def _hear_clock(self, key: str, data: bytes) -> None:
-        now_ns = time.monotonic_ns()
-        try:
-            if key.endswith("/ping"):
-                ping = decode(Ping, data)
-                if ping.session == self._session:
-                    self._pinged(ping, now_ns)
-            else:
-                pong = decode(Pong, data)
-                if pong.session == self._session:
-                    self._ponged(pong, now_ns)
-        except msgspec.DecodeError:
-            return
-
     def _hear_feature(self, key: str, data: bytes) -> None:
-        now_ns = time.monotonic_ns()
         with self._lock:
-            name = key.rpartition("/")[2]
-            way_ns = self._touch.feature(name, data, now_ns, self._offset_now(now_ns))
-            if way_ns is not None:
-                self._way.add(way_ns)
+            now_ns = time.monotonic_ns()
+            self._touch.feature(key.rpartition("/")[2], data, now_ns, self._clock.offset(now_ns))
 
     def _hear_image(self, key: str, data: bytes) -> None:
-        with self._lock:
-            offset = self._offset_now(time.monotonic_ns())
-        self._touch.image(key.rpartition("/")[2], data, offset)
-
-    def _say_hand(self) -> None:
-        hand, (block_ns, channels) = self._hand, self._block
-        level = None if hand is None else hand.level
-        stamp = self._stamp("hand")
-        command = HandCommand(**stamp, level=level, channels=channels, block_ns=block_ns)
-        self._send_hand(encode(command))
-        self._n_commands += 1
-        if level is not None:
-            self._sent.append(stamp["sent_ns"])
-
-    def _say_arm(self) -> None:
-        facts = self._forearm.facts(may_move=self._may_move())
-        self._send_arm(encode(ArmCommand(**self._stamp("arm"), **facts)))
-
-    def _stamp(self, stream: str) -> dict[str, Any]:
-        number = self._numbers[stream]
-        self._numbers[stream] += 1
-        return {"session": self._session, "sequence": number, "sent_ns": time.monotonic_ns()}
+        self._touch.image(key.rpartition("/")[2], data, self._clock.offset(time.monotonic_ns()))

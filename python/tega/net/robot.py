@@ -16,28 +16,14 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 import tega
-from tega.arm.pose import StampedPose
-from tega.net.ends import FarMuscles, FarSwitch, FarTracker
-from tega.net.gate import Gate
-from tega.net.leader import Leadership
+from tega.net.commands import Commands
+from tega.net.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
+from tega.net.leader import Leadership, Reception
 from tega.net.link import Channel
-from tega.net.messages import (
-    ArmCommand,
-    Event,
-    Feature,
-    HandCommand,
-    Join,
-    Ping,
-    Pong,
-    Refused,
-    State,
-    Welcome,
-    decode,
-    encode,
-)
+from tega.net.messages import Event, Feature, State, Welcome, encode
 from tega.net.pictures import PictureSender
+from tega.net.samples import Readers, SampleReceiver
 from tega.net.station import Station
-from tega.net.streams import InboxStream
 from tega.teleop.inputs import Inputs, Seat
 
 if TYPE_CHECKING:
@@ -49,12 +35,9 @@ if TYPE_CHECKING:
     from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.prepare import Prepared
-    from tega.teleop.sources import Block
 
 __all__ = ["RobotStation"]
 
-# Every amplifier's samples become ten levels a second.
-_BLOCKS_HZ = 10.0
 _STATE_NS = 100_000_000
 
 
@@ -65,28 +48,28 @@ class RobotStation(Station):
         super().__init__(config, tell)
         net, arm = self.net, config.arm
         self._session = secrets.randbits(62) | 1
-        self._ttl_ns = round(net.ttl_ms * 1e6)
         frame = "" if arm is None else arm.mapping.frame
         self._has_hand = config.hand.driver is not None
-        self._leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
-        self._gates = {"hand": Gate(ttl_ns=self._ttl_ns), "arm": Gate(ttl_ns=self._ttl_ns)}
-        self._refused: dict[str, int] = {}
-        self._heard_ns = self._arm_ns = 0
-        self._switches: ArmCommand | None = None
-        self._clutch_was_open = False
-        self._pose_ns = self._block_ns = 0
-        self._level = 0
-        self._n_commands = self._n_leaders = 0
-        self._rate: tuple[int, int, float] = (0, 0, 0.0)
+        leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
+        self._leader = leader
+        self._reception = Reception(
+            leader, self._lock, robot=net.own_name, begin=self._begin_session, tell=tell
+        )
         self._tracker = FarTracker(frame) if arm is not None else None
-        self._blocks: InboxStream[Block] = InboxStream()
-        self._stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
-        self._welcome: Welcome | None = None
-        self._sequences: dict[str, int] = {}
+        self._commands = Commands(
+            ttl_ns=round(net.ttl_ms * 1e6),
+            offset=self._clock.offset,
+            hand=self._has_hand,
+            tracker=self._tracker,
+        )
+        self._records = config.recording.dir is not None
+        self._muscles = FarMuscles()
+        self._samples = SampleReceiver(self._muscles)
+        self._readers = Readers()
+        self._n_leaders = 0
         self._features: dict[str, Callable[[bytes], None]] = {}
         self._pictures: PictureSender | None = None
         self._next_state_ns = 0
-        self._closing = False
 
     def open(self) -> None:
         """Wait for operators.
@@ -98,20 +81,25 @@ class RobotStation(Station):
         link.open()
         self._send_state = link.sends("state", Channel.STATE)
         self._send_event = link.sends("event", Channel.EVENT)
-        self._send_ping = link.sends("clock/ping", Channel.COMMAND)
-        self._send_pong = link.sends("clock/pong", Channel.COMMAND)
+        self._clock.open(link.sends("clock/ping", Channel.COMMAND), link.sends("clock/pong", Channel.COMMAND))
         for finger in self._config.tactile.in_use():
             self._features[finger] = link.sends(f"tactile/features/{finger}", Channel.FEATURES)
-        link.hears("cmd/*/hand", self._hear_hand)
-        link.hears("cmd/*/arm", self._hear_arm)
+        link.hears("cmd/*/hand", self._hear_command)
+        link.hears("cmd/*/arm", self._hear_command)
+        link.hears("cmd/*/emg", self._hear_samples)
         link.hears("cmd/*/clock/*", self._hear_clock)
-        link.watches("operator/*/*", self._watch)
-        link.answers("join/*", self._join)
+        link.watches("operator/*/*", self._reception.watch)
+        link.answers("join/*", self._reception.join)
         self._start()
         self._tell(f"robot {self.net.own_name!r} waits for an operator at {self.net.listen}")
 
+    def end(self) -> None:
+        """Hand nothing more to the recording."""
+        self._readers.end()
+
     def close(self) -> None:
         """End the link."""
+        self.end()
         if self._pictures is not None:
             self._pictures.close()
         super().close()
@@ -120,10 +108,6 @@ class RobotStation(Station):
 
     def prepared(self, prepared: Prepared) -> Prepared:
         """Add the operator's levels, and look at the pictures as they are read."""
-        from tega.calibration import EmgMaxima
-        from tega.teleop.prepare import Muscles
-        from tega.teleop.sources import SourceReport
-
         if self.net.images_hz > 0 and prepared.fingers:
             self._pictures = PictureSender(
                 self._link,
@@ -134,14 +118,7 @@ class RobotStation(Station):
             )
             prepared = self._pictures.watch(prepared)
         if self._has_hand:
-            # One channel, whose sample is the level itself: 5 is as far as it goes.
-            maxima = EmgMaxima(
-                kind="envelope", rate_hz=_BLOCKS_HZ, tau=1, channels=("operator",), maxima=(5.0,)
-            )
-            source: Any = FarMuscles(rate_hz=_BLOCKS_HZ)
-            report = SourceReport()
-            self._blocks = InboxStream(on_loss=report.drop)
-            prepared = prepared._replace(muscles=Muscles(source, maxima, None, report, self._blocks))
+            prepared = prepared._replace(muscles=far_muscles(self._muscles, self._commands.blocks))
         return prepared
 
     def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:  # noqa: ARG002
@@ -150,7 +127,7 @@ class RobotStation(Station):
             return inputs
         seats = {}
         for name in ("dead_man", "clutch", "recover"):
-            source: Any = FarSwitch(name, partial(self._switch, name))
+            source: Any = FarSwitch(name, partial(self._commands.switch, name))
             seats[name] = Seat(source, None)
         return Inputs(seats)
 
@@ -171,10 +148,8 @@ class RobotStation(Station):
     ) -> None:
         """Let operators lead from now on."""
         del bell, guard  # the loop is woken by its own pictures
-        if trace is not None and prepared.muscles is not None:
-            self._stamp = trace.source("emg")
         pictures = self._pictures
-        self._welcome = Welcome(
+        self._reception.welcome = Welcome(
             station=self._session,
             fingers={name: f.source.info.rate_hz or 0.0 for name, f in prepared.fingers.items()},
             hand=self._has_hand,
@@ -182,9 +157,15 @@ class RobotStation(Station):
             tega=str(tega.__version__),
             preset=self._config.session.preset,
             baselines={} if pictures is None else pictures.baselines(prepared),
+            records=self._records,
+            touch={f: full for f in prepared.fingers if (full := prepared.calibration.touch(f)) is not None},
         )
+        if self._records and prepared.muscles is not None:
+            self._readers.start("emg", prepared.muscles.source)
         if pictures is not None:
             pictures.start(start_ns)
+        traced = trace is not None and prepared.muscles is not None
+        self._commands.start(start_ns, trace.source("emg") if trace is not None and traced else None)
         self._start_ns = start_ns
 
     def missing(self) -> str:
@@ -193,257 +174,96 @@ class RobotStation(Station):
             return self._error
         if self._leader.session == 0:
             return "link: no operator leads"
-        away_ns = time.monotonic_ns() - self._heard_ns
-        if away_ns <= self._ttl_ns and self._heard_ns:
-            return ""
-        name, refused = self._leader.name, self._gates["hand"].last
-        why = f"; the newest was refused: {refused}" if refused else ""
-        if not self._heard_ns:
-            return f"link: no command from {name!r} yet{why}"
-        return f"link: no command from {name!r} for {away_ns / 1e9:.1f} s{why}"
+        return self._commands.missing(self._leader.name)
 
     def contact(self, t_ns: int, finger: str, metrics: ContactMetrics) -> None:
         """Send what one picture says."""
         if self._start_ns is None or self._leader.session == 0:
             return
-        feature = Feature(
-            session=self._session,
-            sequence=self._number(finger),
-            sent_ns=time.monotonic_ns(),
-            t_ns=self._start_ns + t_ns,
-            metrics=metrics,
-        )
+        stamp = self._stamp(self._session, finger)
+        feature = Feature(**stamp, t_ns=self._start_ns + t_ns, metrics=metrics)
         self._features[finger](encode(feature))
 
     def changed(self, change: Transition) -> None:
         """Tell that the run's state has changed, here and to the operator."""
         super().changed(change)
-        event = Event(
-            session=self._session,
-            sequence=self._number("event"),
-            sent_ns=time.monotonic_ns(),
-            state=change.state,
-            reason=change.reason,
-        )
-        self._send_event(encode(event))
+        stamp = self._stamp(self._session, "event")
+        self._send_event(encode(Event(**stamp, state=change.state, reason=change.reason)))
         self._next_state_ns = 0
-
-    def _number(self, stream: str) -> int:
-        number = self._sequences[stream] = self._sequences.get(stream, -1) + 1
-        return number
 
     @property
     def words(self) -> str:
         """Who leads, and how commands and clock are."""
         if not self._leader.session:
             return "waits for an operator"
-        said = f"led by {self._leader.name}, {self._rate[2]:.0f} commands/s"
-        if self._way.n:
-            said += f", way {self._way.at(0.5) / 1e6:.1f} ms"
-        said += f", {self._clock_words}"
-        refused = self._refused_now()
-        if refused:
+        commands = self._commands
+        said = f"led by {self._leader.name}, {commands.rate_hz:.0f} commands/s"
+        if commands.way.n:
+            said += f", way {commands.way.at(0.5) / 1e6:.1f} ms"
+        said += f", {self._clock.words}"
+        if refused := commands.refused:
             said += ", refused: " + ", ".join(f"{n} {why}" for why, n in refused.items())
         return said
 
-    def _refused_now(self) -> dict[str, int]:
-        refused: dict[str, int] = {}
-        for gate in self._gates.values():
-            for why, n in gate.refused.items():
-                refused[why] = refused.get(why, 0) + n
-        return refused
-
     def summary(self) -> dict[str, Any]:
         """Return what a run says of the link."""
+        commands = self._commands
         with self._lock:
-            self._keep_counts()
+            commands.keep_counts()
         return self._link_summary() | {
+            "way_ms": commands.way.summary_ms() if commands.way.n else None,
             "leaders": self._n_leaders,
-            "commands": self._n_commands,
-            "refused_commands": self._refused,
-            "features": {f: self._sequences.get(f, -1) + 1 for f in self._features},
+            "commands": commands.n,
+            "refused_commands": commands.refused_in_all,
+            "features": {f: self._numbers.get(f, -1) + 1 for f in self._features},
             "images": {} if self._pictures is None else self._pictures.sent,
         }
 
-    def _keep_counts(self) -> None:
-        """Take over the gates' counts of a session that is over, and close them; with the lock held."""
-        for gate in self._gates.values():
-            for why, n in gate.refused.items():
-                self._refused[why] = self._refused.get(why, 0) + n
-            gate.begin(None)
-
     # The link's side: in Zenoh's threads.
-
-    def _join(self, key: str, asked: bytes) -> bytes:
-        now_ns = time.monotonic_ns()
-        try:
-            join = decode(Join, asked)
-        except msgspec.DecodeError:
-            return encode(Refused("this question cannot be read", "install the same version of TEGA on both"))
-        if key != f"join/{join.name}":  # who asks is known by the key, which the certificate allows
-            return encode(Refused(f"{join.name!r} asked as somebody else"))
-        if self._welcome is None:
-            return encode(Refused(f"robot {self.net.own_name!r} is still preparing", final=False))
-        with self._lock:
-            before = self._leader.session
-            refused = self._leader.ask(join, now_ns)
-            if refused is None and before != join.session:
-                self._begin_session(join.session)
-        if refused is not None:
-            self._tell(f"operator {join.name!r} was refused: {refused.why}")
-            return encode(refused)
-        if before != join.session:
-            self._tell(f"operator {join.name!r} leads")
-        return encode(msgspec.structs.replace(self._welcome, sent_ns=now_ns))
 
     def _begin_session(self, session: int | None) -> None:
         """Listen to a session, or to none; with the lock held."""
-        self._keep_counts()
-        for gate in self._gates.values():
-            gate.begin(session)
-        self._new_peer()
+        self._commands.begin(session)
+        self._samples.begin(session)
+        self._clock.forget()
         self._n_leaders += session is not None
-        self._heard_ns = self._arm_ns = self._pose_ns = self._block_ns = self._level = 0
-        if session is not None:
-            # Not before: with the clutch pressed, the chain goes on from holding to letting go to a stop, as it would
-            # at one machine whose operator's devices all went silent.
-            self._switches, self._clutch_was_open = None, False
-        if self._tracker is not None:
-            self._tracker.forget()
         self._next_state_ns = 0
 
-    def _watch(self, key: str, alive: bool) -> None:  # noqa: FBT001  # the link's signature
-        _, name, number = key.split("/")
-        try:
-            session = int(number, 16)
-        except ValueError:
-            return
-        with self._lock:
-            gone = self._leader.sign(name, session, alive=alive)
-            if gone:
-                self._begin_session(None)
-        if gone:
-            self._tell(f"operator {name!r} is gone")
-
     def _hear_clock(self, key: str, data: bytes) -> None:
-        now_ns = time.monotonic_ns()
-        if not self._is_leader(key):
-            return
-        try:
-            if key.endswith("/ping"):
-                ping = decode(Ping, data)
-                if ping.session == self._leader.session:
-                    self._pinged(ping, now_ns)
+        if self._reception.is_leader(key):
+            self._clock.hear(key, data, self._leader.session)
+
+    def _hear_samples(self, key: str, data: bytes) -> None:
+        if self._records and self._reception.is_leader(key):
+            now_ns = time.monotonic_ns()
+            self._samples.take(data, now_ns, self._clock.offset(now_ns))
+
+    def _hear_command(self, key: str, data: bytes) -> None:
+        commands, for_arm = self._commands, key.endswith("/arm")
+        with self._lock:
+            if not self._reception.is_leader(key):
+                commands.foreign("arm" if for_arm else "hand")
+            elif for_arm:
+                commands.arm(data)
             else:
-                pong = decode(Pong, data)
-                if pong.session == self._leader.session:
-                    self._ponged(pong, now_ns)
-        except msgspec.DecodeError:
-            return
-
-    def _is_leader(self, key: str) -> bool:
-        return self._leader.session != 0 and key.split("/")[1] == self._leader.name
-
-    def _hear_hand(self, key: str, data: bytes) -> None:
-        now_ns = time.monotonic_ns()
-        with self._lock:
-            command = self._accepted("hand", HandCommand, key, data, now_ns)
-            if command is None or (offset := self._offset_now(now_ns)) is None:
-                return
-            self._way.add(now_ns - offset.ours(command.sent_ns))
-            self._n_commands += 1
-            self._heard_ns = offset.ours(command.sent_ns)
-            self._pass_on(command, offset.ours(command.block_ns), now_ns)
-
-    def _pass_on(self, command: HandCommand, block_ns: int, now_ns: int) -> None:
-        """Give a new block of EMG to the loop; with the lock held."""
-        start_ns, level = self._start_ns, command.level
-        if start_ns is None or level is None or not self._has_hand:
-            return
-        t_ns = self._blocks.end_ns
-        if command.block_ns > self._block_ns:
-            self._block_ns = command.block_ns
-            # Never in the future, whatever the other clock says, nor back where its estimate has moved a little.
-            t_ns = max(min(block_ns, now_ns) - start_ns, t_ns)
-            self._stamp(t_ns, now_ns)
-        elif (
-            level == self._level or not self._block_ns
-        ):  # else the operator's guard has another level for that block
-            return
-        self._level = level
-        self._blocks.put((t_ns, (level,), level))
-
-    def _hear_arm(self, key: str, data: bytes) -> None:
-        now_ns = time.monotonic_ns()
-        with self._lock:
-            command = self._accepted("arm", ArmCommand, key, data, now_ns)
-            if command is None or (offset := self._offset_now(now_ns)) is None:
-                return
-            self._arm_ns, self._switches = offset.ours(command.sent_ns), command
-            self._clutch_was_open |= not command.clutch
-            tracker, pose = self._tracker, command.pose
-            if tracker is not None and pose is not None and pose.t_ns > self._pose_ns:
-                self._pose_ns = pose.t_ns
-                tracker.see(StampedPose(offset.ours(pose.t_ns), pose.place, pose.turn, pose.valid))
-
-    def _accepted(self, name: str, kind: Any, key: str, data: bytes, now_ns: int) -> Any:
-        """Return a command if it is to be obeyed; with the lock held."""
-        gate = self._gates[name]
-        if not self._is_leader(key):
-            gate.foreign()
-            return None
-        try:
-            command = decode(kind, data)
-        except msgspec.DecodeError:
-            gate.malformed()
-            return None
-        if command.malformed():
-            gate.malformed()
-            return None
-        return None if gate.refusal(command, now_ns, self._offset_now(now_ns)) else command
-
-    def _switch(self, name: str) -> tuple[int, bool, bool]:
-        """Return when a switch was heard, whether that is fresh, and whether it counts as held."""
-        said, heard_ns = self._switches, self._arm_ns
-        if said is None:
-            return heard_ns, False, False
-        fresh = time.monotonic_ns() - heard_ns <= self._ttl_ns
-        if name == "clutch":
-            # Through a silence it stays as it was: the chain lets go by itself, and wants it pressed anew. A session
-            # that begins with it pressed has nobody who took hold.
-            return heard_ns, fresh, said.clutch and self._clutch_was_open
-        return heard_ns, fresh, fresh and (said.dead_man if name == "dead_man" else said.recover)
+                commands.hand(data)
 
     def _turn(self, now_ns: int) -> None:
-        with self._lock:
-            name = self._leader.name
-            gone = self._leader.look(now_ns)
-            if gone:
-                self._begin_session(None)
-            session = self._leader.session
-        if gone:
-            self._tell(f"operator {name!r} asked and then went")
+        session = self._reception.look(now_ns)
         if session:
-            self._ping(session, now_ns)
-        self._count_rate(now_ns)
+            self._clock.ask(session, now_ns)
+        self._commands.count_rate(now_ns)
         if now_ns >= self._next_state_ns:
             self._next_state_ns = now_ns + _STATE_NS
             self._say_state(session)
 
-    def _count_rate(self, now_ns: int) -> None:
-        then_ns, n, _ = self._rate
-        if now_ns - then_ns >= 1_000_000_000:
-            self._rate = now_ns, self._n_commands, (self._n_commands - n) * 1e9 / (now_ns - then_ns)
-
     def _say_state(self, session: int) -> None:
         view = self._view
         said = State(
-            session=self._session,
-            sequence=self._number("state"),
-            sent_ns=time.monotonic_ns(),
+            **self._stamp(self._session, "state"),
             leader=session,
             leader_name=self._leader.name,
-            refused=self._refused_now(),
+            refused=self._commands.refused,
             problem=self.missing() if session else "",
         )
         if view is not None:

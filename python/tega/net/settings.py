@@ -42,7 +42,8 @@ class NetSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         listen: Of the robot: where it waits for operators, such as ``tls/192.168.1.20:7447``.
         keys: This station's folder, as ``tega-teleop net keys`` makes it; needed for any address but this machine's.
         rate_hz: Of the operator: commands a second.
-        ttl_ms: Of the robot: a command older than this is not obeyed, and without one for so long the robot holds.
+        ttl_ms: A command that may be older than this is not obeyed, touch likewise not felt, and without a command for
+            so long the robot holds. Has to be above the way there and back.
         lost_ms: Of the operator: without a word from the robot for so long it stops sending and says so.
         lease_ms: After so long without a sign the other station counts as gone.
         wait_s: Of the operator: how long to look for the robot at the start.

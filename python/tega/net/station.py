@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from tega.devices.lifecycle import Opened
 from tega.errors import ConfigError
-from tega.net.clock import PING_PERIOD_NS, ClockEstimate, Offset
-from tega.net.link import Channel, Link
-from tega.net.messages import Ping, Pong, encode
+from tega.net.clock import PeerClock
+from tega.net.link import Link
 from tega.net.settings import NetSection
-from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -51,19 +49,13 @@ class Station(Opened):
         self._config, self._tell = config, tell
         self._link = Link(self.net)
         self._lock = threading.Lock()
-        self._clock = ClockEstimate()
-        self._asked: dict[int, None] = {}
-        self._next_ping_ns = 0
+        self._clock = PeerClock()
+        self._numbers: dict[str, int] = {}
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
         self._error = ""
         self._start_ns: int | None = None
         self._view: LoopView | None = None
-        self._way = Spread()
-        self._n_told = 0
-        self._offset: Offset | None = None
-        self._send_ping: Callable[[bytes], None] = lambda _message: None
-        self._send_pong: Callable[[bytes], None] = lambda _message: None
 
     # What a session asks for; each station overrides what it has something to say to.
 
@@ -174,66 +166,18 @@ class Station(Opened):
     def _turn(self, now_ns: int) -> None:
         raise NotImplementedError
 
-    def _ping(self, session: int, now_ns: int) -> None:
-        if now_ns < self._next_ping_ns:
-            return
-        self._next_ping_ns = now_ns + PING_PERIOD_NS
-        with self._lock:
-            t0_ns = time.monotonic_ns()
-            self._asked[t0_ns] = None
-            while len(self._asked) > 100:
-                del self._asked[next(iter(self._asked))]
-        self._send_ping(encode(Ping(session, t0_ns)))
-
-    def _pinged(self, ping: Ping, now_ns: int) -> None:
-        self._send_pong(encode(Pong(ping.session, ping.t0_ns, now_ns, time.monotonic_ns())))
-
-    def _ponged(self, pong: Pong, now_ns: int) -> None:
-        with self._lock:
-            if pong.t0_ns in self._asked:  # what we asked, and only once
-                del self._asked[pong.t0_ns]
-                self._clock.add(pong.t0_ns, pong.t1_ns, pong.t2_ns, now_ns)
-
-    def _new_peer(self) -> None:
-        """Forget the other machine's clock; with the lock held."""
-        self._clock.forget()
-        self._asked.clear()
-        self._next_ping_ns = 0
-
-    def _offset_now(self, now_ns: int) -> Offset | None:
-        """Return how far apart the clocks are; with the lock held."""
-        best = self._clock.best(now_ns)
-        if best is not None:
-            self._offset = best
-        return best
-
-    @property
-    def _clock_words(self) -> str:
-        with self._lock:
-            offset = self._offset_now(time.monotonic_ns())
-        if offset is None:
-            return "clock not known"
-        half_ms = offset.round_trip_ns / 2e6
-        return f"clock {offset.offset_ns / 1e6:+.1f} ms ± {half_ms:.1f}"
+    def _stamp(self, session: int, stream: str) -> dict[str, Any]:
+        """Return what every message of a stream begins with."""
+        number = self._numbers[stream] = self._numbers.get(stream, -1) + 1
+        return {"session": session, "sequence": number, "sent_ns": time.monotonic_ns()}
 
     def _link_summary(self) -> dict[str, Any]:
-        offset = self._offset
-        clock = None
-        if offset is not None:
-            clock = {
-                "offset_ms": round(offset.offset_ns / 1e6, 3),
-                "round_trip_ms": round(offset.round_trip_ns / 1e6, 3),
-            }
         return {
             "station": self.net.station,
             "name": self.net.own_name,
             "keys": self.net.keys is not None,
-            "clock": clock,
-            "way_ms": self._way.summary_ms() if self._way.n else None,
+            "clock": self._clock.summary(),
         }
-
-    def _sends(self, key: str, channel: Channel) -> Callable[[bytes], None]:
-        return self._link.sends(key, channel)
 
 
 class _Seen:

@@ -2,27 +2,54 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
+from tega.errors import CalibrationError
 from tega.net.ends import FarFinger
-from tega.net.gate import Gate
+from tega.net.gate import Gate, refused_by
 from tega.net.messages import Feature, Image, Welcome, decode
 from tega.net.pictures import unpacked
+from tega.net.samples import Readers
 from tega.net.streams import InboxStream
+from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
+    from tega.calibration import Calibration
     from tega.net.clock import Offset
     from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.prepare import Finger, Prepared
     from tega.teleop.sources import Contact, SourceReport
 
-__all__ = ["FarTouch"]
+__all__ = ["FarTouch", "with_touch"]
+
+
+def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Calibration:
+    """Return a calibration that also knows what counts as full touch of a robot's fingertips.
+
+    What it knows itself stays; else what the robot's station knows is taken.
+
+    Raises:
+        CalibrationError: Of a fingertip neither knows it, or it was made for another preset.
+    """
+    known = {name: calibration.touch(name) or welcome.touch.get(name) for name in welcome.fingers}
+    for name, full in known.items():
+        if full is None:
+            raise CalibrationError(
+                f"what counts as full touch of the {name} of robot {robot!r} is known neither here nor there",
+                "at the robot: tega-teleop calibrate ROBOT.toml --person ID, then robot ROBOT.toml --person ID",
+            )
+    if known and calibration.preset != welcome.preset:
+        raise CalibrationError(
+            f"the calibration was made with preset {calibration.preset!r}, the run uses {welcome.preset!r}",
+            "calibrate again under the conditions of this run, or run under those of the calibration",
+        )
+    tactile = msgspec.structs.replace(calibration.tactile, **known)
+    return msgspec.structs.replace(calibration, tactile=tactile)
 
 
 class FarTouch:
@@ -31,6 +58,9 @@ class FarTouch:
     Args:
         robot: Its name.
         ttl_ns: How old what comes may be.
+
+    Attributes:
+        way: How long touch was on its way, by the clock's estimate.
     """
 
     def __init__(self, robot: str, *, ttl_ns: int) -> None:
@@ -39,8 +69,8 @@ class FarTouch:
         self._gates: dict[str, Gate] = {}
         self._start_ns: int | None = None
         self._ring: Callable[[], None] = lambda: None
-        self._leaving = threading.Event()
-        self._readers: list[threading.Thread] = []
+        self._readers = Readers()
+        self.way = Spread()
 
     def welcome(self, welcome: Welcome) -> None:
         """Listen to a robot's station from its beginning."""
@@ -58,7 +88,8 @@ class FarTouch:
         for name, rate_hz in welcome.fingers.items():
             report = SourceReport()
             source: Any = FarFinger(name, self._robot, rate_hz=rate_hz)
-            stream: InboxStream[Contact] = InboxStream(on_loss=report.drop)
+            stream: InboxStream[Contact] = InboxStream()
+            stream.on_loss = report.drop
             baseline = unpacked(welcome.baselines[name]) if name in welcome.baselines else None
             if baseline is None:
                 baseline = np.zeros((0, 0, 3), np.uint8)
@@ -73,43 +104,36 @@ class FarTouch:
         for name, far in self._fingers.items():
             if trace is not None:
                 far.stamp = trace.source(name)
-            source = prepared.fingers[name].source
-            reader = threading.Thread(
-                target=self._read, args=(source,), name=f"tega-{name}-pictures", daemon=True
-            )
-            self._readers.append(reader)
-            reader.start()
+            self._readers.start(f"{name}-pictures", prepared.fingers[name].source)
         if bell is not None:
             self._ring = bell.ring
         self._start_ns = start_ns
 
     def end(self) -> None:
         """Read no more pictures."""
-        self._leaving.set()
-        for reader in self._readers:
-            reader.join(2.0)
-        self._readers.clear()
+        self._readers.end()
 
     def mind(self, *, lost: bool) -> None:
         """Take note of whether the robot answers."""
         for far in self._fingers.values():
             far.mind(lost=lost)
 
-    def feature(self, name: str, data: bytes, now_ns: int, offset: Offset | None) -> int | None:
-        """Take in what one picture says; return how long it was on its way, ``None`` if it is not used."""
+    def feature(self, name: str, data: bytes, now_ns: int, offset: Offset | None) -> None:
+        """Take in what one picture says."""
         far, gate, start_ns = self._fingers.get(name), self._gates.get(name), self._start_ns
         if far is None or gate is None or start_ns is None:
-            return None
+            return
         try:
             feature = decode(Feature, data)
         except msgspec.DecodeError:
             gate.malformed()
-            return None
+            return
         if gate.refusal(feature, now_ns, offset) or offset is None:
-            return None
-        far.take(min(offset.ours(feature.t_ns), now_ns) - start_ns, now_ns, feature)
+            return
+        use_by_ns = offset.earliest(feature.sent_ns) + self._ttl_ns
+        far.take(min(offset.ours(feature.t_ns), now_ns) - start_ns, now_ns, feature, use_by_ns=use_by_ns)
+        self.way.add(now_ns - offset.ours(feature.sent_ns))
         self._ring()
-        return now_ns - offset.ours(feature.sent_ns)
 
     def image(self, name: str, data: bytes, offset: Offset | None) -> None:
         """Take in a picture for display."""
@@ -123,18 +147,10 @@ class FarTouch:
         far.source.show(offset.ours(image.t_ns), image.number, image.jpeg)
 
     def summary(self) -> dict[str, Any]:
-        """Return how much came, and how much of it was not used."""
-        refused: dict[str, int] = {}
-        for gate in self._gates.values():
-            for why, n in gate.refused.items():
-                refused[why] = refused.get(why, 0) + n
+        """Return how much came and how long that took, and how much of it was not used."""
         came = {name: far.report.n_items for name, far in self._fingers.items()}
-        return {"features": came, "refused_features": refused}
-
-    def _read(self, source: Any) -> None:
-        """Read what comes for display, so that page and recording see it."""
-        while not self._leaving.is_set():
-            source.read(0.1)
+        way_ms = self.way.summary_ms() if self.way.n else None
+        return {"way_ms": way_ms, "features": came, "refused_features": refused_by(self._gates.values())}
 
 
 class _Finger:
@@ -145,14 +161,14 @@ class _Finger:
         self.stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
         self._next = 0
 
-    def take(self, t_ns: int, received_ns: int, feature: Feature) -> None:
+    def take(self, t_ns: int, received_ns: int, feature: Feature, *, use_by_ns: int) -> None:
         """Take in what one picture says."""
         self.report.n_items += 1
         self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
         self._next = feature.sequence + 1
         t_ns = max(t_ns, self._stream.end_ns)  # the clock's estimate may have moved back a little
         self.stamp(t_ns, received_ns)
-        self._stream.put((t_ns, feature.metrics))
+        self._stream.put((t_ns, feature.metrics), use_by_ns=use_by_ns)
 
     def mind(self, *, lost: bool) -> None:
         """Take note of whether the robot answers."""

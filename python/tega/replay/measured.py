@@ -157,7 +157,9 @@ def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[t
 
 
 def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Block]]:
-    """Pair every block that the loop took in with what the samples say now."""
+    """Pair every block that the loop took in with what the samples say now; what came over a link is as it came."""
+    if recorded.head.sources["emg"].driver == "net":  # made at the operator's station, by what is known there
+        return [(taken, (t_ns, levels, fused)) for t_ns, taken, levels, fused in recorded.levels]
     items, blocks = [], iter(measured.blocks)
     for t_ns, taken, _, _ in recorded.levels:
         for block in blocks:  # those between were lost on the way to the loop

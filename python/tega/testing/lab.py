@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import cycle
@@ -14,6 +13,7 @@ import numpy as np
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
+from tega.repeated import repeated
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by
@@ -139,25 +139,19 @@ def emulated_lab(
 @contextmanager
 def pressing(lab: EmulatedLab) -> Iterator[None]:
     """Press all fingertips now more and now less, ten times a second, so that there is something new to feel."""
-    over = threading.Event()
     for firmness in _FIRMNESSES:  # a sensor makes the pictures of each when it is asked for the first time
         for sensor in lab.sensors.values():
             sensor.say(f"press {firmness}")
 
-    def press() -> None:
-        for firmness in cycle(_FIRMNESSES):
-            for sensor in lab.sensors.values():
-                sensor.say(f"press {firmness}")
-            if over.wait(_PRESS_S):
-                return
+    firmnesses = cycle(_FIRMNESSES)
 
-    thread = threading.Thread(target=press, name="tega-press", daemon=True)
-    thread.start()
-    try:
+    def press() -> None:
+        firmness = next(firmnesses)
+        for sensor in lab.sensors.values():
+            sensor.say(f"press {firmness}")
+
+    with repeated(press, every_s=_PRESS_S, name="tega-press"):
         yield
-    finally:
-        over.set()
-        thread.join()
 
 
 def _amplifier(stack: ExitStack, rate_hz: float) -> tuple[Emulator, dict[str, Any]]:

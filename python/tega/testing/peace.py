@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import TypeVar
 
 from tega.errors import TegaError
+from tega.repeated import repeated
 
 __all__ = ["in_peace"]
 
 # Held up for longer than this, a time that was measured is the machine's, not that of what is tried.
 _STOOD_STILL_S = 0.5
 _ATTEMPTS = 4
+_LOOK_S = 0.02
 
 Found = TypeVar("Found")
 
@@ -21,26 +23,23 @@ Found = TypeVar("Found")
 def in_peace(trial: Callable[[], Found]) -> Found:
     """Run a trial; again if this machine stood still meanwhile, and the last time whatever it did."""
     for left in reversed(range(_ATTEMPTS)):
-        over, longest_s = threading.Event(), 0.0
+        looks_s = [time.monotonic()]
 
-        def watch(over: threading.Event = over) -> None:
-            nonlocal longest_s
-            last_s = time.monotonic()
-            while not over.wait(0.02):
-                now_s = time.monotonic()
-                longest_s, last_s = max(longest_s, now_s - last_s), now_s
+        def look(looks_s: list[float] = looks_s) -> None:
+            looks_s.append(time.monotonic())
 
-        watching = threading.Thread(target=watch, daemon=True)
-        watching.start()
         try:
-            found = trial()
+            with repeated(look, every_s=_LOOK_S, name="tega-peace"):
+                found = trial()
         except TegaError:
-            if longest_s < _STOOD_STILL_S or not left:
+            if _longest_s(looks_s) < _STOOD_STILL_S or not left:
                 raise
             continue
-        finally:
-            over.set()
-            watching.join()
-        if longest_s < _STOOD_STILL_S:
+        if _longest_s(looks_s) < _STOOD_STILL_S:
             break
     return found
+
+
+def _longest_s(looks_s: Sequence[float]) -> float:
+    """Return the longest time between two looks at the clock."""
+    return max((after - before for before, after in pairwise(looks_s)), default=0.0)

@@ -3,9 +3,10 @@
 One JSON object a line whenever hand, arm or vest do something else: ``t_s`` on this machine's monotonic clock,
 ``state`` of the run, ``arm``, ``felt`` (whether any motor of the vest turns) and ``no_data`` (whether it says that
 none comes from the robot); ``said`` is what it tells a person. The robot's station tells besides how many commands it
-has used (``used``), how many of them were really older than its time-to-live (``stale``), how old the oldest was
-(``oldest_ms``), and how many of this operator's it has refused, by why (``refused``). For that it compares the clocks
-of both stations directly, which are one clock where both run on one machine; the station itself goes by its estimate.
+has used (``used``), how many of them were really older than its time-to-live (``stale``), how old the oldest was since
+it last told (``oldest_ms``), and how many of this operator's it has refused, by why (``refused``). For that it compares
+the clocks of both stations directly, which are one clock where both run on one machine; the station itself goes by its
+estimate.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,43 +24,59 @@ import tega.net.robot
 from tega.cli.options import Stop
 from tega.config import load_config
 from tega.errors import TegaError
-from tega.net.robot import RobotStation
+from tega.net.commands import Commands
 from tega.teleop import LoopView, run_session
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tega.config import SessionConfig
+    from tega.net.messages import ArmCommand, HandCommand
 
 __all__ = ["main"]
 
 _COUNTS_S = 0.1
 
 
-class _Judged(RobotStation):
-    """A robot's station whose commands are looked at by somebody who knows the true time."""
+class _Judged(Commands):
+    """Commands that are looked at, as they are used, by somebody who knows the true time."""
 
     newest: _Judged | None = None
 
-    def __init__(self, config: SessionConfig, tell: Callable[[str], None]) -> None:
-        super().__init__(config, tell)
+    def __init__(self, *, ttl_ns: int, **rest: Any) -> None:
+        self._looked = threading.local()
+        super().__init__(ttl_ns=ttl_ns, clock=self._look, **rest)
+        self._true_ttl_ns = ttl_ns
         self.used = self.stale = self.oldest_ns = 0
         type(self).newest = self
 
-    @property
-    def refused(self) -> dict[str, int]:
-        """Commands of this operator's that were not used, by why."""
-        return self._refused_now()
-
-    def _accepted(self, name: str, kind: Any, key: str, data: bytes, now_ns: int) -> Any:
-        command = super()._accepted(name, kind, key, data, now_ns)
-        if command is not None:
-            age_ns = now_ns - command.sent_ns
-            self.used += 1
-            self.stale += age_ns > self._ttl_ns
-            self.oldest_ns = max(self.oldest_ns, age_ns)
+    def hand(self, data: bytes) -> HandCommand | None:
+        """Take in a command for the hand, and judge it."""
+        command = super().hand(data)
+        self._judge(command)
         return command
+
+    def arm(self, data: bytes) -> ArmCommand | None:
+        """Take in a command for the arm, and judge it."""
+        command = super().arm(data)
+        self._judge(command)
+        return command
+
+    def oldest(self) -> int:
+        """Return how old the oldest was that was used since this was asked, ns."""
+        oldest_ns, self.oldest_ns = self.oldest_ns, 0
+        return oldest_ns
+
+    def _look(self) -> int:
+        """Return the time, and keep when it was: this program may be held up right after."""
+        now_ns: int = time.monotonic_ns()
+        self._looked.ns = now_ns
+        return now_ns
+
+    def _judge(self, command: HandCommand | ArmCommand | None) -> None:
+        if command is not None:
+            age_ns = self._looked.ns - command.sent_ns
+            self.used += 1
+            self.stale += age_ns > self._true_ttl_ns
+            self.oldest_ns = max(self.oldest_ns, age_ns)
 
 
 class _Teller:
@@ -88,7 +106,7 @@ class _Teller:
             else {
                 "used": judged.used,
                 "stale": judged.stale,
-                "oldest_ms": judged.oldest_ns / 1e6,
+                "oldest_ms": judged.oldest() / 1e6,
                 "refused": judged.refused,
             }
         )
@@ -109,13 +127,14 @@ def main() -> int:
     parser.add_argument("--cap", metavar="SOCKET", help="where an emulated SpaceMouse is")
     given = parser.parse_args()
     sys.setswitchinterval(0.0005)
-    tega.net.robot.RobotStation = _Judged  # type: ignore[misc]  # the same, with somebody who looks on
+    tega.net.robot.Commands = _Judged  # type: ignore[attr-defined]  # the same, with somebody who looks on
     with ExitStack() as stack:
         if given.cap is not None:
             stack.enter_context(HidPort(HidBoard(given.cap, 0x046D, 0xC626)).installed())
         stop = stack.enter_context(Stop())
         try:
             config = load_config(given.settings, environ={}).config
+            _say({"t_s": time.monotonic(), "said": "begins"})
             run_session(
                 config,
                 observer=_Teller(),

@@ -1,13 +1,15 @@
 """What two stations do when the link, a machine or a person between them fails, and in what time.
 
-``python -m tega.testing.station_faults --markdown docs/two-machines.md`` writes the table of the docs, ``--only``
-tries some, ``--wire`` loses and reorders packets between network namespaces, which needs root. Both stations run on
-this machine; all of it takes about seven minutes, and needs Linux.
+``python -m tega.testing.station_faults --markdown docs/two-machines.md`` writes both tables of the docs in one run of
+about six minutes, ``--only`` tries some. Both stations run on this machine. It needs Linux; faults of the wire, where
+packets are lost and change places between network namespaces, need root besides and are left out without it.
 """
 
 from __future__ import annotations
 
+from tega.testing.station_faults.faults import FAULTS, WIRE_FAULTS
 from tega.testing.station_faults.scene import Scene
-from tega.testing.station_faults.trials import FAULTS, Fault, Outcome, try_fault
+from tega.testing.station_faults.setups import Setups
+from tega.testing.station_faults.trials import Fault, Outcome, try_fault
 
-__all__ = ["FAULTS", "Fault", "Outcome", "Scene", "try_fault"]
+__all__ = ["FAULTS", "WIRE_FAULTS", "Fault", "Outcome", "Scene", "Setups", "try_fault"]

@@ -27,7 +27,7 @@ def table(done: Sequence[tuple[Fault, Outcome]]) -> str:
             _seconds(found.seen_s),
             _course(found.hand, _HAND, "active"),
             _course(found.arm, _ARM, "following"),
-            fault.vest or _vest(found),
+            fault.vest or _vest(found) + _refused(found),
             _seconds(found.over_s) if found.over_s != 0 else "–",
             str(found.used),
             str(found.stale),
@@ -58,6 +58,12 @@ def _vest(found: Outcome) -> str:
         return "felt"
     said = "" if found.no_data_s is None else f', "no data" {found.no_data_s:.2f} s'
     return f"silent {found.silent_s:.2f} s{said}"
+
+
+def _refused(found: Outcome) -> str:
+    if found.refused_s is None:
+        return ""
+    return f"; the other is refused {found.refused_s:.2f} s after it began"
 
 
 def _course(changes: Sequence[tuple[float, str]], words: dict[str, str], usual: str) -> str:

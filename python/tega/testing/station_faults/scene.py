@@ -18,12 +18,16 @@ from typing import Any, Self
 
 from tega.child_process import end_child
 from tega.errors import DeviceUnavailableError, TegaError
+from tega.repeated import repeated
 from tega.testing.impaired import ImpairedLink
 from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.testing.lossy_wire import LossyWire
 from tega.testing.stations import free_port, split, write_trees
 
-__all__ = ["Scene", "Watch", "until"]
+__all__ = ["SECOND", "Scene", "Watch", "until"]
+
+SECOND = "bob"
+"""Name of an operator besides the one who leads, who is called ``operator``."""
 
 _PATIENCE_S = 60.0
 _LEAVE_S = 10.0
@@ -151,12 +155,15 @@ class Scene:
 
     Attributes:
         folder: Where their files are.
+        keys: Folder of keys; ``None`` for none.
         link: What stands between them.
         robot: The robot's station.
         operator: The operator's.
         lab: Their devices.
+        refused_s: How long after it began another operator's program was told no; ``None`` for never.
     """
 
+    refused_s: float | None = None
     link: ImpairedLink
     robot: Watch
     operator: Watch
@@ -170,10 +177,9 @@ class Scene:
         keys: Path | None = None,
         wire: LossyWire | None = None,
     ) -> None:
-        self.folder, self._net, self._keys, self.wire = folder, net or {}, keys, wire
+        self.folder, self._net, self.keys, self.wire = folder, net or {}, keys, wire
         self._stack = ExitStack()
         self._held: set[int] = set()
-        self._over = threading.Event()
 
     def __enter__(self) -> Self:
         """Start everything and let the operator take the lead and hold of the arm.
@@ -189,10 +195,10 @@ class Scene:
             tree = lab.tree
             tree["hand"] = {"driver": "python-can", "options": {"interface": "virtual", "channel": "tega"}}
             tree["arm"]["tracker"] = {"driver": "poses-file", "options": {"file": str(_still(folder))}}
-            stack.callback(self._over.set)
-            threading.Thread(target=self._hold_on, name="tega-person", daemon=True).start()
+            # A button of which nothing is heard for ten seconds is not believed.
+            stack.enter_context(repeated(self._hold_on, every_s=_PRESS_S, name="tega-person"))
             self._tree, self._port = tree, port
-            self._robot_file, self._operator_file = self.files("", keys=self._keys)
+            self._robot_file, self._operator_file = self.files("", keys=self.keys)
             self.robot = self.start_robot()
             stack.callback(lambda: self.robot.__exit__(None, None, None))
             if not until(lambda: self.robot.has_said("waits for an operator") is not None):
@@ -218,6 +224,9 @@ class Scene:
         for tree in trees:
             tree["net"] |= self._net
         trees[1]["net"]["name"] = name
+        if keys is not None:
+            trees[0]["net"]["operators"] = ["operator", SECOND]
+            trees[1]["net"]["keys"] = str(keys / name)
         return write_trees(self.folder, trees, stem)
 
     def start_robot(self) -> Watch:
@@ -237,6 +246,10 @@ class Scene:
             and self.operator.now.get("state") == "active"
             and bool(self.operator.now.get("felt"))
         )
+
+    def steers(self) -> bool:
+        """Whether the operator steers hand and arm and feels touch."""
+        return self.ready() and self._arm("following")
 
     def take_hold(self) -> None:
         """Have the arm follow, however it is."""
@@ -271,11 +284,10 @@ class Scene:
             self.lab.cap.say(f"lift {button}")
 
     def _hold_on(self) -> None:
-        """Press what is held again and again: a button of which nothing is heard for ten seconds is not believed."""
-        while not self._over.wait(_PRESS_S):
-            for button in tuple(self._held):
-                with contextlib.suppress(TegaError):  # the emulator has ended
-                    self.lab.cap.say(f"press {button}")
+        """Press what is held once more."""
+        for button in tuple(self._held):
+            with contextlib.suppress(TegaError):  # the emulator has ended
+                self.lab.cap.say(f"press {button}")
 
 
 def _still(folder: Path) -> Path:

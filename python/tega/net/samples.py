@@ -1,0 +1,135 @@
+"""The operator's EMG samples for the robot's recording: behind all commands, and left out where the link is slow."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.devices.base import EmgChunk
+from tega.devices.watched import Watched
+from tega.net.gate import Gate
+from tega.net.messages import Samples, decode, encode
+
+if TYPE_CHECKING:
+    from tega.net.clock import Offset
+    from tega.net.ends import FarMuscles
+    from tega.teleop.prepare import Prepared
+
+__all__ = ["Readers", "SampleReceiver", "SampleSender"]
+
+_AT_ONCE_NS = 50_000_000
+_NEVER_OLD_NS = 10**12
+
+
+class SampleSender:
+    """Sends what the amplifier gives, about twenty times a second, while the robot's station records.
+
+    Args:
+        stamp: Returns what every message of the stream begins with.
+        wanted: Whether the robot's station records.
+    """
+
+    def __init__(self, stamp: Callable[[], dict[str, Any]], wanted: Callable[[], bool]) -> None:
+        self._stamp, self._wanted = stamp, wanted
+        self._send: Callable[[bytes], None] = lambda _message: None
+        self._start_ns: int | None = None
+        self._is_live = True
+        self._waiting: list[EmgChunk] = []
+
+    def open(self, send: Callable[[bytes], None]) -> None:
+        """Take note of what sends."""
+        self._send = send
+
+    def watch(self, prepared: Prepared) -> Prepared:
+        """Return what a run starts with, with an amplifier that is looked at as it is read."""
+        if (muscles := prepared.muscles) is None:
+            return prepared
+        self._is_live = muscles.source.info.live
+        watched: Any = Watched(muscles.source, self._see)
+        return prepared._replace(muscles=muscles._replace(source=watched))
+
+    def begin(self, start_ns: int) -> None:
+        """Send from now on; what comes from a recording is stamped from this start."""
+        self._start_ns = start_ns
+
+    def _see(self, chunk: EmgChunk) -> None:
+        """See a chunk, in the thread that reads the amplifier."""
+        start_ns = self._start_ns
+        if start_ns is None or not self._wanted():
+            self._waiting.clear()
+            return
+        before = self._waiting[-1] if self._waiting else chunk
+        if before is not chunk and chunk.first_index != before.first_index + len(before.samples):
+            self._pass_on(start_ns)  # samples are missing between, so that they have to be two messages
+        self._waiting.append(chunk)
+        if chunk.t_ns - self._waiting[0].t_ns >= _AT_ONCE_NS:
+            self._pass_on(start_ns)
+
+    def _pass_on(self, start_ns: int) -> None:
+        waiting, self._waiting = self._waiting, []
+        samples = np.concatenate([chunk.samples for chunk in waiting]).astype("<f8")
+        message = Samples(
+            **self._stamp(),
+            t_ns=waiting[-1].t_ns + (0 if self._is_live else start_ns),
+            first_index=waiting[0].first_index,
+            n_channels=samples.shape[1],
+            samples=samples.tobytes(),
+        )
+        self._send(encode(message))
+
+
+class SampleReceiver:
+    """Takes in what comes of them.
+
+    Args:
+        muscles: Where they are read for the recording.
+    """
+
+    def __init__(self, muscles: FarMuscles) -> None:
+        self._muscles = muscles
+        self._gate = Gate(ttl_ns=_NEVER_OLD_NS)
+
+    def begin(self, session: int | None) -> None:
+        """Listen to a session from its beginning; to none with ``None``."""
+        self._gate.begin(session)
+
+    def take(self, data: bytes, now_ns: int, offset: Offset | None) -> None:
+        """Take in a message of the leader's."""
+        try:
+            said = decode(Samples, data)
+        except msgspec.DecodeError:
+            return
+        if said.malformed() or self._gate.refusal(said, now_ns, offset) or offset is None:
+            return
+        samples = np.frombuffer(said.samples, "<f8").reshape(-1, said.n_channels).astype(np.float64)
+        self._muscles.give(EmgChunk(min(offset.ours(said.t_ns), now_ns), said.first_index, samples))
+
+
+class Readers:
+    """Reads sources whose items nobody needs but the page and the recording, which look on; a thread each."""
+
+    def __init__(self) -> None:
+        self._leaving = threading.Event()
+        self._threads: list[threading.Thread] = []
+
+    def start(self, name: str, source: Any) -> None:
+        """Read a source from now on."""
+
+        def read() -> None:
+            while not self._leaving.is_set():
+                source.read(0.1)
+
+        thread = threading.Thread(target=read, name=f"tega-{name}-read", daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def end(self) -> None:
+        """Read no more."""
+        self._leaving.set()
+        for thread in self._threads:
+            thread.join(2.0)
+        self._threads.clear()
