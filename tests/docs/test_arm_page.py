@@ -24,7 +24,9 @@ def test_every_test_it_names_exists(page: str, least: int) -> None:
             "property/test_arm.py",
             "unit/test_arm.py",
             "unit/test_arm_robot.py",
+            "unit/test_arm_recording.py",
             "unit/test_arm_run.py",
+            "unit/test_franky.py",
         )
     )
     named = re.findall(r"`(test_\w+)`", PAGE.with_name(f"{page}.md").read_text(encoding="utf-8"))

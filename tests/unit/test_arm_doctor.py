@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ from tega.doctor import Finding, examine, lab_settings
 from tega.teleop.arm_view import ArmView
 from tega.teleop.loop import LoopView
 from tega.teleop.touch import Felt
+from tega.testing.emulated_bench import EmulatedBench
 from tega.testing.emulators.process import Emulator
 from tega.testing.lab import emulated_lab
 from tega.view.browser.page import _arm
@@ -93,6 +97,45 @@ def test_init_refuses_an_arm_that_is_none(tmp_path: Path, capsys: pytest.Capture
         main(["init", "--out", str(tmp_path / "lab.toml"), "--arm", "spacemouse"])
     assert "kind 'input', not 'arm'" in capsys.readouterr().err
     assert not (tmp_path / "lab.toml").exists()
+
+
+def test_an_emulated_bench_with_an_arm_is_run_by_another_program(tmp_path: Path) -> None:
+    settings = tmp_path / "lab.toml"
+    with EmulatedBench("simulated-arm") as bench:
+        bench.write_settings(settings)
+        operator = bench.operator
+        assert operator is not None
+        assert operator.hidapi is not None
+        found = load_config(settings, environ={}).config
+        assert found.arm is not None
+        assert found.arm.tracker is not None
+        assert found.arm.tracker.driver == "hololens"
+        operator.act(0.0)
+        words = [sys.executable, "-m", "tega.cli", "run", str(settings), "--json"]
+        # Slow machines lose samples of the emulated amplifier, and what is lost holds the arm.
+        sets = ["safety.emg_lost_ms=2000"]
+        environ = os.environ | {"PYTHONPATH": str(operator.hidapi)}
+        program = subprocess.Popen(
+            [*words, *(w for s in sets for w in ("--set", s))], stdout=subprocess.PIPE, env=environ, text=True
+        )
+        try:
+            for _ in range(200):
+                operator.act(5.0 if (tmp_path / "results" / "arm.csv").is_file() else 0.0)
+                time.sleep(0.1)
+                if "following" in _read(tmp_path / "results" / "arm.csv"):
+                    break
+            program.terminate()
+            out, _ = program.communicate(timeout=60)
+        finally:
+            program.kill()
+    said = json.loads(out)["arm"]
+    assert said["holds"] >= 1
+    assert said["led_by"].startswith("HoloLens at 127.0.0.1")
+    assert said["off_target_mm"]["worst"] < 50
+
+
+def _read(file: Path) -> str:
+    return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
 def _moment(seen: ArmView | None) -> LoopView:

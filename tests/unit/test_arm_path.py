@@ -21,7 +21,7 @@ def followed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Followed]:
     file: Path = tmp_path_factory.mktemp("arm") / "hand.csv"
     write_poses(file, tracked(path.at, path.duration_s, seed=1))
     poses = hand_of(file)
-    names = ("without filter", "50 ms late", "200 ms late")
+    names = ("without filter", "50 ms late", "200 ms late", "a tracker that fails each second")
     short = path._replace(duration_s=SECONDS, closed_s=None)
     found = {name: follow_path(BY_NAME[name], poses, short) for name in names}
     found["default, for as long"] = follow_path(BY_NAME["default, not late"], poses, short)
@@ -48,6 +48,13 @@ def test_late_poses_come_late_and_too_late_ones_not_at_all(followed: dict[str, F
     later_ms = followed["50 ms late"].lag_ms - followed["default, for as long"].lag_ms
     assert later_ms == pytest.approx(50, abs=25)
     assert followed["200 ms late"].following == 0
+
+
+def test_a_tracker_that_fails_for_moments_changes_little(followed: dict[str, Followed]) -> None:
+    default, failed = followed["default, for as long"], followed["a tracker that fails each second"]
+    # It jumps by 73 cm three times on this way; the gate lets none of that through.
+    assert failed.following > 0.9
+    assert failed.shape_mm < default.shape_mm + 5
 
 
 def test_the_table_says_where_the_arm_stays(followed: dict[str, Followed]) -> None:

@@ -13,11 +13,14 @@ from typing import Any
 import pytest
 
 from tega.config import check_tree
+from tega.devices.poses_file import PosesFile, PosesFileOptions
+from tega.errors import RecordingError
 from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
 from tega.recording.trim import trim_session
 from tega.replay import replay_file
+from tega.replay.arm import forearm
 from tega.sim.check_arm import hand_of
 from tega.teleop import LoopView, run_session
 from tega.testing.lab import emulated_lab
@@ -186,3 +189,42 @@ def test_a_recorded_forearm_is_a_path_for_the_simulated_arm(session: Path) -> No
     assert [pose.valid for pose in hand] == [p.valid for p in raw]
     first, (x, y, z) = next((pose, p.position) for pose, p in zip(hand, raw, strict=True) if p.valid)
     assert list(first.position_m) == [-z, -x, y]  # from the headset's axes to the base's
+
+
+def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) -> None:
+    tracker = {"driver": "poses-file", "options": {"file": str(session)}}
+    tree = {
+        "arm": {"driver": "simulated-arm", "tracker": tracker},
+        "input": {
+            "dead_man": {"driver": "spacemouse", "button": "left", "options": {"silent_after_ms": 10_000.0}}
+        },
+        "recording": {"dir": str(tmp_path / "next")},
+    }
+    with emulated_lab(tmp_path, arm=True) as lab:  # for its buttons
+        lab.cap.say("lift 0")
+        followed: list[str] = []
+
+        def see(view: LoopView) -> None:
+            if view.arm.startswith("idle: the clutch is open"):
+                lab.cap.say("press 0")
+            followed.append(view.arm)
+
+        until_s = time.monotonic() + 60
+        run_session(
+            check_tree(tree, {}, base=tmp_path).config,
+            observer=see,
+            stop=lambda: (
+                any("has ended" in said or said.startswith("stopped") for said in followed[-1:])
+                or time.monotonic() > until_s
+            ),
+        )
+    assert any(said.startswith("following") for said in followed)
+    (_, first), (_, second) = (forearm(folder / "trial-001.mcap") for folder in (session, tmp_path / "next"))
+    played = [(pose.position_m, pose.quaternion_xyzw, pose.valid) for pose in second]
+    assert played == [(pose.position_m, pose.quaternion_xyzw, pose.valid) for pose in first][: len(played)]
+    assert len(played) > 100
+
+
+def test_a_recorded_forearm_in_other_axes_is_refused(session: Path) -> None:
+    with pytest.raises(RecordingError, match="was recorded in the axes 'openxr', not 'base'"):
+        PosesFile(PosesFileOptions(file=session, frame="base")).open()

@@ -13,6 +13,7 @@ from tega.arm import ArmSettings, LimitSettings, MappingSettings
 from tega.cli.arm import arm as arm_verb
 from tega.devices.franky_arm import FrankyArm, FrankyArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.testing.emulators.franka_faults import HAND_CENTRE_M, HAND_KG
 from tega.testing.emulators.process import Emulator
 from unit.test_arm_robot import Led
 
@@ -132,6 +133,23 @@ def test_the_load_of_the_hand_is_set(robot: Emulator) -> None:
         assert (said["load_kg"], said["load_centre_m"]) == (1.1, [0.0, 0.0, 0.06])
     with FrankyArm(options(robot, load_kg=0.0)):
         assert robot.say("look")["load_kg"] == 0.0
+
+
+def test_a_hand_that_hangs_at_the_flange_sags_unless_its_weight_is_told() -> None:
+    sag_m = {}
+    with Emulator("franka_faults", "--hand-kg", str(HAND_KG)) as robot:
+        for told_kg in (0.0, HAND_KG):
+            told = {"load_kg": told_kg, "load_centre_m": HAND_CENTRE_M}
+            with FrankyArm(options(robot, start_rad=_START, **told)) as arm:
+                led = Led(arm, _SETTINGS)
+                led.hold()
+                led.go_on(250)
+                assert led.command is not None
+                assert led.command.target is not None
+                sag_m[told_kg] = led.command.target.position_m[2] - led.place[2]
+    # A spring of 400 N/m: 1.1 kg · 9.81 m/s² are 27 mm.
+    assert sag_m[0.0] == pytest.approx(0.027, abs=0.008)
+    assert abs(sag_m[HAND_KG]) < 0.005
 
 
 def test_a_robot_that_does_not_fit_is_refused_with_what_to_do(robot: Emulator) -> None:

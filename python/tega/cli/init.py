@@ -29,7 +29,8 @@ __all__ = ["init"]
 @click.option(
     "--arm",
     metavar="DRIVER",
-    help="Switch the arm's table on, with this driver: franky, panda, bench-arm, simulated-arm; else it is a comment.",
+    help="Switch the arm's table on, with this driver: franky, panda, bench-arm, simulated-arm; else it is a comment. "
+    "With --emulated an arm is led too: franky on a robot of franky-sim, bench-arm or simulated-arm.",
 )
 @click.option(
     "--stations",
@@ -42,10 +43,11 @@ def init(*, out: Path, force: bool, emulated: bool, stations: bool, arm: str | N
     """Write a settings file: devices that are plugged in filled in, the others as comments that say what to set.
 
     Opens no device. With --emulated two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
-    a baseline and a calibration made for them, so that another terminal can try `doctor` and `run` on the file.
+    a baseline and a calibration made for them, so that another terminal can try `doctor` and `run` on the file. With
+    --arm a headset and a pedal as well, whose emulated operator holds the dead-man for 8 of every 10 seconds.
 
     With --json: {"file", "found", "could_not"}, found and could_not by driver; with --stations "robot" and "operator"
-    as well.
+    as well, with --arm "pythonpath", a folder that `run` needs in PYTHONPATH to find the emulated pedal.
     """
     from tega.cli.options import echo_json
     from tega.config import load_config
@@ -65,11 +67,13 @@ def init(*, out: Path, force: bool, emulated: bool, stations: bool, arm: str | N
         raise click.UsageError(
             "--stations goes with --emulated; docs/two-machines.md shows how to write the files"
         )
-    if emulated:
-        _emulate(out, stations=stations, as_json=as_json)
-        return
     if arm is not None:
         driver_class(arm, "arm")
+    if emulated:
+        if arm == "panda":
+            raise click.UsageError("no emulated robot speaks to panda; franky, bench-arm or simulated-arm do")
+        _emulate(out, stations=stations, arm=arm, as_json=as_json)
+        return
     looked = look_for()
     out.write_text(lab_settings(looked, name=out.name, arm=arm), encoding="utf-8")
     load_config(out, environ={})  # what is written can be read
@@ -88,7 +92,8 @@ def init(*, out: Path, force: bool, emulated: bool, stations: bool, arm: str | N
     click.echo(f"Wrote {out}. Read it through, then: tega-teleop doctor {out}")
 
 
-def _emulate(out: Path, *, stations: bool, as_json: bool) -> None:
+def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> None:
+    import shlex
     import time
     import tomllib
 
@@ -98,24 +103,32 @@ def _emulate(out: Path, *, stations: bool, as_json: bool) -> None:
 
     if not as_json:
         click.echo("Starting emulated devices …", err=True)
-    with EmulatedBench() as bench, Stop() as stop:
+    with EmulatedBench(arm) as bench, Stop() as stop:
         bench.write_settings(out)
         found = {name: [one.label for one in there.found] for name, there in bench.looked.items()}
-        files = {}
+        files, operator = {}, bench.operator
+        hidapi = None if operator is None else operator.hidapi
+        # Where the emulated pedal is found.
+        ahead = "" if hidapi is None else f"PYTHONPATH={shlex.quote(str(hidapi))} "
         if stations:
             address = f"tcp/127.0.0.1:{free_port()}"
             trees = split(tomllib.loads(out.read_text(encoding="utf-8")), listen=address, connect=address)
-            robot, operator = write_trees(out.parent, trees, f"{out.stem}-")
-            files = {"robot": str(robot), "operator": str(operator)}
+            names = ("robot", "operator")
+            written = write_trees(out.parent, trees, f"{out.stem}-")
+            files = {name: str(file) for name, file in zip(names, written, strict=True)}
         if as_json:
-            echo_json({"file": str(out), **files, "found": found, "could_not": {}})
+            also = {} if hidapi is None else {"pythonpath": str(hidapi)}
+            echo_json({"file": str(out), **files, **also, "found": found, "could_not": {}})
         elif stations:
             click.echo("The emulated devices run until Ctrl-C; in two other terminals:")
             click.echo(f"  tega-teleop robot {files['robot']}")
-            click.echo(f"  tega-teleop operator {files['operator']}")
+            click.echo(f"  {ahead}tega-teleop operator {files['operator']}")
         else:
             click.echo(f"Wrote {out}. The emulated devices run until Ctrl-C; in another terminal:")
-            click.echo(f"  tega-teleop doctor {out}")
-            click.echo(f"  tega-teleop run {out}")
+            click.echo(f"  {ahead}tega-teleop doctor {out}")
+            click.echo(f"  {ahead}tega-teleop run {out}")
+        begin_s = time.monotonic()
         while not stop():
+            if operator is not None:
+                operator.act(time.monotonic() - begin_s)
             time.sleep(0.1)

@@ -56,6 +56,9 @@ _VERBS = {
         "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."
     ),
     "arm": _Verb("Hardware", "tega.cli.arm", "arm", "Say whether a Franka robot can be steered from here."),
+    "forward": _Verb(
+        "Hardware", "tega.cli.forward", "forward", "Find which way is forward for the forearm's tracker."
+    ),
     "net": _Verb("Hardware", "tega.cli.net", "net", "Make keys for two stations."),
     "identify": _Verb("Hardware", "tega.cli.identify", "identify", "Light the vest's motors one at a time."),
     "vest": _Verb(

@@ -54,6 +54,15 @@ def _print_link(out: Console, net: dict[str, Any] | None) -> None:
     out.print(f"link: {', '.join(words)}", markup=False, soft_wrap=True)
 
 
+def _print_arm(out: Console, arm: dict[str, Any] | None) -> None:
+    if arm is None:
+        return
+    shares = ", ".join(f"{state} {s:.1f} s" for state, s in arm["state_s"].items() if s)
+    if off := arm.get("off_target_mm"):
+        shares += f"; {off['rms']:.1f} mm from its target (rms), {off['worst']:.1f} at most"
+    out.print(f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}", markup=False)
+
+
 def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
     """Print a run's summary and how fast it went.
 
@@ -104,11 +113,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
     for name, said in summary.get("inputs", {}).items():
         away = f", no data {100 * said['no_data_share']:.0f} % of the time" if said["no_data_share"] else ""
         out.print(f"{name.replace('_', ' ')}: {said['source']}, {said['presses']} presses{away}")
-    if (arm := summary.get("arm")) is not None:
-        shares = ", ".join(f"{state} {s:.1f} s" for state, s in arm["state_s"].items() if s)
-        out.print(
-            f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}", markup=False
-        )
+    _print_arm(out, summary.get("arm"))
     _print_link(out, summary.get("net"))
     _print_safety(out, summary)
     for note in summary["notes"]:

@@ -12,7 +12,7 @@ from tega.arm.pose import StampedPose
 from tega.arm.sources.recorded import RecordedPoses, read_poses
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.lifecycle import Opened
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, RecordingError
 
 __all__ = ["PosesFile", "PosesFileOptions"]
 
@@ -21,8 +21,9 @@ class PosesFileOptions(Options, frozen=True, kw_only=True):
     """Settings of :class:`PosesFile`.
 
     Attributes:
-        file: A CSV with the columns ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and if wanted ``valid``.
-        frame: Axes in which it was recorded.
+        file: A CSV with the columns ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and if wanted ``valid``; or a session that was
+            recorded with an arm, or one trial of it (``.mcap``), whose forearm's poses are played as they came.
+        frame: Axes in which it was recorded; a session knows, and has to agree.
         delay_ms: The poses arrive so late.
     """
 
@@ -39,7 +40,7 @@ class PosesFile(Opened):
     """
 
     kind: ClassVar[Kind] = "tracker"
-    summary: ClassVar[str] = "a recorded path of a forearm (CSV)"
+    summary: ClassVar[str] = "a recorded path of a forearm (CSV, or a session)"
     extra: ClassVar[str] = ""
     requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = PosesFileOptions
@@ -71,11 +72,27 @@ class PosesFile(Opened):
         """Read the file.
 
         Raises:
-            RecordingError: It cannot be read, or holds no poses.
+            RecordingError: It cannot be read, holds no poses, or is a session in other axes.
+            MissingExtraError: It is a session, and the extra ``record`` is not installed.
         """
         if self._poses is None:
             delay_ns = round(self._options.delay_ms * 1e6)
-            self._poses = RecordedPoses(read_poses(self._options.file), delay_ns=delay_ns)
+            self._poses = RecordedPoses(self._read_file(), delay_ns=delay_ns)
+
+    def _read_file(self) -> list[StampedPose]:
+        file = self._options.file
+        if file.suffix != ".mcap" and not file.is_dir():
+            return read_poses(file)
+        from tega.recording.mcap_folder import session_files
+        from tega.replay.arm import forearm
+
+        mapping, poses = forearm(session_files(file)[0])
+        if mapping.frame != self.frame:
+            raise RecordingError(
+                f"poses-file: {file.name} was recorded in the axes {mapping.frame!r}, not {self.frame!r}",
+                f"set frame = {mapping.frame!r}, and arm.mapping.frame alike",
+            )
+        return poses
 
     def close(self) -> None:
         """Forget it."""

@@ -9,7 +9,7 @@ from typing import Any
 from tega.config import FINGERS
 from tega.devices import Found
 from tega.doctor.bench import Looked
-from tega.toml_text import toml_value
+from tega.toml_text import toml_value, tree_text
 
 __all__ = ["lab_settings"]
 
@@ -128,7 +128,7 @@ def lab_settings(
     name: str,
     calibration: Path | None = None,
     baselines: Mapping[str, Path] | None = None,
-    arm: str | None = None,
+    arm: str | dict[str, Any] | None = None,
 ) -> str:
     """Return the text of a settings file.
 
@@ -137,7 +137,7 @@ def lab_settings(
         name: Of the file, for the commands in it.
         calibration: A calibration to name, relative to the file.
         baselines: Pictures of the untouched gels to name, by finger, likewise.
-        arm: Name of an arm's driver to switch on; none leaves the arm's table as a comment.
+        arm: Name of an arm's driver to switch on, or its whole table; none leaves the arm's table as a comment.
 
     Returns:
         TOML that ``tega-teleop config check`` accepts.
@@ -175,8 +175,10 @@ def lab_settings(
     return text + _left_over([*pedals[1:], *others]) + _arm(arm)
 
 
-def _arm(driver: str | None) -> str:
+def _arm(driver: str | dict[str, Any] | None) -> str:
     """Return the arm's tables, switched off where no driver is named."""
+    if isinstance(driver, dict):
+        return "\n" + tree_text({"arm": driver})
     off, name = ("# ", "franky") if driver is None else ("", driver)
     options = f"{off}{_OPTIONS[name]}" if name in _OPTIONS else ""
     gap = " " * max(1, 34 - len(f'{off}driver = "{name}"'))

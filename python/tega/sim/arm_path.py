@@ -36,6 +36,7 @@ __all__ = [
     "HandPath",
     "Placed",
     "as_recorded",
+    "failing",
     "follow_path",
     "hand_path",
     "tracked",
@@ -45,6 +46,7 @@ _TICK_NS = 9_000_000  # three ticks of the hand's loop: 111 Hz
 _START_NS = 1_000_000_000
 _NOISE_M, _NOISE_RAD = 1e-3, 2e-3
 _TREMOR_M, _TREMOR_HZ = 3e-4, 9.0
+_JUMP_M = 0.73
 _REST_S = 0.3
 _MOST_LAG_S = 0.9
 
@@ -69,11 +71,13 @@ class Case(NamedTuple):
         name: What is different in it.
         settings: The chain's; ``None`` leads the arm by the tracked poses as they come.
         delay_ms: The poses arrive so late.
+        fails: Whether the tracker fails as :func:`failing` says.
     """
 
     name: str
     settings: ArmSettings | None
     delay_ms: int = 0
+    fails: bool = False
 
 
 class HandPath(NamedTuple):
@@ -154,6 +158,7 @@ CASES: tuple[Case, ...] = (
     Case("without filter", _chain(smooth=False)),
     Case("without clip", _chain(ahead=False)),
     Case("without filter and clip", _chain(smooth=False, ahead=False)),
+    Case("a tracker that fails each second", _chain(), fails=True),
     Case("50 ms late", _chain(), 50),
     Case("100 ms late", _chain(), 100),
     Case("200 ms late", _chain(), 200),
@@ -202,6 +207,22 @@ def tracked(path: Callable[[float], Pose], duration_s: float, *, seed: int) -> l
     return list(source.read(round(duration_s * 1e9)))
 
 
+def failing(poses: Sequence[StampedPose]) -> list[StampedPose]:
+    """Return poses of which each second 80 ms are lost and the first one after that is 0.73 m aside.
+
+    So far a hand was seen to jump within one frame when a headset found it again, while its tracker called it good.
+    """
+    found, was_lost = [], False
+    for pose in poses:
+        is_lost = 500_000_000 < (pose.t_ns - poses[0].t_ns) % 1_000_000_000 <= 580_000_000
+        jumped = np.asarray(pose.position_m) + np.array([0.0, _JUMP_M, 0.0])
+        found.append(
+            pose._replace(valid=False) if is_lost else pose._replace(position_m=jumped) if was_lost else pose
+        )
+        was_lost = is_lost
+    return found
+
+
 def follow_path(case: Case, poses: Sequence[StampedPose], path: HandPath) -> Followed:
     """Lead the simulated arm along a path.
 
@@ -216,7 +237,7 @@ def follow_path(case: Case, poses: Sequence[StampedPose], path: HandPath) -> Fol
     from tega.sim.world import FULL_DUTY_NM, World, hand_controller
 
     world, controller = World(_OBJECT, seed=0, start_m=(0.0, _BACK_M)), hand_controller()
-    source = RecordedPoses(poses, delay_ns=case.delay_ms * 1_000_000)
+    source = RecordedPoses(failing(poses) if case.fails else poses, delay_ns=case.delay_ms * 1_000_000)
     chain = None if case.settings is None else ArmChain(case.settings)
     start_m, start_turn = world.palm_pose
     start = Pose(start_m, from_matrix(start_turn))

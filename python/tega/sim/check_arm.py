@@ -106,7 +106,7 @@ def draw(target: Path, path: HandPath, found: Sequence[tuple[str, Followed]]) ->
 )
 @click.option("--jobs", default=1, show_default=True, help="Cases at a time.")
 def main(*, out: Path, file: Path | None, jobs: int) -> None:
-    """Lead the simulated arm along a hand's path in ten ways, print how well, and draw OUT/arm-path.png.
+    """Lead the simulated arm along a hand's path in eleven ways, print how well, and draw OUT/arm-path.png.
 
     Four minutes with one job on an idle machine; all of it is simulated.
     """

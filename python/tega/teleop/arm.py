@@ -6,6 +6,7 @@ It shares nothing with the dual loop but the run's state, so neither keeps the o
 from __future__ import annotations
 
 import csv
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -72,6 +73,8 @@ class Steering:
         self._state_s: dict[str, float] = dict.fromkeys(("idle", "following", "holding", "stopped"), 0.0)
         self._turns = self._late = 0
         self._worst_ms = 0.0
+        # Squares of the hand's distance from the target while it follows: their number, sum and greatest.
+        self._off_m2 = (0, 0.0, 0.0)
         self._last_ns: int | None = None
 
     def start(self, *, may_move: Callable[[], bool]) -> None:
@@ -118,6 +121,8 @@ class Steering:
         """Return what a run says of the arm."""
         info, health = self._arm.info, self._arm.health
         holds = 0 if self._command is None else self._command.engagements
+        n, all_m2, most_m2 = self._off_m2
+        off_mm = {"rms": 1e3 * math.sqrt(all_m2 / n), "worst": 1e3 * math.sqrt(most_m2)} if n else {}
         return {
             "driver": info.driver,
             "source": info.label,
@@ -127,6 +132,8 @@ class Steering:
             "commands": self._turns,
             "late_commands": self._late,
             "worst_ms": round(self._worst_ms, 3),
+            "off_target_mm": {what: round(mm, 2) for what, mm in off_mm.items()},
+            "arm_hz": round(health.rate_hz, 1),
             "arm_late_ticks": health.late,
             "refused_commands": health.refused,
             "ended": self._error or ("" if self._command is None else self._command.reason),
@@ -191,6 +198,10 @@ class Steering:
         command = lead(self._chain, turn)
         self._arm.follow(command)
         self._command, self._view = command, look(turn, command, self._arm)
+        if command.state == "following" and command.target is not None and turn.measured is not None:
+            off_m2 = math.dist(command.target.position_m, turn.measured.position_m) ** 2
+            n, all_m2, most_m2 = self._off_m2
+            self._off_m2 = (n + 1, all_m2 + off_m2, max(most_m2, off_m2))
         for observe in self.observers:
             observe(turn, command, self._arm)
         return command

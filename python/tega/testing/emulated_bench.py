@@ -22,6 +22,7 @@ from tega.doctor.bench import Looked
 from tega.doctor.lab_file import lab_settings
 from tega.errors import DeviceUnavailableError
 from tega.teleop.maxima import emg_conditions
+from tega.testing.emulated_operator import EmulatedOperator
 from tega.testing.emulators.process import Emulator
 
 __all__ = ["EmulatedBench"]
@@ -33,21 +34,26 @@ _FULL_UV = 200.0
 class EmulatedBench:
     """Two fingertip cameras, an OpenBCI Cyton, a Player with a vest, and an Allegro Hand.
 
+    Args:
+        arm: Driver of an arm that is led too; ``franky`` on franky-sim's robot. None for none.
+
     Attributes:
         digits: The cameras, thumb first.
         board: The Cyton.
         player: The Player.
         hand: The hand.
+        operator: Who leads the arm, if there is one.
         looked: What would have been found, had they been real.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arm: str | None = None) -> None:
         self._up = ExitStack()
         # Their pictures go over HTTP, which costs more than USB; half the rate leaves room on two cores.
         self.digits = [Emulator("digit", "--rate-hz", "30", "--seed", str(seed)) for seed in range(2)]
         self.board = Emulator("cyton", "--signal", "emg")
         self.player = Emulator("bhaptics_player", "--port", "0")
         self.hand = Emulator("allegro_port")
+        self.operator = None if arm is None else EmulatedOperator(arm)
         self.looked: dict[str, Looked] = {}
 
     def __enter__(self) -> Self:
@@ -69,6 +75,11 @@ class EmulatedBench:
             starting.enter_context(self.board)
             starting.enter_context(self.player)
             starting.enter_context(self.hand)
+            if self.operator is not None:
+                starting.enter_context(self.operator)
+                # With physics beside them the programs that stand for devices would have to wait, as no device does.
+                for device in (*self.digits, self.board, self.player, self.hand, *self.operator.devices):
+                    device.go_ahead()
             self._up = starting.pop_all()
         cameras = [
             Found(
@@ -83,6 +94,10 @@ class EmulatedBench:
         vest = Found(driver="bhaptics-player", label="emulated Player", options={"port": port})
         # An emulated hand is a program, which a busy machine holds up now and then.
         patient = {"lowest_rate_hz": 150.0, "silent_after_ms": 100.0}
+        if (
+            self.operator is not None
+        ):  # one more who takes his share of the machine, and physics if it is a robot
+            patient = {"lowest_rate_hz": 10.0, "silent_after_ms": 1000.0}
         hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.address | patient)
         self.looked = {
             "digit": Looked("tactile", cameras),
@@ -90,6 +105,8 @@ class EmulatedBench:
             "bhaptics-player": Looked("vest", [vest]),
             "allegro": Looked("hand", [hand]),
         }
+        if self.operator is not None:
+            self.looked |= self.operator.looked
         return self
 
     def write_settings(self, file: Path) -> None:
@@ -108,8 +125,13 @@ class EmulatedBench:
         fingers = FINGERS[: len(self.digits)]
         baselines = {finger: Path(folder.name, f"{finger}.npy") for finger in fingers}
         calibration = Path(folder.name, "calibration.toml")
-        text = lab_settings(self.looked, name=file.name, baselines=baselines, calibration=calibration)
+        arm = None if self.operator is None else self.operator.tables
+        text = lab_settings(
+            self.looked, name=file.name, baselines=baselines, calibration=calibration, arm=arm
+        )
         file.write_text(text, encoding="utf-8")
+        if self.operator is not None:
+            self.operator.write_hidapi(folder / "hidapi")
         config = load_config(file, environ={}).config
         for finger, section in config.tactile.in_use().items():
             self._keep_baseline(finger, section.options, file.parent / baselines[finger])

@@ -14,6 +14,7 @@ from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, 
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
 from tega.repeated import repeated
+from tega.testing.emulators.franka_faults import HAND_KG, on_franky_sim
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by
@@ -39,6 +40,7 @@ class EmulatedLab:
         vest: The emulated vest, if there is one.
         headset: The emulated headset, if there is an arm.
         cap: The emulated SpaceMouse, if there is an arm; its buttons are dead-man, clutch and recover.
+        robot: franky-sim's robot with a hand's weight at its flange, if that is the arm.
     """
 
     emg: Emulator
@@ -46,6 +48,7 @@ class EmulatedLab:
     vest: Emulator
     headset: Emulator
     cap: Emulator
+    robot: Emulator
 
     def __init__(self) -> None:
         self.tree: dict[str, Any] = {}
@@ -53,7 +56,7 @@ class EmulatedLab:
 
     def go_ahead(self) -> bool:
         """Let every device go before every thread of a run; return whether the system allows that."""
-        names = ("emg", "hand", "vest", "headset", "cap")
+        names = ("emg", "hand", "vest", "headset", "cap", "robot")
         found = [getattr(self, name) for name in names if hasattr(self, name)]
         granted = [device.go_ahead() for device in (*found, *self.sensors.values())]
         return all(granted)
@@ -76,7 +79,7 @@ def emulated_lab(
     hand: bool = False,
     vest: bool = False,
     fingers: Sequence[str] = (),
-    arm: bool = False,
+    arm: bool | str = False,
     camera_hz: float = 60.0,
     touch: TouchMaxima | None = None,
 ) -> Iterator[EmulatedLab]:
@@ -88,7 +91,8 @@ def emulated_lab(
         hand: An Allegro Hand behind a serial CAN adapter.
         vest: A vest behind the vendor's Player.
         fingers: DIGITs, each with something pressed into its gel.
-        arm: A simulated arm, led by a wrist that a headset sees, with the buttons of a SpaceMouse.
+        arm: A simulated arm, or the driver of another, led by a wrist that a headset sees, with the buttons of a
+            SpaceMouse; ``franky`` is led on franky-sim's robot, which carries a hand's weight.
         camera_hz: Pictures a second that they really give.
         touch: What counts as full touch; ``None`` for so little that what is pressed is felt fully.
 
@@ -124,7 +128,7 @@ def emulated_lab(
             lab.sensors[finger] = stack.enter_context(sensor)
             tree.setdefault("tactile", {})[finger] = _fingertip(sensor, folder / f"{finger}.npy")
         if arm:
-            _arm(stack, lab)
+            _arm(stack, lab, arm if isinstance(arm, str) else "simulated-arm")
         full = touch or TouchMaxima(cci_max=0.01, eda_max=500.0)
         calibration = Calibration(
             preset="live",
@@ -165,7 +169,7 @@ def _amplifier(stack: ExitStack, rate_hz: float) -> tuple[Emulator, dict[str, An
     return board, {"driver": "chords", "kind": "raw", "options": options}
 
 
-def _arm(stack: ExitStack, lab: EmulatedLab) -> None:
+def _arm(stack: ExitStack, lab: EmulatedLab, driver: str) -> None:
     """Start headset and SpaceMouse, and set an arm that follows them."""
     lab.headset = stack.enter_context(Emulator("hololens"))
     lab.cap = stack.enter_context(Emulator("hid_input", "--device", "spacemouse"))
@@ -177,7 +181,10 @@ def _arm(stack: ExitStack, lab: EmulatedLab) -> None:
         seat: {"driver": "spacemouse", "button": b, "options": held} for seat, b in buttons.items()
     }
     tracker = {"driver": "hololens", "options": dict(lab.headset.address)}
-    lab.tree["arm"] = {"driver": "simulated-arm", "tracker": tracker}
+    lab.tree["arm"] = {"driver": driver, "tracker": tracker}
+    if driver == "franky":
+        lab.robot = stack.enter_context(Emulator("franka_faults", "--hand-kg", str(HAND_KG)))
+        lab.tree["arm"] |= on_franky_sim(lab.robot.address["host"])
 
 
 def _fingertip(sensor: Emulator, baseline: Path) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """franky-sim's robot with faults that it does not have by itself: ``python -m tega.testing.emulators.franka_faults``.
 
 Physics, protocol and joints are franky-sim's own (an FR3 in MuJoCo, robot server 10). It knows no limits and no
-reflexes; here they are **injected**: what a real robot would do to end up there, and when, is not shown by this. It
-obeys::
+reflexes; here they are **injected**: what a real robot would do to end up there, and when, is not shown by this.
+With ``--hand-kg`` a hand of that weight hangs at the flange, in the physics; the robot knows of it only what its client
+tells it. It obeys::
 
     reflex            a cartesian_reflex ends the motion; cleared by the recovery
     late              a communication_constraints_violation ends the motion; likewise
@@ -24,15 +25,38 @@ import select
 import struct
 import sys
 import time
+import xml.etree.ElementTree as ET
 from typing import Any
 
 from tega.testing.emulators.pipe import obey, tell
 
-__all__ = ["main"]
+__all__ = ["HAND_CENTRE_M", "HAND_KG", "main", "on_franky_sim"]
+
+HAND_KG = 1.1
+"""What an Allegro Hand weighs with its adapter, about."""
+HAND_CENTRE_M = (0.0, 0.0, 0.06)
+"""Its centre of mass from the flange; a guess, no adapter was measured."""
 
 # Numbers of libfranka's errors.
 _ERRORS = {"cartesian_reflex": 7, "communication_constraints_violation": 25}
 _N_ERRORS = 41
+
+
+def on_franky_sim(host: str) -> dict[str, Any]:
+    """Return what an ``[arm]`` table has to say to lead this robot and the hand that it carries.
+
+    Args:
+        host: Where it listens.
+    """
+    options = {
+        "host": host,
+        "robot": "fr3",
+        "realtime": "ignore",
+        "load_kg": HAND_KG,
+        "load_centre_m": list(HAND_CENTRE_M),
+    }
+    # Its flange looks down, and the table is 20 cm below where its fingers would be.
+    return {"options": options, "limits": {"upright": [0.0, 0.0, -1.0], "low_m": [0.3, -0.4, 0.2]}}
 
 
 class _Fault:
@@ -104,8 +128,9 @@ def _server_class(fault: _Fault) -> Any:
 
 
 class _Emulator:
-    def __init__(self, host: str) -> None:
+    def __init__(self, host: str, hand_kg: float) -> None:
         self._fault = _Fault()
+        self._hand_kg = hand_kg
         simulator = importlib.import_module("franky_sim.mujoco_simulator").MujocoSimulator
         self._sim = simulator(enable_visualization=False)
         self._server_type, self._host = _server_class(self._fault), host
@@ -114,6 +139,8 @@ class _Emulator:
     def run(self) -> None:
         with self._sim as sim:
             robot = sim.add_robot()
+            if self._hand_kg:
+                _hang(sim.worldbody, self._hand_kg)
             self._server = self._server_type(robot, [self._host] if self._host else self._hosts())
             self._server.init()
             sim.start()
@@ -186,13 +213,28 @@ class _Emulator:
         return None
 
 
+def _hang(world: ET.Element, kg: float) -> None:
+    """Hang a hand at the flange, beside the gripper that franky-sim's robot always has."""
+    flange = world.find(".//body[@name='robot0_hand']")
+    if flange is None:
+        raise LookupError("franky-sim's robot has no flange of the name known here")
+    # The gripper's body has its origin at the flange, turned about the flange's axis.
+    centre = " ".join(map(str, HAND_CENTRE_M))
+    hand = ET.SubElement(flange, "body", name="tega_hand")
+    ET.SubElement(hand, "inertial", pos=centre, mass=str(kg), diaginertia="0.001 0.001 0.001")
+
+
 def main() -> None:
     """Run it until the standard input closes."""
     parser = argparse.ArgumentParser(description="franky-sim's robot, with faults injected.")
     parser.add_argument(
         "--host", default="", help="loopback address to listen at; none: the first that is free"
     )
-    _Emulator(parser.parse_args().host).run()
+    parser.add_argument(
+        "--hand-kg", type=float, default=0.0, help="weight of what hangs at the flange besides its gripper"
+    )
+    options = parser.parse_args()
+    _Emulator(options.host, options.hand_kg).run()
 
 
 if __name__ == "__main__":

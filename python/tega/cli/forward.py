@@ -1,0 +1,139 @@
+"""``tega-teleop forward``: which way is forward for the operator, and a check that can be seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tega.cli.options import debug_option, json_option
+
+if TYPE_CHECKING:
+    from tega.arm.sweep import Sweep
+    from tega.config import SessionConfig
+    from tega.devices.base import Tracker
+
+__all__ = ["forward"]
+
+_LOOK_S = 0.02
+_BAR = 20
+_WIDTH = 79
+
+
+@click.command(epilog="Example: tega-teleop forward lab.toml")
+@click.argument("config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="CONFIG.toml")
+@click.option(
+    "--seconds",
+    default=30.0,
+    show_default=True,
+    type=click.FloatRange(1, 600),
+    help="To wait for a movement.",
+)
+@json_option
+@debug_option
+def forward(*, config: Path, seconds: float, as_json: bool) -> None:
+    """Find which way is forward for the tracker of CONFIG.toml, and check it.
+
+    The operator moves the forearm straight forward by 20 cm and stops, twice: the first movement gives
+    arm.mapping.yaw_rad, the second shows whether forward comes out as forward. No robot is opened and nothing moves.
+    With --json: yaw_rad, ok, off_rad and words; nothing waits for a key then. Ends with 1 if forward is not forward.
+    """
+    import math
+    import sys
+
+    from tega.arm.heading import check_forward, yaw_from_sweep
+    from tega.cli.options import echo_json
+    from tega.config import load_config
+
+    with _tracker(load_config(config).config) as tracker:
+        frame = tracker.frame
+        _ask("Hold the forearm still where you work, facing the way you will look.", as_json=as_json)
+        found = _watch(tracker, seconds, yaw_rad=None)
+        yaw_rad = round(yaw_from_sweep(found.places, frame=frame), 4)
+        if not as_json:
+            click.echo(f"forward is {math.degrees(yaw_rad):+.0f}° off the tracker's own")
+        _ask("Go back and hold still; now the check.", as_json=as_json)
+        again = _watch(tracker, seconds, yaw_rad=None if as_json else yaw_rad)
+        said = check_forward(again.places, frame=frame, yaw_rad=yaw_rad)
+    if as_json:
+        echo_json({"yaw_rad": yaw_rad, "ok": said.ok, "off_rad": round(said.off_rad, 4), "words": said.words})
+    else:
+        click.echo(said.words)
+        if said.ok:
+            click.echo("Put this into the settings, in the robot's file where there are two machines:")
+            click.echo(f"  [arm.mapping]\n  yaw_rad = {yaw_rad}")
+    if not said.ok:
+        sys.exit(1)
+
+
+def _tracker(config: SessionConfig) -> Tracker:
+    """Return the tracker of the settings, of one machine or of the operator's station."""
+    from tega.devices.registry import driver_class
+    from tega.errors import ConfigError
+
+    set_here = (None if part is None else part.tracker for part in (config.arm, config.net))
+    section = next((one for one in set_here if one is not None), None)
+    if section is None:
+        raise ConfigError(
+            "no tracker is set, so there is no forward to find",
+            "set [arm.tracker]; a SpaceMouse needs none of this: it is pushed along the robot's axes",
+        )
+    tracker: Tracker = driver_class(section.driver, "tracker")(section.options)
+    return tracker
+
+
+def _ask(words: str, *, as_json: bool) -> None:
+    if not as_json:
+        click.echo(words)
+        click.pause("Press any key, then move it straight forward by 20 cm and stop.")
+
+
+def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Sweep:
+    """Wait for a movement; with a yaw show how it looks from the robot while it lasts.
+
+    Raises:
+        CalibrationError: There was none.
+    """
+    import time
+
+    import numpy as np
+
+    from tega.arm.sweep import Sweep
+    from tega.errors import CalibrationError
+
+    sweep = Sweep(tracker.frame, yaw_rad=yaw_rad or 0.0)
+    tracker.read(time.monotonic_ns())  # what came before the key is not of this movement
+    end_s = time.monotonic() + seconds
+    shown = ""
+    try:
+        while not sweep.done and time.monotonic() < end_s:
+            for pose in tracker.read(time.monotonic_ns()):
+                sweep.take(pose)
+            if yaw_rad is not None and (line := _seen(sweep)) != shown:
+                shown = line
+                click.echo(f"\r{line}", nl=False)
+            time.sleep(_LOOK_S)
+    finally:
+        if yaw_rad is not None:
+            click.echo()
+    if sweep.done:
+        return sweep
+    if not sweep.places:
+        raise CalibrationError(
+            f"the forearm was not seen within {seconds:g} s",
+            tracker.problem or "is it in the tracker's sight?",
+        )
+    gone_cm = 100 * float(np.linalg.norm(sweep.gone_m))
+    raise CalibrationError(
+        f"no movement that came to rest was seen within {seconds:g} s; the forearm is {gone_cm:.0f} cm from its start",
+        "move it straight forward by 20 cm, then hold it still",
+    )
+
+
+def _seen(sweep: Sweep) -> str:
+    """Say in a line where the forearm has gone, seen from the robot."""
+    ahead, left, up = (round(100 * float(x)) for x in sweep.gone_m)
+    bar = "#" * max(0, min(_BAR, ahead))
+    side = f"{abs(left)} cm to the {'left' if left > 0 else 'right'}" if left else "straight"
+    return f"forward [{bar:<{_BAR}}] {ahead:+4d} cm, {side}, {up:+d} cm up".ljust(_WIDTH)
