@@ -32,7 +32,7 @@ def test_tables_and_pictures_say_what_was_recorded(lossless: Path, tmp_path: Pat
     assert samples[0] == "log_ns,chunk_t_ns,index,ch1,ch2,ch3"
     assert len(samples) == 1 + round(SECONDS * 1000)
     assert (tmp_path / "out" / "hand.frames.csv").read_text().count("180#") == round(SECONDS / 0.003) + 1
-    with pytest.raises(ConfigError, match="not an empty folder"):
+    with pytest.raises(ConfigError, match="is not empty"):
         export_file(lossless, tmp_path / "out")
 
 

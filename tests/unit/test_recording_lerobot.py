@@ -163,7 +163,7 @@ def test_other_inputs_and_full_folders_are_refused(
 ) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")
-    with pytest.raises(ConfigError, match="not an empty folder"):
+    with pytest.raises(ConfigError, match="is not empty"):
         export_lerobot([lossless], tmp_path / "full")
     with pytest.MonkeyPatch.context() as patch:
         from reference import sessions

@@ -79,3 +79,18 @@ def test_an_adapter_that_is_gone_is_an_error_and_no_silence(line: tuple[int, Any
             bus.recv(timeout=1.0)
     finally:
         os.close(null)
+
+
+def test_a_frame_is_on_its_way_whether_or_not_the_adapter_reads(line: tuple[int, Any]) -> None:
+    ours, bus = line
+    os.read(ours, 4096)  # what it was told when it was opened
+    message = can.Message(arbitration_id=0x081, data=bytes(7) + b"\x01", is_extended_id=False)
+    bus.send(message, timeout=0.05)
+    assert os.read(ours, 4096) == FRAMES[1]
+
+    def fill() -> None:
+        for _ in range(10_000):  # more than a system keeps for one that reads nothing
+            bus.send(message, timeout=0.05)
+
+    with pytest.raises(can.CanOperationError):
+        fill()

@@ -1,13 +1,15 @@
-"""A serial CAN adapter (SLCAN), read in whole pieces.
+"""A serial CAN adapter (SLCAN), read in whole pieces and written to without waiting.
 
 python-can reads such an adapter byte by byte, with three system calls for each, and waits a millisecond longer when it
 is asked whether there is more: a hand that reports every 3 ms kept a third of a core busy, and with it the interpreter.
-Here only the reading differs; what the lines mean, and all that is sent, is python-can's.
+It also waits until the adapter has each frame, for as long as one that hangs likes. Here only that differs; what the
+lines mean, in both directions, is python-can's.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import select
 import time
 from functools import cache
@@ -18,7 +20,8 @@ from tega.devices.lifecycle import require
 __all__ = ["slcan_bus"]
 
 _PIECE_BYTES = 4096
-_ENDS = (b"\r", b"\a")  # of an answer, of a refusal
+_LINE = re.compile(rb"[^\r\a]*[\r\a]")  # an answer, a refusal
+_DONE = frozenset({b"\r", b"z\r", b"Z\r"})  # what it says to every frame that it was given
 
 
 @cache
@@ -29,6 +32,7 @@ def slcan_bus() -> Any:
         MissingExtraError: python-can is not installed.
     """
     base: Any = require("can.interfaces.slcan", driver="slcan", extra="lab").slcanBus
+    error_check: Any = require("can.exceptions", driver="slcan", extra="lab").error_check
     if os.name != "posix":
         return base
 
@@ -41,7 +45,12 @@ def slcan_bus() -> Any:
             """
             buffer: bytearray = self._buffer
             until_s = None if timeout is None else time.monotonic() + timeout
-            while (end := min((at for at in map(buffer.find, _ENDS) if at >= 0), default=-1)) < 0:
+            while True:
+                while (line := _LINE.match(buffer)) is not None:
+                    said = line[0]
+                    del buffer[: len(said)]
+                    if said not in _DONE:
+                        return said.decode()
                 left_s = None if until_s is None else max(0.0, until_s - time.monotonic())
                 port = self.serialPortOrig.fileno()
                 if not select.select([port], [], [], left_s)[0]:
@@ -50,8 +59,21 @@ def slcan_bus() -> Any:
                 if not piece:
                     raise OSError("the serial adapter is gone")
                 buffer += piece
-            line = buffer[: end + 1].decode()
-            del buffer[: end + 1]
-            return line
+
+        def _write(self, string: str) -> None:
+            """Hand a line to the system; what it does not take at once is waited for.
+
+            Raises:
+                CanOperationError: The adapter is gone, or takes nothing for as long as :meth:`send` may wait.
+            """
+            data = string.encode() + self.LINE_TERMINATOR
+            port = self.serialPortOrig
+            with error_check("Could not write to serial device"):
+                try:
+                    n_taken = os.write(port.fileno(), data)
+                except BlockingIOError:
+                    n_taken = 0
+                if n_taken < len(data):
+                    port.write(data[n_taken:])
 
     return SlcanBus

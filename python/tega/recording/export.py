@@ -43,7 +43,7 @@ def export_file(
     if kind == "parquet":
         require("pyarrow.parquet", driver="export", extra="parquet")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError(f"{folder.name!r} is not an empty folder", "name a new one")
+        raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
     folder.mkdir(parents=True, exist_ok=True)
     reader = McapReader(path)
     tables: dict[str, list[Row]] = {}

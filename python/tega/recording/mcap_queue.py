@@ -34,7 +34,9 @@ class Item(NamedTuple):
 
 
 class BoundedQueue:
-    """First in, first out, up to so many bytes.
+    """First in, first out, up to so many bytes; given by many threads, taken by one.
+
+    Who takes holds no lock: that thread comes last of all in the program, and whoever gives would wait for it.
 
     Args:
         most_bytes: Pictures are dropped and counted beyond this, everything else 16 MiB later.
@@ -47,12 +49,18 @@ class BoundedQueue:
         self._items: deque[Item] = deque()
         self._lock = threading.Lock()
         self._closed = False
-        self.n_bytes = 0
+        self._given_bytes = 0
+        self._done_bytes = 0
         self.dropped: Counter[str] = Counter()
 
     def __len__(self) -> int:
         """Return how many wait."""
         return len(self._items)
+
+    @property
+    def n_bytes(self) -> int:
+        """What is here takes so much in memory."""
+        return self._given_bytes - self._done_bytes
 
     def put(self, item: Item) -> bool:
         """Add an item; returns at once (unless told to wait) whether there was room."""
@@ -64,8 +72,8 @@ class BoundedQueue:
                     return False
                 # One item always fits, however large it is.
                 if self.n_bytes == 0 or self.n_bytes + item.n_bytes <= limit:
+                    self._given_bytes += item.n_bytes
                     self._items.append(item)
-                    self.n_bytes += item.n_bytes
                     return True
                 if not self._wait:
                     self.dropped[item.topic] += 1
@@ -74,13 +82,14 @@ class BoundedQueue:
 
     def take(self) -> Item | None:
         """Return the oldest item, ``None`` when there is none; its bytes count until :meth:`done`."""
-        with self._lock:
-            return self._items.popleft() if self._items else None
+        try:
+            return self._items.popleft()
+        except IndexError:
+            return None
 
     def done(self, item: Item) -> None:
-        """Give an item's room back."""
-        with self._lock:
-            self.n_bytes -= item.n_bytes
+        """Give an item's room back; called by the one who takes."""
+        self._done_bytes += item.n_bytes
 
     def close(self) -> None:
         """Take nothing more; what comes is counted as dropped, what waits can still be taken."""
@@ -89,8 +98,7 @@ class BoundedQueue:
 
     def discard(self) -> None:
         """Count everything that waits as dropped."""
-        with self._lock:
-            for item in self._items:
-                self.dropped[item.topic] += 1
-                self.n_bytes -= item.n_bytes
-            self._items.clear()
+        while (item := self.take()) is not None:
+            self.dropped[item.topic] += 1
+            with self._lock:
+                self._given_bytes -= item.n_bytes

@@ -196,9 +196,10 @@ class McapRecorder:
         flush_ns = now_ns
         status_ns = now_ns - STATUS_NS
         while True:
+            closing = self._closing.is_set()  # looked at first: nothing comes after it
             item = self._queue.take()
             if item is None:
-                if self._closing.is_set():
+                if closing:
                     return
                 time.sleep(_IDLE_S)
             else:

@@ -231,6 +231,8 @@ class ThreadedStream(Generic[Item]):
         return head
 
     def _fetch(self) -> None:
+        if self._live and not self._queue.queue:
+            return  # as it mostly is; the queue's own way of saying so takes a lock and an exception
         try:
             got = self._queue.get(block=not self._live)
         except queue.Empty:

@@ -69,7 +69,7 @@ def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: 
     for module in ("pyarrow.parquet", "av"):
         require(module, driver="export", extra="lerobot")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError(f"{folder.name!r} is not an empty folder", "name a new one")
+        raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
     folder.mkdir(parents=True, exist_ok=True)
     dataset = _Dataset(folder, fps, task)
     try:

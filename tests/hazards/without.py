@@ -1,0 +1,371 @@
+"""Takes one guard after another out of a copy of the program, and shows that a test or a soak then fails.
+
+``python tests/hazards/without.py`` tries all of them, ``--only WORD`` those with the word in their name or test. Each
+test has to pass with everything in place, and to fail without the guard. The working tree is not touched. On a machine
+that does nothing else it takes some ten minutes; ``--markdown FILE`` writes what came of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Final, NamedTuple
+
+__all__ = ["GUARDS", "Guard", "place"]
+
+ROOT: Final = Path(__file__).parents[2]
+_LONGEST_S: Final = 120.0
+_LOST: Final = "tests/hazards/test_lost.py::test_"
+_STOP: Final = "tests/hazards/test_stop.py::test_"
+_LAWS: Final = "tests/property/test_safety.py::test_"
+_HAND: Final = "tests/unit/test_hand_guard.py::test_"
+_LIMB: Final = "tests/unit/test_limb_loss.py::test_"
+
+
+class Guard(NamedTuple):
+    """A guard that can be taken out.
+
+    Attributes:
+        what: What is then so.
+        old: The text that does it; stands once in ``python/tega``.
+        new: What stands there without it.
+        shown_by: The test that fails then; or ``soak HOW DEVICE``, a soak of that fault alone.
+    """
+
+    what: str
+    old: str
+    new: str
+    shown_by: str
+
+
+GUARDS: Final = (
+    Guard(
+        "EMG that is lost is not seen",
+        "        if age_ns > stale_ns:",
+        '        if age_ns > stale_ns and stream.kind != "emg":',
+        f"{_LOST}emg_unplugged_holds_the_level_then_opens_the_hand",
+    ),
+    Guard(
+        "a hold lasts for ever",
+        'give_up_ns=round(s.hold_ms * 1e6) if s.then == "open" else None',
+        "give_up_ns=None",
+        f"{_LOST}emg_unplugged_holds_the_level_then_opens_the_hand",
+    ),
+    Guard(
+        '`then = "keep"` is not heeded',
+        'round(s.hold_ms * 1e6) if s.then == "open" else None',
+        "round(s.hold_ms * 1e6)",
+        f"{_LOST}emg_lost_keeps_the_level_where_the_settings_say_so",
+    ),
+    Guard(
+        "a board that went away is not looked for",
+        "            if not _came_back(source, stopped):",
+        "            if True:",
+        f"{_LOST}emg_that_comes_back_steers_again",
+    ),
+    Guard(
+        "a board's rate is taken on trust",
+        "if abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:",
+        "if True:",
+        f"{_LOST}a_slow_board_is_refused",
+    ),
+    Guard(
+        "a finger's last picture stays on the vest",
+        "            if t_ns - seen_ns <= STALE_NS:",
+        "            if True:",
+        f"{_LOST}a_lost_camera_silences_its_column_and_no_other[pause]",
+    ),
+    Guard(
+        "the same picture again counts as a new one",
+        "if self._live and last.n_equal >= STUCK_FRAMES:",
+        "if False:",
+        f"{_LOST}a_lost_camera_silences_its_column_and_no_other[freeze]",
+    ),
+    Guard(
+        "a lost camera never holds",
+        'if stream.kind == "emg" or s.tactile_lost == "hold":',
+        'if stream.kind == "emg":',
+        f"{_LOST}a_lost_camera_holds_the_hand_where_the_settings_say_so",
+    ),
+    Guard(
+        "nobody asks for a stream's rate",
+        "            elif said := self._slow(stream):",
+        '            elif said := "":',
+        f"{_LOST}a_slow_camera_does_not_arm",
+    ),
+    Guard(
+        "a live run needs no calibration",
+        "            if source is not None and source.info.live:",
+        "            if False:",
+        f"{_LOST}without_calibration_nothing_starts",
+    ),
+    Guard(
+        "the loop does not ask how the hand is",
+        "        self._check()\n        self._level = level",
+        "        self._level = level",
+        f"{_LOST}a_silent_hand_ends_the_run",
+    ),
+    Guard(
+        "the loop does not ask how the hand is",
+        "        self._check()\n        self._level = level",
+        "        self._level = level",
+        f"{_LOST}a_hand_in_trouble_is_let_go_and_the_vest_rests",
+    ),
+    Guard(
+        "the dead-man is not asked",
+        "is not None and not dead_man.held:",
+        "is not None and False:",
+        f"{_LOST}a_released_dead_man_holds",
+    ),
+    Guard(
+        "a dead-man that says nothing counts as held",
+        "if t_ns - self._heard_ns > limit_ms * 1e6:",
+        "if False:",
+        f"{_LOST}a_dead_man_that_freezes_while_it_is_held_holds",
+    ),
+    Guard(
+        "nobody looks whether the vest is there",
+        "if kept else {}",
+        "if False else {}",
+        f"{_LOST}a_lost_vest_is_told_and_the_run_goes_on",
+    ),
+    Guard(
+        "a lost vest never holds",
+        'if s.vest_lost == "hold":',
+        "if False:",
+        f"{_LOST}a_lost_vest_holds_the_hand_where_the_settings_say_so",
+    ),
+    Guard(
+        "a late loop goes on as if nothing were",
+        "        return late_ns > self._late_ns and bool(self._streams or self._vests)",
+        "        return False",
+        f"{_LOST}a_late_loop_holds_and_the_vest_rests_meanwhile",
+    ),
+    Guard(
+        "the vest has no watchdog",
+        "WATCHDOG_S: Final = 0.2",
+        "WATCHDOG_S: Final = 1e6",
+        f"{_LOST}a_late_loop_holds_and_the_vest_rests_meanwhile",
+    ),
+    Guard(
+        "a table that cannot be written ends the run",
+        "Spared(table, disk) for table in tables",
+        "table for table in tables",
+        f"{_STOP}a_full_disk_ends_the_tables_and_not_the_run",
+    ),
+    Guard(
+        "no process guards the hand",
+        "if o.guard and o.torque",
+        "if False and o.torque",
+        f"{_STOP}a_killed_or_frozen_run_leaves_all_safe",
+    ),
+    Guard(
+        "it does not see a standstill",
+        "STUCK_S: Final = 1.0",
+        "STUCK_S: Final = 1e6",
+        f"{_HAND}a_killed_or_frozen_program_does_not_leave_the_hand_pushing",
+    ),
+    Guard(
+        "a closed terminal ends the program at once",
+        '("SIGTERM", "SIGHUP")',
+        '("SIGTERM",)',
+        f"{_HAND}a_closed_terminal_lets_go_of_the_hand",
+    ),
+    Guard(
+        "signals are not taken",
+        "            self._old[number] = signal.signal(number, self._on_signal)",
+        "            pass",
+        f"{_STOP}a_signal_stops_and_leaves_all_safe",
+    ),
+    Guard(
+        "every Ctrl-C cuts in",
+        "        elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:",
+        "        else:",
+        f"{_STOP}impatience_stops_as_well",
+    ),
+    Guard("keys are not read", "        stop.also(pressed)\n", "", f"{_STOP}a_key_stops"),
+    Guard(
+        "the set time is not kept",
+        "                if duration_ns is not None and t_ns >= duration_ns:",
+        "                if False:",
+        f"{_STOP}the_set_time_stops",
+    ),
+    Guard(
+        "a mistake in the program leaves everything as it is",
+        "            for problem in self._leave(last_ns, _told(error)):\n",
+        "            for problem in []:\n",
+        f"{_STOP}an_error_in_the_program_stops",
+    ),
+    Guard(
+        "no limit before the vest",
+        "allowed = self.budget.allow(time.monotonic_ns(), frame.x40())",
+        "allowed = frame.x40()",
+        f"{_LAWS}a_driver_s_link_is_never_told_more_than_the_limit",
+    ),
+    Guard(
+        "no heat of motors",
+        "np.sqrt(np.clip(squared, 0.0, 1.0))",
+        "np.ones(40)",
+        f"{_LAWS}no_input_drives_a_motor_beyond_ceiling_heat_or_dose",
+    ),
+    Guard(
+        "the hand's own share of torque is not passed on",
+        "            controller._native,",
+        "            type(controller)()._native,",
+        f"{_LAWS}no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits",
+    ),
+    Guard(
+        "arming waits for nothing",
+        '        if self.state == "idle" and clear:',
+        '        if self.state == "idle":',
+        f"{_LAWS}no_sequence_of_events_leads_to_active_without_every_condition",
+    ),
+    Guard(
+        "a level passes in every state",
+        '        elif state != "hold":\n            self._level = _OPEN',
+        "        else:\n            self._level = wanted",
+        f"{_LAWS}only_an_active_run_passes_a_level_on",
+    ),
+    Guard(
+        "what leads to a command knows a person's fingers",
+        "from tega.wire import allegro_servo_off",
+        "import tega.tracking.fingers\nfrom tega.wire import allegro_servo_off",
+        f"{_LIMB}nothing_that_leads_to_a_command_knows_a_person_s_fingers",
+    ),
+    Guard(
+        "no limit and heat before the vest",
+        "allowed = self.budget.allow(time.monotonic_ns(), frame.x40())",
+        "allowed = frame.x40()",
+        "soak no-vest vest",
+    ),
+    Guard(
+        "the hand's torque has the vendor's ceiling",
+        "torque_limits=TORQUE_LIMITS * o.torque_share",
+        "torque_limits=TORQUE_LIMITS",
+        "soak no-vest vest",
+    ),
+    Guard(
+        "no process guards the hand",
+        "if o.guard and o.torque",
+        "if False and o.torque",
+        "soak kill program",
+    ),
+    Guard(
+        "an adapter that was closed is not opened again",
+        "if self._bus is None and not (may_reopen and self._reopened()):",
+        "if self._bus is None:",
+        "soak stop program",
+    ),
+    Guard(
+        "a finger's last picture stays on the vest",
+        "            if t_ns - seen_ns <= STALE_NS:",
+        "            if True:",
+        "soak pause index",
+    ),
+)
+"""Every guard, with what shows that it is needed."""
+
+
+def place(text: str, package: Path = ROOT / "python/tega") -> Path:
+    """Return the one file of the program in which a text stands once.
+
+    Raises:
+        LookupError: It stands in none, or more than once.
+    """
+    found = [
+        file for file in sorted(package.rglob("*.py")) for _ in range(file.read_text("utf-8").count(text))
+    ]
+    if len(found) != 1:
+        raise LookupError(f"{len(found)} times in the program: {text!r}; put what does it now into GUARDS")
+    return found[0]
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)  # noqa: T201  # this is a program
+
+
+def _command(shown_by: str) -> list[str]:
+    """What is to be run; it must fail."""
+    if not shown_by.startswith("soak "):
+        return ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--no-header", "--tb=line", shown_by]
+    _, how, device = shown_by.split()
+    return [str(Path(__file__).with_name("one_fault.py")), how, device]
+
+
+def _try(copy: Path, shown_by: str) -> tuple[bool, str]:
+    """Run what shows a guard; return whether it failed, and its last words."""
+    python = f"{copy / 'python'}{os.pathsep}{copy / 'tests'}"
+    running = subprocess.Popen(
+        [sys.executable, *_command(shown_by)],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": python},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        said, _ = running.communicate(timeout=_LONGEST_S)
+    except subprocess.TimeoutExpired:
+        said = f"it did not end within {_LONGEST_S:g} s"
+    finally:
+        # A test that fails may leave programs behind; they are all of its session.
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(running.pid, signal.SIGKILL)
+        running.wait()
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    wrong = [line for line in lines if line.startswith(("E  ", "failed:")) or "Error: " in line]
+    # 1 is a test that failed; anything else is pytest that found none, or was told nonsense.
+    return running.returncode in {1, -signal.SIGKILL}, (wrong or lines or [""])[0][:160]
+
+
+def main() -> int:
+    """Take out what is asked for; return 0 if each was missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="a word of the name or the test")
+    parser.add_argument("--markdown", type=Path, help="write the table here")
+    asked = parser.parse_args()
+    # A job in the background is deaf to Ctrl-C, and so are its children.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    chosen = [guard for guard in GUARDS if asked.only in f"{guard.what} {guard.shown_by}"]
+    rows, missed = [], 0
+    passes: dict[str, bool] = {}
+    with tempfile.TemporaryDirectory(prefix="tega-without-") as name:
+        copy = Path(name)
+        for part in ("python", "tests"):
+            shutil.copytree(ROOT / part, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(ROOT / "pyproject.toml", copy)
+        for guard in chosen:
+            if guard.shown_by not in passes:
+                failed, words = _try(copy, guard.shown_by)
+                passes[guard.shown_by] = not failed
+                if failed:
+                    _say(f"FAILS WITH EVERYTHING IN PLACE | {guard.shown_by} | {words}")
+            file = place(guard.old, copy / "python/tega")
+            whole = file.read_text(encoding="utf-8")
+            file.write_text(whole.replace(guard.old, guard.new), encoding="utf-8")
+            failed, words = _try(copy, guard.shown_by)
+            file.write_text(whole, encoding="utf-8")
+            shown = failed and passes[guard.shown_by]
+            missed += shown
+            said = "fails" if shown else "DOES NOT SHOW IT"
+            _say(f"{said} | {guard.what} | {guard.shown_by} | {words}")
+            rows.append(
+                f"| {guard.what} | `{file.relative_to(copy / 'python')}` | `{guard.shown_by}` | {said} |"
+            )
+    _say(f"{missed} of {len(chosen)} guards are missed when they are taken out")
+    if asked.markdown is not None:
+        head = ["| without it | guard in | what then fails | |", "|---|---|---|---|"]
+        asked.markdown.write_text("\n".join([*head, *rows, ""]), encoding="utf-8")
+    return 0 if missed == len(chosen) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
