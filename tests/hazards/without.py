@@ -294,7 +294,18 @@ def _say(line: str) -> None:
 def _command(shown_by: str) -> list[str]:
     """What is to be run; it must fail."""
     if not shown_by.startswith("soak "):
-        return ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--no-header", "--tb=line", shown_by]
+        return [
+            "-m",
+            "pytest",
+            "-q",
+            "-x",
+            "-p",
+            "no:cacheprovider",
+            "--no-header",
+            "--tb=line",
+            "--force-reruns=0",
+            shown_by,
+        ]
     _, how, device = shown_by.split()
     return [str(Path(__file__).with_name("one_fault.py")), how, device]
 
