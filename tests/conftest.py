@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import os
 import signal
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -21,9 +22,8 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.ge
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-
-# What a test module calls that lets programs of its own run beside it.
-PROGRAMS = {"Emulator", "emulated", "emulated_lab", "subprocess"}
+# What plays devices, stations and the person at a wizard.
+PLAYERS = ("tega.testing", "reference.held", "reference.wizard")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -33,9 +33,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     dead, or the run the device. Tests that compute in this program alone are never repeated.
     """
     for item in items:
-        module = getattr(item, "module", None)
-        if item.path.parent.name in {"contract", "hazards"} or PROGRAMS & vars(module or object).keys():
+        if item.path.parent.name in {"contract", "hazards"} or _has_programs(getattr(item, "module", None)):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+def _has_programs(module: object) -> bool:
+    """Whether a test module starts programs, itself or through what plays devices and stations."""
+    used = vars(module).values() if module is not None else ()
+    return any(one is subprocess or str(getattr(one, "__module__", "")).startswith(PLAYERS) for one in used)
 
 
 def pytest_unconfigure() -> None:

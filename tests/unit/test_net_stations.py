@@ -55,7 +55,7 @@ def robot(files: tuple[Path, Path]) -> Iterator[Program]:
 def test_muscles_close_the_robot_s_hand_and_its_touch_comes_back(robot, files) -> None:
     n_before = robot.said.count("is gone")
     with Program("operator", files[1]) as operator:
-        operator.await_said("active")
+        operator.await_said("\nactive: ")
         time.sleep(1.5)
         summary = operator.end()
     robot.await_said("operator 'operator' is gone", times=n_before + 1)
@@ -162,7 +162,7 @@ def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
     with Program("robot", robot_file) as robot:
         robot.await_said("waits for an operator")
         with Program("operator", operator_file) as operator:
-            operator.await_said("active")
+            operator.await_said("\nactive: ")
             robot.process.kill()
             robot.process.wait()
             operator.await_said("does not answer")
