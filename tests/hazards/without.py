@@ -18,6 +18,8 @@ import tempfile
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from tega import _native
+
 __all__ = ["GUARDS", "Guard", "place"]
 
 ROOT: Final = Path(__file__).parents[2]
@@ -353,6 +355,9 @@ def main() -> int:
         for part in ("python", "tests"):
             shutil.copytree(ROOT / part, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy(ROOT / "pyproject.toml", copy)
+        shutil.copy(
+            Path(_native.__file__), copy / "python/tega"
+        )  # the tree has it only where it is built in place
         for guard in chosen:
             if guard.shown_by not in passes:
                 failed, words = _try(copy, guard.shown_by)
