@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -108,6 +108,9 @@ drives = st.lists(
 
 
 @given(drive=drives, limit=st.integers(1, 100), heat=st.floats(0.01, 1), dose_s=st.floats(10, 20))
+@example(
+    drive=[(1.0, 100, 40), (0.1, 100, 40)], limit=100, heat=0.3, dose_s=20.0
+)  # full drive for 40 s, then often
 def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(
     drive: list[Any], limit: int, heat: float, dose_s: float
 ) -> None:
