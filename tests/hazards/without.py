@@ -2,7 +2,7 @@
 
 ``python tests/hazards/without.py`` tries all of them, ``--only WORD`` those with the word in their name or test. Each
 test has to pass with everything in place, and to fail without the guard. The working tree is not touched. On a machine
-that does nothing else it takes some ten minutes; ``--markdown FILE`` writes what came of it.
+that does nothing else it takes some fifteen minutes; ``--markdown FILE`` writes what came of it.
 """
 
 from __future__ import annotations
