@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 from tega.net.keys import make_keys
 from tega.testing.station_faults.scene import SECOND, Scene, Watch, until
@@ -16,10 +17,10 @@ def _nothing(_scene: Scene) -> None:
     pass
 
 
-def _worse(**how: float) -> Callable[[Scene], None]:
+def _worse(part: Literal["link", "wire"] = "link", /, **how: float) -> Callable[[Scene], None]:
     def begin(scene: Scene) -> None:
         for name, value in how.items():
-            setattr(scene.link, name, value)
+            setattr(getattr(scene, part), name, value)
 
     return begin
 
@@ -196,19 +197,18 @@ FAULTS = (
 )
 
 
-def _wire(**how: float) -> Callable[[Scene], None]:
-    def begin(scene: Scene) -> None:
-        for name, value in how.items():
-            setattr(scene.wire, name, value)
-
-    return begin
-
-
-_well_wired = _wire(delay_ms=0.0, loss=0.0, reorder=0.0)
+_well_wired = _worse("wire", delay_ms=0.0, loss=0.0, reorder=0.0)
 
 WIRE_FAULTS = tuple(
     Fault(
-        name, wish, _wire(**how), _well_wired, lasts_s=_LEARNT_S, interrupts=interrupts, keys=True, wire=True
+        name,
+        wish,
+        _worse("wire", **how),
+        _well_wired,
+        lasts_s=_LEARNT_S,
+        interrupts=interrupts,
+        keys=True,
+        wire=True,
     )
     for name, wish, how, interrupts in (
         ("1 % of packets lost", _SHORT, {"loss": 0.01}, None),
