@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import queue
 import threading
 import time
 from collections import deque
@@ -25,12 +26,13 @@ _BACK_OFF_S: Final = (0.25, 2.0)
 _ANEW_NS: Final = 350_000_000
 _SILENT_S: Final = 0.25
 _MOST_POSES: Final = 256
-_LEAVE_S: Final = 5.0
+_LEAVE_S: Final = 2.0
 _STATES: Final = {
     "unknown": "the runtime has not begun the session",
     "idle": "the runtime keeps the session idle: is the headset on, and awake?",
     "stopping": "the runtime ends the session",
 }
+_Outcome = queue.SimpleQueue[DeviceUnavailableError | None]
 _OUT_OF_FOCUS: Final = "another OpenXR program, or the runtime's menu, has the focus"
 
 
@@ -104,15 +106,13 @@ class OpenXr(Opened):
         self._what = f"tracker {o.role}" if o.source == "tracker" else f"{o.hand} {what[o.source]}"
         self._lock = threading.Lock()
         self._leaving = threading.Event()
-        self._settled = threading.Event()
         self._thread: threading.Thread | None = None
         self._poses: deque[StampedPose] = deque(maxlen=_MOST_POSES)
         self._session: XrSession | None = None
-        self._refused: DeviceUnavailableError | None = None
         self._runtime, self._device, self._converts_times = "", "", True
         self._heard_ns, self._anew_until_ns = 0, 0
         self._last: Located | None = None
-        self._trouble = ""
+        self._trouble = self._lost = ""
         self.counts = OpenXrCounts()
 
     @property
@@ -122,7 +122,9 @@ class OpenXr(Opened):
         if self._device:
             notes.append(f"the runtime calls it {self._device}")
         if not self._converts_times:
-            notes.append("the runtime does not tell its times in this machine's: poses may be some ms older than said")
+            notes.append(
+                "the runtime does not tell its times in this machine's: poses may be some ms older than said"
+            )
         if c.poses and c.guessed > c.poses / 10:
             notes.append(f"{c.guessed} of {c.poses} poses were only guessed")
         if c.poses and c.lost > c.poses / 10:
@@ -130,7 +132,7 @@ class OpenXr(Opened):
         if c.recentred:
             notes.append(f"its origin was moved {c.recentred} times")
         if c.connections > 1:
-            notes.append(f"the session was made anew {c.connections - 1} times")
+            notes.append(f"the session was made anew {c.connections - 1} times, at last since {self._lost}")
         return DeviceInfo(
             driver="openxr",
             kind="tracker",
@@ -166,23 +168,28 @@ class OpenXr(Opened):
         xr = require("xr", driver="openxr", extra=self.extra)
         self.counts = OpenXrCounts()
         self._poses.clear()
-        self._trouble, self._anew_until_ns, self._last, self._refused = "", 0, None, None
+        self._trouble, self._anew_until_ns, self._last = "", 0, None
         # Of their own for each thread: one that a runtime never lets go finds that it has to leave.
-        self._leaving, self._settled = threading.Event(), threading.Event()
+        self._leaving, outcome = threading.Event(), _Outcome()
         thread = threading.Thread(
-            target=self._run, args=(xr, self._leaving, self._settled), name="tega-openxr", daemon=True
+            target=self._run, args=(xr, self._leaving, outcome), name="tega-openxr", daemon=True
         )
         thread.start()
-        if self._settled.wait(self._options.connect_s) and self._refused is None:
+        refused: DeviceUnavailableError | None
+        try:
+            refused = outcome.get(timeout=self._options.connect_s)
+        except queue.Empty:
+            why = self._trouble or "the runtime does not answer"
+            refused = DeviceUnavailableError(
+                f"openxr: no session after {self._options.connect_s:g} s: {why}",
+                "wake the headset, and see whether the runtime's own window shows it; connect_s may be longer",
+            )
+        if refused is None:
             self._thread = thread
             return
-        refused, trouble = self._refused, self._trouble
         self._leaving.set()
         thread.join(_LEAVE_S)
-        raise refused or DeviceUnavailableError(
-            f"openxr: no session after {self._options.connect_s:g} s: {trouble or 'the runtime does not answer'}",
-            "wake the headset, and see whether the runtime's own window shows it; connect_s may be longer",
-        )
+        raise refused
 
     def close(self) -> None:
         """End the session."""
@@ -207,7 +214,7 @@ class OpenXr(Opened):
             self._poses.clear()
         return poses
 
-    def _run(self, xr: Any, leaving: threading.Event, settled: threading.Event) -> None:
+    def _run(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
         """Ask until told to leave; a session that is lost is made anew."""
         back_off_s = _BACK_OFF_S[0]
         while not leaving.is_set():
@@ -215,21 +222,23 @@ class OpenXr(Opened):
             session: XrSession | None = None
             try:
                 session = XrSession(xr, self._options)
-                self._follow(session, leaving, settled)
+                self._follow(session, leaving, outcome)
             except DeviceUnavailableError as error:
-                if not settled.is_set():
-                    self._refused = error
-                    settled.set()
+                if not self.counts.connections:
+                    outcome.put(error)
                     return
-                self._say(f"{error.message.removeprefix('openxr: ')}, connecting again")
+                why = error.message.removeprefix("openxr: ")
+                if self.counts.connections > n_begun:
+                    self._lost, back_off_s = why, _BACK_OFF_S[0]
+                else:
+                    back_off_s = min(2 * back_off_s, _BACK_OFF_S[1])
+                self._say(f"{why}, connecting again")
             finally:
                 if session is not None:
                     session.close()
-            was_there = self.counts.connections > n_begun
-            back_off_s = _BACK_OFF_S[0] if was_there else min(2 * back_off_s, _BACK_OFF_S[1])
             leaving.wait(back_off_s)
 
-    def _follow(self, session: XrSession, leaving: threading.Event, settled: threading.Event) -> None:
+    def _follow(self, session: XrSession, leaving: threading.Event, outcome: _Outcome) -> None:
         """Ask at the rate that is set, until told to leave or the session is over."""
         state, next_s, is_counted = "", time.monotonic(), False
         self._runtime, self._converts_times = session.runtime, session.converts_times
@@ -239,13 +248,12 @@ class OpenXr(Opened):
             if session.is_begun and not is_counted:
                 is_counted = True
                 self.counts.connections += 1
+                outcome.put(None)
             if session.state != state:
                 state = session.state
                 self._enter(state)
             now_ns = time.monotonic_ns()
             self._take(session, session.locate(now_ns), now_ns)
-            if session.is_begun:
-                settled.set()
 
     def _enter(self, state: str) -> None:
         """Take a state of the session."""
@@ -273,7 +281,9 @@ class OpenXr(Opened):
             c.poses += 1
             if not found.valid:
                 c.lost += 1
-                place, turn = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) if self._last is None else self._last[:2]
+                place, turn = (
+                    ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) if self._last is None else self._last[:2]
+                )
                 self._poses.append(StampedPose(now_ns, place, turn, valid=False))
                 return
             if found == self._last:

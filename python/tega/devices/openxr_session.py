@@ -1,27 +1,19 @@
-"""The calls that :mod:`tega.devices.openxr` makes: an instance of the runtime, and a session without a picture."""
+"""The calls that :mod:`tega.devices.openxr` makes: a session without a picture, and where something is in it."""
 
 from __future__ import annotations
 
 import ctypes
-import os
-import sys
 import time
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from tega.devices.openxr_instance import TIMES, make_instance, said
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
     from tega.devices.openxr import OpenXrOptions
 
 __all__ = ["Located", "XrSession"]
-
-_HEADLESS: Final = "XR_MND_headless"
-_TIMES: Final = "XR_KHR_convert_timespec_time"
-_HANDS: Final = "XR_EXT_hand_tracking"
-_VIVE: Final = "XR_HTCX_vive_tracker_interaction"
-_WANTED: Final = (_HEADLESS, _TIMES, _HANDS, _VIVE)
 
 _VIVE_PROFILE: Final = "/interaction_profiles/htc/vive_tracker_htcx"
 # The first has to be known to every runtime; the others save those that have the device from guessing.
@@ -36,7 +28,6 @@ _JOINTS, _WRIST = 26, 1
 _VALID, _TRACKED = 1 | 2, 4 | 8
 _FAREWELL_POLLS, _FAREWELL_S = 50, 0.01
 _CHANGE_S: Final = 1.0
-_MANIFEST: Final = "openxr/1/active_runtime.json"
 
 
 class Located(NamedTuple):
@@ -76,24 +67,25 @@ class XrSession:
 
     def __init__(self, xr: Any, options: OpenXrOptions) -> None:
         self._xr, self._options = xr, options
-        self._instance: Any = None
         self._session: Any = None
         self._set: Any = None
         self._space: Any = None
         self._joints: Any = None
         self._ahead_ns: int | None = None
         self.is_begun = False
-        self.runtime = "OpenXR's runtime"
         self.state = "unknown"
         self.device = ""
         self.anew_from_ns = 0
+        made = make_instance(xr)
+        self._instance, self.runtime = made.handle, made.name
+        self.converts_times = TIMES in made.extensions
         try:
-            self._make_instance()
+            made.check(options.source)
             self._make_session()
         except xr.XrException as error:
             self.close()
             raise DeviceUnavailableError(
-                f"openxr: {self.runtime} refuses: {_said(error)}", "what does its own log say?"
+                f"openxr: {self.runtime} refuses: {said(error)}", "what does its own log say?"
             ) from error
         except DeviceUnavailableError:
             self.close()
@@ -103,35 +95,6 @@ class XrSession:
     def _user(self) -> str:
         o = self._options
         return f"/user/vive_tracker_htcx/role/{o.role}" if o.source == "tracker" else f"/user/hand/{o.hand}"
-
-    def _make_instance(self) -> None:
-        xr = self._xr
-        try:
-            there = {e.extension_name.decode() for e in xr.enumerate_instance_extension_properties()}
-            names = [name for name in _WANTED if name in there]
-            about = xr.ApplicationInfo("TEGA", 1, "TEGA", 1, xr.Version(1, 0, 0))
-            info = xr.InstanceCreateInfo(application_info=about, enabled_extension_names=names)
-            self._instance = xr.create_instance(info)
-        except xr.LimitReachedError as error:
-            raise DeviceUnavailableError(
-                "openxr: this program uses OpenXR already, and can only once", "set one tracker of it"
-            ) from error
-        except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: no OpenXR runtime: {_said(error)}", _where()) from error
-        said = xr.get_instance_properties(self._instance)
-        self.runtime = f"{said.runtime_name.decode()} {xr.Version(said.runtime_version)}"
-        self.converts_times = _TIMES in names and sys.platform == "linux"
-        needed = {"wrist": _HANDS, "tracker": _VIVE}.get(self._options.source, _HEADLESS)
-        if _HEADLESS not in names:
-            raise DeviceUnavailableError(
-                f"openxr: {self.runtime} has no sessions without a picture ({_HEADLESS})",
-                "make another runtime the active one, such as Monado or WiVRn",
-            )
-        if needed not in names:
-            raise DeviceUnavailableError(
-                f"openxr: {self.runtime} knows no source = {self._options.source!r} ({needed})",
-                'set source = "grip" and hold a controller, or take another runtime',
-            )
 
     def _make_session(self) -> None:
         xr, o = self._xr, self._options
@@ -162,9 +125,7 @@ class XrSession:
             address = xr.get_instance_proc_addr(self._instance, "xrLocateHandJointsEXT")
             self._locate_joints = ctypes.cast(address, xr.PFN_xrLocateHandJointsEXT)
             return
-        xr.attach_session_action_sets(
-            self._session, xr.SessionActionSetsAttachInfo(action_sets=[self._set])
-        )
+        xr.attach_session_action_sets(self._session, xr.SessionActionSetsAttachInfo(action_sets=[self._set]))
         space = xr.ActionSpaceCreateInfo(self._action, self._path(self._user), still)
         self._space = xr.create_action_space(self._session, space)
         self._sync = xr.ActionsSyncInfo(active_action_sets=[xr.ActiveActionSet(self._set, 0)])
@@ -206,15 +167,16 @@ class XrSession:
         except xr.EventUnavailable:
             return
         except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {_said(error)}") from error
+            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {said(error)}") from error
 
     def _told(self, event: Any) -> None:
         xr, kind = self._xr, self._xr.StructureType(event.type)
         if kind == xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED:
             changed = _as(event, xr.EventDataSessionStateChanged)
-            # The least time on its way tells the clocks' difference best.
-            ahead_ns = int(changed.time) - time.monotonic_ns()
-            self._ahead_ns = ahead_ns if self._ahead_ns is None else max(self._ahead_ns, ahead_ns)
+            if int(changed.time) > 0:
+                # The least time on its way tells the clocks' difference best.
+                ahead_ns = int(changed.time) - time.monotonic_ns()
+                self._ahead_ns = ahead_ns if self._ahead_ns is None else max(self._ahead_ns, ahead_ns)
             self._enter(xr.SessionState(changed.state).name.lower())
         elif kind == xr.StructureType.EVENT_DATA_INSTANCE_LOSS_PENDING:
             raise DeviceUnavailableError(f"openxr: {self.runtime} says that it ends")
@@ -277,7 +239,7 @@ class XrSession:
         except xr.SessionNotFocused:
             return None
         except xr.XrException as error:
-            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {_said(error)}") from error
+            raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {said(error)}") from error
         flags, p, q = int(found.location_flags), found.pose.position, found.pose.orientation
         return Located(
             (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), flags & _VALID == _VALID, flags & _TRACKED == _TRACKED
@@ -319,23 +281,3 @@ class XrSession:
 def _as(event: Any, kind: Any) -> Any:
     """Read an event as what it is."""
     return ctypes.cast(ctypes.byref(event), ctypes.POINTER(kind)).contents
-
-
-def _said(error: Exception) -> str:
-    """Return what OpenXR says, with the name that its pages have it under."""
-    return f"{str(error).rstrip('.')} ({type(error).__name__})"
-
-
-def _where() -> str:
-    """Say where the loader has looked, and what to do."""
-    if file := os.environ.get("XR_RUNTIME_JSON"):
-        there = "does not load" if Path(file).is_file() else "does not exist"
-        return f"XR_RUNTIME_JSON names {file}, which {there}; is that runtime installed, and does its service run?"
-    home = Path(os.environ.get("XDG_CONFIG_HOME", Path.home() / ".config"))
-    for folder in (home, Path("/etc/xdg"), Path("/etc")):
-        if (folder / _MANIFEST).is_file():
-            return f"{folder / _MANIFEST} names the runtime; is it installed, and does its service run?"
-    return (
-        "install and start one, such as Monado, WiVRn or SteamVR, and make it the active one "
-        f"({home / _MANIFEST}), or let XR_RUNTIME_JSON name its .json"
-    )

@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -46,6 +47,7 @@ def why_no_runtime() -> str:
     return ""
 
 
+@cache
 def build_runtime() -> Path:
     """Build the library, unless that was done, and return where it is.
 
@@ -62,7 +64,8 @@ def build_runtime() -> Path:
         if said.get("reason") == "compiler-artifact" and _CRATE.replace("-", "_") in said["target"]["name"]:
             return Path(said["filenames"][0])
     raise DeviceUnavailableError(
-        f"no emulated OpenXR runtime: cargo ends with {done.returncode}", f"cd {root}; cargo build -p {_CRATE}"
+        f"no emulated OpenXR runtime: cargo ends with {done.returncode}",
+        f"cd {root}; cargo build -p {_CRATE}",
     )
 
 
@@ -80,7 +83,9 @@ def openxr_runtime() -> Iterator[Emulator]:
     with tempfile.TemporaryDirectory() as folder, Emulator("openxr") as service:
         manifest = Path(folder) / "tega_openxr_emulator.json"
         runtime = {"name": "TEGA's emulated runtime", "library_path": str(library)}
-        manifest.write_text(json.dumps({"file_format_version": "1.0.0", "runtime": runtime}), encoding="utf-8")
+        manifest.write_text(
+            json.dumps({"file_format_version": "1.0.0", "runtime": runtime}), encoding="utf-8"
+        )
         new = {
             "XR_RUNTIME_JSON": str(manifest),
             "TEGA_OPENXR_EMULATOR": f"{service.address['host']}:{service.port}",

@@ -124,9 +124,7 @@ class Service:
         """Return where the grip is at a time, in the axes of LOCAL."""
         size_m, often_hz = self.wave
         tremble = random.Random(t_ns + self._seed)
-        x, y, z = (
-            a - o + tremble.gauss(0, _TREMOR_M) for a, o in zip(self.at, self.origin, strict=True)
-        )
+        x, y, z = (a - o + tremble.gauss(0, _TREMOR_M) for a, o in zip(self.at, self.origin, strict=True))
         forward_m = size_m * math.sin(2 * math.pi * often_hz * t_ns / 1e9)
         return (x - (0.4 if side == "left" else 0.0), y, z - forward_m)
 
