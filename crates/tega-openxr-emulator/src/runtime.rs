@@ -13,7 +13,7 @@ pub type Outcome<T> = Result<T, Code>;
 pub const HEADLESS: &str = "XR_MND_headless";
 
 /// A runtime's clock is its own: it is so far ahead of the monotonic one.
-const AHEAD_NS: i64 = 7_000_000_000_000;
+const AHEAD_NS: i64 = 7_123_456_789_012;
 
 /// Profiles it has devices for.
 const PROFILES: [&str; 2] =
