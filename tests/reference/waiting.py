@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import pytest
 
-
 _PATIENCE_S = 60.0
 
 
