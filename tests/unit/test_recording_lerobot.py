@@ -16,6 +16,7 @@ from tega.errors import ConfigError, RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.lerobot import export_lerobot
+from tega.recording.lerobot.video import Camera
 from tega.recording.trim import trim_session
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
@@ -156,6 +157,19 @@ def test_the_figures_are_those_of_the_frames(dataset: Path) -> None:
         ("mean", "max"),
     ):
         assert np.all(np.array(colours[low]) <= np.array(colours[high]))
+
+
+def test_an_episode_may_end_before_the_encoder_has_let_a_picture_go(tmp_path: Path) -> None:
+    camera = Camera(tmp_path, "observation.images.thumb", FPS, (32, 24))
+    for grey in (50, 200):
+        camera.begin()
+        camera.add(np.full((32, 24, 3), grey, np.uint8), 1)
+        place = camera.end()
+    camera.close()
+    assert place["videos/observation.images.thumb/from_timestamp"] == 1 / FPS
+    with av.open(str(tmp_path / "videos/observation.images.thumb/chunk-000/file-000.mp4")) as video:
+        greys = [frame.to_ndarray(format="rgb24").mean() for frame in video.decode(video=0)]
+    assert greys == pytest.approx([50, 200], abs=10)
 
 
 def test_other_inputs_and_full_folders_are_refused(
