@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tega.devices.lifecycle import require
+from tega.priority import untaken
 from tega.recording.lerobot.stats import Colours
 
 if TYPE_CHECKING:
@@ -52,6 +53,8 @@ class Video:
         self._file = self._av.open(str(path), "w")
         self._stream = self._file.add_stream(CODEC, fps, options=dict(_OPTIONS))
         self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, PIXELS
+        with untaken():
+            self._stream.codec_context.open()
         self.n_frames = self.n_bytes = 0
 
     def add(self, image: NDArray[np.uint8], n_times: int) -> None:
