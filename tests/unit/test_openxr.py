@@ -229,6 +229,35 @@ def test_it_leaves_as_a_runtime_wants_it_and_no_thread_is_left(service: Emulator
         tracker.read(0)
 
 
+def test_its_calls_are_what_openxr_s_own_validation_layer_allows(
+    service: Emulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    xr = importlib.import_module("xr")
+    layer = "XR_APILAYER_LUNARG_core_validation"
+    if layer not in {p.layer_name.decode() for p in xr.enumerate_api_layer_properties()}:
+        pytest.skip(f"pyopenxr brings no {layer} for this machine")
+    log = tmp_path / "validation.txt"
+    monkeypatch.setenv("XR_ENABLE_API_LAYERS", layer)
+    monkeypatch.setenv("XR_CORE_VALIDATION_EXPORT_TYPE", "text")
+    monkeypatch.setenv("XR_CORE_VALIDATION_FILE_NAME", str(log))
+    for number, source in enumerate(("grip", "wrist", "tracker")):
+        with opened(source=source) as tracker:
+            some(tracker)
+            service.say("state exiting")
+            until(tracker, lambda _, t=tracker: t.counts.connections == 2)  # type: ignore[misc]
+            some(tracker)
+        said = log.read_text()
+        assert said.count("is initialized") == 2 * (number + 1)
+        assert "VALID_ERROR" not in said
+        assert "VALID_WARNING" not in said
+    # What is not allowed, the layer says.
+    instance = xr.create_instance()
+    with pytest.raises(xr.ValidationFailureError):
+        xr.string_to_path(instance, None)
+    xr.destroy_instance(instance)
+    assert "VALID_ERROR" in log.read_text()
+
+
 @pytest.mark.parametrize(
     ("lacking", "options", "said"),
     [
