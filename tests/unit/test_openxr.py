@@ -218,6 +218,13 @@ def test_a_headset_that_sleeps_keeps_the_session_from_beginning(service: Emulato
         some(tracker)
 
 
+def test_a_runtime_that_never_brings_the_session_into_focus_is_told(service: Emulator) -> None:
+    service.say("stuck")
+    with opened() as tracker:
+        assert "not brought it into focus; one that never does is too old" in tracker.problem
+        assert tracker.read(0) == []
+
+
 def test_it_leaves_as_a_runtime_wants_it_and_no_thread_is_left(service: Emulator) -> None:
     tracker = opened()
     for _ in range(2):

@@ -227,9 +227,10 @@ impl Runtime {
         if self.session()?.state != SessionState::READY {
             return Err(Code::ERROR_SESSION_NOT_READY);
         }
-        self.ask("begin")?;
-        let states = [SessionState::SYNCHRONIZED, SessionState::VISIBLE, SessionState::FOCUSED];
-        self.events.extend(states.map(Told::State));
+        if self.ask("begin")? != "stuck" {
+            let states = [SessionState::SYNCHRONIZED, SessionState::VISIBLE, SessionState::FOCUSED];
+            self.events.extend(states.map(Told::State));
+        }
         Ok(())
     }
 

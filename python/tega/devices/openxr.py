@@ -30,6 +30,8 @@ _LEAVE_S: Final = 2.0
 _STATES: Final = {
     "unknown": "the runtime has not begun the session",
     "idle": "the runtime keeps the session idle: is the headset on, and awake?",
+    "ready": "the runtime has begun the session and not brought it into focus; one that never does is too old, such as"
+    " Monado from before December 2023",
     "stopping": "the runtime ends the session",
 }
 _Outcome = queue.SimpleQueue[DeviceUnavailableError | None]

@@ -213,7 +213,9 @@ class XrSession:
     def _time(self, now_ns: int) -> int:
         """Return a time of the monotonic clock in the runtime's."""
         if not self.converts_times:
-            return now_ns + (self._ahead_ns or 0)
+            if self._ahead_ns is None:
+                raise DeviceUnavailableError(f"openxr: {self.runtime} tells no times at all")
+            return now_ns + self._ahead_ns
         xr = self._xr
         then = xr.timespec(now_ns // 10**9, now_ns % 10**9)
         return int(xr.convert_timespec_time_to_time_khr(self._instance, then).value)

@@ -44,6 +44,7 @@ FAULTS: Final = {
     "freeze": "does not answer any more, and keeps the connection",
     "same": "the pose is not updated",
     "nan": "a coordinate is not a number",
+    "stuck": "a session that was begun stays as it is, as with Monado from before December 2023",
     "nowhere": "neither place nor turn is valid",
     "no-place": "the turn is tracked, the place only guessed",
 }
@@ -91,6 +92,8 @@ class Service:
         if verb == "extensions":
             return " ".join(name for name in EXTENSIONS if name not in self.without)
         self.asked.append(verb)
+        if verb == "begin" and "stuck" in self.faults:
+            return "stuck"
         return "idle" if self.is_asleep else "ready"
 
     def _event(self) -> str:
