@@ -306,7 +306,8 @@ impl Runtime {
     /// Says what is held, or strapped on, at a user path: what was suggested for it first.
     pub fn profile(&mut self, user: u64) -> Outcome<u64> {
         let user = self.path_text(user)?.to_owned();
-        if !self.bindings.values().flatten().any(|path| path.starts_with(&user)) {
+        if self.ask("held")? == "no" || !self.bindings.values().flatten().any(|path| path.starts_with(&user))
+        {
             return Ok(0);
         }
         let is_vive = user.starts_with("/user/vive_tracker_htcx/");

@@ -151,9 +151,11 @@ class OpenXr(Opened):
         with self._lock:
             if self._trouble:
                 return f"openxr: {self._trouble}"
-            away_s = (time.monotonic_ns() - self._heard_ns) / 1e9
+            away_s, device = (time.monotonic_ns() - self._heard_ns) / 1e9, self._device
         if self._thread and away_s > _SILENT_S:
             return f"openxr: {self._runtime} has not answered for {away_s:.1f} s"
+        if self._thread and not device and self._options.source != "wrist":
+            return f"openxr: the runtime has no {self._what}: is it switched on?"
         return ""
 
     def open(self) -> None:
@@ -247,13 +249,14 @@ class OpenXr(Opened):
         while not leaving.wait(max(next_s - time.monotonic(), 0.0)):
             next_s = max(next_s + 1 / self._options.rate_hz, time.monotonic())
             session.poll()
+            if session.state != state:
+                state = session.state
+                self._enter(state)
+            self._heard_ns, self._device = time.monotonic_ns(), session.device
             if session.is_begun and not is_counted:
                 is_counted = True
                 self.counts.connections += 1
                 outcome.put(None)
-            if session.state != state:
-                state = session.state
-                self._enter(state)
             now_ns = time.monotonic_ns()
             self._take(session, session.locate(now_ns), now_ns)
 
@@ -273,7 +276,6 @@ class OpenXr(Opened):
         """Take an answer."""
         c = self.counts
         with self._lock:
-            self._heard_ns, self._device = time.monotonic_ns(), session.device
             if session.anew_from_ns:
                 c.recentred += 1
                 self._anew_until_ns = max(self._anew_until_ns, session.anew_from_ns + _ANEW_NS)

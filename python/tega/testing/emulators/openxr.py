@@ -12,6 +12,7 @@ strapped on, trembles by 0.2 mm, the same at the same time; nothing it does is a
     state NAME        the session is told that its state is now such: idle, ready, visible, focused, stopping, ...
     instance-loss     the runtime is about to end
     asleep, awake     a new session stays idle; one that is idle gets ready
+    off, on           the controllers and trackers are switched so
     without NAME      the next instance has no such extension; without a name all are there
     hide, show        the service ends, and connections with it; it is there again
     look              how many connections there are, and what the session was asked to do
@@ -77,6 +78,7 @@ class Service:
         self.faults: set[str] = set()
         self.without: set[str] = set()
         self.is_asleep = False
+        self.is_on = True
         self.events: list[str] = []
         self.asked: list[str] = []
         self._same: str = ""
@@ -91,6 +93,8 @@ class Service:
             return self._locate(user, source, base, int(t_ns))
         if verb == "extensions":
             return " ".join(name for name in EXTENSIONS if name not in self.without)
+        if verb == "held":
+            return "yes" if self.is_on else "no"
         self.asked.append(verb)
         if verb == "begin" and "stuck" in self.faults:
             return "stuck"
@@ -105,7 +109,7 @@ class Service:
         return f"{time.monotonic_ns()} {told}"
 
     def _locate(self, user: str, source: str, base: str, t_ns: int) -> str:
-        if "nowhere" in self.faults:
+        if "nowhere" in self.faults or (source != "wrist" and not self.is_on):
             return "0 0 0 0 0 0 0 0"
         if "same" in self.faults and self._same:
             return self._same
@@ -144,13 +148,14 @@ class Service:
             self.events.append(" ".join(map(str, ("recentred", *numbers[:3]))))
         elif verb in {"lose", "find"}:
             self.lost_ns = time.monotonic_ns() if verb == "lose" else 0
-        elif verb == "state":
-            self.events.append(words[0])
-        elif verb == "instance-loss":
-            self.events.append("instance-loss")
+        elif verb in {"state", "instance-loss"}:
+            self.events.append((words or [verb])[0])
         elif verb in {"asleep", "awake"}:
             self.is_asleep = verb == "asleep"
             self.events += ["ready"] if verb == "awake" else []
+        elif verb in {"off", "on"}:
+            self.is_on = verb == "on"
+            self.events.append("profile")
         elif verb == "without":
             self.without = set(words)
         elif verb == "clear":
