@@ -28,7 +28,7 @@ _MARKS = {"lift_off": "l", "slip": "s", "deformation": "d", "drop": "x", "note":
 _PLAY_KEYS = (
     ("space", "play, pause"),
     ("← →", "2 s back, on"),
-    ("1 2", "slower, faster"),
+    ("1 2", "speed"),
     ("Enter", "next"),
     ("p", "previous"),
 )
@@ -49,7 +49,14 @@ class PlaybackConsole(RaterConsole):
 
     LOOK_S: ClassVar[float] = 0.04
     KEYS: ClassVar[str] = help_line(_PLAY_KEYS) + "\n" + help_line()
-    CSS = RaterConsole.CSS + "\n#track { width: 100%; text-align: center; padding: 1 0 0 0; }"
+    CSS = (
+        RaterConsole.CSS
+        + """
+    #track { width: 100%; text-align: center; }
+    #clock { padding: 0; }
+    #list { margin: 0; }
+    """
+    )
 
     def __init__(
         self,
@@ -197,7 +204,7 @@ class PlaybackConsole(RaterConsole):
             state = "seen to its end: Enter goes on"
         else:
             state = "not seen to its end yet"
-        lines = [f"{len(found)} in this recording; {state}"]
+        lines = [f"{len(found)} scored here; {state}"]
         if now.n_taken_back:
             lines.append(f"begun anew: {now.n_taken_back} events from before the stop are taken back")
         for event in found[-2 if now.n_taken_back else -3 :]:
@@ -210,9 +217,9 @@ class PlaybackConsole(RaterConsole):
             f"[dim]picture: {self._address}[/]" if self._show is not None else f"[yellow]{_NO_PICTURE}[/]"
         ]
         unseen = self.scoring.unseen
-        lines += [f"[yellow]left out: {one.id}: {_plain(one.why)}[/]" for one in unseen[:2]]
-        if len(unseen) > 2:
-            lines.append(f"[yellow]and {len(unseen) - 2} more, listed at the end[/]")
+        lines += [f"[yellow]left out: {one.id}: {_plain(one.why)}[/]" for one in unseen[:1]]
+        if len(unseen) > 1:
+            lines.append(f"[yellow]and {len(unseen) - 1} more, listed at the end[/]")
         return "\n".join(lines)
 
 

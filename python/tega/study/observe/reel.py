@@ -18,6 +18,7 @@ import numpy as np
 from tega.errors import RecordingError, TegaError
 from tega.study.hand_rows import read_hand
 from tega.teleop.loop import LoopView
+from tega.teleop.touch import STALE_NS
 from tega.view.state import TouchImage, ViewState
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ class Reel:
     def _image(self, finger: str, at_ns: int) -> TouchImage | None:
         strip = self._strips[finger]
         place = bisect_right(strip.t_ns, at_ns) - 1
-        if place < 0:
+        if place < 0 or at_ns - strip.t_ns[place] > STALE_NS:  # a picture that stands still would deceive
             return None
         if finger not in self._decoded or self._decoded[finger][0] != place:
             import cv2
