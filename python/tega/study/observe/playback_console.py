@@ -32,7 +32,7 @@ _PLAY_KEYS = (
     ("Enter", "next"),
     ("p", "previous"),
 )
-_NO_PICTURE = "no picture here: watch the lab's own video beside it, from the trial's start on"
+_NO_PICTURE = "no picture here: watch the lab's own video beside it"
 
 
 class PlaybackConsole(RaterConsole):
