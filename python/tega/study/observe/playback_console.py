@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.widget import Widget
@@ -15,7 +15,7 @@ from tega.study.observe.scoring import Scoring
 if TYPE_CHECKING:
     from textual import events
 
-    from tega.study.journal import Kind
+    from tega.study.journal import Event, Kind
     from tega.study.observe.play_head import PlayHead
     from tega.study.observe.scoring import Showing
     from tega.view.state import ViewState
@@ -151,7 +151,8 @@ class PlaybackConsole(RaterConsole):
             "where", f"{self._participant} · rater {scoring.rater} · {scoring.n_scored} of {n_trials} scored"
         )
         self.put("health", self._health())
-        self.put_counts(scoring.events())
+        found = scoring.events()
+        self.put_counts(found)
         if now is None:
             self.put_clock("--:--.-")
             self.put("phase", "ALL RECORDINGS ARE SCORED · q q quits")
@@ -164,8 +165,8 @@ class PlaybackConsole(RaterConsole):
         self.put(
             "phase", f"recording {number} of {n_trials} · {now.trial.object} · {_doing(now.head, at_ns)}"
         )
-        self.put("track", self._track(now, at_ns))
-        self.put("list", self._listed(now))
+        self.put("track", self._track(now, at_ns, found))
+        self.put("list", self._listed(now, found))
         self._offer(now, at_ns, f"{number} of {n_trials}")
 
     def _offer(self, now: Showing, at_ns: int, number: str) -> None:
@@ -176,7 +177,7 @@ class PlaybackConsole(RaterConsole):
         self._shown = new
         self._show(now.reel.at(at_ns, {"recording": number, "object": now.trial.object, "playing": doing}))
 
-    def _track(self, now: Showing, at_ns: int) -> str:
+    def _track(self, now: Showing, at_ns: int, found: Sequence[Event]) -> str:
         """Draw the trial as a line: what was added, and below it what was played and where the head is."""
         length_ns, width = now.trial.length_ns, min(_TRACK, max(self.size.width - 8, 10))
 
@@ -184,7 +185,7 @@ class PlaybackConsole(RaterConsole):
             return min(max(t_ns * width // length_ns, 0), width - 1)
 
         marks, line = [" "] * width, ["╌"] * width
-        for event in self.scoring.events():
+        for event in found:
             marks[column(event.t_ns - now.trial.start_ns)] = _MARKS[event.kind]
         for place in range(width):
             begin_ns, end_ns = place * length_ns // width, (place + 1) * length_ns // width
@@ -194,8 +195,7 @@ class PlaybackConsole(RaterConsole):
         before, behind = "".join(line[:here]), "".join(line[here + 1 :])
         return f"[b]{''.join(marks)}[/]\n{before}[b $accent]●[/]{behind}"
 
-    def _listed(self, now: Showing) -> str:
-        found = self.scoring.events()
+    def _listed(self, now: Showing, found: Sequence[Event]) -> str:
         if self.scoring.whole(now.trial):
             state = "scored, seen whole"
         elif self.scoring.ended(now.trial):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError, TegaError
+from tega.hand import JOINT_NAMES
 from tega.study.hand_rows import read_hand
 from tega.teleop.loop import LoopView
 from tega.teleop.touch import STALE_NS
@@ -31,6 +32,9 @@ __all__ = ["Reel", "read_reel"]
 
 _APART_NS = 30_000_000
 """The page shows no more pictures than that."""
+
+_FAR_NS = 1_000_000_000
+"""Further from where ``trial.json`` says it began, a recording is another one."""
 
 _SHORT_NS = 500_000_000
 """So much of a trial's end a recording may lack: its last items are on their way when it ends."""
@@ -145,7 +149,7 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     from tega.recording.mcap_reader import McapReader
 
     cv2 = require("cv2", driver="recording", extra="record")
-    reader = McapReader(path)
+    reader = McapReader(path, check_sums=True)
     strips: dict[str, _Strip] = {}
     hand_t_ns: list[int] = []
     angles: list[list[float]] = []
@@ -159,24 +163,39 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
                 pictures[message.topic.split("/")[2]] = message
             elif message.schema == "foxglove.JointStates":
                 hand_t_ns.append(since_ns)
-                angles.append([joint.position for joint in message.value.joints])
+                angles.append(_angles(message.value))
             elif message.schema == "tega.Frame":
                 finger = message.topic.split("/")[2]
                 if finger not in strips:
                     strips[finger] = _Strip(np.load(io.BytesIO(reader.files[f"baseline-{finger}.npy"])))
                 _keep(strips[finger], message.value.t_ns - trial.zero_ns, pictures.pop(finger, None), cv2)
-        began_ns = int(reader.metadata["tega"]["start_ns"])
-        reading = parse_calibration(reader.files["calibration.toml"].decode(), path.name).preset
     except TegaError:
         raise
-    except (KeyError, ValueError, IndexError) as error:
-        raise RecordingError(f"{path.name} is damaged: {error}") from error
-    if abs(began_ns - (trial.start_ns - trial.zero_ns)) > 1_000_000_000:
-        raise RecordingError(f"{path.name} is of another trial: it was begun at another time")
+    except Exception as error:  # of a damaged file decoders raise what they like
+        raise RecordingError(f"{path.name} is damaged: {type(error).__name__}: {error}") from error
     if reader.cut or "end" not in reader.metadata:
         raise RecordingError(f"{path.name} is damaged or was never finished")
+    try:
+        began_ns = int(reader.metadata["tega"]["start_ns"])
+        reading = parse_calibration(reader.files["calibration.toml"].decode(), path.name).preset
+    except (KeyError, ValueError) as error:
+        raise RecordingError(f"{path.name} is damaged: {error}") from error
+    if abs(began_ns - (trial.start_ns - trial.zero_ns)) > _FAR_NS:
+        raise RecordingError(f"{path.name} is of another trial: it was begun at another time")
     _reaches(trial, newest_ns)
     return Reel(reading=reading, strips=strips, hand_t_ns=hand_t_ns, angles_rad=angles)
+
+
+def _angles(states: Any) -> list[float]:
+    """Return the hand's angles.
+
+    Raises:
+        ValueError: They are not those of a hand.
+    """
+    angles = [float(joint.position) for joint in states.joints]
+    if len(angles) != len(JOINT_NAMES):
+        raise ValueError(f"{len(angles)} joints, expected {len(JOINT_NAMES)}")
+    return angles
 
 
 def _keep(strip: _Strip, t_ns: int, picture: Any, cv2: Any) -> None:
