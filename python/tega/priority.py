@@ -24,12 +24,13 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Final, Literal
 
 from tega.repeated import repeated
 
-__all__ = ["Rank", "ahead_of_others", "all_along", "bring_along", "realtime"]
+__all__ = ["Rank", "ahead_of_others", "all_along", "bring_along", "realtime", "untaken"]
 
 Rank = Literal["act", "measure", "take", "beside"]
 
@@ -103,6 +104,41 @@ def all_along() -> Iterator[None]:
         for left in threading.enumerate():
             if left.native_id in brought:
                 _ordinary(left.native_id)
+
+
+@contextmanager
+def untaken() -> Iterator[None]:
+    """Give back the priority that a library takes for itself in this block, before every other program.
+
+    The video encoder SVT-AV1 does so where it runs as root: it puts the calling thread, and so every process that is
+    started from it afterwards, and all threads of its own before everything on the machine, a running loop included.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    before = {tid: how for tid in _threads() if (how := _how(tid)) is not None}
+    try:
+        yield
+    finally:
+        for tid in _threads():
+            how = _how(tid)
+            if how is None or how == before.get(tid) or how[0] & ~os.SCHED_RESET_ON_FORK != os.SCHED_FIFO:
+                continue  # ours are SCHED_RR
+            with suppress(OSError):  # it has ended
+                policy, priority = before.get(tid, (os.SCHED_OTHER, 0))
+                os.sched_setscheduler(tid, policy, os.sched_param(priority))
+
+
+def _threads() -> list[int]:
+    """Return all threads of this program, a library's as well."""
+    return [int(task.name) for task in Path("/proc/self/task").iterdir()]
+
+
+def _how(tid: int) -> tuple[int, int] | None:
+    try:
+        return os.sched_getscheduler(tid), os.sched_getparam(tid).sched_priority
+    except OSError:  # it has ended
+        return None
 
 
 def _possible() -> bool:

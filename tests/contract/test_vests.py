@@ -57,7 +57,7 @@ class Bench(NamedTuple):
 
     def wait(self, condition: Callable[[], bool]) -> None:
         """Wait until something holds."""
-        for _ in range(750):
+        for _ in range(3000):
             if condition():
                 return
             time.sleep(0.02)

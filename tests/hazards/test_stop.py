@@ -47,7 +47,7 @@ def test_a_signal_stops_and_leaves_all_safe(tmp_path: Path, number: signal.Signa
     with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
         running = start(made)
         running.send_signal(number)
-        out, _ = running.communicate(timeout=20)
+        out, _ = running.communicate(timeout=60)
         assert made.limp()
         made.until(made.at_rest)
     summary = json.loads(out)
@@ -64,7 +64,7 @@ def test_impatience_stops_as_well(tmp_path: Path) -> None:
         while running.poll() is None:
             running.send_signal(signal.SIGINT)
             time.sleep(0.02)
-        running.communicate(timeout=20)
+        running.communicate(timeout=60)
         assert made.limp()
         made.until(made.at_rest)
     # The last ones may have met an interpreter that had already put its signals away.
@@ -160,7 +160,7 @@ def test_a_full_disk_ends_the_tables_and_not_the_run(tmp_path: Path) -> None:
         assert closed(made)
         assert column(made, 0)
         running.send_signal(signal.SIGINT)
-        out, _ = running.communicate(timeout=20)
+        out, _ = running.communicate(timeout=60)
         assert made.limp()
     summary = json.loads(out)
     assert any("disk: tables are no longer written" in said for said in summary["safety"]["alerts"])

@@ -37,7 +37,7 @@ def _driver(hand: Emulator, **options: Any) -> Allegro:
     return Allegro(make(**{**hand.address, **PATIENT, **options}))
 
 
-def _until(done: Callable[[], bool], *, seconds: float = 20.0) -> bool:
+def _until(done: Callable[[], bool], *, seconds: float = 60.0) -> bool:
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         if done():

@@ -30,7 +30,7 @@ from tega.errors import DeviceUnavailableError, WrongDeviceError
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 
 _MS = 1_000_000
-_PATIENCE_S = 10.0
+_PATIENCE_S = 60.0
 _MOST_TURNS = 1500
 _TURN = (0.0, 0.0, 0.0, 1.0)
 

@@ -188,14 +188,14 @@ def test_an_interrupted_run_leaves_hand_and_vest_silent(session: Path, number: s
     words += ["--set", "session.preset=paper"]
     np.save(session.parent / "emg.npy", squeezes(12_000, 200.0))
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 60
         while not (can_csv.exists() and (session.parent / "out" / "calibration.toml").exists()):
             assert process.poll() is None, process.communicate()[1]
             assert time.monotonic() < deadline
             time.sleep(0.02)
         time.sleep(0.3)
         process.send_signal(number)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     frames = [line.split(",")[1:] for line in can_csv.read_text().splitlines()[-5:]]
     assert frames == [[i, "0" * 16] for i in ("180", "184", "188", "18C")] + [["104", ""]]

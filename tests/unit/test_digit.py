@@ -28,7 +28,7 @@ def _driver(sensor: Emulator, **options: Any) -> Digit:
     return Digit(make(**{"source": sensor.address["source"], "warm_up_s": 0.1, **options}))
 
 
-def _until(done: Callable[[], bool], *, seconds: float = 20.0) -> bool:
+def _until(done: Callable[[], bool], *, seconds: float = 60.0) -> bool:
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         if done():

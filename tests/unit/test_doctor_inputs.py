@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from reference.waiting import until
 from tega.cli.main import main
 from tega.config import load_config
 from tega.doctor import Finding, examine, lab_settings
@@ -40,6 +41,21 @@ def attached() -> Iterator[tuple[Emulator, Emulator, HidPort]]:
             yield cap, foot, port
 
 
+@contextmanager
+def once_open(port: HidPort, device: Emulator, what: str) -> Iterator[None]:
+    """Have a device do something as soon as somebody opens it in the block."""
+    before = port.n_opened[device.port]
+
+    def act() -> None:
+        until(lambda: port.n_opened[device.port] > before)
+        device.say(what)
+
+    thread = threading.Thread(target=act)
+    thread.start()
+    yield
+    thread.join()
+
+
 def told(folder: Path) -> dict[str, list[Finding]]:
     path = folder / "lab.toml"
     path.write_text(SETTINGS)
@@ -66,10 +82,8 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
 
         cap.say("push 0 -350 0 0 0 0")
         # A pedal tells of changes only, so the foot comes down while somebody listens.
-        timer = threading.Timer(0.4, lambda: foot.say("press 0"))
-        timer.start()
-        found = told(tmp_path)
-        timer.join()
+        with once_open(port, foot, "press 0"):
+            found = told(tmp_path)
         assert found["input.motion"][0].status == "doubt"
         assert "the cap is pushed or turned" in found["input.motion"][0].finding
         assert "touched: " in found["input.dead_man"][0].finding
@@ -77,10 +91,8 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
         cap.say("push 0 0 0 0 0 0")
         foot.say("lift 0")
 
-        timer = threading.Timer(0.4, lambda: cap.say("unplug"))
-        timer.start()
-        found = told(tmp_path)
-        timer.join()
+        with once_open(port, cap, "unplug"):
+            found = told(tmp_path)
         assert [found[seat][0].status for seat in seats] == ["wrong", "fine", "wrong"]
         assert "opened, and then had no data" in found["input.motion"][0].finding
         found = told(tmp_path)

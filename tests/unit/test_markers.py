@@ -65,7 +65,7 @@ def peer(before: list[str]) -> Iterator[Peer]:
         try:
             yield Peer(process)
         finally:
-            process.communicate("quit\n", timeout=10)
+            process.communicate("quit\n", timeout=60)
 
 
 def tree(folder: Path, **markers: str) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def running(settings: dict[str, Any]) -> Iterator[dict[str, Any]]:
     thread = threading.Thread(target=run)
     thread.start()
     try:
-        assert begun.wait(10.0)
+        assert begun.wait(60.0)
         yield summary
     finally:
         over.set()

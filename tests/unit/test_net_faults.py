@@ -94,7 +94,7 @@ def test_what_a_link_keeps_back_comes_whole_and_in_order() -> None:
         sent = bytes(range(256)) * 200
         with (
             ImpairedLink(server.getsockname()[1], delay_ms=1.0, jitter_ms=1.0, loss=0.05) as link,
-            socket.create_connection(("127.0.0.1", link.port), timeout=20.0) as here,
+            socket.create_connection(("127.0.0.1", link.port), timeout=60.0) as here,
         ):
             link.stall()
             here.sendall(sent)
@@ -102,7 +102,7 @@ def test_what_a_link_keeps_back_comes_whole_and_in_order() -> None:
             with pytest.raises(TimeoutError):
                 here.recv(1)
             link.resume()
-            here.settimeout(20.0)
+            here.settimeout(60.0)
             came = b""
             while len(came) < len(sent):
                 came += here.recv(4096)

@@ -51,7 +51,7 @@ def passed(robot_keys: Path, operator_keys: Path, *, name: str = "alice") -> tup
         there.hears("state", lambda _key, data: states.append(data))
         there.lives(f"operator/{name}/1")
         say, tell = there.sends(f"cmd/{name}/hand", Channel.COMMAND), here.sends("state", Channel.STATE)
-        until_s = time.monotonic() + (20.0 if robot_keys.parent == operator_keys.parent else 2.0)
+        until_s = time.monotonic() + (60.0 if robot_keys.parent == operator_keys.parent else 2.0)
         right = robot_keys.name == "panda" and operator_keys.name == "alice"
         until_s = until_s if right else time.monotonic() + 2.0
         while time.monotonic() < until_s and not (commands and states and signs):

@@ -79,7 +79,7 @@ def test_pictures_come_for_the_page_with_the_gel_they_are_compared_with(files) -
         return prepared._replace(fingers={"thumb": thumb._replace(source=watched)})
 
     config = load_config(files[1], environ={}).config
-    until_s = time.monotonic() + 30
+    until_s = time.monotonic() + 60
     summary = run_session(config, on_prepared=watch, stop=lambda: len(seen) > 4 or time.monotonic() > until_s)
     assert {frame.image.shape for frame in seen} == set(baselines)
     # A recording is read a second ahead, so its pictures are early; by our clock they are of about now.
@@ -145,7 +145,7 @@ def test_a_silent_operator_leaves_the_hand_held_then_open(port) -> None:
         assert isinstance(alice.join(), Welcome)
         until(lambda: alice.clocks > 0)
         sequence = 0
-        until_s = time.monotonic() + 30
+        until_s = time.monotonic() + 60
         while not is_in("active") and time.monotonic() < until_s:
             alice.say(sequence)
             sequence += 1

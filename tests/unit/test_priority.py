@@ -30,7 +30,7 @@ def _policy(thread: threading.Thread | None = None) -> tuple[int, int]:
 
 
 def _until(what: Callable[[], bool]) -> bool:
-    end_s = time.monotonic() + 10.0
+    end_s = time.monotonic() + 60.0
     while not what() and time.monotonic() < end_s:
         time.sleep(0.01)
     return what()

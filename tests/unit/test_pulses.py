@@ -30,7 +30,7 @@ from tega.testing.emulators.vests import seen_by
 from tega.testing.lab import emulated_lab
 
 FRAME_MS = 16
-LONG_S = 30.0
+LONG_S = 60.0
 
 
 def touch(mass: float, y: float = 100.0) -> ContactMetrics:

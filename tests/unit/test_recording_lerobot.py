@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from tega.errors import ConfigError, RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.lerobot import export_lerobot
+from tega.recording.lerobot.video import Camera
 from tega.recording.trim import trim_session
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
@@ -156,6 +159,34 @@ def test_the_figures_are_those_of_the_frames(dataset: Path) -> None:
         ("mean", "max"),
     ):
         assert np.all(np.array(colours[low]) <= np.array(colours[high]))
+
+
+def test_an_episode_may_end_before_the_encoder_has_let_a_picture_go(tmp_path: Path) -> None:
+    camera = Camera(tmp_path, "observation.images.thumb", FPS, (64, 64))
+    for grey in (50, 200):
+        camera.begin()
+        camera.add(np.full((64, 64, 3), grey, np.uint8), 1)
+        place = camera.end()
+    camera.close()
+    assert place["videos/observation.images.thumb/from_timestamp"] == 1 / FPS
+    with av.open(str(tmp_path / "videos/observation.images.thumb/chunk-000/file-000.mp4")) as video:
+        greys = [frame.to_ndarray(format="rgb24").mean() for frame in video.decode(video=0)]
+    assert greys == pytest.approx([50, 200], abs=10)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="priorities are Linux's")
+def test_the_encoder_does_not_put_this_program_before_all_others(tmp_path: Path) -> None:
+    def policies() -> set[int]:
+        return {os.sched_getscheduler(int(task.name)) for task in Path("/proc/self/task").iterdir()}
+
+    before = policies()
+    camera = Camera(tmp_path, "observation.images.thumb", FPS, (64, 64))
+    camera.begin()
+    for _ in range(40):
+        camera.add(np.zeros((64, 64, 3), np.uint8), 1)
+    assert policies() == before
+    camera.close()
+    assert policies() == before
 
 
 def test_other_inputs_and_full_folders_are_refused(

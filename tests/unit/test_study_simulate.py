@@ -251,7 +251,7 @@ def test_workers_end_with_the_program_that_started_them(tmp_path: Path, how: sig
         wait_until(lambda: len(workers_of(program.pid)) == 2 and any((tmp_path / "s").glob(".running/*")))
         workers = workers_of(program.pid)
         program.send_signal(how)
-        assert program.wait(20) == -how
+        assert program.wait(60) == -how
         wait_until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))
     finally:
         program.kill()

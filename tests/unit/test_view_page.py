@@ -41,7 +41,7 @@ def seen(browser):
         for k in range(12):
             view.offer(moments.at(2.0 + k / 30))
             time.sleep(0.15)
-        page.get_by_text("2.4 s").wait_for(timeout=20_000)
+        page.get_by_text("2.4 s").wait_for(timeout=60_000)
         yield page, controls
 
 
@@ -89,7 +89,7 @@ def test_buttons_reach_the_program(seen):
     page.get_by_role("button", name="bag").click()
     until(lambda: controls.take_object() == "bag")
     page.get_by_role("button", name="Pause").click()
-    page.get_by_role("button", name="Go on").wait_for(timeout=20_000)
+    page.get_by_role("button", name="Go on").wait_for(timeout=60_000)
     assert controls.paused
 
 
@@ -101,16 +101,16 @@ def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
 
     with BrowserView("TEGA made-up grasp", port=0) as view, opened(browser, view.url) as page:
         view.offer(in_state("active", "all is there"))
-        page.get_by_text("ACTIVE", exact=True).wait_for(timeout=20_000)
+        page.get_by_text("ACTIVE", exact=True).wait_for(timeout=60_000)
         assert page.get_by_text("all is there").count() == 0
         view.offer(in_state("hold", "emg: no signal for 0.5 s"))
-        page.get_by_text("HOLD", exact=True).wait_for(timeout=20_000)
-        page.get_by_text("emg: no signal for 0.5 s").wait_for(timeout=20_000)
+        page.get_by_text("HOLD", exact=True).wait_for(timeout=60_000)
+        page.get_by_text("emg: no signal for 0.5 s").wait_for(timeout=60_000)
         if folder := os.environ.get("TEGA_PICTURES"):
             page.screenshot(path=Path(folder) / "view-hold.png")
         view.offer(in_state("stopped", "stopped: Ctrl-C"))
         view.__exit__(None, None, None)
-        page.get_by_text("STOPPED", exact=True).wait_for(timeout=20_000)
+        page.get_by_text("STOPPED", exact=True).wait_for(timeout=60_000)
         assert page.get_by_text("ACTIVE", exact=True).count() == 0
 
 
@@ -138,7 +138,7 @@ def test_the_bench_with_an_object_held_up(name, browser):
             if last - k < 75:  # at its own pace in the end, so that the rates shown are true
                 time.sleep(max(0.0, 0.1 - (time.monotonic() - offered_s)))
             offered_s = time.monotonic()
-        page.get_by_text(f"{moment.t_ns / 1e9:.1f} s", exact=True).wait_for(timeout=20_000)
+        page.get_by_text(f"{moment.t_ns / 1e9:.1f} s", exact=True).wait_for(timeout=60_000)
         page.wait_for_timeout(3_000)
         shown = picture(page)
         if folder := os.environ.get("TEGA_PICTURES"):

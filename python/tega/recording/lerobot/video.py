@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tega.devices.lifecycle import require
+from tega.priority import untaken
 from tega.recording.lerobot.stats import Colours
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ class Video:
 
     Attributes:
         n_frames: How many it has.
+        n_bytes: Size of what has left the encoder, which keeps pictures back; the file is there only from then on.
 
     Raises:
         MissingExtraError: The package ``av`` is not installed.
@@ -50,7 +53,9 @@ class Video:
         self._file = self._av.open(str(path), "w")
         self._stream = self._file.add_stream(CODEC, fps, options=dict(_OPTIONS))
         self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, PIXELS
-        self.n_frames = 0
+        with untaken():
+            self._stream.codec_context.open()
+        self.n_frames = self.n_bytes = 0
 
     def add(self, image: NDArray[np.uint8], n_times: int) -> None:
         """Add a picture, uint8 (H, W, 3) in RGB, so many times in a row."""
@@ -58,12 +63,16 @@ class Video:
             frame = self._av.VideoFrame.from_ndarray(image, format="rgb24")
             frame.pts = self.n_frames
             self.n_frames += 1
-            self._file.mux(self._stream.encode(frame))
+            self._write(self._stream.encode(frame))
 
     def close(self) -> None:
         """Write what the encoder still has, and finish the file."""
-        self._file.mux(self._stream.encode())
+        self._write(self._stream.encode())
         self._file.close()
+
+    def _write(self, packets: Sequence[Any]) -> None:
+        self.n_bytes += sum(packet.size for packet in packets)
+        self._file.mux(packets)
 
 
 class Place:
@@ -107,7 +116,7 @@ class Camera:
     def begin(self) -> None:
         """Begin an episode, in a new file where the last one is large."""
         self.episode = Colours()
-        if self._video is not None and self._video.path.stat().st_size > VIDEO_MB * 2**20:
+        if self._video is not None and self._video.n_bytes > VIDEO_MB * 2**20:
             self.close()
             self._place.next()
         if self._video is None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -43,6 +44,9 @@ class HidPort:
     Args:
         boards: The boards, or the path of the socket of one with the numbers of TEGA's own.
         can_open: Whether opening them is allowed, as a udev rule would.
+
+    Attributes:
+        n_opened: How often each socket was opened.
     """
 
     def __init__(self, *boards: HidBoard | str, can_open: bool = True) -> None:
@@ -50,6 +54,7 @@ class HidPort:
         self.__spec__ = ModuleSpec(_NAMES[0], None)
         self.boards = [HidBoard(board) if isinstance(board, str) else board for board in boards]
         self.can_open = can_open
+        self.n_opened: Counter[str] = Counter()
 
     def enumerate(self, vendor_id: int = 0, product_id: int = 0) -> list[dict[str, Any]]:
         """List the boards that are plugged in and asked for; 0 asks for any."""
@@ -101,6 +106,7 @@ class _Device:
             raise OSError("open failed") from None
         channel.settimeout(0)
         self._socket = channel
+        self._port.n_opened[path.decode()] += 1
 
     def set_nonblocking(self, _on: int) -> int:
         return 0
