@@ -333,6 +333,7 @@ def test_a_recording_that_cannot_be_shown_is_named_and_left_out(folder: Path) ->
     shutil.rmtree(fourth.folder)
     with pytest.raises(DeviceUnavailableError) as told:
         Scoring(folder, "p01", "r9")
+    assert not observer_path(folder, "p01", "r9").exists()
     for words in (
         f"{first.id}: no recording",
         "is damaged",

@@ -104,6 +104,7 @@ class Reel:
             truth = self._truth[place - 1]
             rows = {
                 **rows,
+                "pictures": "none, simulated",
                 "height": f"{truth.height_m * 100:.1f} cm",
                 "slid in the hand": f"{truth.slid_m * 1e3:.1f} mm",
                 "pressed in": f"{truth.pressed_in_m * 1e3:.1f} mm",

@@ -65,19 +65,20 @@ class Scoring:
         signed = read_plan(folder).settings.plan_sha256
         self._heads: dict[str, PlayHead] = {}
         self.now: Showing | None = None
-        self.journal = Journal(observer_path(folder, participant, rater))
+        path = observer_path(folder, participant, rater)
+        new = not path.exists()
+        self.journal = Journal(path)
         try:
             self._check(signed)
             begin_ns = min(trial.start_ns for trial in self.trials)
             self.journal.add("session_start", t_ns=begin_ns, source=rater, text=signed, item=RECORDED)
             self.go_on()
+            self._check_any(participant)
         except BaseException:
             self.close()
+            if new:  # nothing was scored: the code is free for another use
+                path.unlink()
             raise
-        if not self.trials:
-            self.close()
-            why = "; ".join(f"{one.id}: {one.why}" for one in self.unseen)
-            raise DeviceUnavailableError(f"{participant}: no recording to score: {why}")
 
     @property
     def n_scored(self) -> int:
@@ -177,6 +178,11 @@ class Scoring:
                 f"{self.rater} has scored this session live or elsewhere",
                 f"score its recordings under another code, such as --rater {self.rater}v",
             )
+
+    def _check_any(self, participant: str) -> None:
+        if not self.trials:
+            why = "; ".join(f"{one.id}: {one.why}" for one in self.unseen)
+            raise DeviceUnavailableError(f"{participant}: no recording to score: {why}")
 
     def _open(self, trial: RecordedTrial) -> bool:
         try:
