@@ -62,15 +62,15 @@ def plan() -> StudyPlan:
     return make_plan(participants=1, seed=5, objects=["bag", "bottle"], trials=1, layout="pairs")
 
 
-def study(folder: Path, plan: StudyPlan, recording: Path, **changes: Any) -> Path:
-    """Make a study whose trials are over, each with a copy of the recording."""
+def study(folder: Path, plan: StudyPlan, recording: Path, *, shorter_ms: int = 0, **changes: Any) -> Path:
+    """Make a study whose trials are over, each with a copy of the recording, and each shorter than the one before."""
     write_plan(plan, folder)
     with resume(folder, read_plan(folder), "p01", t_ns=FIRST_NS)[0] as main:
         for trial in plan.trials:
             start_ns = FIRST_NS + trial.trial * 100 * S
             main.add("trial_start", t_ns=start_ns, trial=trial.trial, source="auto")
             main.add("slip", t_ns=start_ns + 500 * MS, trial=trial.trial, source="experimenter")
-            end_ns = start_ns + LENGTH_NS
+            end_ns = start_ns + LENGTH_NS - (trial.trial - 1) * shorter_ms * MS
             main.add("trial_end", t_ns=end_ns, trial=trial.trial, status="done", success=True, source="auto")
             where = folder / "recordings" / "p01" / f"{trial.id}-a1"
             where.mkdir(parents=True)
@@ -301,13 +301,12 @@ def test_it_goes_on_where_it_stopped_and_overwrites_nothing(folder: Path) -> Non
     slips = {one.key[1]: one.times_s["slip"] for one in scored_trials(folder)["r3"]}
     assert slips == {order[0].trial: [0.0], order[1].trial: [0.0], order[2].trial: [], order[3].trial: []}
     assert {len(one.times_s["drop"]) for one in scored_trials(folder)["r3"]} == {0}
-    for rater, kind in (
-        ("r3", Observing),
-        ("r4", Scoring),
-    ):  # a live account and one of recordings are two accounts
-        Observing(folder, "p01", "r4", t_ns=0).close()
-        with pytest.raises(InvalidValueError, match="another code"):
-            kind(folder, "p01", rater, **({"t_ns": 0} if kind is Observing else {}))
+    # A live account and one of recordings are two accounts.
+    with pytest.raises(InvalidValueError, match="another code"):
+        Observing(folder, "p01", "r3", t_ns=0)
+    Observing(folder, "p01", "r4", t_ns=0).close()
+    with pytest.raises(InvalidValueError, match="another code"):
+        Scoring(folder, "p01", "r4")
 
 
 def test_a_recording_that_cannot_be_shown_is_named_and_left_out(folder: Path) -> None:
@@ -383,7 +382,7 @@ def test_two_studies_that_differ_in_the_condition_alone_look_the_same(
         ),
     ):
         texts: list[str] = []
-        folder = study(tmp_path / name, StudyPlan(one.settings, trials), recording, **changes)
+        folder = study(tmp_path / name, StudyPlan(one.settings, trials), recording, shorter_ms=100, **changes)
         rater = score(folder, play)
         seen.append(rater.seen)
         shown.append(texts)
