@@ -22,12 +22,14 @@ from reference.sessions import record, rewritten
 from reference.waiting import until
 from tega.cli.main import cli
 from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.replay.recorded import read_recorded
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.journal import Event, read_events
 from tega.study.observe import Observing
 from tega.study.observe.play_head import PlayHead
 from tega.study.observe.playback_console import PlaybackConsole
-from tega.study.observe.recorded import recorded_trials
+from tega.study.observe.recorded import RecordedTrial, recorded_trials
+from tega.study.observe.reel import read_reel
 from tega.study.observe.scoring import Scoring
 from tega.study.observers import observer_path, read_observers, saw_whole
 from tega.study.plan import StudyPlan
@@ -404,6 +406,22 @@ def bits(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: bits(one) for name, one in value.items()}
     return [bits(one) for one in value] if isinstance(value, tuple | list) else value
+
+
+def test_a_lossless_recording_is_shown_as_good_as_it_is(tmp_path: Path) -> None:
+    path = record(tmp_path)
+    shown = read_reel(RecordedTrial("p01-t01", 1, 1, "bag", LEAD_NS, LENGTH_NS, LEAD_NS, tmp_path))
+    raw: list[tuple[int, np.ndarray]] = []
+    read_recorded(
+        path, frame=lambda finger, one, _: raw.append((one.t_ns, one.image)) if finger == "thumb" else None
+    )
+    for at_ns in (0, 400 * MS, 1200 * MS):
+        images = shown.at(at_ns, {}).images or {}
+        assert ("ring" in images) == (at_ns < S), "that sensor ends after a second"
+        newest = [image for t_ns, image in raw if t_ns - LEAD_NS <= at_ns][-2:]
+        off = [np.abs(images["thumb"].frame.astype(int) - image).mean() for image in newest]
+        assert min(off) < 2.0
+    assert max(np.abs(image.astype(int) - raw[0][1]).mean() for _, image in raw) > 3.0
 
 
 def test_the_order_is_the_rater_s_own_and_not_the_plan_s(tmp_path: Path, recording: Path) -> None:
