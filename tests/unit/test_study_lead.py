@@ -27,6 +27,8 @@ from tega.study.lead.board import board_path, read_board
 from tega.study.lead.desk import ENTER, LineDesk, Screen
 from tega.study.lead.lift_rule import LiftRule
 from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
+from tega.study.observe.recorded import recorded_trials
+from tega.study.observe.reel import read_reel
 from tega.study.state import derive, events_path
 from tega.study.touch_picture import pictures_of
 from tega.study.trials import course_path, study_trials
@@ -158,6 +160,11 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
         course = read_course(course_path(folder, done))
         assert len(course.t_s) > 20
         assert course.cci.max() > 0
+    # What is kept of it can be shown to a rater: the hand, and in words where the object is.
+    for shown in recorded_trials(folder, "p01", "r3")[0]:
+        moment = read_reel(shown).at(shown.length_ns, {})
+        assert float(moment.rows["height"].removesuffix(" cm")) > 19
+        assert moment.poses is not None
     board = read_board(board_path(folder, "p01"))
     assert board is not None
     assert board.phase == "over"

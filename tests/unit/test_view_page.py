@@ -78,6 +78,8 @@ def test_pictures_vest_and_charts(seen):
 
 def test_the_scene_is_drawn(seen):
     page, _ = seen
+    # Without a graphics card it may be drawn seconds after the text.
+    until(lambda: share_near(picture(page)[:, 430:1030], (120, 160, 190), 45) > 0.01)
     shown = picture(page)[:, 430:1030]
     assert share_near(shown, (120, 160, 190), 45) > 0.01  # the bottle, blue
     assert share_near(shown, (70, 70, 75), 45) > 0.005  # the hand, dark
@@ -139,6 +141,7 @@ def test_the_bench_with_an_object_held_up(name, browser):
                 time.sleep(max(0.0, 0.1 - (time.monotonic() - offered_s)))
             offered_s = time.monotonic()
         page.get_by_text(f"{moment.t_ns / 1e9:.1f} s", exact=True).wait_for(timeout=60_000)
+        until(lambda: share_near(picture(page)[:420, 430:1030], OBJECT_COLOURS[name]) > 0.01)
         page.wait_for_timeout(3_000)
         shown = picture(page)
         if folder := os.environ.get("TEGA_PICTURES"):

@@ -42,6 +42,7 @@ class McapReader:
     Args:
         path: The file.
         data: Its content, where it is no file of its own; ``path`` is then only its name.
+        check_sums: Take a part whose checksum is wrong for the file's end, like other damage.
 
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
@@ -49,9 +50,10 @@ class McapReader:
         cut: Why the file ends early; ``""`` while it has not, and in one that is complete.
     """
 
-    def __init__(self, path: Path, *, data: bytes | None = None) -> None:
+    def __init__(self, path: Path, *, data: bytes | None = None, check_sums: bool = False) -> None:
         self.path = path
         self._data = data
+        self._check_sums = check_sums
         self.metadata: dict[str, dict[str, str]] = {}
         self.files: dict[str, bytes] = {}
         self.cut = ""
@@ -76,7 +78,7 @@ class McapReader:
         except OSError as error:
             raise RecordingError(f"{self.path.name}: cannot be read: {error.strerror}") from error
         with file:
-            source = iter(reading.StreamReader(file).records)
+            source = iter(reading.StreamReader(file, validate_crcs=self._check_sums).records)
             while True:
                 try:
                     record = next(source, None)

@@ -8,10 +8,13 @@ from pathlib import Path
 from tega.study.journal import Event, read_events
 from tega.study.state import events_path
 
-__all__ = ["PART", "WHOLE", "observer_path", "read_observers", "saw_whole"]
+__all__ = ["PART", "RECORDED", "WHOLE", "observer_path", "read_observers", "saw_whole"]
 
 WHOLE, PART = "", "not the whole trial"
 """Texts of a rater's ``trial_end``."""
+
+RECORDED = "recorded"
+"""Item of the ``session_start`` of a rater who scores recordings."""
 
 
 def observer_path(folder: Path, participant: str, rater: str) -> Path:

@@ -9,11 +9,11 @@ from typing import NamedTuple, Self
 from tega.errors import InvalidValueError, RecordingError
 from tega.study.journal import Event, Journal, Kind, counting, read_events
 from tega.study.lead.board import Board, board_path, read_board
-from tega.study.observers import PART, WHOLE, observer_path
+from tega.study.observers import PART, RECORDED, WHOLE, observer_path
 from tega.study.plan import PlannedTrial, read_plan
 from tega.study.state import events_path
 
-__all__ = ["OBSERVED", "Now", "Observing"]
+__all__ = ["OBSERVED", "Now", "Observing", "checked_rater"]
 
 OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 """What a rater can see happen."""
@@ -25,6 +25,17 @@ GONE_NS = 3_000_000_000
 """A board older than this: nobody leads the session now."""
 
 _RATER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,39}")
+
+
+def checked_rater(rater: str) -> str:
+    """Return a rater's code.
+
+    Raises:
+        InvalidValueError: It cannot be a file's name.
+    """
+    if not _RATER.fullmatch(rater):
+        raise InvalidValueError(f"rater {rater!r}: cannot be a file's name", "use a code such as r1")
+    return rater
 
 
 class Now(NamedTuple):
@@ -57,7 +68,7 @@ class Observing:
         t_ns: Now, on the session's clock.
 
     Raises:
-        InvalidValueError: Nobody has that id, or ``rater`` cannot be a file's name.
+        InvalidValueError: Nobody has that id, ``rater`` cannot be a file's name, or has scored recordings.
         RecordingError: The file is damaged, belongs to another plan, or the person has withdrawn.
         DeviceUnavailableError: The rater's file is open in another console.
     """
@@ -65,20 +76,21 @@ class Observing:
     def __init__(self, folder: Path, participant: str, rater: str, *, t_ns: int) -> None:
         from tega.study.privacy import withdrawn
 
-        if not _RATER.fullmatch(rater):
-            raise InvalidValueError(f"rater {rater!r}: cannot be a file's name", "use a code such as r1")
+        self.rater = checked_rater(rater)
         plan = read_plan(folder)
         self._trials = {trial.trial: trial for trial in plan.of(participant)}
         if participant in withdrawn(folder):
             raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
         self._main, self._board = events_path(folder, participant), board_path(folder, participant)
         self._size, self._events = -1, list[Event]()
-        self.rater = rater
         self.journal = Journal(observer_path(folder, participant, rater))
         signed = plan.settings.plan_sha256
         if any(e.kind == "session_start" and e.text != signed for e in self.journal.events):
             self.journal.close()
             raise RecordingError(f"{rater}'s file belongs to another plan", "open it in its own folder")
+        if any(e.kind == "session_start" and e.item == RECORDED for e in self.journal.events):
+            self.journal.close()
+            raise InvalidValueError(f"{rater} has scored recordings of this session", "use another code")
         self._came_ns = t_ns
         self.journal.add("session_start", t_ns=t_ns, source=rater, text=signed)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
@@ -45,7 +46,8 @@ class Page:
     Args:
         server: The viser server.
         title: Heading.
-        controls: What the buttons set.
+        controls: What the buttons set; ``None`` for a page on which nobody can tell whether the vest was on: pictures,
+            scene and lines of text, and nothing of the vest, no measure of touch, no signal, no rate, no button.
         eye_m: Where the camera begins, world frame.
         at_m: What it looks at.
 
@@ -58,10 +60,16 @@ class Page:
     """
 
     def __init__(
-        self, server: viser.ViserServer, *, title: str, controls: Controls, eye_m: Point, at_m: Point
+        self,
+        server: viser.ViserServer,
+        *,
+        title: str,
+        controls: Controls | None,
+        eye_m: Point,
+        at_m: Point,
     ) -> None:
         gui = server.gui
-        self._server = server
+        self._server, self._blind = server, controls is None
         self._sheet = TouchSheet()
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
@@ -73,17 +81,19 @@ class Page:
         self.arm = gui.add_html("")
         self.status = gui.add_html("")
         self._rates = gui.add_html("")
-        self._add_buttons(gui, controls)
+        if controls is not None:
+            self._add_buttons(gui, controls)
         self._muscles = MuscleCharts(gui)
         panel = gui.add_panel()
-        with panel.add_tab("Fingertips and vest"):
-            self._captions = gui.add_html("")
+        with panel.add_tab("Fingertips" if self._blind else "Fingertips and vest"):
+            self._captions = gui.add_html(_table([""] * len(FINGERS)) if self._blind else "")
             n = len(FINGERS)
             blank = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), 236, np.uint8)
             self._images = gui.add_image(blank, jpeg_quality=85)
             gui.add_html(_LEGEND)
-            self._vest = gui.add_html(vest_svg(None))
-            self._course = CourseChart(gui)
+            if not self._blind:
+                self._vest = gui.add_html(vest_svg(None))
+                self._course = CourseChart(gui)
         panel.dock_left()
         panel.set_width(_TOUCH_WIDTH)
 
@@ -120,12 +130,15 @@ class Page:
             rates_hz: Measured rates.
             latency_ms: Measured delays.
         """
-        self._course.note(state)
+        if not self._blind:
+            self._course.note(state)
         with self._server.atomic():
-            self.scene.draw(state.shapes, state.poses, state.contact_points)
+            self.scene.draw(state.shapes, state.poses, None if self._blind else state.contact_points)
             if turn == 0:
-                if state.images:
-                    self._images.image = self._sheet.draw(state.images)
+                if state.images or self._blind:
+                    self._images.image = self._sheet.draw(state.images or {})
+            elif self._blind:
+                self.status.content = _status(state)
             elif turn == 1:
                 self.paint_text(state)
                 self._captions.content = _captions(state)
@@ -138,8 +151,9 @@ class Page:
 
     def paint_text(self, state: ViewState) -> None:
         """Put the run's state and the lines of text on the page."""
-        self.run_state.content = _run_state(state.loop)
-        self.arm.content = _arm(state.loop)
+        if not self._blind:
+            self.run_state.content = _run_state(state.loop)
+            self.arm.content = _arm(state.loop)
         self.status.content = _status(state)
 
 
@@ -219,9 +233,16 @@ def _captions(state: ViewState) -> str:
                 f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
                 f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>'
             )
-        cells.append(
-            f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>'
-        )
+        cells.append(text)
+    return _table(cells)
+
+
+def _table(texts: Sequence[str]) -> str:
+    """Put a text under each finger's name."""
+    cells = [
+        f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>'
+        for finger, text in zip(FINGERS, texts, strict=True)
+    ]
     style = f"{_FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
     return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
 

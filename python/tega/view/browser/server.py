@@ -44,6 +44,7 @@ class BrowserView:
         eye_m: Where the camera of whoever opens the page begins, metres.
         at_m: What it looks at.
         rate_hz: Most moments painted per second.
+        blind: Show pictures, scene and text alone, as for who scores a recording; the page then has no button.
         allow_remote: Let ``host`` be an address that others can reach. Whoever reaches it can press the buttons.
 
     Attributes:
@@ -68,6 +69,7 @@ class BrowserView:
         eye_m: tuple[float, float, float] = (0.92, 0.64, 0.48),
         at_m: tuple[float, float, float] = (-0.03, 0.07, 0.19),
         rate_hz: float = 30.0,
+        blind: bool = False,
         allow_remote: bool = False,
     ) -> None:
         if host not in LOOPBACK and not allow_remote:
@@ -81,7 +83,7 @@ class BrowserView:
             raise InvalidValueError(f"rate_hz = {rate_hz} Hz, expected above 0 and at most 60")
         self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
         self._period_s = 1 / rate_hz
-        self._complete, self._camera = complete, (eye_m, at_m)
+        self._complete, self._camera, self._blind = complete, (eye_m, at_m), blind
         self.controls = controls or Controls()
         self.n_offered = self.n_painted = self.n_dropped = 0
         self._slot: tuple[float, ViewState] | None = None
@@ -124,7 +126,13 @@ class BrowserView:
 
         self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)
         eye_m, at_m = self._camera
-        self.page = Page(self._server, title=self._title, controls=self.controls, eye_m=eye_m, at_m=at_m)
+        self.page = Page(
+            self._server,
+            title=self._title,
+            controls=None if self._blind else self.controls,
+            eye_m=eye_m,
+            at_m=at_m,
+        )
         self._over.clear()
         self._painter = threading.Thread(target=self._paint_on, name="tega-browser-view", daemon=True)
         self._painter.start()
