@@ -105,8 +105,8 @@ def openxr_runtime() -> Iterator[Emulator]:
 def main() -> int:
     """Run it until the standard input closes; what is typed goes to its service."""
     argparse.ArgumentParser(
-        description="An emulated OpenXR runtime. Set what it prints in another terminal; type help of its service's"
-        " commands: python -c 'help(\"tega.testing.emulators.openxr\")'."
+        description="An emulated OpenXR runtime, until Ctrl-D. Set what it prints in another terminal; type commands"
+        " here, such as: wave 0.06 0.1. All of them: python -m pydoc tega.testing.emulators.openxr"
     ).parse_args()
     try:
         with openxr_runtime() as service:
