@@ -263,16 +263,17 @@ def test_its_calls_are_what_openxr_s_own_validation_layer_allows(
     monkeypatch.setenv("XR_ENABLE_API_LAYERS", layer)
     monkeypatch.setenv("XR_CORE_VALIDATION_EXPORT_TYPE", "text")
     monkeypatch.setenv("XR_CORE_VALIDATION_FILE_NAME", str(log))
-    for number, source in enumerate(("grip", "wrist", "tracker")):
+    for source in ("grip", "wrist", "tracker"):
         with opened(source=source) as tracker:
             some(tracker)
-            service.say("state exiting")
-            until(tracker, lambda _, t=tracker: t.counts.connections == 2)  # type: ignore[misc]
-            some(tracker)
-        said = log.read_text()
-        assert said.count("is initialized") == 2 * (number + 1)
-        assert "VALID_ERROR" not in said
-        assert "VALID_WARNING" not in said
+            if source == "grip":
+                service.say("state exiting")
+                until(tracker, lambda _, t=tracker: t.counts.connections == 2)  # type: ignore[misc]
+                some(tracker)
+    said = log.read_text()
+    assert said.count("is initialized") == 4
+    assert "VALID_ERROR" not in said
+    assert "VALID_WARNING" not in said
     # What is not allowed, the layer says.
     instance = xr.create_instance()
     with pytest.raises(xr.ValidationFailureError):
