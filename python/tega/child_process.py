@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 
 __all__ = ["end_child"]
@@ -18,7 +19,8 @@ def end_child(child: subprocess.Popen[bytes] | subprocess.Popen[str], patience_s
         Its exit code, negative for the signal that ended it.
     """
     if child.stdin is not None:
-        child.stdin.close()
+        with contextlib.suppress(OSError):  # it has ended, and words for it are left over
+            child.stdin.close()
     try:
         return child.wait(patience_s)
     except subprocess.TimeoutExpired:

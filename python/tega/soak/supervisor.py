@@ -13,6 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
+from tega.child_process import end_child
+
 __all__ = ["Line", "Supervisor"]
 
 _LEAVE_S = 20.0
@@ -117,24 +119,17 @@ class Supervisor:
 
     def end(self) -> int:
         """Ask it to end, wait for that, and return its exit code."""
-        if self._process is not None and self._process.stdin is not None:
-            self._process.stdin.close()
         return self._ended()
 
     def _ended(self) -> int:
         process, self._process = self._process, None
         if process is None:
             return 0
-        try:
-            code = process.wait(_LEAVE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            code = process.wait()
+        code = end_child(process, _LEAVE_S)
         if self._reader is not None:
             self._reader.join(_LEAVE_S)
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None:
-                pipe.close()
+        if process.stdout is not None:
+            process.stdout.close()
         return code
 
     @staticmethod

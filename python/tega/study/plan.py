@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import json
 import os
 import shutil
 import tempfile
@@ -20,6 +19,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.study.order import Layout, allocate, lay_out
+from tega.toml_text import tree_text
 
 __all__ = [
     "CONDITIONS",
@@ -278,12 +278,7 @@ def _plain(value: object) -> str:
 
 
 def _toml(settings: StudySettings) -> str:
-    """Write settings as TOML; JSON's strings, numbers, booleans and lists of strings are TOML's as well."""
-    lines = [f'format = "{FORMAT}"', f"version = {VERSION}"]
-    for name, value in msgspec.to_builtins(settings).items():
-        if value is not None:
-            lines.append(f"{name} = {json.dumps(value)}")
-    return "\n".join(lines) + "\n"
+    return tree_text({"format": FORMAT, "version": VERSION, **msgspec.to_builtins(settings)})
 
 
 def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:

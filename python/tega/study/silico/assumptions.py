@@ -7,7 +7,6 @@ SHA-256 and what else decides the outcome. A report is made from these two, not 
 from __future__ import annotations
 
 import hashlib
-import json
 import tomllib
 from importlib.resources import files
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from tega.errors import RecordingError
+from tega.toml_text import tree_text
 
 if TYPE_CHECKING:
     from tega.sim.operator.person import Parameter
@@ -99,7 +99,7 @@ def assume(
 
 def assumption_files(stated: Assumptions, parameters: bytes) -> dict[str, bytes]:
     """Return both files by name."""
-    return {SIMULATION: _toml(stated).encode(), PARAMETERS: parameters}
+    return {SIMULATION: tree_text(msgspec.to_builtins(stated)).encode(), PARAMETERS: parameters}
 
 
 def read_assumptions(folder: Path) -> Assumptions | None:
@@ -147,24 +147,3 @@ def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
         )
     except (OSError, ValueError, msgspec.ValidationError) as error:
         raise RecordingError(f"{path}: {error}", "restore it from a copy") from error
-
-
-def _toml(stated: Assumptions) -> str:
-    """Write as TOML; JSON's strings, numbers and lists are TOML's as well."""
-    top, tables = [], []
-    for name, value in msgspec.to_builtins(stated).items():
-        if name == "objects":
-            for key, fields in value.items():
-                tables += [f"\n[objects.{json.dumps(key)}]", *_lines(fields)]
-        elif isinstance(value, dict):
-            tables += [f"\n[{name}]", *_lines(value)]
-        else:
-            top += _lines({name: value})
-    return "\n".join([*top, *tables]) + "\n"
-
-
-def _lines(fields: dict[str, Any]) -> list[str]:
-    # TOML tells 1.0 from 1 as JSON does; keys such as "vest.rt_ms" need their quotes.
-    return [
-        f"{json.dumps(name) if '.' in name else name} = {json.dumps(value)}" for name, value in fields.items()
-    ]
