@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.arm import ArmChain, ArmCommand, StampedPose
+from tega.devices import Tracker
 from tega.devices.device_clock import DeviceClock
 from tega.devices.hololens import HoloLens, HoloLensOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
@@ -47,9 +48,9 @@ def some(lens: HoloLens, *, valid: bool = True) -> list[StampedPose]:
 
 
 class Steered:
-    """The chain on a headset's poses, with an arm that is where it is told to be."""
+    """The chain on a tracker's poses, with an arm that is where it is told to be."""
 
-    def __init__(self, lens: HoloLens) -> None:
+    def __init__(self, lens: Tracker) -> None:
         self.lens = lens
         self.chain = ArmChain()
         self.at = StampedPose(0, (0.5, 0.0, 0.3), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))

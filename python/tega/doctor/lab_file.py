@@ -74,11 +74,11 @@ _ARM = """
 {off}driver = "{driver}"{gap}# franky, panda, bench-arm, simulated-arm: docs/device-arm.md
 {options}
 # [arm.tracker]                   # what sees the forearm; without it [input.motion], a SpaceMouse, leads
-# driver = "hololens"             # docs/device-tracker.md
+# driver = "hololens"             # or "openxr", options = {{ source = "grip" }}: docs/device-tracker.md
 # options = {{ host = "192.168.1.20" }}
 
 {off}[arm.mapping]
-{off}frame = "base"                  # axes of what leads: base for a SpaceMouse, openxr for a HoloLens
+{off}frame = "base"                  # axes of what leads: base for a SpaceMouse, openxr for a headset
 # yaw_rad = 0.0                   # where forward is in the tracker's axes, from the calibration of the yaw
 
 {off}[arm.limits]

@@ -23,6 +23,7 @@ from tega.arm.pose import StampedPose
 from tega.arm.sources.recorded import write_poses
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
+from tega.testing.openxr_runtime import openxr_runtime, why_no_runtime
 
 __all__ = ["BENCHES", "Bench", "why_not"]
 
@@ -38,12 +39,14 @@ class Bench(NamedTuple):
             it.
         needs: Modules and programs that it takes beside the driver's own.
         unix: Whether it needs Linux or macOS.
+        reason: Says what else is missing; ``""`` for nothing.
     """
 
     summary: str
     start: Callable[[Path], AbstractContextManager[dict[str, Any]]]
     needs: tuple[str, ...] = ()
     unix: bool = False
+    reason: Callable[[], str] = str
 
 
 def why_not(name: str) -> str:
@@ -52,7 +55,7 @@ def why_not(name: str) -> str:
     if bench.unix and sys.platform == "win32":
         return "its emulator needs Linux or macOS"
     missing = [n for n in bench.needs if importlib.util.find_spec(n) is None and shutil.which(n) is None]
-    return f"needs {', '.join(missing)}" if missing else ""
+    return f"needs {', '.join(missing)}" if missing else bench.reason()
 
 
 @contextmanager
@@ -120,6 +123,12 @@ def _input(device: str, numbers: tuple[int, int], _folder: Path) -> _Options:
 def _hololens(_folder: Path) -> _Options:
     with Emulator("hololens") as headset:
         yield dict(headset.address)
+
+
+@contextmanager
+def _openxr(_folder: Path) -> _Options:
+    with openxr_runtime():
+        yield {}
 
 
 @contextmanager
@@ -197,6 +206,12 @@ BENCHES: dict[str, Bench] = {
     "images": Bench("files", _images),
     "lsl-emg": Bench("a real outlet in another process", _lsl, ("pylsl",)),
     "on-screen-vest": Bench("a pseudo-terminal", _screen, unix=True),
+    "openxr": Bench(
+        f"{_PROCESS}, behind an emulated runtime that OpenXR's own loader loads",
+        _openxr,
+        unix=True,
+        reason=why_no_runtime,
+    ),
     "panda": Bench(
         "nothing: only a Panda speaks to it", partial(_with, {}), ("a Panda with robot server 5",), unix=True
     ),

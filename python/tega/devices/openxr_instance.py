@@ -1,0 +1,96 @@
+"""Which OpenXR runtime there is, what it can do, and in plain words what is missing."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from tega.errors import DeviceUnavailableError
+
+__all__ = ["TIMES", "Made", "make_instance", "said"]
+
+TIMES: Final = "XR_KHR_convert_timespec_time"
+_HEADLESS: Final = "XR_MND_headless"
+_NEEDED: Final = {"wrist": "XR_EXT_hand_tracking", "tracker": "XR_HTCX_vive_tracker_interaction"}
+_MANIFEST: Final = "openxr/1/active_runtime.json"
+
+
+class Made(NamedTuple):
+    """An instance of the runtime.
+
+    Attributes:
+        handle: What OpenXR's calls take.
+        name: Name and version of the runtime.
+        extensions: What of it is in use.
+    """
+
+    handle: Any
+    name: str
+    extensions: frozenset[str]
+
+    def check(self, source: str) -> None:
+        """Check that it can do what a source needs.
+
+        Raises:
+            DeviceUnavailableError: It cannot.
+        """
+        if _HEADLESS not in self.extensions:
+            raise DeviceUnavailableError(
+                f"openxr: {self.name} has no sessions without a picture ({_HEADLESS})",
+                "make another runtime the active one, such as Monado or WiVRn",
+            )
+        if (needed := _NEEDED.get(source, _HEADLESS)) not in self.extensions:
+            raise DeviceUnavailableError(
+                f"openxr: {self.name} knows no source = {source!r} ({needed})",
+                'set source = "grip" and hold a controller, or take another runtime',
+            )
+
+
+def make_instance(xr: Any) -> Made:
+    """Connect to the active runtime.
+
+    Args:
+        xr: The module of pyopenxr.
+
+    Raises:
+        DeviceUnavailableError: There is none, or it does not answer.
+    """
+    # Times are converted to CLOCK_MONOTONIC, which is Python's monotonic clock on Linux alone.
+    wanted = {_HEADLESS, *_NEEDED.values(), *((TIMES,) if sys.platform == "linux" else ())}
+    try:
+        there = {e.extension_name.decode() for e in xr.enumerate_instance_extension_properties()}
+        names = sorted(wanted & there)
+        about = xr.ApplicationInfo("TEGA", 1, "TEGA", 1, xr.Version(1, 0, 0))
+        info = xr.InstanceCreateInfo(application_info=about, enabled_extension_names=names)
+        instance = xr.create_instance(info)
+    except xr.LimitReachedError as error:
+        raise DeviceUnavailableError(
+            "openxr: this program uses OpenXR already, and can only once", "set one tracker of it"
+        ) from error
+    except xr.XrException as error:
+        raise DeviceUnavailableError(f"openxr: no OpenXR runtime: {said(error)}", _where()) from error
+    told = xr.get_instance_properties(instance)
+    name = f"{told.runtime_name.decode()} {xr.Version(told.runtime_version)}"
+    return Made(instance, name, frozenset(names))
+
+
+def said(error: Exception) -> str:
+    """Return what OpenXR says, with the name under which it can be looked up."""
+    return f"{str(error).rstrip('.')} ({type(error).__name__})"
+
+
+def _where() -> str:
+    """Say where the loader has looked, and what to do."""
+    if file := os.environ.get("XR_RUNTIME_JSON"):
+        there = "does not load" if Path(file).is_file() else "does not exist"
+        return f"XR_RUNTIME_JSON names {file}, which {there}; is that runtime installed, and does its service run?"
+    home = Path(os.environ.get("XDG_CONFIG_HOME", Path.home() / ".config"))
+    for folder in (home, Path("/etc/xdg"), Path("/etc")):
+        if (folder / _MANIFEST).is_file():
+            return f"{folder / _MANIFEST} names the runtime; is it installed, and does its service run?"
+    return (
+        "install and start one, such as Monado, WiVRn or SteamVR, and make it the active one "
+        f"({home / _MANIFEST}), or let XR_RUNTIME_JSON name its .json"
+    )
