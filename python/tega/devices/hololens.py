@@ -6,16 +6,14 @@ import socket
 import struct
 import threading
 import time
-from collections import deque
-from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final, Literal
 
 import msgspec
 
 from tega.arm.pose import StampedPose
-from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.base import DeviceInfo, Options
 from tega.devices.device_clock import DeviceClock
-from tega.devices.lifecycle import Opened
+from tega.devices.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 
 __all__ = ["HoloLens", "HoloLensCounts", "HoloLensOptions"]
@@ -37,8 +35,6 @@ _BACK_OFF_S: Final = (0.25, 2.0)
 # The origin is where the head was when the app began: after a reconnection the same numbers may be another place. So
 # long, together with the pause before, that whoever steers has been told "lost" and takes hold anew.
 _ANEW_NS: Final = 350_000_000
-_MOST_POSES: Final = 256
-_LEAVE_S: Final = 5.0
 
 
 class HoloLensOptions(Options, frozen=True, kw_only=True):
@@ -84,7 +80,7 @@ class HoloLensCounts(msgspec.Struct, kw_only=True):
     broken: int = 0
 
 
-class HoloLens(Opened):
+class HoloLens(ThreadedTracker):
     """Reads the spatial input of the hl2ss app, port 3812, 60 packets a second, in a thread of its own.
 
     Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock brought to ours; see
@@ -100,7 +96,7 @@ class HoloLens(Opened):
         frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
     """
 
-    kind: ClassVar[Kind] = "tracker"
+    driver: ClassVar[str] = "hololens"
     summary: ClassVar[str] = "HoloLens 2 with the hl2ss app: a wrist, over TCP"
     extra: ClassVar[str] = ""
     requires: ClassVar[tuple[str, ...]] = ()
@@ -108,19 +104,15 @@ class HoloLens(Opened):
     frame: ClassVar[str] = "openxr"
 
     def __init__(self, options: HoloLensOptions) -> None:
+        super().__init__()
         self._options = o = options
         self._offset = _FIRST_JOINT[o.hand] + _WRIST_NUMBER * _JOINT_BYTES
         self._bit = _VALID[o.hand]
         self._where = f"{o.host}:{o.port}"
-        self._lock = threading.Lock()
-        self._leaving = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._poses: deque[StampedPose] = deque(maxlen=_MOST_POSES)
         self._clock = DeviceClock()
         self._last: tuple[int, bytes] | None = None
         self._anew_until_ns = 0
         self._heard_ns = 0
-        self._trouble = ""
         self.counts = HoloLensCounts()
 
     @property
@@ -134,7 +126,7 @@ class HoloLens(Opened):
         if c.connections > 1:
             notes.append(f"the connection was made anew {c.connections - 1} times")
         return DeviceInfo(
-            driver="hololens",
+            driver=self.driver,
             kind="tracker",
             label=f"HoloLens at {self._where}",
             live=True,
@@ -181,29 +173,6 @@ class HoloLens(Opened):
         self._take(first, time.monotonic_ns())
         self._thread = threading.Thread(target=self._run, args=(link,), name="tega-hololens", daemon=True)
         self._thread.start()
-
-    def close(self) -> None:
-        """Disconnect."""
-        thread, self._thread = self._thread, None
-        if thread is not None:
-            self._leaving.set()
-            thread.join(_LEAVE_S)
-
-    def read(self, now_ns: int) -> Sequence[StampedPose]:  # noqa: ARG002  # poses carry their own times
-        """Return the poses that came since the last call, oldest first; never waits.
-
-        Args:
-            now_ns: The time on the monotonic clock.
-
-        Raises:
-            DeviceUnavailableError: It is not open.
-        """
-        if self._thread is None:
-            raise DeviceUnavailableError("hololens: it is not open", "use it in a with block")
-        with self._lock:
-            poses = list(self._poses)
-            self._poses.clear()
-        return poses
 
     def _connect(self) -> socket.socket:
         o = self._options
@@ -265,10 +234,6 @@ class HoloLens(Opened):
             self._say(f"{said}, connecting again")
         if link is not None:
             link.close()
-
-    def _say(self, trouble: str) -> None:
-        with self._lock:
-            self._trouble = trouble
 
     def _drain(self, link: socket.socket) -> str:
         """Take packets until the connection is lost or we are told to leave; return what became of it."""

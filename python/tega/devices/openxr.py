@@ -6,16 +6,15 @@ import os
 import queue
 import threading
 import time
-from collections import deque
-from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 
 from tega.arm.pose import StampedPose
-from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.lifecycle import Opened, require
+from tega.devices.base import DeviceInfo, Options
+from tega.devices.lifecycle import require
 from tega.devices.openxr_session import Located, XrSession
+from tega.devices.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError
 
 __all__ = ["OpenXr", "OpenXrCounts", "OpenXrOptions"]
@@ -25,8 +24,6 @@ _BACK_OFF_S: Final = (0.25, 2.0)
 # steers is told "lost" and takes hold anew.
 _ANEW_NS: Final = 350_000_000
 _SILENT_S: Final = 0.25
-_MOST_POSES: Final = 256
-_LEAVE_S: Final = 2.0
 _STATES: Final = {
     "unknown": "the runtime has not begun the session",
     "idle": "the runtime keeps the session idle: is the headset on, and awake?",
@@ -80,7 +77,7 @@ class OpenXrCounts(msgspec.Struct, kw_only=True):
     recentred: int = 0
 
 
-class OpenXr(Opened):
+class OpenXr(ThreadedTracker):
     """Asks the active OpenXR runtime where something is, in a session without a picture and a thread of its own.
 
     Poses are in OpenXR's axes (``openxr``: y up, -z forward) and for the time at which they were asked for, which is
@@ -95,7 +92,8 @@ class OpenXr(Opened):
         frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
     """
 
-    kind: ClassVar[Kind] = "tracker"
+    driver: ClassVar[str] = "openxr"
+    leave_s: ClassVar[float] = 2.0
     summary: ClassVar[str] = "OpenXR runtime (Monado, WiVRn, SteamVR): controller, Vive tracker or wrist"
     extra: ClassVar[str] = "openxr"
     requires: ClassVar[tuple[str, ...]] = ("xr",)
@@ -103,18 +101,15 @@ class OpenXr(Opened):
     frame: ClassVar[str] = "openxr"
 
     def __init__(self, options: OpenXrOptions) -> None:
+        super().__init__()
         self._options = o = options
         what = {"grip": "controller", "aim": "controller's aim", "wrist": "wrist"}
         self._what = f"tracker {o.role}" if o.source == "tracker" else f"{o.hand} {what[o.source]}"
-        self._lock = threading.Lock()
-        self._leaving = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._poses: deque[StampedPose] = deque(maxlen=_MOST_POSES)
         self._session: XrSession | None = None
         self._runtime, self._device, self._converts_times = "", "", True
         self._heard_ns, self._anew_until_ns = 0, 0
         self._last: Located | None = None
-        self._trouble = self._lost = ""
+        self._lost = ""
         self.counts = OpenXrCounts()
 
     @property
@@ -136,7 +131,7 @@ class OpenXr(Opened):
         if c.connections > 1:
             notes.append(f"the session was made anew {c.connections - 1} times, at last since {self._lost}")
         return DeviceInfo(
-            driver="openxr",
+            driver=self.driver,
             kind="tracker",
             label=f"{self._what} through {self._runtime or 'OpenXR'}",
             live=True,
@@ -191,32 +186,8 @@ class OpenXr(Opened):
         if refused is None:
             self._thread = thread
             return
-        self._leaving.set()
-        thread.join(_LEAVE_S)
+        self._leave(thread)
         raise refused
-
-    def close(self) -> None:
-        """End the session."""
-        thread, self._thread = self._thread, None
-        if thread is not None:
-            self._leaving.set()
-            thread.join(_LEAVE_S)
-
-    def read(self, now_ns: int) -> Sequence[StampedPose]:  # noqa: ARG002  # poses carry their own times
-        """Return the poses that came since the last call, oldest first; never waits.
-
-        Args:
-            now_ns: The time on the monotonic clock.
-
-        Raises:
-            DeviceUnavailableError: It is not open.
-        """
-        if self._thread is None:
-            raise DeviceUnavailableError("openxr: it is not open", "use it in a with block")
-        with self._lock:
-            poses = list(self._poses)
-            self._poses.clear()
-        return poses
 
     def _run(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
         """Ask until told to leave; a session that is lost is made anew."""
@@ -267,10 +238,6 @@ class OpenXr(Opened):
             # Out of focus the origin may have been moved without a word.
             if state == "focused" and self.counts.poses:
                 self._anew_until_ns = time.monotonic_ns() + _ANEW_NS
-
-    def _say(self, trouble: str) -> None:
-        with self._lock:
-            self._trouble = trouble
 
     def _take(self, session: XrSession, found: Located | None, now_ns: int) -> None:
         """Take an answer."""
