@@ -70,6 +70,15 @@ def test_a_frame_in_pieces_is_put_together_and_answers_are_passed_over(line: tup
     assert (message.arbitration_id, message.data[-1]) == (0x081, 1)
 
 
+def test_noise_without_an_end_is_not_kept(line: tuple[int, Any]) -> None:
+    ours, bus = line
+    os.write(ours, b"\x55" * 100)
+    with pytest.raises(ValueError, match="without the end of a line"):
+        bus.recv(timeout=60.0)
+    os.write(ours, FRAMES[1])
+    assert bus.recv(timeout=60.0).arbitration_id == 0x081
+
+
 def test_an_adapter_that_is_gone_is_an_error_and_no_silence(line: tuple[int, Any]) -> None:
     _, bus = line
     null = os.open(os.devnull, os.O_RDWR)  # always ready, and nothing in it, as a port without its adapter

@@ -17,10 +17,6 @@ __all__ = ["Detector", "EventKind", "Found"]
 
 EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
 
-_FADE_S = 0.4
-_STALE_S = 0.1
-_FLOOR = 3000.0  # Sum of a map that is no more than noise: below it nothing is said of how firm a grip is.
-
 
 class Found(NamedTuple):
     """An event.
@@ -125,7 +121,7 @@ class Detector:
             self._trend[finger] = FingerTrack(*s.trend_s)
             self._told[finger] = touch.in_contact
         track = self._quick[finger]
-        if t_s - track.seen_s > _STALE_S and math.isfinite(track.seen_s):  # what was missed is no event
+        if t_s - track.seen_s > s.stale_s and math.isfinite(track.seen_s):  # what was missed is no event
             self._told[finger] = touch.in_contact
         was = track.touching
         track.add(t_s, touch)
@@ -205,8 +201,8 @@ class Detector:
             max((one.peak.quick for one, _ in on), default=0.0) / 20,
             min((one.peak.change for one, _ in on), default=0.0) / 10,
             min((one.area.change for one, _ in on), default=0.0) / 20,
-            math.exp((self._lost_s - t_s) / _FADE_S),
-            math.exp((self._gained_s - t_s) / _FADE_S),
+            math.exp((self._lost_s - t_s) / self._s.fade_s),
+            math.exp((self._gained_s - t_s) / self._s.fade_s),
         )
 
     @property
@@ -216,7 +212,7 @@ class Detector:
             self._level is not None
             and self._level > 1
             and not math.isnan(self._closure.quick)
-            and self._level - self._closure.quick > 0.2
+            and self._level - self._closure.quick > self._s.pressed_levels
         )
 
     @property
@@ -243,7 +239,7 @@ class Detector:
             return
         self._since_s = t_s if self._since_s is None else self._since_s
         on = (math.exp(one.mass.quick) for one in self._quick.values() if one.touching)
-        self._pressed.add(t_s, math.log(_FLOOR + sum(on)))
+        self._pressed.add(t_s, math.log(self._s.noise_sum + sum(on)))
         if not math.isnan(self._closure.quick):
             self._grip.add(t_s, self._closure.quick)
 

@@ -84,6 +84,10 @@ class Settings(NamedTuple):
         settle_s: After the first contact of a grasp fingers find their place, which looks like slipping.
         before_s: What is longer ago than this is before: a slip's first half second counts as its beginning, and 0.4 s
             leave it room.
+        fade_s: How long a finger that has lost or gained contact is remembered: its time constant.
+        stale_s: A fingertip not seen for longer is begun anew: what was missed is no event.
+        noise_sum: Sum of a map that is no more than noise; below it nothing is said of how firm a grip is.
+        pressed_levels: A closure so far behind its level presses on something, whatever the fingertips see.
         rest_s: Two slips closer than this are one (the definition that raters are given).
         lift_m: Height gained in a grasp that counts as lift-off: the object then hangs in the hand.
         down_m: So close over the height of the grasp it is being put down, and slips are not counted.
@@ -104,6 +108,10 @@ class Settings(NamedTuple):
     release_s: float = 0.1
     settle_s: float = 0.5
     before_s: float = 0.4
+    fade_s: float = 0.4
+    stale_s: float = 0.1
+    noise_sum: float = 3000.0
+    pressed_levels: float = 0.2
     rest_s: float = 0.5
     lift_m: float = 0.005
     down_m: float = 0.015

@@ -21,6 +21,7 @@ __all__ = ["slcan_bus"]
 
 _PIECE_BYTES = 4096
 _LINE = re.compile(rb"[^\r\a]*[\r\a]")  # an answer, a refusal
+_LONGEST_BYTES = 64  # twice a frame's; what goes on for longer without an end is noise
 _DONE = frozenset({b"\r", b"z\r", b"Z\r"})  # what it says to every frame that it was given
 
 
@@ -42,6 +43,7 @@ def slcan_bus() -> Any:
 
             Raises:
                 OSError: The adapter is gone.
+                ValueError: What came is no line.
             """
             buffer: bytearray = self._buffer
             until_s = None if timeout is None else time.monotonic() + timeout
@@ -51,6 +53,10 @@ def slcan_bus() -> Any:
                     del buffer[: len(said)]
                     if said not in _DONE:
                         return said.decode()
+                if len(buffer) > _LONGEST_BYTES:
+                    n_bytes = len(buffer)
+                    buffer.clear()
+                    raise ValueError(f"{n_bytes} bytes came without the end of a line")
                 left_s = None if until_s is None else max(0.0, until_s - time.monotonic())
                 port = self.serialPortOrig.fileno()
                 if not select.select([port], [], [], left_s)[0]:
