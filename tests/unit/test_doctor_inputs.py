@@ -42,12 +42,12 @@ def attached() -> Iterator[tuple[Emulator, Emulator, HidPort]]:
 
 
 @contextmanager
-def once_open(port: HidPort, device: Emulator, what: str) -> Iterator[None]:
-    """Have a device do something as soon as somebody opens it in the block."""
+def once_open(port: HidPort, device: Emulator, what: str, *, seats: int = 1) -> Iterator[None]:
+    """Have a device do something as soon as all seats it is for have it open in the block."""
     before = port.n_opened[device.port]
 
     def act() -> None:
-        until(lambda: port.n_opened[device.port] > before)
+        until(lambda: port.n_opened[device.port] >= before + seats)
         device.say(what)
 
     thread = threading.Thread(target=act)
@@ -91,7 +91,7 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
         cap.say("push 0 0 0 0 0 0")
         foot.say("lift 0")
 
-        with once_open(port, cap, "unplug"):
+        with once_open(port, cap, "unplug", seats=2):
             found = told(tmp_path)
         assert [found[seat][0].status for seat in seats] == ["wrong", "fine", "wrong"]
         assert "opened, and then had no data" in found["input.motion"][0].finding
