@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from reference.trackers import wrist_goes
 from tega.arm import StampedPose
 from tega.arm.sweep import Sweep
 from tega.cli.forward import forward
@@ -34,27 +33,8 @@ def moving(folder: Path, *headings_rad: float) -> Iterator[Path]:
             f'[arm]\ndriver = "simulated-arm"\n[arm.tracker]\ndriver = "hololens"\n'
             f'options = {{ host = "{host}", port = {port} }}\n'
         )
-        over = threading.Event()
-
-        def move() -> None:
-            while not over.is_set():
-                for heading in headings_rad:
-                    for step in (*range(21), *([20] * 60)):
-                        x, z = -0.01 * step * math.sin(heading), -0.01 * step * math.cos(heading)
-                        headset.say(f"at {x} 1.2 {z}")
-                        if over.wait(0.02):
-                            return
-                    headset.say("lose")
-                    over.wait(0.4)
-                    headset.say("find")
-
-        mover = threading.Thread(target=move, daemon=True)
-        mover.start()
-        try:
+        with wrist_goes(headset, *headings_rad):
             yield file
-        finally:
-            over.set()
-            mover.join()
 
 
 def test_forward_is_found_and_checked(tmp_path: Path) -> None:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import socket
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tega.arm import ArmChain, ArmCommand, StampedPose
-from tega.devices import Tracker
+from reference.trackers import Steered, some, until
 from tega.devices.device_clock import DeviceClock
 from tega.devices.hololens import HoloLens, HoloLensOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
@@ -28,62 +25,6 @@ def headset() -> Iterator[Emulator]:
 
 def opened(headset: Emulator, **options: object) -> HoloLens:
     return HoloLens(HoloLensOptions(**headset.address, **options))  # type: ignore[arg-type]
-
-
-def until(lens: HoloLens, enough: Callable[[list[StampedPose]], bool]) -> list[StampedPose]:
-    """Read poses until there are enough; return them."""
-    poses: list[StampedPose] = []
-    # Counted, not timed: a machine that stands still for a while is no failure.
-    for _ in range(5000):
-        if enough(poses):
-            return poses
-        poses += lens.read(time.monotonic_ns())
-        time.sleep(0.002)
-    raise AssertionError((lens.problem, lens.counts, poses[-3:]))
-
-
-def some(lens: HoloLens, *, valid: bool = True) -> list[StampedPose]:
-    """Read on until ten poses in a row are so."""
-    return until(lens, lambda poses: len(poses) >= 10 and all(p.valid == valid for p in poses[-10:]))[-10:]
-
-
-class Steered:
-    """The chain on a tracker's poses, with an arm that is where it is told to be."""
-
-    def __init__(self, lens: Tracker) -> None:
-        self.lens = lens
-        self.chain = ArmChain()
-        self.at = StampedPose(0, (0.5, 0.0, 0.3), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
-        self.reasons: list[str] = []
-
-    def until(self, enough: Callable[[ArmCommand], bool], *, clutch: bool = True) -> ArmCommand:
-        """Go on at about 100 Hz until a command is such."""
-        for _ in range(1000):
-            now_ns = time.monotonic_ns()
-            command = self.chain.step(
-                now_ns,
-                self.lens.read(now_ns),
-                clutch=clutch,
-                dead_man=True,
-                measured=self.at._replace(t_ns=now_ns),
-            )
-            if command.target is not None:
-                self.at = StampedPose(now_ns, command.target.position_m, command.target.quaternion_xyzw)
-            if command.reason not in self.reasons[-1:]:
-                self.reasons.append(command.reason)
-            if enough(command):
-                return command
-            time.sleep(0.01)
-        raise AssertionError((command.state, command.reason, self.lens.problem))
-
-    def hold(self) -> None:
-        """Take hold of the arm."""
-        self.until(lambda c: c.reason == "the clutch is open", clutch=False)
-        self.until(lambda c: c.state == "following")
-
-    def way_m(self, start: StampedPose) -> float:
-        """Return how far the arm is from where it was."""
-        return math.dist(list(start.position_m), list(self.at.position_m))
 
 
 def test_the_wrist_is_taken_out_of_a_packet_and_nothing_else(headset: Emulator) -> None:

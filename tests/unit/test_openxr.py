@@ -8,19 +8,18 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from tega.arm import StampedPose
+from reference.trackers import Steered, some, until, wrist_goes
 from tega.cli.forward import forward
 from tega.devices.openxr import OpenXr, OpenXrOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.testing.emulators.process import Emulator
 from tega.testing.openxr_runtime import openxr_runtime, why_no_runtime
-from unit.test_hololens import Steered
 
 needs_xr = pytest.mark.skipif(
     importlib.util.find_spec("xr") is None, reason="needs pyopenxr: pip install 'tega[openxr]'"
@@ -40,22 +39,6 @@ def service() -> Iterator[Emulator]:
 def opened(**options: object) -> OpenXr:
     # However busy the machine is: a session that takes its time is no failure.
     return OpenXr(OpenXrOptions(**{"connect_s": 60.0, **options}))  # type: ignore[arg-type]
-
-
-def until(tracker: OpenXr, enough: Callable[[list[StampedPose]], bool]) -> list[StampedPose]:
-    """Read poses until there are enough; return them."""
-    poses: list[StampedPose] = []
-    for _ in range(5000):  # counted, not timed
-        if enough(poses):
-            return poses
-        poses += tracker.read(time.monotonic_ns())
-        time.sleep(0.002)
-    raise AssertionError((tracker.problem, tracker.counts, poses[-3:]))
-
-
-def some(tracker: OpenXr, *, valid: bool = True) -> list[StampedPose]:
-    """Read on until ten poses in a row are so."""
-    return until(tracker, lambda poses: len(poses) >= 10 and all(p.valid == valid for p in poses[-10:]))[-10:]
 
 
 AT = (0.31, -0.22, -0.53)
@@ -333,26 +316,8 @@ def test_without_pyopenxr_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) ->
 def test_forward_is_found_with_it(service: Emulator, tmp_path: Path) -> None:
     file = tmp_path / "lab.toml"
     file.write_text('[arm]\ndriver = "simulated-arm"\n[arm.tracker]\ndriver = "openxr"\n')
-    over = threading.Event()
-
-    def move() -> None:
-        while not over.is_set():
-            for step in (*range(21), *([20] * 60)):
-                way_m = 0.01 * step
-                service.say(f"at {-way_m * math.sin(0.5)} 1.2 {-way_m * math.cos(0.5)}")
-                if over.wait(0.02):
-                    return
-            service.say("lose")
-            over.wait(0.4)
-            service.say("find")
-
-    mover = threading.Thread(target=move, daemon=True)
-    mover.start()
-    try:
+    with wrist_goes(service, 0.5):
         said = CliRunner().invoke(forward, [str(file), "--json"])
-    finally:
-        over.set()
-        mover.join()
     assert said.exit_code == 0, said.output
     told = json.loads(said.output)
     assert told["yaw_rad"] == pytest.approx(0.5, abs=0.03)

@@ -1,0 +1,102 @@
+"""What the tests of trackers share: reading until there is enough, an arm that is led, a wrist that goes a way."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from tega.arm import ArmChain, ArmCommand, StampedPose
+from tega.devices import Tracker
+from tega.testing.emulators.process import Emulator
+
+
+class LiveTracker(Tracker, Protocol):
+    """A tracker that counts what came."""
+
+    counts: Any
+
+
+def until(tracker: LiveTracker, enough: Callable[[list[StampedPose]], bool]) -> list[StampedPose]:
+    """Read poses until there are enough; return them."""
+    poses: list[StampedPose] = []
+    # Counted, not timed: a machine that stands still for a while is no failure.
+    for _ in range(5000):
+        if enough(poses):
+            return poses
+        poses += tracker.read(time.monotonic_ns())
+        time.sleep(0.002)
+    raise AssertionError((tracker.problem, tracker.counts, poses[-3:]))
+
+
+def some(tracker: LiveTracker, *, valid: bool = True) -> list[StampedPose]:
+    """Read on until ten poses in a row are so."""
+    return until(tracker, lambda poses: len(poses) >= 10 and all(p.valid == valid for p in poses[-10:]))[-10:]
+
+
+class Steered:
+    """The chain on a tracker's poses, with an arm that is where it is told to be."""
+
+    def __init__(self, tracker: Tracker) -> None:
+        self.tracker = tracker
+        self.chain = ArmChain()
+        self.at = StampedPose(0, (0.5, 0.0, 0.3), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
+        self.reasons: list[str] = []
+
+    def until(self, enough: Callable[[ArmCommand], bool], *, clutch: bool = True) -> ArmCommand:
+        """Go on at about 100 Hz until a command is such."""
+        for _ in range(6000):
+            now_ns = time.monotonic_ns()
+            command = self.chain.step(
+                now_ns,
+                self.tracker.read(now_ns),
+                clutch=clutch,
+                dead_man=True,
+                measured=self.at._replace(t_ns=now_ns),
+            )
+            if command.target is not None:
+                self.at = StampedPose(now_ns, command.target.position_m, command.target.quaternion_xyzw)
+            if command.reason not in self.reasons[-1:]:
+                self.reasons.append(command.reason)
+            if enough(command):
+                return command
+            time.sleep(0.01)
+        raise AssertionError((command.state, command.reason, self.tracker.problem))
+
+    def hold(self) -> None:
+        """Take hold of the arm."""
+        self.until(lambda c: c.reason == "the clutch is open", clutch=False)
+        self.until(lambda c: c.state == "following")
+
+    def way_m(self, start: StampedPose) -> float:
+        """Return how far the arm is from where it was."""
+        return math.dist(list(start.position_m), list(self.at.position_m))
+
+
+@contextmanager
+def wrist_goes(emulator: Emulator, *headings_rad: float) -> Iterator[None]:
+    """Have an emulated wrist go 20 cm along each heading in turn and rest, over and over."""
+    over = threading.Event()
+
+    def move() -> None:
+        while not over.is_set():
+            for heading in headings_rad:
+                for step in (*range(21), *([20] * 60)):
+                    x, z = -0.01 * step * math.sin(heading), -0.01 * step * math.cos(heading)
+                    emulator.say(f"at {x} 1.2 {z}")
+                    if over.wait(0.02):
+                        return
+                emulator.say("lose")
+                over.wait(0.4)
+                emulator.say("find")
+
+    mover = threading.Thread(target=move, daemon=True)
+    mover.start()
+    try:
+        yield
+    finally:
+        over.set()
+        mover.join()
