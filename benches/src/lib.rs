@@ -8,11 +8,11 @@ use std::hint::black_box;
 
 use ndarray::Array3;
 use tega_emg::{ButterworthLowpass, GraspIntent, Kind, Preset};
-use tega_gel::{Gel, Indenter, PICTURE, Shape};
+use tega_gel::{Gel, Indenter, PICTURE, Setup, Shape};
 use tega_hand::{Gains, HandController, JointModel, PoseSet};
 use tega_tactile::{
-    Difference, LiveScratch, Options, Order, Outline, Pair, PaperScratch, Scratch, Spread, contact_metrics,
-    read_live, read_paper,
+    Difference, LiveReader, Options, Order, Outline, Pair, PaperScratch, Scratch, SensorNoise, Spread,
+    TouchTracker, TrackerOptions, contact_metrics, read_paper,
 };
 
 use pictures::{baseline, frame};
@@ -48,9 +48,11 @@ pub fn kernels() -> Vec<Kernel> {
             all.push(tactile("contact_metrics", name, size, move || metrics(size, options)));
         }
         all.push(tactile("read_paper", "touched", size, move || paper(size)));
-        all.push(tactile("read_live", "touched", size, move || live(size, 1)));
-        all.push(tactile("read_live", "touched-thrice", size, move || live(size, 3)));
-        all.push(tactile("read_live", "untouched", size, move || live(size, 0)));
+        all.push(tactile("live_reader", "touched", size, move || live(size, 1)));
+        all.push(tactile("live_reader", "untouched", size, move || live(size, 0)));
+        all.push(tactile("touch_tracker", "touched", size, move || tracker(size, 1)));
+        all.push(tactile("touch_tracker", "touched-thrice", size, move || tracker(size, 3)));
+        all.push(tactile("touch_tracker", "untouched", size, move || tracker(size, 0)));
     }
     let options =
         Options { difference: Difference::Rectified, spread: Spread::Intensity, ..Options::default() };
@@ -62,10 +64,13 @@ pub fn kernels() -> Vec<Kernel> {
     for (variant, force_n) in [("untouched", 0.0), ("ball-1-N", 1.0), ("ball-4-N", 4.0), ("ball-12-N", 12.0)]
     {
         let ball = Shape::Sphere { radius: 4.4 };
-        all.push(tactile("gel_frame", variant, FINGER, move || gel(vec![indenter(ball, force_n)])));
+        all.push(tactile("gel_frame", variant, FINGER, move || gel(vec![indenter(ball, force_n)], None)));
     }
     let face = Shape::Box { half: [20.0; 3] };
-    all.push(tactile("gel_frame", "face-4-N", FINGER, move || gel(vec![indenter(face, 4.0)])));
+    all.push(tactile("gel_frame", "face-4-N", FINGER, move || gel(vec![indenter(face, 4.0)], None)));
+    let before = indenter(Shape::Sphere { radius: 4.4 }, 4.0);
+    all.push(tactile("gel_frame", "ball-4-N-memory", FINGER, move || gel(vec![before], Some(before))));
+    all.push(tactile("gel_frame", "after-release", FINGER, move || gel(vec![], Some(before))));
     all
 }
 
@@ -102,11 +107,35 @@ fn paper(size: (usize, usize)) -> Run {
     })
 }
 
+fn reader(size: (usize, usize)) -> LiveReader {
+    LiveReader::new(baseline(size).view(), Order::Bgr, Outline::Dent, SensorNoise::default())
+        .expect("a picture of three colours")
+}
+
 fn live(size: (usize, usize), presses: usize) -> Run {
-    let (frame, baseline) = (frame(size, presses), baseline(size));
-    let mut scratch = LiveScratch::default();
+    let (frame, mut reader) = (frame(size, presses), reader(size));
     Box::new(move || {
-        black_box(read_live(black_box(&pair(&frame, &baseline)), Order::Bgr, Outline::Dent, &mut scratch));
+        black_box(reader.read(black_box(frame.view())).expect("the pictures are alike"));
+    })
+}
+
+/// A tracker that has seen its gel at rest, and then frames with these presses held.
+fn settled(size: (usize, usize), presses: usize) -> TouchTracker {
+    let mut tracker = TouchTracker::new(baseline(size).view(), TrackerOptions::default())
+        .expect("a picture of three colours");
+    for image in [frame(size, 0), frame(size, presses)] {
+        for _ in 0..30 {
+            tracker.update(image.view(), None, false).expect("the pictures are alike");
+        }
+    }
+    tracker
+}
+
+fn tracker(size: (usize, usize), presses: usize) -> Run {
+    let (frame, mut tracker) = (frame(size, presses), settled(size, presses));
+    Box::new(move || {
+        let touch = tracker.update(black_box(frame.view()), None, false);
+        black_box(touch.expect("the pictures are alike"));
     })
 }
 
@@ -139,13 +168,19 @@ fn indenter(shape: Shape, force_n: f64) -> Indenter {
     Indenter { shape, pose_mm: [[1.0, 0.0, 0.0, 0.3], [0.0, 1.0, 0.0, -0.2], [0.0, 0.0, 1.0, 0.0]], force_n }
 }
 
-/// A frame of a simulated fingertip: pressed, shaded, with its noise.
-fn gel(indenters: Vec<Indenter>) -> Run {
-    let mut gel = Gel::new(1, 1.0).expect("a spread within bounds");
+/// A frame of a simulated fingertip: pressed, shaded, with its noise; one with memory was pressed for a second before.
+fn gel(indenters: Vec<Indenter>, before: Option<Indenter>) -> Run {
+    let setup = Setup { seed: 1, memory: before.is_some(), ..Setup::default() };
+    let mut gel = Gel::new(setup).expect("a spread within bounds");
+    if let Some(before) = before {
+        gel.press(&[before], 0.0).expect("a shape");
+        gel.press(&[before], 1.0).expect("a later time");
+    }
     let (mut picture, mut number) = (vec![0; PICTURE], 0);
     Box::new(move || {
         number += 1;
-        black_box(gel.press(black_box(&indenters)).expect("a shape"));
+        let t_s = 1.0 + number as f64 / 6e6;
+        black_box(gel.press(black_box(&indenters), t_s).expect("a shape"));
         // Within one second, so that no drift of the colours falls on the frame that is counted.
         gel.paint(number % 60, &mut picture).expect("a picture's buffer");
         black_box(&picture);
@@ -157,7 +192,7 @@ fn hand() -> Run {
     let mut model = JointModel::default();
     let mut angles = *model.angles_rad();
     Box::new(move || {
-        let torques = controller.step(black_box(&angles), 4, None).expect("a level of the five");
+        let torques = controller.step(black_box(&angles), 4.0, None).expect("a level of the five");
         angles = model.step(&torques).expect("finite torques");
         black_box(&angles);
     })
@@ -171,11 +206,11 @@ mod tests {
     fn pictures_show_what_their_kernels_are_named_for() {
         for size in SIZES {
             for presses in [0, 1, 3] {
-                let (frame, baseline) = (frame(size, presses), baseline(size));
-                let pair = pair(&frame, &baseline);
-                let mut scratch = LiveScratch::default();
-                read_live(&pair, Order::Bgr, Outline::Dent, &mut scratch);
-                assert_eq!(scratch.patches().len(), presses, "{size:?}");
+                let frame = frame(size, presses);
+                let read = reader(size).read(frame.view()).unwrap();
+                assert_eq!(read.in_contact, presses > 0, "{size:?} {read:?}");
+                let touch = settled(size, presses).update(frame.view(), None, false).unwrap();
+                assert_eq!(touch.in_contact, presses > 0, "{size:?} {touch:?}");
             }
             let (frame, baseline) = (frame(size, 1), baseline(size));
             let pair = pair(&frame, &baseline);

@@ -43,23 +43,96 @@ def read_contacts(
     reading: str,
     order: str,
     outline: str,
+    noise: Sequence[float] | None,
 ) -> list[_Contact]: ...
 def read_contact(
-    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    reading: str,
+    order: str,
+    outline: str,
+    noise: Sequence[float] | None,
 ) -> _Contact: ...
 
 @final
 class KnownBaseline:
-    def __new__(cls, baseline: NDArray[np.uint8], /, *, order: str) -> Self: ...
-    def read(self, frame: NDArray[np.uint8], /, *, outline: str) -> _Contact: ...
+    def __new__(
+        cls, baseline: NDArray[np.uint8], /, *, order: str, outline: str, noise: Sequence[float] | None
+    ) -> Self: ...
+    def read(self, frame: NDArray[np.uint8], /) -> _Contact: ...
 
 def contact_mask(
-    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    reading: str,
+    order: str,
+    outline: str,
+    noise: Sequence[float] | None,
 ) -> NDArray[np.bool_]: ...
 def pressure_map(
-    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], *, reading: str, order: str, outline: str
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    reading: str,
+    order: str,
+    outline: str,
+    noise: Sequence[float] | None,
 ) -> NDArray[np.float32]: ...
 def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], list[int]]: ...
+
+@final
+class Contact:
+    @property
+    def in_contact(self) -> bool: ...
+    @property
+    def eda(self) -> int: ...
+    @property
+    def area_mm2(self) -> float | None: ...
+    @property
+    def cci(self) -> float: ...
+    @property
+    def peak(self) -> float: ...
+    @property
+    def depth_mm(self) -> float: ...
+    @property
+    def force_n(self) -> float: ...
+    @property
+    def mass(self) -> float: ...
+    @property
+    def centroid_xy(self) -> tuple[float, float]: ...
+    @property
+    def spread(self) -> float: ...
+    @property
+    def strength(self) -> float: ...
+    @property
+    def broad(self) -> float: ...
+    @property
+    def difference(self) -> float: ...
+    @property
+    def threshold(self) -> float: ...
+
+@final
+class TouchTracker:
+    def __new__(
+        cls,
+        baseline: NDArray[np.uint8],
+        /,
+        *,
+        rate_hz: float,
+        noise: Sequence[float] | None,
+        light: tuple[Sequence[Sequence[Sequence[float]]], float, float] | None,
+        order: str,
+        outline: str,
+        rezero: bool,
+    ) -> Self: ...
+    def update(self, frame: NDArray[np.uint8], /, *, dt_s: float | None, loaded: bool) -> Contact: ...
+    def mask(self) -> NDArray[np.bool_]: ...
+    def depth_map(self) -> NDArray[np.float32]: ...
+
+def nominal_light() -> tuple[list[list[list[float]]], float, float]: ...
+def sensor_noise(frames: Sequence[NDArray[np.uint8]], *, order: str) -> list[float]: ...
 def instruction_set() -> Literal["baseline", "neon", "avx2", "avx512"]: ...
 
 # --- haptics ---
@@ -107,7 +180,18 @@ class BlockMean:
 @final
 class GraspIntent:
     def __new__(
-        cls, rate_hz: float, maxima: NDArray[np.float64], tau: int, kind: str, preset: str
+        cls,
+        rate_hz: float,
+        maxima: NDArray[np.float64],
+        tau: int,
+        kind: str,
+        preset: str,
+        *,
+        cutoff_hz: float,
+        order: int,
+        intervals: int,
+        fusion: str,
+        weights: Sequence[float],
     ) -> GraspIntent: ...
     def process(self, samples: NDArray[np.float64]) -> NDArray[np.int64]: ...
     @property
@@ -137,17 +221,28 @@ _Touch = tuple[bool, int, float, float, tuple[float, float]]
 GEL_PX_PER_MM: Final[float]
 GEL_LENGTH_MM: Final[float]
 GEL_STIFFNESS_N_MM3: Final[float]
-GEL_DOME_MM: Final[float]
+GEL_RADIUS_ACROSS_MM: Final[float]
+GEL_HEIGHTS_ALONG_MM: Final[list[tuple[float, float]]]
+GEL_MIDDLE_ALONG_MM: Final[float]
+GEL_CAMERA_MM: Final[float]
+
+def gel_fall(x_mm: float, y_mm: float, /) -> tuple[float, float]: ...
 
 @final
 class Gel:
-    def __new__(cls, seed: int, /, *, spread: float) -> Self: ...
-    def press(self, indenters: Sequence[_Indenter], /) -> bool: ...
+    def __new__(cls, seed: int, /, *, spread: float, shape: str, memory: bool) -> Self: ...
+    def press(self, indenters: Sequence[_Indenter], t_s: float, /) -> bool: ...
     def touch(self) -> _Touch: ...
-    def frame(self, indenters: Sequence[_Indenter], index: int, /, *, out: NDArray[np.uint8]) -> None: ...
+    def frame(
+        self, indenters: Sequence[_Indenter], index: int, /, *, t_s: float, out: NDArray[np.uint8]
+    ) -> None: ...
+    def remains(self, t_s: float) -> bool: ...
+    def last_s(self) -> float | None: ...
+    def forget(self) -> None: ...
     def still(self, index: int, /) -> NDArray[np.uint8]: ...
     def contact_mask(self) -> NDArray[np.bool_]: ...
     def displacement_mm(self) -> NDArray[np.float32]: ...
+    def surface(self) -> NDArray[np.float32]: ...
 
 # --- hand ---
 
@@ -180,7 +275,7 @@ class HandController:
     def step(
         self,
         angles_rad: NDArray[np.float64],
-        level: int,
+        level: float,
         /,
         *,
         velocities_rad_s: NDArray[np.float64] | None,
@@ -190,7 +285,7 @@ class HandController:
     @property
     def target_rad(self) -> NDArray[np.float64] | None: ...
     @property
-    def level(self) -> int | None: ...
+    def level(self) -> float | None: ...
 
 @final
 class JointModel:
@@ -223,7 +318,7 @@ class HandLink:
         reconnects: int,
     ) -> Self: ...
     def exchange(
-        self, frames: list[tuple[int, bytes | bytearray, bool, bool, bool]], t_ns: int, level: int, /
+        self, frames: list[tuple[int, bytes | bytearray, bool, bool, bool]], t_ns: int, level: float, /
     ) -> list[tuple[int, bytes, bool]]: ...
     def release(self, t_ns: int, /) -> None: ...
     def abandon(self) -> list[tuple[int, bytes, bool]]: ...
@@ -250,7 +345,7 @@ class HandLink:
     def counts(self) -> dict[str, int]: ...
 
 def step_modelled(
-    controller: HandController, model: JointModel, level: int, /
+    controller: HandController, model: JointModel, level: float, /
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 # --- image ---

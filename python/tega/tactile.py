@@ -7,10 +7,13 @@ the caller. Coordinates are (column, row), pixel centres counted from 0. Grey va
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, cast
 
 from tega import _native
 from tega.errors import ShapeError
+from tega.records.touch import NamedValue
+from tega.touch import Contact, GelLight, TouchTracker, nominal_light, sensor_noise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,20 +22,25 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "Contact",
     "ContactGate",
     "ContactMetrics",
     "ContactReader",
+    "GelLight",
     "Images",
     "Order",
     "Outline",
     "Reading",
+    "TouchTracker",
     "contact_mask",
     "contact_metrics",
     "contact_metrics_many",
     "estimate_baseline",
+    "nominal_light",
     "pressure_map",
     "read_contact",
     "read_contacts",
+    "sensor_noise",
 ]
 
 Order = Literal["bgr", "rgb"]
@@ -49,24 +57,26 @@ class ContactMetrics(NamedTuple):
     are NaN, and ``eda`` and ``cci`` are 0.
     """
 
-    mass: float
+    mass: float = 0.0
     """Sum of the grey map, grey values."""
-    centroid_xy: tuple[float, float]
+    centroid_xy: tuple[float, float] = (math.nan, math.nan)
     """Eq 2, pixels."""
-    spread: float
+    spread: float = math.nan
     """σ: pixels (Eq 3, spatial) or grey values (intensity)."""
-    threshold: float
+    threshold: float = math.nan
     """Eq 4: T, grey values."""
-    eda: int
+    eda: int = 0
     """Eq 5: effective deformation area, pixels above T."""
-    cci: float
+    cci: float = 0.0
     """Eq 6: contact concentration index, grey values per pixel; 0 where ``eda`` is 0."""
-    peak: float
+    peak: float = 0.0
     """Largest grey value."""
-    peak_xy: tuple[int, int]
+    peak_xy: tuple[int, int] = (0, 0)
     """Where it is; the first in row order."""
-    in_contact: bool
+    in_contact: bool = False
     """False where there is nothing to report."""
+    more: tuple[NamedValue, ...] = ()
+    """Values of a metric of one's own (:mod:`tega.stages`)."""
 
 
 class ContactGate(NamedTuple):
@@ -124,8 +134,8 @@ def contact_metrics(
         >>> m.peak, m.eda, m.centroid_xy
         (40.0, 600, (64.5, 109.5))
     """
-    return ContactMetrics._make(
-        _native.contact_metrics(
+    return ContactMetrics(
+        *_native.contact_metrics(
             frame,
             baseline,
             weights=weights,
@@ -183,7 +193,7 @@ def contact_metrics_many(
         centroid_value=centroid_value,
         gate=gate,
     )
-    return [ContactMetrics._make(fields) for fields in found]
+    return [ContactMetrics(*fields) for fields in found]
 
 
 def _baselines(frames: Images, baseline: NDArray[np.uint8] | Images) -> list[NDArray[np.uint8]]:
@@ -203,6 +213,7 @@ def read_contact(
     reading: Reading = "live",
     order: Order = "bgr",
     outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
 ) -> ContactMetrics:
     """Read the contact as a preset does: ``paper`` for the printed law, ``live`` for people.
 
@@ -220,6 +231,7 @@ def read_contact(
         order: Order of the colour bytes in both images.
         outline: What ``live`` outlines: the dent, as an eye marks it, or the touching area of a curved object, which
             is smaller and fragile on faint contacts. ``paper`` takes no notice of it.
+        noise: The sensor's, from :func:`sensor_noise`; ``None`` takes that of a DIGIT. ``paper`` takes no notice of it.
 
     Returns:
         The contact metrics.
@@ -229,8 +241,8 @@ def read_contact(
         ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
         InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
     """
-    return ContactMetrics._make(
-        _native.read_contact(frame, baseline, reading=reading, order=order, outline=outline)
+    return ContactMetrics(
+        *_native.read_contact(frame, baseline, reading=reading, order=order, outline=outline, noise=noise)
     )
 
 
@@ -241,6 +253,7 @@ def read_contacts(
     reading: Reading = "live",
     order: Order = "bgr",
     outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
 ) -> list[ContactMetrics]:
     """Apply :func:`read_contact` to many frames in one call: the fingers of a hand, or a batch over the cores.
 
@@ -250,6 +263,7 @@ def read_contacts(
         reading: The preset.
         order: Order of the colour bytes in all images.
         outline: As for :func:`read_contact`.
+        noise: As for :func:`read_contact`.
 
     Returns:
         One result a frame, equal to that of :func:`read_contact`.
@@ -260,9 +274,14 @@ def read_contacts(
         InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
     """
     found = _native.read_contacts(
-        list(frames), _baselines(frames, baseline), reading=reading, order=order, outline=outline
+        list(frames),
+        _baselines(frames, baseline),
+        reading=reading,
+        order=order,
+        outline=outline,
+        noise=noise,
     )
-    return [ContactMetrics._make(fields) for fields in found]
+    return [ContactMetrics(*fields) for fields in found]
 
 
 class ContactReader:
@@ -276,6 +295,7 @@ class ContactReader:
         reading: The preset.
         order: Order of the colour bytes in all images.
         outline: As for :func:`read_contact`.
+        noise: As for :func:`read_contact`.
 
     Raises:
         DtypeError: The baseline is not a uint8 array.
@@ -296,10 +316,13 @@ class ContactReader:
         reading: Reading = "live",
         order: Order = "bgr",
         outline: Outline = "dent",
+        noise: Sequence[float] | None = None,
     ) -> None:
-        read_contact(baseline, baseline, reading=reading, order=order, outline=outline)  # or refuse it now
-        self._baseline, self._reading, self._order, self._outline = baseline.copy(), reading, order, outline
-        self._known = _native.KnownBaseline(self._baseline, order=order) if reading == "live" else None
+        read_contact(baseline, baseline, reading=reading, order=order, outline=outline, noise=noise)
+        self._baseline, self._reading, self._order = baseline.copy(), reading, order
+        live = reading == "live"
+        known = _native.KnownBaseline
+        self._known = known(self._baseline, order=order, outline=outline, noise=noise) if live else None
 
     def read(self, frame: NDArray[np.uint8]) -> ContactMetrics:
         """Return the contact metrics of a frame.
@@ -312,10 +335,8 @@ class ContactReader:
             ShapeError: It is not of the baseline's size.
         """
         if self._known is not None:
-            return ContactMetrics._make(self._known.read(frame, outline=self._outline))
-        return read_contact(
-            frame, self._baseline, reading=self._reading, order=self._order, outline=self._outline
-        )
+            return ContactMetrics(*self._known.read(frame))
+        return read_contact(frame, self._baseline, reading=self._reading, order=self._order)
 
 
 def contact_mask(
@@ -325,6 +346,7 @@ def contact_mask(
     *,
     order: Order = "bgr",
     outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
 ) -> NDArray[np.bool_]:
     """Return the pixels that :func:`read_contact` counts as contact: their number is its ``eda``.
 
@@ -333,7 +355,7 @@ def contact_mask(
     Returns:
         bool (H, W).
     """
-    return _native.contact_mask(frame, baseline, reading=reading, order=order, outline=outline)
+    return _native.contact_mask(frame, baseline, reading=reading, order=order, outline=outline, noise=noise)
 
 
 def pressure_map(
@@ -343,6 +365,7 @@ def pressure_map(
     *,
     order: Order = "bgr",
     outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
 ) -> NDArray[np.float32]:
     """Return the map that :func:`read_contact` measures on, for display.
 
@@ -352,7 +375,7 @@ def pressure_map(
     Returns:
         float32 (H, W).
     """
-    return _native.pressure_map(frame, baseline, reading=reading, order=order, outline=outline)
+    return _native.pressure_map(frame, baseline, reading=reading, order=order, outline=outline, noise=noise)
 
 
 def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

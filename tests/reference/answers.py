@@ -15,7 +15,7 @@ from tega import _native
 from tega.emg import ButterworthLowpass, GraspIntent
 from tega.sim.gel import Gel
 from tega.sim.seams import Indenter
-from tega.tactile import contact_mask, contact_metrics, read_contact
+from tega.tactile import Contact, TouchTracker, contact_mask, contact_metrics, pressure_map, read_contact
 
 SIZES = ((120, 160), (240, 320), (61, 83))
 
@@ -47,6 +47,11 @@ def presses() -> list[Indenter]:
     ]
 
 
+def _values(contact: Contact) -> list[object]:
+    names = sorted(name for name in dir(contact) if not name.startswith("_"))
+    return [getattr(contact, name) for name in names]
+
+
 def main() -> None:
     """Print the instruction set and the digest."""
     digest, rng = hashlib.sha256(), np.random.default_rng(7)
@@ -59,6 +64,12 @@ def main() -> None:
         for reading in ("live", "paper"):
             digest.update(repr(read_contact(frame, baseline, reading=reading)).encode())
             digest.update(contact_mask(frame, baseline, reading=reading).tobytes())
+            digest.update(pressure_map(frame, baseline, reading=reading).tobytes())
+        tracker = TouchTracker(baseline, rate_hz=30.0)
+        for image, frames in ((baseline, 5), (frame, 20), (baseline, 40), (frame[::-1], 5)):
+            for _ in range(frames):
+                digest.update(repr(_values(tracker.update(image))).encode())
+            digest.update(tracker.mask().tobytes() + tracker.depth_map().tobytes())
     samples = rng.integers(-2000, 2001, (4000, 3)).astype(np.float64)
     digest.update(ButterworthLowpass(1000.0, 6.0, channels=3).process(samples).tobytes())
     for preset in ("paper", "live"):

@@ -10,6 +10,7 @@ from tega.haptics import FINGERS, intensity, vest_frame
 from tega.sim.gel import Gel, ball
 from tega.tactile import read_contact
 from tega.teleop.loop import LoopView
+from tega.teleop.sources import Block
 from tega.teleop.touch import Felt
 from tega.view.state import EmgTail, Shape, TouchImage, ViewState
 
@@ -59,7 +60,7 @@ class Moments:
             contacts=contacts,
             felt=felts,
             vest=vest_frame([f.front for f in felts], [f.back for f in felts], layout="x40"),
-            block=(round(t_s * 1e9), (level, level, max(level - 1, 1)), level),
+            block=Block(round(t_s * 1e9), (level, level, max(level - 1, 1)), level),
             angles_rad=None,
             counts={
                 "touch": round(60 * t_s),

@@ -1,14 +1,27 @@
-"""The simulated fingertip: forces, contact, noise, repeatability, refusals."""
+"""The simulated fingertip: form, forces, contact, noise, memory, repeatability, refusals."""
 
 from __future__ import annotations
 
+import sys
+import threading
+import time
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError, ShapeError
-from tega.sim.gel import PX_PER_MM, STIFFNESS_N_MM3, Gel, ball
+from tega.sim.gel import (
+    CAMERA_MM,
+    HEIGHTS_ALONG_MM,
+    MIDDLE_ALONG_MM,
+    PX_PER_MM,
+    RADIUS_ACROSS_MM,
+    STIFFNESS_N_MM3,
+    Gel,
+    ball,
+    fall,
+)
 from tega.sim.seams import Indenter
 
 STRAIGHT = np.hstack([np.eye(3), np.zeros((3, 1))])
@@ -30,7 +43,7 @@ def test_no_two_frames_in_a_row_are_equal() -> None:
 
 
 def test_noise_has_the_measured_statistics() -> None:
-    gel = Gel(2)
+    gel = Gel(2, spread=0.0)
     still = gel.still().astype(float)
     noise = np.array([gel.frame([], n) - still for n in range(40)])
     assert noise.std(axis=(0, 1, 2)) == pytest.approx([3.30, 1.70, 2.85], rel=0.05)
@@ -53,7 +66,7 @@ def test_the_gel_carries_the_force_and_the_mask_is_the_area() -> None:
     ):
         truth = gel.press(press)
         displacement = gel.displacement_mm()
-        carried = STIFFNESS_N_MM3 * displacement.sum() * (4 / PX_PER_MM) ** 2
+        carried = STIFFNESS_N_MM3 * (displacement * gel.surface_mm()[..., 3]).sum()
         assert carried == pytest.approx(2.0, rel=0.05)
         assert displacement.max() == pytest.approx(truth.depth_mm)
         assert gel.contact_mask().sum() == truth.area_px > 0
@@ -77,3 +90,164 @@ def test_bad_input_is_refused() -> None:
         gel.frame([], 0, out=np.empty((240, 320, 3), np.uint8))
     with pytest.raises(InvalidValueError, match="spread"):
         Gel(1, spread=3.0)
+    with pytest.raises(InvalidValueError, match="shape = 'round' is not known"):
+        Gel(1, shape="round")  # type: ignore[arg-type]
+
+
+def test_the_gel_is_as_high_as_its_drawing() -> None:
+    x, y, z, _ = np.moveaxis(Gel(0, spread=0.0).surface_mm().astype(float), -1, 0)
+    along = np.array(HEIGHTS_ALONG_MM)
+    inside = np.abs(along[:, 0] - MIDDLE_ALONG_MM) < 8
+    middle = (z[:, 29] + z[:, 30]) / 2
+    found = np.interp(along[inside, 0] - MIDDLE_ALONG_MM, y[:, 30], middle)
+    assert found - along[inside, 1] == pytest.approx(
+        np.full(inside.sum(), found[0] - along[inside, 1][0]), abs=2e-3
+    )
+    # Across: a circle.
+    row = 30
+    across = RADIUS_ACROSS_MM - np.sqrt(RADIUS_ACROSS_MM**2 - x[row] ** 2)
+    assert (middle[row] - z[row]) == pytest.approx(across, abs=0.02)
+    assert fall(RADIUS_ACROSS_MM / 2, 0.0)[0] == pytest.approx(1 / np.sqrt(3))
+
+
+def test_what_lies_lower_is_nearer_to_the_camera() -> None:
+    x, y, z, area = np.moveaxis(Gel(0, spread=0.0).surface_mm().astype(float), -1, 0)
+    rows, columns = np.indices(z.shape)
+    for place, pixel in ((x, 4 * columns + 1.5 - 119.5), (y, 4 * rows + 1.5 - 159.5)):
+        assert place * CAMERA_MM == pytest.approx(pixel / PX_PER_MM * (CAMERA_MM + z), abs=1e-4)
+    assert area[40, 0] < 0.85 * area[40, 30]
+    flat = Gel(3, shape="flat").surface_mm()
+    assert np.ptp(flat[..., 2]) == 0
+    assert flat[..., 3] == pytest.approx(np.full((80, 60), (4 / PX_PER_MM) ** 2))
+
+
+def test_a_face_presses_a_narrow_tall_ellipse_and_on_a_flat_gel_nothing_that_slopes() -> None:
+    face = Indenter("box", (30.0, 30.0, 30.0), STRAIGHT, 3.0)
+    round_gel, flat_gel = Gel(0, spread=0.0), Gel(0, spread=0.0, shape="flat")
+    round_gel.press([face])
+    rows, columns = np.nonzero(round_gel.contact_mask())
+    assert np.ptp(rows) > 1.8 * np.ptp(columns)
+    flat_gel.press([face])
+    assert np.ptp(flat_gel.displacement_mm()) < 0.2 * round_gel.displacement_mm().max()
+
+
+def test_a_ball_touches_first_where_it_is_aimed() -> None:
+    gel = Gel(0, spread=0.0)
+    for place in ((60.0, 90.0), (170.0, 230.0)):
+        aimed = gel.press([ball(force_n=0.1, centre_xy=place, on=gel)]).centre_xy
+        straight = gel.press([ball(force_n=0.1, centre_xy=place)]).centre_xy
+        assert np.hypot(*np.subtract(aimed, place)) < 4
+        assert np.hypot(*np.subtract(straight, place)) > 6
+
+
+def test_units_differ_in_gel_light_background_and_noise() -> None:
+    units = [Gel(seed) for seed in range(8)]
+    noise = [np.std(gel.frame([], 0).astype(float) - gel.still(), axis=(0, 1))[0] for gel in units]
+    assert {round(level / 3.3, 2) for level in noise} >= {0.92, 1.0, 1.08}
+    assert len({gel.surface_mm()[40, 0, 2].item() for gel in units}) == 8
+    lights = [gel.frame([ball(force_n=3.0)], 0).astype(float) - gel.still() for gel in units]
+    correlations = np.corrcoef([light[120:200, 80:160].ravel() for light in lights])
+    assert 0.5 < correlations.min() < 0.95
+    assert np.array_equal(Gel(1, spread=0.0).surface_mm(), Gel(2, spread=0.0).surface_mm())
+
+
+def hold(gel: Gel, *, force_n: float, frames: int, first: int = 0) -> int:
+    for number in range(first, first + frames):
+        gel.frame([ball(force_n=force_n)], number)
+    return first + frames
+
+
+def test_what_is_left_after_release_is_what_grips_left() -> None:
+    gel = Gel(0, spread=0.0, memory=True)
+    number = hold(gel, force_n=3.0, frames=90)
+    peak_mm, release_s = gel.truth.depth_mm, number / 60
+    gel.press([], t_s=release_s)
+    for after_s, wanted in ((0.13, 0.13), (1.0, 0.08), (2.7, 0.06)):
+        assert not gel.press([], t_s=release_s + after_s).touches
+        assert gel.displacement_mm().max() / peak_mm == pytest.approx(wanted, abs=0.012)
+    assert gel.remains(release_s + 10)
+    assert not gel.remains(release_s + 120)
+    # Nothing is left: the picture is an untouched one to the last bit.
+    after = gel.frame([], number + 7200)
+    unloaded = Gel(0, spread=0.0, memory=True)
+    assert np.array_equal(after, unloaded.frame([], number + 7200))
+
+
+def test_a_held_force_creeps_in_and_an_eased_one_stays_deeper() -> None:
+    gel, quick = Gel(0, spread=0.0, memory=True), Gel(0, spread=0.0)
+    number = hold(gel, force_n=5.0, frames=1)
+    first_mm = gel.truth.depth_mm
+    assert first_mm == quick.press([ball(force_n=5.0)]).depth_mm
+    number = hold(gel, force_n=5.0, frames=240, first=number)
+    assert 1.05 < gel.truth.depth_mm / first_mm < 1.3
+    hold(gel, force_n=0.5, frames=1, first=number)
+    assert 1.2 < gel.truth.depth_mm / quick.press([ball(force_n=0.5)]).depth_mm < 2.2
+
+
+def test_memory_hangs_on_times_and_not_on_how_many_frames_were_seen() -> None:
+    # Every frame, and every seventh besides those at which the press changes.
+    every, some = Gel(5, memory=True), Gel(5, memory=True)
+    for number in range(301):
+        press = [ball(force_n=3.0)] if 60 <= number < 180 else []
+        shown = every.frame(press, number)
+        if number % 7 and number not in {60, 180}:
+            continue
+        seen = some.frame(press, number)
+        assert every.displacement_mm() == pytest.approx(some.displacement_mm(), abs=2e-3)
+        assert np.abs(shown.astype(int) - seen).max() <= 1
+    again = Gel(5, memory=True)
+    for number in range(301):
+        last = again.frame([ball(force_n=3.0)] if 60 <= number < 180 else [], number)
+    assert np.array_equal(last, shown)
+
+
+def test_memory_off_is_no_memory_and_forgetting_is_a_new_gel() -> None:
+    gel, new = Gel(6, memory=True), Gel(6, memory=True)
+    hold(gel, force_n=4.0, frames=60)
+    with pytest.raises(InvalidValueError, match=r"t_s = 0.5, after a press at 0.98"):
+        gel.frame([], 30)
+    gel.forget()
+    assert np.array_equal(gel.frame([ball(force_n=2.0)], 5), new.frame([ball(force_n=2.0)], 5))
+    plain = Gel(6)
+    hold(plain, force_n=4.0, frames=60)
+    assert not plain.remains(1.0)
+    assert np.array_equal(plain.frame([], 30), Gel(6).frame([], 30))
+
+
+def test_a_gel_with_memory_left_alone_drifts_as_a_recorded_one() -> None:
+    def most(gel: Gel) -> float:
+        start = gel.still().astype(float)
+        cells = [
+            (gel.still(index) - start)[:, :224].reshape(10, 32, 7, 32, 3).mean(axis=(1, 3))
+            for index in range(0, 180 * 60, 900)
+        ]
+        return float(np.abs(cells).max())
+
+    drifts = [most(Gel(seed, memory=True)) for seed in range(8)]
+    # The recorded one went 11 counts from its first moment and 7 from when it was warm.
+    assert 4 < np.median(drifts) < 11
+    assert np.median(drifts) > 1.5 * np.median([most(Gel(seed)) for seed in range(8)])
+
+
+def test_a_unit_is_made_while_other_threads_go_on() -> None:
+    counted, done = [0], threading.Event()
+
+    def count() -> None:
+        while not done.is_set():
+            counted[0] += 1
+            time.sleep(0)
+
+    switching_s = sys.getswitchinterval()
+    thread = threading.Thread(target=count)
+    thread.start()
+    try:
+        # From here on a thread runs only when another lets it.
+        sys.setswitchinterval(100.0)
+        before = counted[0]
+        Gel(123)
+        during = counted[0] - before
+    finally:
+        sys.setswitchinterval(switching_s)
+        done.set()
+        thread.join()
+    assert during > 0

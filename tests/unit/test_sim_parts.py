@@ -14,10 +14,9 @@ from tega.sim.hand import SimulatedBus
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.score import Scorer
 from tega.sim.seams import Truth
-from tega.teleop.hand import limp_frames
 from tega.teleop.repeats import LastFrame
 from tega.teleop.streams import NEVER_NS, QueuedStream
-from tega.wire import CanFrame, allegro_torque_frames
+from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
 
 Course = Sequence[tuple[float, Mapping[str, object]]]
 """Times, and what is so from then on."""
@@ -213,7 +212,7 @@ def test_the_bus_does_what_the_frames_say() -> None:
     bus.write(0, [CanFrame(0x7FF, b"")])
     assert bus.n_rejected == 1
     assert applied[-1].any()
-    bus.write(0, limp_frames(0)[-1:])
+    bus.write(0, allegro_limp_frames()[-1:])
     assert not applied[-1].any()
 
 

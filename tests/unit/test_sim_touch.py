@@ -17,7 +17,6 @@ from tega.sim.check_touch import (
     ball_press,
     like_presses,
     load_presses,
-    on_dome,
     readings,
 )
 from tega.sim.closeness import TOLERANCES, match_press, statistics
@@ -33,8 +32,8 @@ def presses(recordings: Path) -> Presses:
 @pytest.mark.parametrize("radius_mm", [4.4, 12.0, 33.0])
 @pytest.mark.parametrize("contact_mm", [1.2, 1.8, 2.4])
 def test_a_ball_goes_in_and_touches_as_the_closed_form_says(radius_mm: float, contact_mm: float) -> None:
-    depth_mm, force_n = ball_press(on_dome(radius_mm), contact_mm)
-    truth = Gel(1).press([ball(force_n=force_n, radius_mm=radius_mm)])
+    depth_mm, force_n = ball_press(radius_mm, contact_mm)
+    truth = Gel(1, shape="flat").press([ball(force_n=force_n, radius_mm=radius_mm)])
     # A ball is not its paraboloid: deeper in it is steeper.
     assert truth.depth_mm == pytest.approx(depth_mm, rel=0.04)
     # Half a cell is 0.11 mm.
@@ -44,7 +43,7 @@ def test_a_ball_goes_in_and_touches_as_the_closed_form_says(radius_mm: float, co
 def test_the_skin_beside_a_ball_falls_off_as_a_bessel_function() -> None:
     from scipy.special import k1
 
-    gel = Gel(1)
+    gel = Gel(1, shape="flat")
     truth = gel.press([ball(force_n=3.0)])
     height = gel.displacement_mm()
     middle = (height[39] + height[40]) / 2
@@ -54,11 +53,11 @@ def test_the_skin_beside_a_ball_falls_off_as_a_bessel_function() -> None:
     beside = (at_mm > contact_mm + 0.3) & (at_mm < contact_mm + 2.5)
     expected = k1(at_mm[beside] / LENGTH_MM)
     ratio = slope[beside] / expected
-    assert ratio / ratio.mean() == pytest.approx(np.ones(ratio.size), abs=0.04)
+    assert ratio / ratio.mean() == pytest.approx(np.ones(ratio.size), abs=0.05)
 
 
 def test_force_and_depth_are_those_of_a_published_test() -> None:
-    gel = Gel(1)
+    gel = Gel(1, shape="flat")
     forces = np.geomspace(0.5, 40, 60)
     depths = [gel.press([ball(force_n=n, radius_mm=GOLDEN_RADIUS_MM)]).depth_mm for n in forces]
     simulated = np.interp([depth for depth, _ in GOLDEN], depths, forces)
@@ -74,9 +73,9 @@ def test_force_and_depth_are_those_of_a_published_test() -> None:
 def test_live_follows_what_is_true() -> None:
     gel = Gel(3)
     for name, over_dent in (
-        ("ball 4.4 mm", (0.5, 1.15)),
-        ("ball 12 mm", (0.4, 1.2)),
-        ("cylinder 3 mm", (0.5, 1.0)),
+        ("ball 4.4 mm", (0.9, 1.2)),
+        ("ball 12 mm", (0.9, 1.15)),
+        ("cylinder 3 mm", (0.9, 1.1)),
     ):
         seen = [r for r in readings(name, gel) if r.eda]
         assert len(seen) >= 5, name
@@ -88,7 +87,8 @@ def test_live_follows_what_is_true() -> None:
 
 def test_a_flat_face_keeps_its_area_and_an_edge_is_sharper_than_a_face() -> None:
     gel = Gel(3)
-    flat = [r for r in readings("flat 5 x 5 mm", gel) if r.force_n >= 1]
+    # Lighter it lies on the gel's top alone.
+    flat = [r for r in readings("flat 5 x 5 mm", gel) if r.force_n >= 3]
     # 5 mm are 23.4 cells.
     assert {round((r.area_px / 16) ** 0.5) for r in flat} <= {23, 24}
     edge = {r.force_n: r.cci for r in readings("edge", gel)}

@@ -56,8 +56,12 @@ def test_sensors_and_truth_agree_on_whether_a_finger_touches(lift) -> None:
         truth_t_s, force_n = streams.array("truth", "t_s"), streams.array("truth", f"{finger}_force_n")
         seen = streams.array("contacts", "in_contact", where=("finger", finger))
         seen_t_s = streams.array("contacts", "t_s", where=("finger", finger))
-        force_then_n = np.interp(seen_t_s - 0.025, truth_t_s, force_n)
-        assert not seen[force_then_n == 0].any()
+        # A release is told within a tenth of a second.
+        then_s = seen_t_s - 0.025
+        longest_n = [
+            force_n[(truth_t_s > t - 0.12) & (truth_t_s <= t + 0.01)].max(initial=0.0) for t in then_s
+        ]
+        assert not seen[np.array(longest_n) == 0].any()
 
 
 def test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendered(lift) -> None:
@@ -235,6 +239,7 @@ def test_without_the_extra_one_line_says_what_to_install(
     assert len(err.strip().splitlines()) == 2
 
 
+@pytest.mark.slow
 def test_a_vest_that_tells_nothing_changes_nothing() -> None:
     """The negative control: the same person with the same chance does exactly the same."""
     without, *shams = (

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 
 pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 
+from reference.gel import nearest_touch
 from reference.grip import TICK_S, Grip
 from tega.errors import InvalidValueError, MissingExtraError, ShapeError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
@@ -136,18 +137,16 @@ def test_indenters_touch_their_pads_and_carry_their_forces(lifted):
     for force_n, indenters in zip(truth.pad_force_n, pads, strict=True):
         assert sum(indenter.force_n for indenter in indenters) == pytest.approx(force_n)
         for indenter in indenters:
-            rotation, centre = indenter.pose_mm[:, :3], indenter.pose_mm[:, 3]
+            rotation = indenter.pose_mm[:, :3]
             np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
             assert np.linalg.det(rotation) == pytest.approx(1)
             assert indenter.shape == "capsule"
-            radius, half, _ = indenter.size_mm
-            # The lowest point of the capsule over the gel: in it, by less than a millimetre.
-            lowest = centre[2] - half * abs(rotation[2, 2]) - radius
-            assert -1.5 < lowest < 0.0
-            # And the straight line along its middle passes over the pad: 20 by 30 mm.
-            along = rotation[:, 2]
-            nearest = centre - along * (centre @ along)
-            assert abs(nearest[1]) < 15
+            # The capsule lies on the gel as the gel is turned there, in it by less than a millimetre and a half.
+            _, y_mm, off_mm, turned_rad = nearest_touch(indenter)
+            assert off_mm < 1.5
+            assert turned_rad < 0.03
+            # And that is on the pad: 20 by 30 mm.
+            assert abs(y_mm) < 15
 
 
 def test_contact_forces_carry_the_weight(lifted):
@@ -364,3 +363,15 @@ def test_the_check_prints_what_it_finds():
 def test_a_weak_grip_slips_and_a_firm_one_does_not(bottle_lifts):
     assert bottle_lifts[5].slips == 0
     assert lift("bottle", 3, hold_s=0.5).slips >= 1
+
+
+def test_the_hands_height_is_where_it_is_and_not_where_it_is_led() -> None:
+    world = World("bag", start_m=(0.0, 0.0))
+    world.set_forearm((0.1, 0.0))
+    assert abs(world.hand_height_m) < 0.01
+    seen = []
+    for k in range(1, 31):
+        world.advance_to(0.1 * k)
+        seen.append(world.hand_height_m)
+    assert seen[0] < 0.09
+    assert abs(seen[-1] - 0.1) < 0.01

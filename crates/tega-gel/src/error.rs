@@ -53,6 +53,14 @@ pub enum GelError {
         /// What it may be.
         wanted: &'static str,
     },
+    /// A gel with memory is asked for a moment that is past.
+    #[error("t_s = {t_s}, after a press at {last_s} s")]
+    Time {
+        /// The moment.
+        t_s: f64,
+        /// Of the latest press.
+        last_s: f64,
+    },
 }
 
 impl GelError {
@@ -65,6 +73,9 @@ impl GelError {
             }
             Self::TooMany { .. } => "pass the strongest contacts only",
             Self::Picture { .. } => "make it with numpy.empty((320, 240, 3), numpy.uint8)",
+            Self::Time { .. } => {
+                "a gel with memory sees frames in the order of their times; forget() starts anew"
+            }
             Self::Setting { .. } => "0 is the fitted sensor, 1 spreads units as sensors differ",
         }
     }

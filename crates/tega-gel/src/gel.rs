@@ -1,8 +1,10 @@
 //! A fingertip: what presses it, the picture, and what is true of the contact.
 
 use crate::error::GelError;
-use crate::grid::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, PX_PER_MM};
+use crate::form::Form;
+use crate::grid::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS};
 use crate::membrane::{MAX_INDENTERS, Membrane};
+use crate::memory::Memory;
 use crate::noise::{EPOCH_FRAMES, Noise};
 use crate::paint::Canvas;
 use crate::shape::Indenter;
@@ -30,9 +32,29 @@ pub struct Touch {
     pub centre_xy: [f64; 2],
 }
 
+/// What a unit is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setup {
+    /// Of everything that differs between units, and of which noise each frame shows.
+    pub seed: u64,
+    /// How much units differ: 0 not at all, 1 as sensors may, at most 2.
+    pub spread: f64,
+    /// The gel's form.
+    pub form: Form,
+    /// Whether the gel gives way for a time and leaves something after release, and the colours drift for minutes.
+    pub memory: bool,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Self { seed: 0, spread: 1.0, form: Form::Digit, memory: false }
+    }
+}
+
 /// A simulated fingertip.
 ///
-/// What it shows depends on seed, spread, indenters and frame number only, not on what it showed before.
+/// What it shows depends on its setup, indenters and frame number only; with memory also on what pressed before, and how
+/// long.
 #[derive(Debug, Clone)]
 pub struct Gel {
     unit: Unit,
@@ -44,6 +66,9 @@ pub struct Gel {
     epoch: Option<u64>,
     /// Whether anything lies against the gel.
     touches: bool,
+    memory: Option<Memory>,
+    /// Whether what it remembers can be seen.
+    lags: bool,
 }
 
 impl Gel {
@@ -51,35 +76,68 @@ impl Gel {
     ///
     /// # Errors
     ///
-    /// `spread` is not within 0 to 2.
-    pub fn new(seed: u64, spread: f64) -> Result<Self, GelError> {
+    /// The spread is not within 0 to 2.
+    pub fn new(Setup { seed, spread, form, memory }: Setup) -> Result<Self, GelError> {
         if !(0.0..=2.0).contains(&spread) {
             return Err(GelError::Setting { name: "spread", value: spread, wanted: "0 to 2" });
         }
+        let unit = Unit::new(seed, spread as f32, form);
         Ok(Self {
-            unit: Unit::new(seed, spread as f32),
-            noise: Noise::new(seed),
-            membrane: Membrane::new(),
+            noise: Noise::new(seed, spread as f32, memory),
+            membrane: Membrane::new(&unit.surface),
+            memory: memory.then(|| Memory::new(unit.lag)),
+            unit,
             canvas: Canvas::new(),
             drifted: vec![0; PICTURE],
             epoch: None,
             touches: false,
+            lags: false,
         })
     }
 
-    /// Presses these shapes, and none else, into the gel; returns whether anything lies against it.
+    /// Presses these shapes, and none else, into the gel; returns whether anything lies against it. A gel with memory
+    /// takes what pressed before to have pressed until `t_s`, seconds; to one without all times are alike.
     ///
     /// # Errors
     ///
-    /// A number of an indenter is out of range, or there are more than [`MAX_INDENTERS`].
-    pub fn press(&mut self, indenters: &[Indenter]) -> Result<bool, GelError> {
+    /// A number of an indenter is out of range, there are more than [`MAX_INDENTERS`], or time goes back; nothing is
+    /// pressed then and no time has passed.
+    pub fn press(&mut self, indenters: &[Indenter], t_s: f64) -> Result<bool, GelError> {
         if indenters.len() > MAX_INDENTERS {
             return Err(GelError::TooMany { got: indenters.len(), limit: MAX_INDENTERS });
         }
         indenters.iter().enumerate().try_for_each(|(index, indenter)| indenter.check(index))?;
+        if let Some(memory) = &mut self.memory {
+            let last_s = memory.last_s().unwrap_or(f64::MIN);
+            if !(t_s >= last_s && t_s <= f64::MAX) {
+                return Err(GelError::Time { t_s, last_s });
+            }
+            self.lags = memory.advance(t_s, &mut self.membrane);
+        }
         self.touches =
             indenters.iter().any(|i| i.force_n > 0.0) && simd::solve(&mut self.membrane, indenters);
+        if let Some(memory) = &mut self.memory {
+            memory.hold(self.touches);
+        }
         Ok(self.touches)
+    }
+
+    /// Whether the gel would show anything at a time, seconds, if nothing pressed it from then on.
+    pub fn remains(&self, t_s: f64) -> bool {
+        self.memory.as_ref().is_some_and(|memory| memory.remains(t_s))
+    }
+
+    /// Time of the latest press of a gel with memory, seconds.
+    pub fn last_s(&self) -> Option<f64> {
+        self.memory.as_ref().and_then(Memory::last_s)
+    }
+
+    /// Forgets whatever pressed, and what time it is.
+    pub fn forget(&mut self) {
+        if let Some(memory) = &mut self.memory {
+            memory.forget(&mut self.membrane);
+        }
+        (self.touches, self.lags) = (false, false);
     }
 
     /// Measures what is true of the latest press; it is not measured before it is asked for.
@@ -94,7 +152,7 @@ impl Gel {
         Touch {
             touches: true,
             area_px,
-            area_mm2: area_px as f64 / (PX_PER_MM * PX_PER_MM),
+            area_mm2: f64::from(found.area),
             depth_mm: f64::from(found.depth),
             centre_xy: if found.cells > 0 {
                 [middle(found.right), middle(found.down)]
@@ -113,8 +171,11 @@ impl Gel {
         check(out)?;
         self.drift(index);
         let noise = (&self.noise, self.noise.part(index));
-        let membrane = self.touches.then_some(&self.membrane);
-        simd::paint(&mut self.canvas, membrane, &self.unit, &self.drifted, noise, out);
+        let relief = match &mut self.memory {
+            Some(memory) if self.lags => Some(memory.relief(&self.membrane, self.touches)),
+            _ => self.touches.then(|| self.membrane.relief()),
+        };
+        simd::paint(&mut self.canvas, relief, &self.unit.light, &self.drifted, noise, out);
         Ok(())
     }
 
@@ -148,11 +209,28 @@ impl Gel {
     /// Copies the gel's displacement under the picture, millimetres, one value a cell of 4 pixels: [`CELLS`].
     pub fn displacement(&self, out: &mut [f32]) {
         out.fill(0.0);
-        if !self.touches {
-            return;
-        }
         for (r, row) in out.chunks_exact_mut(CELLS[1]).enumerate() {
-            row.copy_from_slice(&self.membrane.heights(r + MARGIN_ROWS + 1)[MARGIN_COLS + 1..][..CELLS[1]]);
+            if self.touches {
+                row.copy_from_slice(
+                    &self.membrane.relief().row(r + MARGIN_ROWS + 1)[MARGIN_COLS + 1..][..CELLS[1]],
+                );
+            }
+            if self.lags {
+                let lag = &self.membrane.lag()[(r + MARGIN_ROWS) * COLS + MARGIN_COLS..];
+                row.iter_mut().zip(lag).for_each(|(height, lag)| *height += lag);
+            }
+        }
+    }
+
+    /// Where the untouched gel lies that each of [`CELLS`] shows, millimetres: x, y, and z under the gel's top; and its
+    /// area, square millimetres.
+    pub fn surface(&self, out: &mut [[f32; 4]]) {
+        let grid = self.membrane.finest();
+        for (r, row) in out.chunks_exact_mut(CELLS[1]).enumerate() {
+            for (c, cell) in row.iter_mut().enumerate() {
+                let k = (r + MARGIN_ROWS) * COLS + c + MARGIN_COLS;
+                *cell = [grid.x[k], grid.y[k], -grid.drop[k], grid.area[k]];
+            }
         }
     }
 
@@ -167,4 +245,65 @@ impl Gel {
 
 fn check(out: &[u8]) -> Result<(), GelError> {
     if out.len() == PICTURE { Ok(()) } else { Err(GelError::Picture { got: out.len(), wanted: PICTURE }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::Shape;
+
+    fn ball(force_n: f64) -> Indenter {
+        let pose_mm = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        Indenter { shape: Shape::Sphere { radius: 4.4 }, pose_mm, force_n }
+    }
+
+    fn remembering() -> Gel {
+        Gel::new(Setup { seed: 3, spread: 0.0, memory: true, ..Setup::default() })
+            .expect("a spread within bounds")
+    }
+
+    fn depth(gel: &Gel) -> f32 {
+        let mut cells = vec![0.0; CELLS[0] * CELLS[1]];
+        gel.displacement(&mut cells);
+        cells.iter().fold(0.0, |most, cell| most.max(*cell))
+    }
+
+    #[test]
+    fn rest_in_one_step_leaves_what_many_leave_to_the_bit() {
+        let (mut one, mut many) = (remembering(), remembering());
+        for gel in [&mut one, &mut many] {
+            gel.press(&[ball(3.0)], 0.0).expect("a ball");
+            gel.press(&[], 2.0).expect("nothing");
+        }
+        for k in 1..100 {
+            many.press(&[], 2.0 + 0.03 * f64::from(k)).expect("nothing");
+        }
+        one.press(&[], 5.0).expect("nothing");
+        many.press(&[], 5.0).expect("nothing");
+        assert_eq!(depth(&one), depth(&many));
+        assert!(depth(&one) > 0.01 && one.remains(5.0) && !one.touch().touches);
+    }
+
+    #[test]
+    fn a_press_out_of_order_or_out_of_range_changes_nothing() {
+        let mut gel = remembering();
+        gel.press(&[ball(3.0)], 1.0).expect("a ball");
+        gel.press(&[ball(3.0)], 2.0).expect("a ball");
+        let before = gel.touch();
+        for t_s in [1.5, f64::NAN, f64::INFINITY] {
+            assert!(matches!(gel.press(&[], t_s), Err(GelError::Time { .. })));
+        }
+        assert!(gel.press(&[ball(-1.0)], 3.0).is_err());
+        assert_eq!((gel.touch(), gel.last_s()), (before, Some(2.0)));
+    }
+
+    #[test]
+    fn a_new_contact_begins_from_what_the_last_one_left() {
+        let (mut gel, mut fresh) = (remembering(), remembering());
+        gel.press(&[ball(5.0)], 0.0).expect("a ball");
+        gel.press(&[], 2.0).expect("nothing");
+        gel.press(&[ball(1.0)], 2.5).expect("a ball");
+        fresh.press(&[ball(1.0)], 2.5).expect("a ball");
+        assert!(gel.touch().depth_mm > fresh.touch().depth_mm + 0.05);
+    }
 }

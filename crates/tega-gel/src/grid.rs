@@ -1,5 +1,6 @@
 //! One grid of the gel: its cells' displacement, and the shapes over them.
 
+use crate::form::Surface;
 use crate::membrane::MAX_INDENTERS;
 use crate::plane::{CACHE_LINE, Plane};
 use crate::shape::CLEAR;
@@ -36,6 +37,14 @@ pub(crate) struct Level {
     pub(crate) next: Plane,
     pub(crate) floor: Plane,
     pub(crate) gaps: Vec<Plane>,
+    /// Where each cell's gel lies, millimetres: across, along, how far under the top while nothing touches, and how far
+    /// that gel has given way for a time.
+    pub(crate) x: Plane,
+    pub(crate) y: Plane,
+    pub(crate) drop: Plane,
+    pub(crate) lag: Plane,
+    /// Its area, square millimetres.
+    pub(crate) area: Plane,
     /// Level of each shape's foremost cell in its gaps.
     pub(crate) tops: [f32; MAX_INDENTERS],
     /// Where each shape may touch: no deeper than it is taken for, it does not outside.
@@ -43,12 +52,22 @@ pub(crate) struct Level {
 }
 
 impl Level {
-    pub(crate) fn new(shrink: usize) -> Self {
+    pub(crate) fn new(shrink: usize, surface: &Surface) -> Self {
         let (rows, cols) = (ROWS / shrink, COLS / shrink);
         let cell_mm = ((shrink * CELL_PX) as f64 / PX_PER_MM) as f32;
         let length = LENGTH_MM as f32 / cell_mm;
         let stride = cols + CACHE_LINE;
         let still = Plane::new((rows + 2) * stride + CACHE_LINE, 0.0);
+        let flat = Plane::new(rows * cols, 0.0);
+        let [mut x, mut y, mut drop, mut area] = [0; 4].map(|_| flat.clone());
+        let at = |cells: usize, c: usize| (c as f64 - (cells as f64 - 1.0) / 2.0) * f64::from(cell_mm);
+        for r in 0..rows {
+            for c in 0..cols {
+                let (seen, k) = (surface.seen(at(cols, c), at(rows, r)), r * cols + c);
+                (x[k], y[k], drop[k]) = (seen.x as f32, seen.y as f32, seen.drop as f32);
+                area[k] = (seen.area * f64::from(cell_mm * cell_mm)) as f32;
+            }
+        }
         Self {
             rows,
             cols,
@@ -58,7 +77,12 @@ impl Level {
             stride,
             next: still.clone(),
             height: still,
-            floor: Plane::new(rows * cols, 0.0),
+            floor: flat.clone(),
+            x,
+            y,
+            drop,
+            lag: flat,
+            area,
             gaps: vec![Plane::new(rows * cols, CLEAR); MAX_INDENTERS],
             tops: [CLEAR; MAX_INDENTERS],
             boxes: [Window::default(); MAX_INDENTERS],

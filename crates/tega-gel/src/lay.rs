@@ -1,7 +1,6 @@
 //! Shapes laid over a grid: how near to the gel each cell of a shape is.
 
-use crate::grid::{COLS, LANES, Level, chunks};
-use crate::membrane::DOME_MM;
+use crate::grid::{LANES, Level, chunks};
 use crate::shape::{CLEAR, Indenter};
 use crate::simd;
 use crate::window::Window;
@@ -9,22 +8,15 @@ use crate::window::Window;
 /// Lays a shape over a part of a grid, its foremost point on the still gel.
 #[inline(always)]
 pub(crate) fn lay(grid: &mut Level, part: Window, i: usize, indenter: &Indenter) {
-    let ([c0, c1], step, cols) = (part.cols, grid.cell_mm, grid.cols);
-    let at = |cells: usize, c: usize| (c as f32 - (cells as f32 - 1.0) / 2.0) * step;
-    let curve = (0.5 / DOME_MM) as f32;
-    // The gel's dome drops away from its middle.
-    let mut drop = [0.0; COLS];
-    for (c, drop) in drop[..c1 - c0].iter_mut().enumerate() {
-        let x = at(cols, c0 + c);
-        *drop = x * x * curve;
-    }
+    let ([c0, c1], cols) = (part.cols, grid.cols);
     let mut tops = [CLEAR; LANES];
     for r in part.rows[0]..part.rows[1] {
-        let y = at(grid.rows, r);
-        let row = &mut grid.gaps[i][r * cols..][c0..c1];
-        indenter.lowest(at(cols, c0), step, y, row);
-        for (low, drop) in row.iter_mut().zip(&drop) {
-            *low -= drop + y * y * curve;
+        let at = r * cols + c0..r * cols + c1;
+        let row = &mut grid.gaps[i][at.clone()];
+        indenter.lowest(&grid.x[at.clone()], &grid.y[at.clone()], row);
+        // The gel drops away from its top, and more where it has not come back yet.
+        for ((low, drop), lag) in row.iter_mut().zip(&grid.drop[at.clone()]).zip(&grid.lag[at]) {
+            *low -= drop + lag;
         }
         raise(&mut tops, row);
     }

@@ -5,15 +5,15 @@
 //! picture, z out of the gel), forces newtons.
 //!
 //! ```
-//! use tega_gel::{Gel, Indenter, PICTURE, Shape};
+//! use tega_gel::{Gel, Indenter, PICTURE, Setup, Shape};
 //!
-//! let mut gel = Gel::new(1, 1.0)?;
+//! let mut gel = Gel::new(Setup { seed: 1, ..Setup::default() })?;
 //! let ball = Indenter {
 //!     shape: Shape::Sphere { radius: 4.4 },
 //!     pose_mm: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.4]],
 //!     force_n: 3.0,
 //! };
-//! assert!(gel.press(&[ball])?);
+//! assert!(gel.press(&[ball], 0.0)?);
 //! let mut picture = vec![0; PICTURE];
 //! gel.paint(0, &mut picture)?;
 //! let depth_mm = gel.touch().depth_mm;
@@ -23,10 +23,13 @@
 #![deny(unsafe_code)] // allowed in `simd` alone
 
 mod error;
+mod form;
 mod gel;
 mod grid;
 mod lay;
+mod light;
 mod membrane;
+mod memory;
 mod noise;
 mod paint;
 mod plane;
@@ -39,9 +42,10 @@ mod unit;
 mod window;
 
 pub use error::GelError;
-pub use gel::{CELLS, Gel, PICTURE, Touch};
+pub use form::{CAMERA_MM, Form, HEIGHTS_ALONG_MM, MIDDLE_ALONG_MM, RADIUS_ACROSS_MM, fall};
+pub use gel::{CELLS, Gel, PICTURE, Setup, Touch};
 pub use grid::{LENGTH_MM, PX_PER_MM};
-pub use membrane::{DOME_MM, MAX_INDENTERS};
+pub use membrane::MAX_INDENTERS;
 pub use shape::{Indenter, Shape};
 pub use springs::STIFFNESS_N_MM3;
 pub use unit::{HEIGHT, WIDTH};

@@ -1,6 +1,6 @@
 //! The camera's noise: a sheet larger than the picture, of which each frame of each unit shows another part.
 //!
-//! The sheet is drawn once and is the same for all units: four fingers in turn find it in the cache. At one place two
+//! A sheet is drawn once and is the same for all units of a level: fingers in turn find it in the cache. At one place two
 //! units' noise is then still unrelated, as their parts lie elsewhere, but for one frame in some 5,000.
 
 use std::sync::OnceLock;
@@ -30,7 +30,16 @@ const KNOT_EPOCHS: u64 = 8;
 const DRIFT: [f32; 3] = [0.53, 0.30, 0.69];
 const OFFSET: [f32; 3] = [0.97, 0.79, 1.06];
 
-/// The sheet's own, unrelated to any unit's.
+/// The same of what goes on for minutes: knots in epochs; deviation of the mean, of tilts, and of the bend along the
+/// picture. As a `GelSight` Mini's left alone for three minutes.
+const SLOW_EPOCHS: u64 = 56;
+const SLOW_OFFSET: [f32; 3] = [1.1, 0.6, 3.0];
+const SLOW_TILT: [f32; 3] = [0.8, 1.0, 1.0];
+const SLOW_BEND: [f32; 3] = [0.9, 1.6, 3.2];
+/// Units' noise over the measured one; three units that were measured lie within 6 %.
+const LEVELS: [f32; 3] = [1.0, 0.92, 1.08];
+
+/// The sheets' own, unrelated to any unit's.
 const SHEET_SEED: u64 = 0x7465_6761;
 
 /// One unit's noise.
@@ -39,6 +48,8 @@ pub(crate) struct Noise {
     sheet: &'static [i8],
     frames: Stream,
     drift: Stream,
+    /// Whether the colours also drift for minutes.
+    slow: bool,
 }
 
 /// Which part of the sheet a frame shows.
@@ -50,9 +61,13 @@ pub(crate) struct Part {
 }
 
 impl Noise {
-    pub(crate) fn new(seed: u64) -> Self {
-        static SHEET: OnceLock<Vec<i8>> = OnceLock::new();
-        Self { sheet: SHEET.get_or_init(sheet), frames: Stream::new(seed, 20), drift: Stream::new(seed, 21) }
+    /// A unit's noise: of the fitted sensor's level, or of one that the seed picks.
+    pub(crate) fn new(seed: u64, spread: f32, slow: bool) -> Self {
+        static SHEETS: [OnceLock<Vec<i8>>; 3] = [const { OnceLock::new() }; 3];
+        let frames = Stream::new(seed, 20);
+        let level = if spread > 0.0 { (Stream::new(seed, 22).bits(0) % 3) as usize } else { 0 };
+        let sheet = SHEETS[level].get_or_init(|| sheet(LEVELS[level]));
+        Self { sheet, frames, drift: Stream::new(seed, 21), slow }
     }
 
     /// The part that a frame shows. Two frames in a row never show the same one.
@@ -71,28 +86,37 @@ impl Noise {
         &self.sheet[row * SHEET_LINE + 3 * part.left..][..LINE]
     }
 
+    /// Numbers that change over so many epochs, of deviation 1: a spline through four knots of a stream.
+    fn lately(&self, epoch: u64, epochs: u64, first: u64) -> impl Fn(u64) -> f32 {
+        let (knot, weights) = (epoch / epochs, spline((epoch % epochs) as f32 / epochs as f32));
+        let drawn = self.drift;
+        // Four knots leave 151/315 of their variance on average.
+        move |number| {
+            let knots = (0..4).map(|k| weights[k as usize] * drawn.normal(first + (knot + k) * 16 + number));
+            knots.sum::<f32>() * (315.0f32 / 151.0).sqrt()
+        }
+    }
+
     /// Writes the still picture as it has drifted by an epoch; counts less 128.
     #[inline(always)]
     pub(crate) fn drifted(&self, still: &[f32], epoch: u64, out: &mut [i8]) {
-        let (knot, weights) =
-            (epoch / KNOT_EPOCHS, spline((epoch % KNOT_EPOCHS) as f32 / KNOT_EPOCHS as f32));
-        // Four knots leave 151/315 of their variance on average; across and along, three terms share the drift.
-        let lately = |number: u64| -> f32 {
-            let sum: f32 =
-                (0..4).map(|k| weights[k as usize] * self.drift.normal((knot + k) * 16 + number)).sum();
-            sum * (315.0f32 / 151.0).sqrt()
-        };
-        let terms: [[f32; 4]; 3] = std::array::from_fn(|channel| {
-            let number = 4 * channel as u64;
-            // X and Y have variance 1/3, XY has 1/9.
-            let d = DRIFT[channel];
-            [
-                OFFSET[channel] * lately(number),
-                d * lately(number + 1),
-                d * lately(number + 2),
-                1.7 * d * lately(number + 3),
-            ]
+        let quick = self.lately(epoch, KNOT_EPOCHS, 0);
+        // Across and along, three terms share the drift: X and Y have variance 1/3, XY has 1/9.
+        let mut terms: [[f32; 5]; 3] = std::array::from_fn(|channel| {
+            let (number, d) = (4 * channel as u64, DRIFT[channel]);
+            let term = |k: u64| quick(number + k);
+            [OFFSET[channel] * term(0), d * term(1), d * term(2), 1.7 * d * term(3), 0.0]
         });
+        if self.slow {
+            let slow = self.lately(epoch, SLOW_EPOCHS, 1 << 40);
+            for (channel, terms) in terms.iter_mut().enumerate() {
+                let deviation =
+                    [SLOW_OFFSET, SLOW_TILT, SLOW_TILT, SLOW_TILT, SLOW_BEND].map(|of| of[channel]);
+                for (k, (term, deviation)) in terms.iter_mut().zip(deviation).enumerate() {
+                    *term += deviation * slow((5 * channel + k) as u64);
+                }
+            }
+        }
         // Along a row the drift is a straight line in each colour.
         let mut across = [0.0; LINE];
         for (j, across) in across.iter_mut().enumerate() {
@@ -101,7 +125,7 @@ impl Noise {
         for y in 0..HEIGHT {
             let v = (y as f32 - 159.5) / 160.0;
             // Of the three colours, again and again.
-            let level = terms.map(|term| term[0] + term[2] * v);
+            let level = terms.map(|term| term[0] + term[2] * v + term[4] * v * v);
             let slope = terms.map(|term| term[1] + term[3] * v);
             let (level, slope) = ([level; WIDTH], [slope; WIDTH]);
             let line = y * LINE..(y + 1) * LINE;
@@ -117,7 +141,7 @@ impl Noise {
     }
 }
 
-fn sheet() -> Vec<i8> {
+fn sheet(level: f32) -> Vec<i8> {
     let (rows, cols) = (HEIGHT + ROOM_ROWS, WIDTH + ROOM_COLS);
     let planes: [Vec<f32>; 3] =
         std::array::from_fn(|k| plane(Stream::new(SHEET_SEED, 10 + k as u64), rows, cols));
@@ -127,7 +151,7 @@ fn sheet() -> Vec<i8> {
         for (channel, out) in pixel.iter_mut().enumerate() {
             let sum: f32 = (0..=channel).map(|k| mix[channel][k] * planes[k][i]).sum();
             // Rounding to counts adds a twelfth of a count's square.
-            let sigma = (SIGMA[channel] * SIGMA[channel] - 1.0 / 12.0).sqrt();
+            let sigma = (level * level * SIGMA[channel] * SIGMA[channel] - 1.0 / 12.0).sqrt();
             *out = (sigma * sum).round().clamp(-29.0, 29.0) as i8;
         }
     }

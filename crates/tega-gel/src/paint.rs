@@ -1,9 +1,10 @@
 //! Displacement to colour to bytes: shading on cells, straight lines between them, noise on top.
 
-use crate::grid::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, PX_PER_MM, ROWS};
-use crate::membrane::Membrane;
+use crate::grid::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, ROWS};
+use crate::light::{FINE, Light, normal, shade};
+use crate::membrane::Relief;
 use crate::noise::{Noise, Part};
-use crate::unit::{FINE, HEIGHT, LINE, LIT_COLS, LIT_ROWS, Unit, WIDTH};
+use crate::unit::{HEIGHT, LINE, LIT_COLS, LIT_ROWS, WIDTH};
 
 /// No colour change is larger than this, so that it fits a byte.
 const LARGEST: f32 = 127.0 * FINE;
@@ -57,17 +58,17 @@ impl Canvas {
     #[inline(always)]
     pub(crate) fn paint(
         &mut self,
-        membrane: Option<&Membrane>,
-        unit: &Unit,
+        relief: Option<Relief<'_>>,
+        light: &Light,
         still: &[i8],
         (noise, part): (&Noise, Part),
         out: &mut [u8],
     ) {
-        let area = membrane.map_or(Area { rows: [0, 0], bytes: [0, 0], lit: [0, 0] }, area);
+        let area = relief.map_or(Area { rows: [0, 0], bytes: [0, 0], lit: [0, 0] }, area);
         for y in (0..area.rows[0]).chain(area.rows[1]..HEIGHT) {
             plain(&still[y * LINE..][..LINE], noise.row(part, y), &mut out[y * LINE..][..LINE]);
         }
-        let Some(membrane) = membrane else { return };
+        let Some(relief) = relief else { return };
         let [b0, b1] = area.bytes;
         // The lit row whose line is in `lines[1]`; the one before it in `lines[0]`.
         let mut below = usize::MAX;
@@ -78,9 +79,9 @@ impl Canvas {
             if below == v {
                 self.lines.swap(0, 1);
             } else {
-                self.line(membrane, unit, (v, area.lit), 0);
+                self.line(relief, light, (v, area.lit), 0);
             }
-            self.line(membrane, unit, (v + 1, area.lit), 1);
+            self.line(relief, light, (v + 1, area.lit), 1);
             below = v + 1;
             let lines = [0, 1].map(|side| &self.lines[side][FIRST + b0..FIRST + b1]);
             let end = (y + CELL_PX - first).min(area.rows[1]);
@@ -101,15 +102,13 @@ impl Canvas {
     #[inline(always)]
     fn line(
         &mut self,
-        membrane: &Membrane,
-        unit: &Unit,
+        relief: Relief<'_>,
+        light: &Light,
         (lit, [from, to]): (usize, [usize; 2]),
         side: usize,
     ) {
         let row = lit + MARGIN_ROWS - 1;
-        let [above, here, under] = [0, 1, 2].map(|k| membrane.heights(row + k));
-        // Half a step each way, millimetres.
-        let per = (PX_PER_MM / (2.0 * CELL_PX as f64)) as f32;
+        let [above, here, under] = [0, 1, 2].map(|k| relief.row(row + k));
         let (at, n) = (lit * LIT_COLS + from..lit * LIT_COLS + to, to - from);
         // Lit cell c is column c + MARGIN_COLS - 1, one further in rows that begin with a still cell.
         let first = MARGIN_COLS + from;
@@ -117,13 +116,19 @@ impl Canvas {
         let (up, down) = (&above[first..][..n], &under[first..][..n]);
         let mut normals = [[0.0f32; LIT_COLS]; 3];
         let [nx, ny, nz] = normals.each_mut().map(|normals| &mut normals[..n]);
+        let [falls_x, falls_y] = light.fall.each_ref().map(|fall| &fall[at.clone()]);
+        let (steep, astray, down_astray) =
+            (&light.steep[at.clone()], &light.astray[0][from..to], light.astray[1][lit]);
         for c in 0..n {
-            let (gx, gy) = ((right[c] - left[c]) * per, (down[c] - up[c]) * per);
-            let q = inverse_root(1.0 + gx * gx + gy * gy);
-            (nx[c], ny[c], nz[c]) = (gx * q, gy * q, q - 1.0);
+            // Slopes in the picture, and in the gel, on whose own slope a step of the picture ends elsewhere.
+            let (across, along) = (right[c] - left[c], down[c] - up[c]);
+            let off = astray[c] * across + down_astray * along;
+            let gx = (across - falls_x[c] * off) * steep[c] - falls_x[c];
+            let gy = (along - falls_y[c] * off) * steep[c] - falls_y[c];
+            [nx[c], ny[c], nz[c]] = normal(gx, gy);
         }
-        for (light, colours) in unit.light.iter().zip(&mut self.colours) {
-            shade(&mut colours[..n], [0, 1, 2].map(|k| &light[k][at.clone()]), &normals);
+        for (colour, out) in light.colours.iter().zip(&mut self.colours) {
+            change(&mut out[..n], colour.each_ref().map(|plane| &plane[at.clone()]), &normals);
         }
         let [blue, green, red] = self.colours.each_ref().map(|colours| &colours[..n]);
         let cells = self.cells[..3 * n].as_chunks_mut::<3>().0.iter_mut();
@@ -161,23 +166,14 @@ fn four_times(cells: &[i16; 24]) -> [i16; 96] {
     out
 }
 
-/// 1/√x to 5e-6 of itself, of x from 1 on: two of Newton's steps from a start in the exponent's bits, which are quicker
-/// than a root and a quotient and the same everywhere.
+/// Colour change of a row of cells against the untouched gel.
 #[inline(always)]
-fn inverse_root(x: f32) -> f32 {
-    let start = f32::from_bits(0x5F37_5A86 - (x.to_bits() >> 1));
-    let better = start * (1.5 - 0.5 * x * start * start);
-    better * (1.5 - 0.5 * x * better * better)
-}
-
-/// Colour change of a row of cells.
-#[inline(always)]
-fn shade(out: &mut [i16], light: [&[f32]; 3], normals: &[[f32; LIT_COLS]; 3]) {
+fn change(out: &mut [i16], colour: [&[f32]; 4], normals: &[[f32; LIT_COLS]; 3]) {
     let n = out.len();
-    let [px, py, pz] = light.map(|l| &l[..n]);
+    let [px, py, pz, still] = colour.map(|plane| &plane[..n]);
     let [nx, ny, nz] = normals.each_ref().map(|normals| &normals[..n]);
     for c in 0..n {
-        let change = (px[c] * nx[c] + py[c] * ny[c]) + pz[c] * nz[c];
+        let change = shade([px[c], py[c], pz[c]], [nx[c], ny[c], nz[c]]) - still[c];
         let below = if change < LARGEST { change } else { LARGEST };
         out[c] = nearest(if below > -LARGEST { below } else { -LARGEST });
     }
@@ -249,8 +245,8 @@ fn upper_mean(a: u8, b: u8) -> u8 {
 }
 
 /// Pixels that a displaced cell reaches.
-fn area(membrane: &Membrane) -> Area {
-    let window = membrane.window();
+fn area(relief: Relief<'_>) -> Area {
+    let window = relief.window;
     let pixels = |[from, to]: [usize; 2], margin: usize, size: usize| {
         // A cell's slope reaches its neighbours, and their colour half a cell further.
         let from = (CELL_PX * from).saturating_sub(CELL_PX * (margin + 2));

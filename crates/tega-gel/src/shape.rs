@@ -89,19 +89,20 @@ impl Indenter {
     /// Fills `out` with how far the shape lies below its own origin's level along the row's points, millimetres:
     /// larger is nearer to the gel; [`CLEAR`] where it does not lie over the point.
     ///
-    /// Points are at `x0 + i * step`, `y`, in the pad frame. Each shape is cut by the line through the point along z.
+    /// Points are at `xs`, `ys` in the pad frame. Each shape is cut by the line through the point along z.
     #[inline(always)]
-    pub(crate) fn lowest(&self, x0: f32, step: f32, y: f32, out: &mut [f32]) {
+    pub(crate) fn lowest(&self, xs: &[f32], ys: &[f32], out: &mut [f32]) {
         let p = &self.pose_mm;
-        // In the shape's own frame the line is `origin + t * along`: x goes with the point, t is the pad's z.
+        // In the shape's own frame the line is `origin + t * along`: x and y go with the point, t is the pad's z.
         let axis = |k: usize| [p[0][k] as f32, p[1][k] as f32, p[2][k] as f32];
         let [ax, ay, az] = [axis(0), axis(1), axis(2)];
-        let (cx, dy) = (p[0][3] as f32, y - p[1][3] as f32);
+        let (cx, cy) = (p[0][3] as f32, p[1][3] as f32);
+        let points = (xs, ys, cx, cy);
         match self.shape {
             Shape::Sphere { radius } => {
-                let r2 = (radius * radius) as f32 - dy * dy;
-                for_each(out, x0 - cx, step, |dx| {
-                    let under = r2 - dx * dx;
+                let r2 = (radius * radius) as f32;
+                for_each(out, points, |dx, dy| {
+                    let under = r2 - dy * dy - dx * dx;
                     if under > 0.0 { under.sqrt() } else { CLEAR }
                 });
             }
@@ -109,14 +110,18 @@ impl Indenter {
                 // Its normal has to face the gel.
                 let n = az;
                 let down = if n[2] < -0.05 { 1.0 / n[2] } else { 0.0 };
-                for_each(out, x0 - cx, step, |dx| {
-                    if down == 0.0 { CLEAR } else { (n[0] * dx + n[1] * dy) * down }
-                });
+                for_each(
+                    out,
+                    points,
+                    |dx, dy| {
+                        if down == 0.0 { CLEAR } else { (n[0] * dx + n[1] * dy) * down }
+                    },
+                );
             }
             Shape::Box { half } => {
                 let half = half.map(|h| h as f32);
                 let slabs = [slab(ax, half[0]), slab(ay, half[1]), slab(az, half[2])];
-                for_each(out, x0 - cx, step, |dx| {
+                for_each(out, points, |dx, dy| {
                     let (mut enter, mut leave) = (f32::MIN, f32::MAX);
                     for s in &slabs {
                         let (near, far) = s.cut(dx, dy);
@@ -129,7 +134,7 @@ impl Indenter {
             Shape::Cylinder { radius, half_length } => {
                 let ends = slab(az, half_length as f32);
                 let round = Round::new([ax, ay], radius as f32);
-                for_each(out, x0 - cx, step, |dx| {
+                for_each(out, points, |dx, dy| {
                     let ((a, b), (c, d)) = (ends.cut(dx, dy), round.cut(dx, dy));
                     let (enter, leave) = (if a > c { a } else { c }, if b < d { b } else { d });
                     if enter < leave { -enter } else { CLEAR }
@@ -139,13 +144,12 @@ impl Indenter {
                 let (r, l) = (radius as f32, half_length as f32);
                 let round = Round::new([ax, ay], r);
                 let r2 = r * r;
-                let last = x0 - cx + (out.len() as f32 - 1.0) * step;
-                if round.stays_within(az, [x0 - cx, last], dy, l) {
+                if round.stays_within(az, [bounds(xs, cx), bounds(ys, cy)], l) {
                     // A long bar lies over the whole row: its ends are not looked for.
-                    for_each(out, x0 - cx, step, |dx| -round.cut(dx, dy).0);
+                    for_each(out, points, |dx, dy| -round.cut(dx, dy).0);
                     return;
                 }
-                for_each(out, x0 - cx, step, |dx| {
+                for_each(out, points, |dx, dy| {
                     let (enter, leave) = round.cut(dx, dy);
                     let along = az[0] * dx + az[1] * dy + az[2] * enter;
                     let mut low = if enter < leave && along <= l && along >= -l { -enter } else { CLEAR };
@@ -163,10 +167,21 @@ impl Indenter {
 }
 
 #[inline(always)]
-fn for_each(out: &mut [f32], x0: f32, step: f32, low: impl Fn(f32) -> f32) {
-    for (i, out) in out.iter_mut().enumerate() {
-        *out = low(x0 + i as i32 as f32 * step);
+fn for_each(out: &mut [f32], (xs, ys, cx, cy): (&[f32], &[f32], f32, f32), low: impl Fn(f32, f32) -> f32) {
+    for ((out, x), y) in out.iter_mut().zip(xs).zip(ys) {
+        *out = low(x - cx, y - cy);
     }
+}
+
+/// Least and largest of a row's points, seen from the shape.
+#[inline(always)]
+fn bounds(points: &[f32], middle: f32) -> [f32; 2] {
+    let (mut least, mut largest) = (f32::MAX, f32::MIN);
+    for p in points {
+        least = if *p < least { *p } else { least };
+        largest = if *p > largest { *p } else { largest };
+    }
+    [least - middle, largest - middle]
 }
 
 /// The space between two parallel planes.
@@ -226,12 +241,17 @@ impl Round {
         (half, half * half - self.square * (su * su + sv * sv - self.r2))
     }
 
-    /// Whether a row's lines all meet the bar, and within a length either way of its middle; false where in doubt.
-    fn stays_within(&self, axis: [f32; 3], ends: [f32; 2], dy: f32, length: f32) -> bool {
-        // `half` is straight along the row and `under` bends down: both are at their worst at an end of it.
-        let [first, last] = ends.map(|dx| self.meet(dx, dy));
-        let deepest = (first.0.abs().max(last.0.abs()) + (self.square * self.r2).sqrt()) * self.per;
-        let across = (axis[0] * ends[0]).abs().max((axis[0] * ends[1]).abs());
-        first.1 > 0.0 && last.1 > 0.0 && across + (axis[1] * dy).abs() + axis[2].abs() * deepest < length
+    /// Whether the lines through a rectangle all meet the bar, and within a length either way of its middle; false where
+    /// in doubt.
+    fn stays_within(&self, axis: [f32; 3], [xs, ys]: [[f32; 2]; 2], length: f32) -> bool {
+        // `half` is straight and `under` bends down: both are at their worst at a corner.
+        let (mut deepest, mut across, mut meets) = (0.0f32, 0.0f32, true);
+        for (dx, dy) in [(xs[0], ys[0]), (xs[1], ys[0]), (xs[0], ys[1]), (xs[1], ys[1])] {
+            let (half, under) = self.meet(dx, dy);
+            deepest = deepest.max((half.abs() + (self.square * self.r2).sqrt()) * self.per);
+            across = across.max((axis[0] * dx + axis[1] * dy).abs());
+            meets &= under > 0.0;
+        }
+        meets && across + axis[2].abs() * deepest < length
     }
 }

@@ -9,11 +9,13 @@ use tega_simd::dispatched;
 
 use crate::grid::Level;
 use crate::lay;
-use crate::membrane::{Measured, Membrane};
+use crate::light::Light;
+use crate::membrane::{self, Measured, Membrane, Relief};
+use crate::memory;
 use crate::noise::{Noise, Part};
 use crate::paint::Canvas;
+use crate::plane::Plane;
 use crate::shape::Indenter;
-use crate::unit::Unit;
 use crate::window::Window;
 
 dispatched! {
@@ -34,10 +36,26 @@ dispatched! {
 dispatched! {
     /// See [`Canvas::paint`].
     paint = Canvas::paint,
-    (canvas: &mut Canvas, membrane: Option<&Membrane>, unit: &Unit, still: &[i8], noise: (&Noise, Part), out: &mut [u8]) -> ()
+    (canvas: &mut Canvas, relief: Option<Relief<'_>>, light: &Light, still: &[i8], noise: (&Noise, Part), out: &mut [u8]) -> ()
 }
 
 dispatched! {
     /// See [`Noise::drifted`].
     drifted = Noise::drifted, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [i8]) -> ()
+}
+
+dispatched! {
+    /// See [`memory::follow`].
+    follow = memory::follow,
+    (slow: &mut [f32], quick: Relief<'_>, window: Window, rule: (f32, [f32; 2], f32)) -> f32
+}
+
+dispatched! {
+    /// See [`memory::add`].
+    add = memory::add, (out: &mut [f32], quick: Option<Relief<'_>>, lag: &[f32], window: Window) -> ()
+}
+
+dispatched! {
+    /// See [`membrane::weigh`].
+    weigh = membrane::weigh, (out: &mut [f32], slow: [&Plane; 2], shares: [f32; 2], part: Window) -> ()
 }

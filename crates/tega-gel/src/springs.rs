@@ -4,7 +4,7 @@ use crate::grid::{COLS, LANES, LENGTH_MM, Level, ROWS, chunks_of};
 use crate::window::{Window, shared};
 
 /// The springs' stiffness k, newtons per cubic millimetre; see `docs/sim-touch.md` for where it comes from.
-pub const STIFFNESS_N_MM3: f64 = 0.225;
+pub const STIFFNESS_N_MM3: f64 = 0.218;
 /// Lanes where a sum runs over all of the coarsest grid: sums that do not wait for each other.
 const MANY: usize = 4 * LANES;
 const _: () = assert!((ROWS / 4 * (COLS / 4)).is_multiple_of(MANY));
@@ -26,19 +26,18 @@ pub(crate) struct Pressed {
 /// inside the shape and, about, what the skin pulls down beside it.
 #[inline(always)]
 pub(crate) fn guess(grid: &Level, i: usize, force: f32) -> f32 {
-    let cell = grid.cell_mm * grid.cell_mm;
     let top = grid.tops[i];
     let mut depth = (force / 80.0).sqrt();
     for _ in 0..6 {
         let (mut inside, mut over) = ([0.0f32; MANY], [0.0f32; MANY]);
-        for lanes in grid.gaps[i].as_chunks::<MANY>().0 {
+        for (lanes, area) in grid.gaps[i].as_chunks::<MANY>().0.iter().zip(grid.area.as_chunks::<MANY>().0) {
             for k in 0..MANY {
                 let h = lanes[k] + (depth - top);
-                inside[k] += if h > 0.0 { h } else { 0.0 };
-                over[k] += if h > 0.0 { 1.0 } else { 0.0 };
+                inside[k] += if h > 0.0 { h * area[k] } else { 0.0 };
+                over[k] += if h > 0.0 { area[k] } else { 0.0 };
             }
         }
-        let (inside, over) = (inside.iter().sum::<f32>() * cell, over.iter().sum::<f32>() * cell);
+        let (inside, over) = (inside.iter().sum::<f32>(), over.iter().sum::<f32>());
         let length = LENGTH_MM as f32;
         let beside = depth * length * (over.sqrt() + 2.0 * length);
         let change = (force / (STIFFNESS_N_MM3 as f32 * (inside + beside))).clamp(0.25, 4.0).sqrt();
@@ -75,10 +74,10 @@ fn carried(grid: &Level, i: usize, pressed: &[Pressed], part: Window) -> f32 {
     } else {
         carried_by::<LANES>(grid, i, alone, lift, part)
     };
-    STIFFNESS_N_MM3 as f32 * grid.cell_mm * grid.cell_mm * sum
+    STIFFNESS_N_MM3 as f32 * sum
 }
 
-/// The sum of its pressures, in so many lanes.
+/// The sum of its pressures times areas, in so many lanes.
 #[inline(always)]
 fn carried_by<const N: usize>(grid: &Level, i: usize, alone: bool, lift: f32, part: Window) -> f32 {
     let mut sums = [0.0f32; N];
@@ -86,7 +85,8 @@ fn carried_by<const N: usize>(grid: &Level, i: usize, alone: bool, lift: f32, pa
     for r in first..last {
         let at = r * grid.cols + from..r * grid.cols + to;
         let shape = if alone { None } else { Some((&grid.gaps[i][at.clone()], lift)) };
-        carry_row(&grid.floor[at], grid.around_in(r, part.cols), grid.square, shape, &mut sums);
+        let under = (&grid.floor[at.clone()], &grid.area[at]);
+        carry_row(under, grid.around_in(r, part.cols), grid.square, shape, &mut sums);
     }
     sums.iter().sum()
 }
@@ -102,10 +102,10 @@ pub(crate) fn carry_beyond(grid: &Level, part: Window, pressed: &mut [Pressed]) 
     }
 }
 
-/// Adds a row's pressures; of one shape's cells only where its gaps and how far it is lifted are given.
+/// Adds a row's pressures times areas; of one shape's cells only where its gaps and how far it is lifted are given.
 #[inline(always)]
 fn carry_row<const N: usize>(
-    floor: &[f32],
+    (floor, area): (&[f32], &[f32]),
     around: [&[f32]; 3],
     square: f32,
     shape: Option<(&[f32], f32)>,
@@ -115,7 +115,7 @@ fn carry_row<const N: usize>(
     let some = |line| chunks_of::<N>(line);
     let [here, up, down] = around;
     let (left, here, right) = (some(&here[..n]), some(&here[1..=n]), some(&here[2..n + 2]));
-    let (floor, up, down) = (some(floor), some(&up[..n]), some(&down[..n]));
+    let (floor, area, up, down) = (some(floor), some(&area[..n]), some(&up[..n]), some(&down[..n]));
     let gaps = shape.map(|(gaps, lift)| (some(gaps), lift));
     for at in 0..floor.len() {
         for k in 0..N {
@@ -124,7 +124,7 @@ fn carry_row<const N: usize>(
             let pressure = (1.0 + 4.0 * square) * h - square * sum;
             let touches = h <= floor && floor > 0.0 && pressure > 0.0;
             let mine = gaps.is_none_or(|(gaps, lift)| gaps[at][k] + lift >= floor);
-            sums[k] += if touches && mine { pressure } else { 0.0 };
+            sums[k] += if touches && mine { pressure * area[at][k] } else { 0.0 };
         }
     }
 }

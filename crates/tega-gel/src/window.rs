@@ -5,7 +5,7 @@ use crate::plane::CACHE_LINE;
 use crate::shape::CLEAR;
 
 /// Displacement that is not worth a cell's work, millimetres: the picture would change by a count at most.
-const NEGLIGIBLE_MM: f32 = 0.004;
+pub(crate) const NEGLIGIBLE_MM: f32 = 0.004;
 
 /// Rows and columns of cells, ends excluded; columns are multiples of [`LANES`](crate::grid::LANES), on all grids but the
 /// coarsest of [`CACHE_LINE`].
@@ -27,6 +27,17 @@ pub(crate) fn shared(a: Window, b: Window) -> Window {
         [a0.max(b0).min(to), to]
     };
     Window { rows: both(a.rows, b.rows), cols: both(a.cols, b.cols) }
+}
+
+/// The least window that holds both; an empty one holds nothing.
+pub(crate) fn joined(a: Window, b: Window) -> Window {
+    let empty = |w: Window| w.rows[0] >= w.rows[1] || w.cols[0] >= w.cols[1];
+    let both = |[a0, a1]: [usize; 2], [b0, b1]: [usize; 2]| [a0.min(b0), a1.max(b1)];
+    match (empty(a), empty(b)) {
+        (true, _) => b,
+        (_, true) => a,
+        _ => Window { rows: both(a.rows, b.rows), cols: both(a.cols, b.cols) },
+    }
 }
 
 /// A coarse window with a cell around it, in a grid twice as fine.

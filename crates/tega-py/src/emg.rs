@@ -7,15 +7,16 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use tega_emg::{Blocks, EmgError, Kind, Preset};
+use tega_emg::{Blocks, EmgError, Fusion, Intervals, Kind, Preset, Rules};
 
 use crate::errors::{BindError, ShapeError};
+use crate::shared::Shared;
 
 /// From this many values on, other threads may run meanwhile; below, letting them costs more than it gives.
 const DETACH_VALUES: usize = 4096;
 
-#[pyclass(module = "tega._native")]
-struct ButterworthLowpass(tega_emg::ButterworthLowpass);
+#[pyclass(module = "tega._native", frozen)]
+struct ButterworthLowpass(Shared<tega_emg::ButterworthLowpass>);
 
 #[pymethods]
 impl ButterworthLowpass {
@@ -23,40 +24,41 @@ impl ButterworthLowpass {
     #[pyo3(signature = (rate_hz, cutoff_hz, order, channels))]
     fn new(rate_hz: f64, cutoff_hz: f64, order: i64, channels: i64) -> Result<Self, BindError> {
         let (order, channels) = (count("order", order)?, count("channels", channels)?);
-        Ok(Self(tega_emg::ButterworthLowpass::new(rate_hz, cutoff_hz, order, channels)?))
+        Ok(Self(Shared::new(tega_emg::ButterworthLowpass::new(rate_hz, cutoff_hz, order, channels)?)))
     }
 
     fn process<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         samples: PyReadonlyArray2<'py, f64>,
     ) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
-        let (rows, mut out) = (rows(&samples, self.0.channels())?, Vec::new());
-        detached(py, rows.len(), || self.0.process(rows, &mut out))?;
-        matrix(py, out, self.0.channels())
+        let channels = self.channels();
+        let (rows, mut out) = (rows(&samples, channels)?, Vec::new());
+        detached(py, rows.len(), || self.0.with(|core| core.process(rows, &mut out)))?;
+        matrix(py, out, channels)
     }
 
     #[getter]
     fn channels(&self) -> usize {
-        self.0.channels()
+        self.0.with(|core| core.channels())
     }
 
     #[getter]
     fn sos<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
-        matrix(py, self.0.sos().rows().concat(), 6)
+        matrix(py, self.0.with(|core| core.sos().rows().concat()), 6)
     }
 
     #[getter]
     fn held_samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
-        self.0.held_samples().into_pyarray(py)
+        self.0.with(|core| core.held_samples()).into_pyarray(py)
     }
 }
 
 /// Its channels may be left to the first chunk.
-#[pyclass(module = "tega._native")]
+#[pyclass(module = "tega._native", frozen)]
 struct BlockMean {
     tau: usize,
-    core: Option<tega_emg::BlockMean>,
+    core: Shared<Option<tega_emg::BlockMean>>,
 }
 
 #[pymethods]
@@ -66,37 +68,44 @@ impl BlockMean {
     fn new(tau: i64, channels: Option<i64>) -> Result<Self, BindError> {
         let (tau, wanted) = (count("tau", tau)?, count("channels", channels.unwrap_or(1))?);
         let core = tega_emg::BlockMean::new(tau, wanted)?;
-        Ok(Self { tau, core: channels.is_some().then_some(core) })
+        Ok(Self { tau, core: Shared::new(channels.is_some().then_some(core)) })
     }
 
     fn process<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         samples: PyReadonlyArray2<'py, f64>,
     ) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
-        let core = match &mut self.core {
-            Some(core) => core,
-            none => none.insert(tega_emg::BlockMean::new(self.tau, samples.shape()[1])?),
-        };
-        let (rows, mut out) = (rows(&samples, core.channels())?, Vec::new());
-        detached(py, rows.len(), || core.process(rows, &mut out))?;
-        matrix(py, out, core.channels())
+        let channels = self.channels().unwrap_or(samples.shape()[1]);
+        let (rows, mut out) = (rows(&samples, channels)?, Vec::new());
+        detached(py, rows.len(), || {
+            self.core.with(|core| {
+                let core = match core {
+                    Some(core) => core,
+                    none => none.insert(tega_emg::BlockMean::new(self.tau, channels)?),
+                };
+                core.process(rows, &mut out)
+            })
+        })?;
+        matrix(py, out, channels)
     }
 
     #[getter]
     fn channels(&self) -> Option<usize> {
-        self.core.as_ref().map(tega_emg::BlockMean::channels)
+        self.core.with(|core| core.as_ref().map(tega_emg::BlockMean::channels))
     }
 
     #[getter]
     fn held_samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
-        let held = self.core.as_ref().map(tega_emg::BlockMean::held_samples);
+        let held = self.core.with(|core| core.as_ref().map(tega_emg::BlockMean::held_samples));
         held.unwrap_or_default().into_pyarray(py)
     }
 }
 
-#[pyclass(module = "tega._native")]
-struct GraspIntent {
+#[pyclass(module = "tega._native", frozen)]
+struct GraspIntent(Shared<Steering>);
+
+struct Steering {
     core: tega_emg::GraspIntent,
     last: Blocks,
 }
@@ -104,58 +113,76 @@ struct GraspIntent {
 #[pymethods]
 impl GraspIntent {
     #[new]
-    #[pyo3(signature = (rate_hz, maxima, tau, kind, preset))]
+    #[pyo3(signature = (rate_hz, maxima, tau, kind, preset, *, cutoff_hz, order, intervals, fusion, weights))]
+    #[allow(clippy::too_many_arguments, reason = "one argument a keyword of the Python class")]
     fn new(
         rate_hz: f64,
         maxima: PyReadonlyArray1<'_, f64>,
         tau: i64,
         kind: &str,
         preset: &str,
+        cutoff_hz: f64,
+        order: i64,
+        intervals: i64,
+        fusion: &str,
+        weights: Vec<f64>,
     ) -> Result<Self, BindError> {
         let (kind, preset, tau) = (Kind::parse(kind)?, Preset::parse(preset)?, count("tau", tau)?);
+        let rules = Rules {
+            cutoff_hz,
+            order: count("order", order)?,
+            intervals: Intervals::from_count(count("intervals", intervals)?)?,
+            fusion: Fusion::parse(fusion)?,
+            weights,
+        };
         let maxima = maxima.as_array().to_vec();
-        let core = tega_emg::GraspIntent::new(rate_hz, &maxima, tau, kind, preset)?;
-        Ok(Self { core, last: Blocks::default() })
+        let core = tega_emg::GraspIntent::with_rules(rate_hz, &maxima, tau, kind, preset, rules)?;
+        Ok(Self(Shared::new(Steering { core, last: Blocks::default() })))
     }
 
     fn process<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         samples: PyReadonlyArray2<'py, f64>,
     ) -> Result<Bound<'py, PyArray1<i64>>, BindError> {
-        let rows = rows(&samples, self.core.channels())?;
-        self.last = detached(py, rows.len(), || self.core.process(rows))?;
-        Ok(widened(&self.last.fused).into_pyarray(py))
+        let rows = rows(&samples, self.channels())?;
+        let fused = detached(py, rows.len(), || {
+            self.0.with(|state| {
+                state.last = state.core.process(rows)?;
+                Ok(widened(&state.last.fused))
+            })
+        })?;
+        Ok(fused.into_pyarray(py))
     }
 
     #[getter]
     fn channels(&self) -> usize {
-        self.core.channels()
+        self.0.with(|state| state.core.channels())
     }
 
     #[getter]
     fn levels<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<i64>>, BindError> {
-        matrix(py, widened(&self.last.levels), self.core.channels())
+        matrix(py, self.0.with(|state| widened(&state.last.levels)), self.channels())
     }
 
     #[getter]
     fn maxima<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.core.maxima().to_vec().into_pyarray(py)
+        self.0.with(|state| state.core.maxima().to_vec()).into_pyarray(py)
     }
 
     #[getter]
     fn bad_channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, self.core.bad_channels())
+        PyTuple::new(py, self.0.with(|state| state.core.bad_channels()))
     }
 
     #[getter]
     fn held_samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
-        self.core.held_samples().into_pyarray(py)
+        self.0.with(|state| state.core.held_samples()).into_pyarray(py)
     }
 
     #[getter]
     fn holding(&self) -> bool {
-        self.core.holding()
+        self.0.with(|state| state.core.holding())
     }
 }
 

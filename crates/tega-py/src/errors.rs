@@ -42,9 +42,10 @@ impl From<TactileError> for BindError {
             TactileError::ShapeMismatch { .. }
             | TactileError::Channels { .. }
             | TactileError::Size { .. } => ShapeError::new_err(args),
-            TactileError::WeightSum { .. } | TactileError::OutOfRange { .. } | TactileError::NoFrames => {
-                InvalidValueError::new_err(args)
-            }
+            TactileError::WeightSum { .. }
+            | TactileError::OutOfRange { .. }
+            | TactileError::TooFewFrames { .. }
+            | TactileError::NoFrames => InvalidValueError::new_err(args),
         })
     }
 }
@@ -53,7 +54,9 @@ impl From<ImageError> for BindError {
     fn from(e: ImageError) -> Self {
         let args = (e.to_string(), "");
         Self(match e {
-            ImageError::Png(_) | ImageError::TooLarge { .. } => RecordingError::new_err(args),
+            ImageError::Png(_) | ImageError::TooLarge { .. } | ImageError::TooShort { .. } => {
+                RecordingError::new_err(args)
+            }
         })
     }
 }
@@ -81,7 +84,8 @@ impl From<GelError> for BindError {
             GelError::OutOfRange { .. }
             | GelError::Rotation { .. }
             | GelError::TooMany { .. }
-            | GelError::Setting { .. } => InvalidValueError::new_err(args),
+            | GelError::Setting { .. }
+            | GelError::Time { .. } => InvalidValueError::new_err(args),
             GelError::Picture { .. } => ShapeError::new_err(args),
         })
     }

@@ -2,7 +2,7 @@
 
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
-use tega_gel::{CELLS, HEIGHT, Indenter, PICTURE, Shape, WIDTH};
+use tega_gel::{CELLS, Form, HEIGHT, Indenter, PICTURE, Setup, Shape, WIDTH};
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
 
@@ -16,14 +16,39 @@ struct Gel(tega_gel::Gel);
 #[pymethods]
 impl Gel {
     #[new]
-    #[pyo3(signature = (seed, /, *, spread))]
-    fn new(seed: u64, spread: f64) -> Result<Self, BindError> {
-        Ok(Self(tega_gel::Gel::new(seed, spread)?))
+    #[pyo3(signature = (seed, /, *, spread, shape, memory))]
+    fn new(py: Python<'_>, seed: u64, spread: f64, shape: &str, memory: bool) -> Result<Self, BindError> {
+        let form = match shape {
+            "digit" => Form::Digit,
+            "flat" => Form::Flat,
+            _ => {
+                return Err(InvalidValueError::new_err((
+                    format!("shape = '{shape}' is not known"),
+                    "use 'digit' or 'flat'",
+                ))
+                .into());
+            }
+        };
+        Ok(Self(py.detach(|| tega_gel::Gel::new(Setup { seed, spread, form, memory }))?))
     }
 
-    #[pyo3(signature = (indenters, /))]
-    fn press(&mut self, indenters: Vec<Pressing<'_>>) -> Result<bool, BindError> {
-        Ok(self.0.press(&collect(indenters)?)?)
+    #[pyo3(signature = (indenters, t_s, /))]
+    fn press(&mut self, py: Python<'_>, indenters: Vec<Pressing<'_>>, t_s: f64) -> Result<bool, BindError> {
+        let indenters = collect(indenters)?;
+        let gel = &mut self.0;
+        Ok(py.detach(|| gel.press(&indenters, t_s))?)
+    }
+
+    fn remains(&self, t_s: f64) -> bool {
+        self.0.remains(t_s)
+    }
+
+    fn last_s(&self) -> Option<f64> {
+        self.0.last_s()
+    }
+
+    fn forget(&mut self) {
+        self.0.forget();
     }
 
     fn touch(&self) -> Found {
@@ -32,12 +57,13 @@ impl Gel {
         (touch.touches, touch.area_px, touch.area_mm2, touch.depth_mm, (x, y))
     }
 
-    #[pyo3(signature = (indenters, index, /, *, out))]
+    #[pyo3(signature = (indenters, index, /, *, t_s, out))]
     fn frame<'py>(
         &mut self,
         py: Python<'py>,
         indenters: Vec<Pressing<'py>>,
         index: u64,
+        t_s: f64,
         out: Picture<'py>,
     ) -> Result<(), BindError> {
         let indenters = collect(indenters)?;
@@ -53,7 +79,7 @@ impl Gel {
         })?;
         let gel = &mut self.0;
         py.detach(|| {
-            gel.press(&indenters)?;
+            gel.press(&indenters, t_s)?;
             gel.paint(index, pixels)
         })?;
         Ok(())
@@ -76,6 +102,12 @@ impl Gel {
         let mut displacement = vec![0.0; CELLS[0] * CELLS[1]];
         self.0.displacement(&mut displacement);
         Ok(displacement.into_pyarray(py).reshape(CELLS)?)
+    }
+
+    fn surface<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray3<f32>>, BindError> {
+        let mut surface = vec![[0.0; 4]; CELLS[0] * CELLS[1]];
+        self.0.surface(&mut surface);
+        Ok(surface.into_flattened().into_pyarray(py).reshape([CELLS[0], CELLS[1], 4])?)
     }
 }
 
@@ -112,10 +144,20 @@ fn collect(indenters: Vec<Pressing<'_>>) -> Result<Vec<Indenter>, BindError> {
         .collect()
 }
 
+#[pyfunction]
+#[pyo3(signature = (x_mm, y_mm, /))]
+fn gel_fall(x_mm: f64, y_mm: f64) -> (f64, f64) {
+    tega_gel::fall(x_mm, y_mm).into()
+}
+
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("GEL_PX_PER_MM", tega_gel::PX_PER_MM)?;
     m.add("GEL_LENGTH_MM", tega_gel::LENGTH_MM)?;
     m.add("GEL_STIFFNESS_N_MM3", tega_gel::STIFFNESS_N_MM3)?;
-    m.add("GEL_DOME_MM", tega_gel::DOME_MM)?;
+    m.add("GEL_RADIUS_ACROSS_MM", tega_gel::RADIUS_ACROSS_MM)?;
+    m.add("GEL_HEIGHTS_ALONG_MM", tega_gel::HEIGHTS_ALONG_MM.map(<(f64, f64)>::from))?;
+    m.add("GEL_MIDDLE_ALONG_MM", tega_gel::MIDDLE_ALONG_MM)?;
+    m.add("GEL_CAMERA_MM", tega_gel::CAMERA_MM)?;
+    m.add_function(wrap_pyfunction!(gel_fall, m)?)?;
     m.add_class::<Gel>()
 }

@@ -7,11 +7,12 @@ use pyo3::prelude::*;
 use tega_hand::{Gains, HandError, Joints, LEVELS, PoseSet};
 
 use crate::errors::{BindError, InvalidValueError};
+use crate::shared::Shared;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 
-#[pyclass(module = "tega._native")]
-pub(crate) struct HandController(pub(crate) tega_hand::HandController);
+#[pyclass(module = "tega._native", frozen)]
+pub(crate) struct HandController(pub(crate) Shared<tega_hand::HandController>);
 
 #[pymethods]
 impl HandController {
@@ -34,48 +35,50 @@ impl HandController {
             level_factors: numbers("level_factors", level_factors)?,
             slew_per_tick,
         };
-        Ok(Self(tega_hand::HandController::new(PoseSet::new(poses(poses_rad)?)?, gains)?))
+        Ok(Self(Shared::new(tega_hand::HandController::new(PoseSet::new(poses(poses_rad)?)?, gains)?)))
     }
 
     #[pyo3(signature = (angles_rad, level, /, *, velocities_rad_s, out))]
     fn step<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         angles_rad: PyReadonlyArray1<'py, f64>,
-        level: i64,
+        level: f64,
         velocities_rad_s: Option<PyReadonlyArray1<'py, f64>>,
         out: Option<Vector<'py>>,
     ) -> Result<Vector<'py>, BindError> {
         let angles_rad = numbers("angles_rad", angles_rad)?;
         let velocities = velocities_rad_s.map(|v| numbers("velocities_rad_s", v)).transpose()?;
+        let step = || self.0.with(|core| core.step(&angles_rad, level, velocities.as_ref()));
         let Some(out) = out else {
-            return Ok(PyArray1::from_slice(py, &self.0.step(&angles_rad, level, velocities.as_ref())?));
+            return Ok(PyArray1::from_slice(py, &step()?));
         };
         let mut lent = borrow_out(&out)?;
-        let torques = self.0.step(&angles_rad, level, velocities.as_ref())?;
+        let torques = step()?;
         lent.as_array_mut().iter_mut().zip(torques).for_each(|(out, torque)| *out = torque);
         drop(lent);
         Ok(out)
     }
 
     #[pyo3(signature = (angles_rad, /))]
-    fn reset(&mut self, angles_rad: PyReadonlyArray1<'_, f64>) -> Result<(), BindError> {
-        Ok(self.0.reset(&numbers("angles_rad", angles_rad)?)?)
+    fn reset(&self, angles_rad: PyReadonlyArray1<'_, f64>) -> Result<(), BindError> {
+        let angles_rad = numbers("angles_rad", angles_rad)?;
+        Ok(self.0.with(|core| core.reset(&angles_rad))?)
     }
 
     #[getter]
     fn target_rad<'py>(&self, py: Python<'py>) -> Option<Vector<'py>> {
-        self.0.target_rad().map(|target| PyArray1::from_slice(py, &target))
+        self.0.with(|core| core.target_rad()).map(|target| PyArray1::from_slice(py, &target))
     }
 
     #[getter]
-    fn level(&self) -> Option<usize> {
-        self.0.level()
+    fn level(&self) -> Option<f64> {
+        self.0.with(|core| core.level())
     }
 }
 
-#[pyclass(module = "tega._native")]
-struct JointModel(tega_hand::JointModel);
+#[pyclass(module = "tega._native", frozen)]
+struct JointModel(Shared<tega_hand::JointModel>);
 
 #[pymethods]
 impl JointModel {
@@ -87,26 +90,29 @@ impl JointModel {
         time_constant_s: f64,
     ) -> Result<Self, BindError> {
         let angles_rad = numbers("angles_rad", angles_rad)?;
-        Ok(Self(tega_hand::JointModel::new(&angles_rad, full_duty_speed_rad_s, time_constant_s)?))
+        let model = tega_hand::JointModel::new(&angles_rad, full_duty_speed_rad_s, time_constant_s)?;
+        Ok(Self(Shared::new(model)))
     }
 
     #[pyo3(signature = (torques, /))]
     fn step<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         torques: PyReadonlyArray1<'py, f64>,
     ) -> Result<Vector<'py>, BindError> {
-        Ok(PyArray1::from_slice(py, &self.0.step(&numbers("torques", torques)?)?))
+        let torques = numbers("torques", torques)?;
+        let angles_rad = self.0.with(|core| core.step(&torques))?;
+        Ok(PyArray1::from_slice(py, &angles_rad))
     }
 
     #[getter]
     fn angles_rad<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        PyArray1::from_slice(py, self.0.angles_rad())
+        PyArray1::from_slice(py, &self.0.with(|core| *core.angles_rad()))
     }
 
     #[getter]
     fn velocities_rad_s<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        PyArray1::from_slice(py, self.0.velocities_rad_s())
+        PyArray1::from_slice(py, &self.0.with(|core| *core.velocities_rad_s()))
     }
 }
 
@@ -114,12 +120,14 @@ impl JointModel {
 #[pyo3(signature = (controller, model, level, /))]
 fn step_modelled<'py>(
     py: Python<'py>,
-    mut controller: PyRefMut<'py, HandController>,
-    mut model: PyRefMut<'py, JointModel>,
-    level: i64,
+    controller: PyRef<'py, HandController>,
+    model: PyRef<'py, JointModel>,
+    level: f64,
 ) -> Result<(Vector<'py>, Vector<'py>), BindError> {
-    let torques = controller.0.step(model.0.angles_rad(), level, None)?;
-    let angles = model.0.step(&torques)?;
+    let (angles, torques) = model.0.with(|model| {
+        let torques = controller.0.with(|core| core.step(model.angles_rad(), level, None))?;
+        Ok::<_, HandError>((model.step(&torques)?, torques))
+    })?;
     Ok((PyArray1::from_slice(py, &angles), PyArray1::from_slice(py, &torques)))
 }
 

@@ -50,7 +50,7 @@ impl HandLink {
         }
         let device = DeviceId::new(device_id)?;
         let settings = LinkSettings { device, left, torque, silent_after_ns, lowest_rate_hz, reconnects };
-        Ok(Self(Mutex::new(tega_hand::HandLink::new(settings, controller.0.clone()))))
+        Ok(Self(Mutex::new(tega_hand::HandLink::new(settings, controller.0.with(|core| core.clone())))))
     }
 
     #[pyo3(signature = (frames, t_ns, level, /))]
@@ -59,7 +59,7 @@ impl HandLink {
         py: Python<'py>,
         frames: Vec<Given>,
         t_ns: i64,
-        level: i64,
+        level: f64,
     ) -> Result<Sent<'py>, BindError> {
         let frames: Vec<Received<'_>> = frames
             .iter()

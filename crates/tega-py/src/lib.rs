@@ -11,7 +11,9 @@ mod hand;
 mod hand_link;
 mod haptics;
 mod image;
+mod shared;
 mod tactile;
+mod touch;
 mod wire;
 
 use pyo3::prelude::*;
@@ -26,6 +28,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(instruction_set, m)?)?;
     tactile::register(m)?;
+    touch::register(m)?;
     haptics::register(m)?;
     emg::register(m)?;
     hand::register(m)?;

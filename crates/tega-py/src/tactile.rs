@@ -1,12 +1,14 @@
 //! Bindings of `tega-tactile`.
 
 use std::cell::RefCell;
+use std::sync::{Mutex, PoisonError};
 
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
 use tega_tactile::{
-    CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveBaseline, LiveScratch, Options, Order,
-    Outline, Pair, PaperScratch, Scratch, Spread, Weights, many, read_live, read_paper,
+    CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveReader, LiveScratch, Options, Order,
+    Outline, Pair, PaperScratch, Scratch, SensorNoise, Spread, TactileError, Weights, many, read_live,
+    read_paper,
 };
 
 use crate::arguments::{choice, image};
@@ -15,7 +17,7 @@ use crate::errors::BindError;
 /// Frames with fewer pixels are done before another thread could use the released lock.
 const DETACH_FROM_PIXELS: usize = 4096;
 
-const ORDERS: [(&str, Order); 2] = [("bgr", Order::Bgr), ("rgb", Order::Rgb)];
+pub(crate) const ORDERS: [(&str, Order); 2] = [("bgr", Order::Bgr), ("rgb", Order::Rgb)];
 const DIFFERENCES: [(&str, Difference); 3] = [
     ("signed", Difference::Signed),
     ("rectified", Difference::Rectified),
@@ -25,7 +27,7 @@ const SPREADS: [(&str, Spread); 2] = [("spatial", Spread::Spatial), ("intensity"
 const CENTROID_VALUES: [(&str, CentroidValue); 2] =
     [("nearest", CentroidValue::Nearest), ("bilinear", CentroidValue::Bilinear)];
 
-const OUTLINES: [(&str, Outline); 2] = [("dent", Outline::Dent), ("contact", Outline::Contact)];
+pub(crate) const OUTLINES: [(&str, Outline); 2] = [("dent", Outline::Dent), ("contact", Outline::Contact)];
 const READINGS: [(&str, Reading); 2] = [("paper", Reading::Paper), ("live", Reading::Live)];
 
 /// The presets' readings.
@@ -136,45 +138,58 @@ struct Presets {
     live: LiveScratch,
 }
 
-/// A preset's reading of one frame, and what `take` wants of its buffers.
+/// A preset's reading of one frame.
 struct Preset {
     reading: Reading,
     order: Order,
     outline: Outline,
+    noise: SensorNoise,
+}
+
+/// Noise as it comes from Python: blue, green, red, counts; that of a DIGIT where none is given.
+pub(crate) fn noise_of(bgr: Option<[f64; 3]>) -> Result<SensorNoise, BindError> {
+    Ok(bgr.map(SensorNoise::of_counts).transpose()?.unwrap_or_default())
 }
 
 impl Preset {
-    fn named(reading: &str, order: &str, outline: &str) -> Result<Self, BindError> {
+    fn named(reading: &str, order: &str, outline: &str, noise: Option<[f64; 3]>) -> Result<Self, BindError> {
         Ok(Self {
             reading: choice("reading", reading, &READINGS)?,
             order: choice("order", order, &ORDERS)?,
             outline: choice("outline", outline, &OUTLINES)?,
+            noise: noise_of(noise)?,
         })
     }
 
     fn read<T: Send>(
-        &self,
         py: Python<'_>,
         frame: &Bound<'_, PyAny>,
         baseline: &Bound<'_, PyAny>,
-        take: impl FnOnce(ContactMetrics, &Presets) -> T + Send,
+        take: impl FnOnce(&Pair<'_>, &mut Presets) -> Result<T, TactileError> + Send,
     ) -> Result<T, BindError> {
         let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
         let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-        let work = |presets: &mut Presets| take(self.metrics(&pair, presets), presets);
-        Ok(compute(py, &pair, || PRESETS.with_borrow_mut(work)))
+        Ok(compute(py, &pair, || PRESETS.with_borrow_mut(|presets| take(&pair, presets)))?)
     }
 
-    fn metrics(&self, pair: &Pair<'_>, presets: &mut Presets) -> ContactMetrics {
+    fn metrics(&self, pair: &Pair<'_>, presets: &mut Presets) -> Result<ContactMetrics, TactileError> {
         match self.reading {
-            Reading::Paper => read_paper(pair, self.order, &mut presets.paper),
-            Reading::Live => read_live(pair, self.order, self.outline, &mut presets.live),
+            Reading::Paper => Ok(read_paper(pair, self.order, &mut presets.paper)),
+            Reading::Live => read_live(pair, self.order, self.outline, self.noise, &mut presets.live),
         }
+    }
+
+    fn reader<'a>(
+        &self,
+        pair: &Pair<'_>,
+        live: &'a mut LiveScratch,
+    ) -> Result<&'a mut LiveReader, TactileError> {
+        live.reader(pair, self.order, self.outline, self.noise)
     }
 }
 
 #[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order, outline))]
+#[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
 fn read_contact(
     py: Python<'_>,
     frame: &Bound<'_, PyAny>,
@@ -182,36 +197,43 @@ fn read_contact(
     reading: &str,
     order: &str,
     outline: &str,
+    noise: Option<[f64; 3]>,
 ) -> Result<Fields, BindError> {
-    Preset::named(reading, order, outline)?.read(py, frame, baseline, |metrics, _| fields(metrics))
+    let preset = Preset::named(reading, order, outline, noise)?;
+    Preset::read(py, frame, baseline, |pair, presets| Ok(fields(preset.metrics(pair, presets)?)))
 }
 
-/// A baseline in the form that `live` reads frames against.
+/// Reads frames of one sensor against one picture of its untouched gel, as `live` does.
 #[pyclass(module = "tega._native", frozen)]
-struct KnownBaseline(LiveBaseline);
+struct KnownBaseline(Mutex<LiveReader>);
 
 #[pymethods]
 impl KnownBaseline {
     #[new]
-    #[pyo3(signature = (baseline, /, *, order))]
-    fn new(baseline: &Bound<'_, PyAny>, order: &str) -> Result<Self, BindError> {
-        let order = choice("order", order, &ORDERS)?;
-        Ok(Self(LiveBaseline::new(image("baseline", baseline)?.as_array(), order)?))
+    #[pyo3(signature = (baseline, /, *, order, outline, noise))]
+    fn new(
+        baseline: &Bound<'_, PyAny>,
+        order: &str,
+        outline: &str,
+        noise: Option<[f64; 3]>,
+    ) -> Result<Self, BindError> {
+        let (order, outline) = (choice("order", order, &ORDERS)?, choice("outline", outline, &OUTLINES)?);
+        let reader =
+            LiveReader::new(image("baseline", baseline)?.as_array(), order, outline, noise_of(noise)?)?;
+        Ok(Self(Mutex::new(reader)))
     }
 
-    #[pyo3(signature = (frame, /, *, outline))]
-    fn read(&self, py: Python<'_>, frame: &Bound<'_, PyAny>, outline: &str) -> Result<Fields, BindError> {
-        let outline = choice("outline", outline, &OUTLINES)?;
+    #[pyo3(signature = (frame, /))]
+    fn read(&self, py: Python<'_>, frame: &Bound<'_, PyAny>) -> Result<Fields, BindError> {
         let frame = image("frame", frame)?;
         let view = frame.as_array();
-        let work = || PRESETS.with_borrow_mut(|presets| self.0.read(view, outline, &mut presets.live));
-        let small = view.len() < 3 * DETACH_FROM_PIXELS;
-        Ok(fields(if small { work() } else { py.detach(work) }?))
+        let work = || self.0.lock().unwrap_or_else(PoisonError::into_inner).read(view);
+        Ok(fields(py.detach(work)?))
     }
 }
 
 #[pyfunction]
-#[pyo3(signature = (frames, baselines, *, reading, order, outline))]
+#[pyo3(signature = (frames, baselines, *, reading, order, outline, noise))]
 fn read_contacts(
     py: Python<'_>,
     frames: Vec<Bound<'_, PyAny>>,
@@ -219,16 +241,18 @@ fn read_contacts(
     reading: &str,
     order: &str,
     outline: &str,
+    noise: Option<[f64; 3]>,
 ) -> Result<Vec<Fields>, BindError> {
-    let preset = Preset::named(reading, order, outline)?;
-    with_pairs(py, &frames, &baselines, |pairs, pixels| {
-        let work = |pair: &Pair<'_>, presets: &mut Presets| fields(preset.metrics(pair, presets));
+    let preset = Preset::named(reading, order, outline, noise)?;
+    let found = with_pairs(py, &frames, &baselines, |pairs, pixels| {
+        let work = |pair: &Pair<'_>, presets: &mut Presets| preset.metrics(pair, presets).map(fields);
         PRESETS.with_borrow_mut(|presets| many::each(pairs, pixels, presets, work))
-    })
+    })?;
+    Ok(found.into_iter().collect::<Result<_, _>>()?)
 }
 
 #[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order, outline))]
+#[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
 fn contact_mask<'py>(
     py: Python<'py>,
     frame: &Bound<'py, PyAny>,
@@ -236,17 +260,24 @@ fn contact_mask<'py>(
     reading: &str,
     order: &str,
     outline: &str,
+    noise: Option<[f64; 3]>,
 ) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
-    let preset = Preset::named(reading, order, outline)?;
-    let mask = preset.read(py, frame, baseline, |_, presets| match preset.reading {
-        Reading::Paper => presets.paper.mask().collect::<Vec<_>>(),
-        Reading::Live => presets.live.mask().iter().map(|&m| m != 0).collect(),
+    let preset = Preset::named(reading, order, outline, noise)?;
+    let mask = Preset::read(py, frame, baseline, |pair, presets| match preset.reading {
+        Reading::Paper => {
+            read_paper(pair, preset.order, &mut presets.paper);
+            Ok(presets.paper.mask().collect::<Vec<_>>())
+        }
+        Reading::Live => {
+            let (_, mask) = preset.reader(pair, &mut presets.live)?.mask(pair.frame())?;
+            Ok(mask.iter().map(|&m| m != 0).collect())
+        }
     })?;
     like_image(py, frame, mask)
 }
 
 #[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order, outline))]
+#[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
 fn pressure_map<'py>(
     py: Python<'py>,
     frame: &Bound<'py, PyAny>,
@@ -254,11 +285,19 @@ fn pressure_map<'py>(
     reading: &str,
     order: &str,
     outline: &str,
+    noise: Option<[f64; 3]>,
 ) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
-    let preset = Preset::named(reading, order, outline)?;
-    let map = preset.read(py, frame, baseline, |_, presets| match preset.reading {
-        Reading::Paper => presets.paper.pressure_map().collect::<Vec<_>>(),
-        Reading::Live => presets.live.pressure_map().collect(),
+    let preset = Preset::named(reading, order, outline, noise)?;
+    let map = Preset::read(py, frame, baseline, |pair, presets| match preset.reading {
+        Reading::Paper => {
+            read_paper(pair, preset.order, &mut presets.paper);
+            Ok(presets.paper.pressure_map().collect::<Vec<_>>())
+        }
+        Reading::Live => {
+            let reader = preset.reader(pair, &mut presets.live)?;
+            reader.read(pair.frame())?;
+            Ok(reader.pressure_map().collect())
+        }
     })?;
     like_image(py, frame, map)
 }

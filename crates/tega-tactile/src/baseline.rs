@@ -8,8 +8,8 @@
 
 use ndarray::{Array3, ArrayView3, Axis};
 
-use crate::dent::{Thumbnail, Thumbnails};
 use crate::error::TactileError;
+use crate::live::{Thumbnail, Thumbnails};
 
 /// Frames whose brightness is further from the recording's median than this share were taken in another light.
 const LIT: f64 = 0.05;
@@ -186,7 +186,8 @@ pub fn estimate_baseline(frames: &[ArrayView3<'_, u8>]) -> Result<EstimatedBasel
 /// halves rounded up.
 ///
 /// # Errors
-/// [`TactileError::NoFrames`] for no images, [`TactileError::ShapeMismatch`] where they differ in size.
+/// [`TactileError::NoFrames`] for no images, [`TactileError::ShapeMismatch`] where they differ in size,
+/// [`TactileError::Channels`] where they differ in channels.
 pub fn median_image(frames: &[ArrayView3<'_, u8>]) -> Result<Array3<u8>, TactileError> {
     let first = frames.first().ok_or(TactileError::NoFrames)?;
     for frame in frames {
@@ -219,8 +220,12 @@ fn middle_of(values: &mut [u8]) -> u8 {
 
 /// Fails where two images are not of one height and width.
 fn same_size(first: (usize, usize, usize), other: (usize, usize, usize)) -> Result<(), TactileError> {
-    if (first.0, first.1) == (other.0, other.1) {
+    if first == other {
         return Ok(());
+    }
+    if (first.0, first.1) == (other.0, other.1) {
+        let channels = if other.2 == 3 { first.2 } else { other.2 };
+        return Err(TactileError::Channels { name: "frame", channels });
     }
     Err(TactileError::ShapeMismatch {
         frame_h: other.0,

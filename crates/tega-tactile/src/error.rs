@@ -34,7 +34,7 @@ pub enum TactileError {
         max: usize,
     },
     /// Grey weights do not add up to one.
-    #[error("weights ({r}, {g}, {b}) add up to {sum}, wanted 1 within 1e-9")]
+    #[error("weights ({}, {}, {}) add up to {}, wanted 1 within 1e-9", brief(*r), brief(*g), brief(*b), brief(*sum))]
     WeightSum {
         /// Red weight.
         r: f64,
@@ -46,7 +46,7 @@ pub enum TactileError {
         sum: f64,
     },
     /// A number is out of its range or not finite.
-    #[error("{name} = {value}{unit} is out of range: {wanted}")]
+    #[error("{name} = {}{unit} is out of range: {wanted}", brief(*value))]
     OutOfRange {
         /// The argument.
         name: &'static str,
@@ -56,6 +56,14 @@ pub enum TactileError {
         unit: &'static str,
         /// What would be accepted.
         wanted: &'static str,
+    },
+    /// Noise cannot be measured from so few frames.
+    #[error("{frames} frames were given to measure noise from, wanted {wanted} or more")]
+    TooFewFrames {
+        /// Frames given.
+        frames: usize,
+        /// Frames wanted.
+        wanted: usize,
     },
     /// A baseline cannot be estimated from no frames.
     #[error("no frames were given to estimate a baseline from")]
@@ -75,7 +83,29 @@ impl TactileError {
                 "give weights for (red, green, blue) that add up to 1; they are not renormalised"
             }
             Self::OutOfRange { .. } => "",
+            Self::TooFewFrames { .. } => "record about a second of the untouched gel",
             Self::NoFrames => "give at least one frame",
         }
+    }
+}
+
+/// A number as it is written by hand: a very large or very small one with an exponent, not with 300 digits.
+fn brief(value: f64) -> String {
+    if value == 0.0 || (1e-5..1e16).contains(&value.abs()) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
+#[cfg(test)]
+mod brief_numbers {
+    use super::*;
+
+    #[test]
+    fn are_short() {
+        let shown = [0.0, 3.0, -0.25, 1e300, f64::MAX, -5e-324, f64::NAN, f64::INFINITY].map(brief);
+        let wanted = ["0", "3", "-0.25", "1e300", "1.7976931348623157e308", "-5e-324", "NaN", "inf"];
+        assert_eq!(shown, wanted);
     }
 }

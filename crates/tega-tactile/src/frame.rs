@@ -77,6 +77,16 @@ impl<'a> Pair<'a> {
         Ok(Self { frame, baseline })
     }
 
+    /// The frame.
+    pub fn frame(&self) -> ArrayView3<'a, u8> {
+        self.frame
+    }
+
+    /// The baseline.
+    pub fn baseline(&self) -> ArrayView3<'a, u8> {
+        self.baseline
+    }
+
     /// Height in pixels.
     pub fn height(&self) -> usize {
         self.frame.len_of(Axis(0))
@@ -131,7 +141,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-fn row_bytes<'r>(row: &'r ArrayView2<'_, u8>, gathered: &'r mut Vec<u8>) -> &'r [u8] {
+pub(crate) fn row_bytes<'r>(row: &'r ArrayView2<'_, u8>, gathered: &'r mut Vec<u8>) -> &'r [u8] {
     if let Some(bytes) = row.as_slice() {
         bytes
     } else {

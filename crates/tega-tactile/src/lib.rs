@@ -17,11 +17,11 @@
 
 mod baseline;
 mod decimal;
-mod dent;
 mod error;
 mod exact;
 mod frame;
 mod levels;
+mod live;
 pub mod many;
 mod metrics;
 mod paper;
@@ -32,9 +32,12 @@ pub use baseline::{
     BaselineChoice, BaselineSource, BaselineSurvey, EstimatedBaseline, estimate_baseline, median_image,
 };
 pub use decimal::{Decimal, Weights};
-pub use dent::{ContactPatch, LiveBaseline, LiveScratch, Outline, read_live};
 pub use error::TactileError;
 pub use frame::{Difference, MAX_SIDE, Order, Pair};
 pub use levels::Scratch;
+pub use live::{
+    GelLight, LIGHT_TERMS, LiveReader, LiveScratch, Outline, SensorNoise, Touch, TouchTracker,
+    TrackerOptions, read_live,
+};
 pub use metrics::{CentroidValue, ContactMetrics, Gate, Options, Spread, contact_metrics};
 pub use paper::{MIN_PIXELS, NOISE_FLOOR, PaperScratch, read_paper};

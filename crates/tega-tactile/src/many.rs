@@ -14,7 +14,8 @@ pub fn each<T: Sync, S: Default, R: Send>(
     scratch: &mut S,
     work: impl Fn(&T, &mut S) -> R + Sync,
 ) -> Vec<R> {
-    let run = |share: &[T], scratch: &mut S| share.iter().map(|item| work(item, scratch)).collect::<Vec<R>>();
+    let run =
+        &|share: &[T], scratch: &mut S| share.iter().map(|item| work(item, scratch)).collect::<Vec<R>>();
     if pixels < PARALLEL_FROM_PIXELS || items.len() < 2 {
         return run(items, scratch);
     }
@@ -25,10 +26,11 @@ pub fn each<T: Sync, S: Default, R: Send>(
     }
     let shares: Vec<&[T]> = items.chunks(items.len().div_ceil(cores)).collect();
     thread::scope(|scope| {
-        let jobs: Vec<_> = shares.iter().map(|share| scope.spawn(|| run(share, &mut S::default()))).collect();
+        let start = |share| thread::Builder::new().spawn_scoped(scope, move || run(share, &mut S::default()));
+        let jobs: Vec<_> = shares.iter().map(|share| start(share)).collect();
         let done = jobs.into_iter().zip(&shares).flat_map(|(job, share)| {
-            // A thread that could not finish leaves its share to this one, so that no item is lost.
-            job.join().unwrap_or_else(|_| run(share, scratch))
+            // A thread that could not start or finish leaves its share to this one, so that no item is lost.
+            job.ok().and_then(|job| job.join().ok()).unwrap_or_else(|| run(share, scratch))
         });
         done.collect()
     })

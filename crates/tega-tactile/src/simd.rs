@@ -45,8 +45,8 @@ mod neon;
 
 use tega_simd::{Level, dispatched, level};
 
-use crate::dent;
 use crate::levels::{Kernel, Row};
+use crate::live;
 use crate::paper::{self, PaperScratch};
 
 /// Weights as `128·high + low`, for the byte multiplications of the vector forms: returns (low, high).
@@ -108,96 +108,106 @@ dispatched! {
 }
 
 dispatched! {
-    /// See [`dent::add_difference`].
-    add_difference = dent::add_difference, (sums: &mut [i16], frame: &[u8], baseline: &[u8]) -> ()
+    /// See [`live::add_row`].
+    add_row = live::add_row, (sums: &mut [i16], row: &[u8]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::add_row`].
-    add_row = dent::add_row, (sums: &mut [i16], row: &[u8]) -> ()
+    /// See [`live::sum_eight_rows`].
+    sum_eight_rows = live::sum_eight_rows, (sums: &mut [i16], rows: &[u8]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::add_four_differences`].
-    add_four_differences = dent::add_four_differences, (sums: &mut [i16], frame: &[u8], baseline: &[u8]) -> ()
+    /// See [`live::fold_octets`].
+    fold_octets = live::fold_octets, (sums: &[i16], shift: u32, folded: &mut [i16]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::add_four_rows`].
-    add_four_rows = dent::add_four_rows, (sums: &mut [i16], rows: &[u8]) -> ()
+    /// See [`live::whiten`].
+    whiten = live::whiten, (means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::fold_octets`].
-    fold_octets = dent::fold_octets, (sums: &[i16], shift: u32, folded: &mut [i16]) -> ()
+    /// See [`live::follow`].
+    follow = live::follow, (gel: &mut [f32], means: &[i16], scale: f32, share: f32) -> ()
 }
 
 dispatched! {
-    /// See [`dent::smooth`].
-    smooth = dent::smooth, (plane: &[i16], cols: usize, middle: i32, scale: f32, column: &mut [i16], out: &mut [f32]) -> ()
+    /// See [`live::plane_sums`].
+    plane_sums = live::plane_sums, (z: &[f32], x: &[f32], y: &[f32]) -> [[f32; live::LANES]; 3]
 }
 
 dispatched! {
-    /// See [`dent::median`].
-    median = dent::median, (plane: &[i16]) -> i16
+    /// See [`live::without_plane`].
+    without_plane = live::without_plane, (z: &[f32], x: &[f32], y: &[f32], plane: [f32; 3], out: &mut [f32]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::lengths`].
-    lengths = dent::lengths, (a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) -> ()
+    /// See [`live::without_fit`].
+    without_fit = live::without_fit, (z: &[f32], places: [&[f32]; 3], fit: [f32; 4], out: &mut [f32]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::quiet_lanes`].
-    quiet_lanes = dent::quiet_lanes, (quiet: &[f32], base: &[f32], white: &[f32]) -> [[f32; dent::LANES]; 5]
+    /// See [`live::trust`].
+    trust = live::trust, (white: [&[f32]; 3], weights: &mut [f32]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::close`].
-    close = dent::close, (plane: &[i16], cols: usize, across: &mut [i16], dilated: &mut [i16], out: &mut [i16]) -> ()
+    /// See [`live::fit_sums`].
+    fit_sums = live::fit_sums, (weights: &[f32], places: [&[f32]; 3], z: &[f32]) -> [[f32; live::LANES]; live::SUMS]
 }
 
 dispatched! {
-    /// See [`dent::take_out`].
-    take_out = dent::take_out, (offset: f32, gain: f32, base: &[f32], white: &mut [f32]) -> ()
+    /// See [`live::energy_sums`].
+    energy_sums = live::energy_sums, (white: [&[f32]; 3]) -> [[f32; live::LANES]; 2]
 }
 
 dispatched! {
-    /// See [`dent::count_above`].
-    count_above = dent::count_above, (level: f32, values: &[f32]) -> u32
+    /// See [`live::energy`].
+    energy = live::energy, (white: [&[f32]; 3], out: &mut [f32]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::mark_quiet`].
-    mark_quiet = dent::mark_quiet, (level: f32, length: &[f32], quiet: &mut [f32]) -> ()
+    /// See [`live::one_two_one`].
+    one_two_one = live::one_two_one, (a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::medians_of_seven`].
-    medians_of_seven = dent::medians_of_seven, (values: &[f32], medians: &mut [f32]) -> ()
+    /// See [`live::largest`].
+    largest = live::largest, (values: &[f32]) -> [f32; 8]
 }
 
 dispatched! {
-    /// See [`dent::own`].
-    own = dent::own, (index: u8, response: &[f32], owners: &[u8], out: &mut [f32]) -> ()
+    /// See [`live::power_sums`].
+    power_sums = live::power_sums, (values: &[f32], scale: f32) -> [[f32; 8]; 2]
 }
 
 dispatched! {
-    /// See [`dent::sort_keys`].
-    sort_keys = dent::sort_keys, (length: &[f32], keys: &mut [u16]) -> ()
+    /// See [`live::untouched_sums`].
+    untouched_sums = live::untouched_sums, (depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2]
 }
 
 dispatched! {
-    /// See [`dent::walk`].
-    walk = dent::walk, (walk: &dent::Walk, stride: i32, places: [&mut [[i32; dent::BUNDLE]]; 3]) -> ()
+    /// See [`live::weigh_three`].
+    weigh_three = live::weigh_three, (white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::between`].
-    between = dent::between, (x: &[i32], y: &[i32], corners: &[Vec<f32>; 4], samples: &mut [f32]) -> ()
+    /// See [`live::multiply`].
+    multiply = live::multiply, (a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) -> ()
 }
 
 dispatched! {
-    /// See [`dent::crossing`].
-    crossing = dent::crossing, (samples: &[[f32; dent::BUNDLE]], share: f32) -> dent::Crossing
+    /// See [`live::multiply_each`].
+    multiply_each = live::multiply_each, (values: &mut [f32], by: &[f32]) -> ()
+}
+
+dispatched! {
+    /// See [`live::half_difference`].
+    half_difference = live::half_difference, (a: &[f32], b: &[f32], out: &mut [f32]) -> ()
+}
+
+dispatched! {
+    /// See [`live::add_half_difference`].
+    add_half_difference = live::add_half_difference, (a: &[f32], b: &[f32], out: &mut [f32]) -> ()
 }

@@ -8,8 +8,8 @@ use std::fmt::Debug;
 
 use ndarray::Array3;
 use tega_tactile::{
-    Difference, LiveScratch, Options, Order, Outline, Pair, PaperScratch, Scratch, Spread, contact_metrics,
-    read_live, read_paper,
+    Difference, LiveReader, LiveScratch, Options, Order, Outline, Pair, PaperScratch, Scratch, SensorNoise,
+    Spread, TouchTracker, TrackerOptions, contact_metrics, read_live, read_paper,
 };
 
 struct Counting;
@@ -76,6 +76,15 @@ fn frame(baseline: &Array3<u8>, corners: &[(usize, usize)]) -> Array3<u8> {
     frame
 }
 
+/// What a gel may keep of that press.
+fn kept(baseline: &Array3<u8>, share: f32) -> Array3<u8> {
+    let mut kept = frame(baseline, &[(60, 50)]);
+    kept.zip_mut_with(baseline, |kept, gel| {
+        *kept = (f32::from(*gel) + share * (f32::from(*kept) - f32::from(*gel))) as u8;
+    });
+    kept
+}
+
 /// Reads every frame once to size the buffers, then counts what a second round allocates.
 fn nothing_is_allocated<S: Default, R: PartialEq + Debug>(mut read: impl FnMut(&Pair<'_>, &mut S) -> R) {
     let mut scratch = S::default();
@@ -106,12 +115,50 @@ fn the_counter_counts() {
 fn live() {
     let baseline = baseline(false);
     let frame = frame(&baseline, &[(60, 50), (100, 200)]);
-    let (pair, mut scratch) = (Pair::new(frame.view(), baseline.view()).unwrap(), LiveScratch::default());
-    read_live(&pair, Order::Bgr, Outline::Dent, &mut scratch);
-    assert_eq!(scratch.patches().len(), 2, "the frames are to show patches");
+    let noise = SensorNoise::default();
     for outline in [Outline::Dent, Outline::Contact] {
-        nothing_is_allocated(|pair, scratch: &mut LiveScratch| read_live(pair, Order::Bgr, outline, scratch));
+        nothing_is_allocated(|pair, scratch: &mut LiveScratch| {
+            read_live(pair, Order::Bgr, outline, noise, scratch).unwrap()
+        });
+        let mut reader = LiveReader::new(baseline.view(), Order::Bgr, outline, noise).unwrap();
+        assert!(reader.mask(frame.view()).unwrap().0.in_contact, "the frames are to show contacts");
+        let before = ALLOCATIONS.get();
+        for image in [&frame, &baseline, &frame] {
+            reader.read(image.view()).unwrap();
+            reader.mask(image.view()).unwrap();
+            assert!(reader.pressure_map().all(f32::is_finite));
+        }
+        assert_eq!(ALLOCATIONS.get() - before, 0);
     }
+}
+
+/// Quiet, in contact, released, taken anew: with strides of its own too.
+#[test]
+fn tracker() {
+    let baseline = baseline(false);
+    let pressed = frame(&baseline, &[(60, 50)]);
+    // What a gel keeps of a press sinks.
+    let (kept, sunk) = (kept(&baseline, 0.15), kept(&baseline, 0.1));
+    let mut turned = baseline.view();
+    turned.invert_axis(ndarray::Axis(0));
+    let turned = turned.to_owned();
+    let mut tracker = TouchTracker::new(baseline.view(), TrackerOptions::default()).unwrap();
+    let mut shown = [0; 2];
+    for round in 0..3 {
+        let before = ALLOCATIONS.get();
+        for (image, frames) in [(&baseline, 30), (&pressed, 30), (&kept, 8), (&sunk, 112)] {
+            for _ in 0..frames {
+                let touch = tracker.update(image.view(), None, false).unwrap();
+                shown[usize::from(touch.in_contact)] += 1;
+            }
+        }
+        let allocated = ALLOCATIONS.get() - before;
+        assert!(round == 0 || allocated == 0, "{allocated}");
+        let mut view = turned.view();
+        view.invert_axis(ndarray::Axis(0));
+        tracker.update(view, None, false).unwrap();
+    }
+    assert!(shown[0] > 3 * 90 && shown[1] > 3 * 25, "{shown:?}");
 }
 
 #[test]

@@ -81,6 +81,15 @@ fn frames_of_another_size_are_refused() {
 }
 
 #[test]
+fn the_median_leaves_no_channel_out() {
+    for channels in [(3, 1), (1, 3), (3, 4)] {
+        let frames = [Array3::<u8>::zeros((2, 3, channels.0)), Array3::zeros((2, 3, channels.1))];
+        let wanted = TactileError::Channels { name: "frame", channels: channels.0 + channels.1 - 3 };
+        assert_eq!(median_image(&views(&frames)), Err(wanted));
+    }
+}
+
+#[test]
 fn the_median_is_that_of_each_pixel() {
     let frames: Vec<_> = [10, 255, 13, 12].map(|v| Array3::<u8>::from_elem((2, 3, 3), v)).into();
     assert_eq!(median_image(&views(&frames)).unwrap(), Array3::from_elem((2, 3, 3), 13));

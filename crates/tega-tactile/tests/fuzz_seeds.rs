@@ -36,6 +36,11 @@ proptest! {
     }
 
     #[test]
+    fn tracker(data in prop::collection::vec(any::<u8>(), 0..300)) {
+        fuzz::tracker_is_bounded_and_the_same_again(&data);
+    }
+
+    #[test]
     fn baseline(data in prop::collection::vec(any::<u8>(), 0..500)) {
         fuzz::baseline_survives_any_frames(&data);
     }

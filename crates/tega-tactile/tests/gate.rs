@@ -3,11 +3,10 @@
 //! lights do by themselves.
 //!
 //! The promise, in pixels of a picture of 240 x 320 (lengths go with the diagonal): a ball that touches the gel over a
-//! disc of 17 pixels in radius, 908 pixels or 1.2 % of the picture, with a slope of 0.207 at the rim, that is with a
+//! disc of 10 pixels in radius, 314 pixels or 0.4 % of the picture, with a slope of 0.122 at the rim, that is with a
 //! radius of at most 82.2 pixels, wherever in the picture its middle is. A DIGIT shows 18.68 pixels a millimetre: there
-//! this is a ball of 4.4 mm touching over 1.8 mm. In counts, such a rim adds 34, 23 and 31 where it faces the light of
-//! the blue, green and red channel. Over 1,260 draws with such presses the strongest cell was at 9.6 noise units or
-//! more, where the gate asks for 8; at 16 pixels at 8.7, at 15 pixels 3 in 900 presses were missed, at 14 pixels 6 %.
+//! this is a ball of 4.4 mm touching over 1.1 mm. Of 150 such presses none was missed in the middle from 6 pixels on,
+//! about half at 5, all at 4; with their middle anywhere, borders and corners included, 5 at 7 pixels and 22 at 6.
 
 #![allow(clippy::unwrap_used)]
 
@@ -16,16 +15,16 @@ mod slopes;
 use ndarray::Array3;
 use proptest::prelude::*;
 use slopes::{Drift, Gel, Press, Random};
-use tega_tactile::{ContactMetrics, LiveScratch, Order, Outline, Pair, read_live};
+use tega_tactile::{ContactMetrics, LiveScratch, Order, Outline, Pair, SensorNoise, read_live};
 
-const SMALLEST_RADIUS: f32 = 17.0;
+const SMALLEST_RADIUS: f32 = 10.0;
 const FLATTEST_BALL: f32 = 82.2;
 /// Height and width; the first three share their cells with the cameras' pictures, the last cuts cells at its border.
 const SIZES: [(usize, usize); 4] = [(240, 320), (320, 240), (120, 160), (213, 301)];
 
 fn read(frame: &Array3<u8>, baseline: &Array3<u8>, outline: Outline) -> ContactMetrics {
     let pair = Pair::new(frame.view(), baseline.view()).unwrap();
-    read_live(&pair, Order::Bgr, outline, &mut LiveScratch::default())
+    read_live(&pair, Order::Bgr, outline, SensorNoise::default(), &mut LiveScratch::default()).unwrap()
 }
 
 /// Up to `step` counts everywhere, up to three more from one side of the picture to the other.
@@ -80,6 +79,8 @@ proptest! {
         seed: u64, size in 0..SIZES.len(), step in prop_oneof![Just(0_f32), Just(5.0), Just(30.0)]
     ) {
         let (frame, baseline) = scene(seed, size, step, None);
+        // Where a channel is at its end a step of light stops short: that is no change of light, and reads as one patch.
+        prop_assume!(frame.iter().all(|value| (1..255).contains(value)));
         for outline in [Outline::Dent, Outline::Contact] {
             let metrics = read(&frame, &baseline, outline);
             prop_assert!(!metrics.in_contact && metrics.eda == 0 && metrics.cci == 0.0, "{metrics:?}");
@@ -87,11 +88,11 @@ proptest! {
     }
 }
 
-/// How near the border of the promise is: a disc of half the radius does drown.
+/// How near the border of the promise is: a disc of less than half the radius does drown.
 #[test]
-fn a_press_of_a_quarter_of_the_smallest_area_is_not_promised() {
+fn a_press_of_a_sixth_of_the_smallest_area_is_not_promised() {
     let press =
-        Press { centre: [0.5, 0.5], contact_radius: SMALLEST_RADIUS / 2.0, ball_radius: FLATTEST_BALL };
+        Press { centre: [0.5, 0.5], contact_radius: SMALLEST_RADIUS / 2.5, ball_radius: FLATTEST_BALL };
     let found = (0..20).filter(|seed| {
         let (frame, baseline) = scene(*seed, 0, 3.0, Some(press));
         read(&frame, &baseline, Outline::Dent).in_contact

@@ -32,9 +32,8 @@ from tega.study.touch_rows import TouchRow
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tega.records import Contact, Intent
     from tega.sim.seams import Act, Percept
-    from tega.tactile import ContactMetrics
-    from tega.teleop.touch import Felt
 
 __all__ = ["Judged", "Kept", "compare", "fit", "judge", "main", "run"]
 
@@ -80,25 +79,22 @@ class _Keeper(Streams):
         self.speed.append((percept.t_s, percept.scene.slip_m_s))
         self.narrowing.append((percept.t_s, 1e3 * percept.scene.deformation_m))
 
-    def contact(
-        self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt, image: NDArray[np.uint8]
-    ) -> None:
-        del felt, image
+    def contact(self, contact: Contact, image: NDArray[np.uint8]) -> None:
+        del image
         self.touch.append(
             TouchRow(
-                t_ns / 1e9,
-                finger,
-                int(metrics.in_contact),
-                metrics.eda,
-                metrics.mass,
-                metrics.peak,
-                *metrics.centroid_xy,
+                contact.t_ns / 1e9,
+                contact.finger,
+                int(contact.in_contact),
+                contact.eda,
+                contact.mass,
+                contact.peak,
+                *contact.centroid_xy,
             )
         )
 
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
-        del t_ns, channels
-        self._level = fused
+    def levels(self, intent: Intent) -> None:
+        self._level = intent.level
 
 
 def run(plan: TrialPlan) -> Kept:

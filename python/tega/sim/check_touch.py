@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from tega.audit import Mark, read_marks
 from tega.devices.lifecycle import require
 from tega.devices.opencv import read_image
+from tega.sim.broad import disc_table, grasp_table
 from tega.sim.closeness import TOLERANCES, Match, difference, match_press
-from tega.sim.gel import DOME_MM, LENGTH_MM, STIFFNESS_N_MM3, Gel, ball
+from tega.sim.gel import LENGTH_MM, STIFFNESS_N_MM3, Gel, ball
 from tega.sim.seams import Indenter
 from tega.tactile import read_contact
 
@@ -67,12 +68,12 @@ class Reading(NamedTuple):
 def ball_press(radius_mm: float, contact_mm: float) -> tuple[float, float]:
     """Return depth in millimetres and force in newtons of a ball that touches over a disc: the model's closed form.
 
-    A paraboloid z = r²/2R on a skin on springs: inside the contact the skin lies on it, outside it is a K₀(r/l) that
-    joins it without a kink, so that d = a²/2R + (a l/R) K₀(a/l)/K₁(a/l). The springs carry
+    A paraboloid z = r²/2R on a flat skin on springs: inside the contact the skin lies on it, outside it is a K₀(r/l)
+    that joins it without a kink, so that d = a²/2R + (a l/R) K₀(a/l)/K₁(a/l). The springs carry
     F = k π [a² (d + 2 l²/R) - a⁴/4R].
 
     Args:
-        radius_mm: R, the ball's and the dome's curvatures added: 1/R = 1/ball + 1/dome.
+        radius_mm: R, the ball's.
         contact_mm: a, radius of the touching disc.
     """
     special = require("scipy.special", driver="touch check", extra="lab")
@@ -80,11 +81,6 @@ def ball_press(radius_mm: float, contact_mm: float) -> tuple[float, float]:
     depth = a * a / (2 * r) + a * length / r * special.k0e(a / length) / special.k1e(a / length)
     force = STIFFNESS_N_MM3 * np.pi * (a * a * (depth + 2 * length**2 / r) - a**4 / (4 * r))
     return float(depth), float(force)
-
-
-def on_dome(radius_mm: float) -> float:
-    """Return the radius of the ball that presses a flat gel as this one presses the dome."""
-    return 1 / (1 / radius_mm + 1 / DOME_MM)
 
 
 def shape(name: str, force_n: float, *, centre_xy: tuple[float, float] = (119.5, 159.5)) -> Indenter:
@@ -132,7 +128,7 @@ def like_presses(presses: Presses, gel: Gel) -> Iterator[tuple[float, float, flo
         untouched, low, high = gel.frame([], index + 1_000), 0.1, 30.0
         for _ in range(9):
             force_n = float(np.sqrt(low * high))
-            made = gel.frame([ball(force_n=force_n, centre_xy=mark.centre_xy)], index)
+            made = gel.frame([ball(force_n=force_n, centre_xy=mark.centre_xy, on=gel)], index)
             deeper = np.linalg.norm(difference(made, untouched), axis=2).mean() < wanted
             low, high = (force_n, high) if deeper else (low, force_n)
         inside = int((mark.distance(frame.shape) <= 1).sum())
@@ -140,7 +136,7 @@ def like_presses(presses: Presses, gel: Gel) -> Iterator[tuple[float, float, flo
 
 
 def _golden_table() -> list[str]:
-    gel = Gel(1)
+    gel = Gel(1, shape="flat")
     lines = ["| depth mm | measured N | simulated N | |", "|---|---|---|---|"]
     for depth_mm, measured_n in GOLDEN:
         low, high = 0.05, 60.0
@@ -153,18 +149,17 @@ def _golden_table() -> list[str]:
 
 
 def _radius_table() -> list[str]:
-    gel = Gel(1)
+    gel = Gel(1, shape="flat")
     lines = [
         "| ball mm | force N | depth mm | closed form | touching radius mm | closed form | 1.2 √(R d) |",
         "|---|---|---|---|---|---|---|",
     ]
     for radius_mm, contact_mm in ((4.4, 1.0), (4.4, 2.0), (4.4, 2.8), (12.0, 2.0), (12.0, 3.5), (33.0, 4.0)):
-        flat_mm = on_dome(radius_mm)
-        depth_mm, force_n = ball_press(flat_mm, contact_mm)
+        depth_mm, force_n = ball_press(radius_mm, contact_mm)
         truth = gel.press([ball(force_n=force_n, radius_mm=radius_mm)])
         seen_mm = (truth.area_mm2 / np.pi) ** 0.5
         cells = (f"{radius_mm}", f"{force_n:.2f}", f"{truth.depth_mm:.3f}", f"{depth_mm:.3f}")
-        more = (f"{seen_mm:.2f}", f"{contact_mm:.2f}", f"{1.2 * (flat_mm * depth_mm) ** 0.5:.2f}")
+        more = (f"{seen_mm:.2f}", f"{contact_mm:.2f}", f"{1.2 * (radius_mm * depth_mm) ** 0.5:.2f}")
         lines.append("| " + " | ".join(cells + more) + " |")
     return lines
 
@@ -201,6 +196,28 @@ def _reading_table() -> list[str]:
         off = np.median([r.centre_off_px for r in found])
         cells = (name, f"{found[0].force_n}", *spans, f"{off:.1f}", area, f"{depth:.2f}")
         lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
+def _leftover_table() -> list[str]:
+    lines = [
+        "| force N | held s | creep | left at once | 0.13 s | 1 s | 2.7 s | 10 s | 30 s |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for force_n in (1.0, 5.0):
+        for held_s in (0.5, 1.5, 5.0, 30.0):
+            gel = Gel(0, spread=0.0, memory=True)
+            first_mm = gel.press([ball(force_n=force_n)], t_s=0.0).depth_mm
+            for frame in range(1, round(held_s * 60) + 1):
+                gel.press([ball(force_n=force_n)], t_s=frame / 60)
+            peak_mm = gel.truth.depth_mm
+            left = []
+            for after_s in (0.0, 0.13, 1.0, 2.7, 10.0, 30.0):
+                gel.press([], t_s=held_s + after_s)
+                left.append(f"{gel.displacement_mm().max() / peak_mm:.1%}")
+            lines.append(
+                "| " + " | ".join([f"{force_n}", f"{held_s}", f"{peak_mm / first_mm - 1:+.0%}", *left]) + " |"
+            )
     return lines
 
 
@@ -243,8 +260,18 @@ def main(out: Path) -> None:
         "force and depth": _golden_table(),
         "touching radius": _radius_table(),
         "what live reads": _reading_table(),
+        "left after release": _leftover_table(),
     }
-    folder = Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit" / "digit_ball_D20641"
+    recordings = Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit"
+    folder = recordings / "digit_ball_D20641"
+    for title, name, table in (
+        ("recorded disc", "digit_disc_force", disc_table),
+        ("recorded grasps", "derived/digit_grasp_masks", grasp_table),
+    ):
+        there = (recordings / name).is_dir()
+        sections[title] = (
+            table(recordings / name) if there else [f"left out: no recordings at {recordings / name}"]
+        )
     if folder.is_dir():
         presses, gel = load_presses(folder), Gel(0, spread=0.0)
         pairs = enumerate(zip(presses.frames, presses.marks, strict=True))

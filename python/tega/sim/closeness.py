@@ -137,14 +137,14 @@ def match_press(frame: Image, still: Image, mark: Mark, gel: Gel, *, index: int)
 
     def distance(trial: NDArray[np.float64]) -> float:
         x, y, root = trial
-        made = gel.frame([ball(force_n=min(root * root, 50.0), centre_xy=(x, y))], index)
+        made = gel.frame([ball(force_n=min(root * root, 50.0), centre_xy=(x, y), on=gel)], index)
         return float(((difference(made, untouched) - wanted)[near] ** 2).mean())
 
     start = np.array([*mark.centre_xy, 2.0])
     simplex = start + np.array([[0, 0, 0], [6, 0, 0], [0, 6, 0], [0, 0, 0.5]])
     options = {"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.05, "maxfev": 120}
     x, y, root = minimize(distance, start, method="Nelder-Mead", options=options).x
-    made = gel.frame([ball(force_n=root * root, centre_xy=(x, y))], index)
+    made = gel.frame([ball(force_n=root * root, centre_xy=(x, y), on=gel)], index)
     simulated, recorded = statistics(made, untouched, mark), statistics(frame, still, mark)
     places = [np.array(read_contact(a, b).centroid_xy) for a, b in ((made, untouched), (frame, still))]
     simulated["centroid, px"] = float(np.hypot(*(places[0] - places[1])))

@@ -86,7 +86,9 @@ def run_demo(
         return stop() or bool(wish)
 
     for plan in plans:
-        lab_of(plan.seed, plan.preset)  # before the clock runs: calibration belongs to no trial
+        lab_of(
+            plan.seed, plan.preset, plan.settings
+        )  # before the clock runs: calibration belongs to no trial
     import_mujoco()  # nor does the loading of a package
     started = time.perf_counter()
     while left and not stop():
@@ -150,7 +152,7 @@ def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> Non
 
     rows = []
     for result, streams in zip(report.trials, courses, strict=True):
-        lab = lab_of(result.seed, result.preset)
+        lab = lab_of(result.seed, result.preset, result.settings)
         rows.append(
             TrialPicture(
                 title=_title(result),

@@ -2,14 +2,14 @@
 
 Simulated. Rigid shapes go into a skin on springs until the springs carry their forces; slopes become colours by a
 light field that was fitted to one real sensor, and noise has the statistics of its pictures. ``docs/sim-touch.md``
-says how close that comes to real pictures and what is not modelled. Seed, spread, indenters and frame number alone
-decide what a frame shows, to the last bit.
+says how close that comes to real pictures and what is not modelled. Seed, settings, indenters and frame number decide
+what a frame shows, to the last bit; with ``memory`` also what pressed before and how long.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,27 +18,40 @@ from tega import _native
 from tega.sim.seams import Indenter
 
 __all__ = [
-    "DOME_MM",
+    "CAMERA_HZ",
+    "CAMERA_MM",
     "HEIGHT",
+    "HEIGHTS_ALONG_MM",
     "LENGTH_MM",
+    "MIDDLE_ALONG_MM",
     "PX_PER_MM",
+    "RADIUS_ACROSS_MM",
     "STIFFNESS_N_MM3",
     "WIDTH",
     "Gel",
     "GelTruth",
     "ball",
+    "fall",
 ]
 
 HEIGHT: Final = 320
 WIDTH: Final = 240
 PX_PER_MM: Final = _native.GEL_PX_PER_MM
-"""Scale of the picture."""
+"""Scale of the picture at the gel's top; what lies lower is nearer to the camera and looks larger."""
 LENGTH_MM: Final = _native.GEL_LENGTH_MM
-"""How far the gel is pulled down beside a contact: its slope dies away over this length."""
+"""How far the gel is pulled down beside a contact: its slope dies away over this length, 20 pixels."""
 STIFFNESS_N_MM3: Final = _native.GEL_STIFFNESS_N_MM3
 """Pressure a displacement, newtons per cubic millimetre."""
-DOME_MM: Final = _native.GEL_DOME_MM
-"""Radius of the untouched gel."""
+RADIUS_ACROSS_MM: Final = _native.GEL_RADIUS_ACROSS_MM
+"""Radius of the ``digit`` gel across the finger."""
+HEIGHTS_ALONG_MM: Final = tuple(_native.GEL_HEIGHTS_ALONG_MM)
+"""Its heights along the middle line: millimetres along the finger, millimetres high; the published drawing's."""
+MIDDLE_ALONG_MM: Final = _native.GEL_MIDDLE_ALONG_MM
+"""Where along it the picture has its middle."""
+CAMERA_MM: Final = _native.GEL_CAMERA_MM
+"""From the camera's pinhole to the gel's top."""
+CAMERA_HZ: Final = 60.0
+"""Frames a second: what turns a frame's number into a time."""
 
 
 class GelTruth(NamedTuple):
@@ -57,59 +70,86 @@ class GelTruth(NamedTuple):
 
 
 class Gel:
-    """One unit: its own background, light and noise.
+    """One unit: its own gel, background, light and noise.
 
     Args:
         seed: Of everything that differs between units, and of which noise each frame shows; 0 to 2⁶⁴ - 1.
-        spread: How much light and background differ from those of the fitted sensor: 0 not at all, 1 as sensors may
-            differ, at most 2.
+        spread: How much gel, light, background and noise differ from those of the fitted sensor: 0 not at all, 1 as
+            sensors may differ, at most 2.
+        shape: ``digit``, rounded across the finger as the published drawing, or ``flat`` as a GelSight's.
+        memory: Whether the gel creeps under a load and leaves something after release, and its colours drift for
+            minutes, as recorded ones do. A press then lasts until the next call, whose time may not be earlier; the
+            truth tells how far the gel is displaced in all, and what touches.
 
     Raises:
-        InvalidValueError: ``spread`` is out of range.
+        InvalidValueError: ``spread`` is out of range or ``shape`` not known.
 
     Example:
         >>> gel = Gel(seed=1)
         >>> image = gel.frame([ball(force_n=3.0)], index=0)
-        >>> image.shape, image.dtype, 0.7 < gel.truth.depth_mm < 1.1
+        >>> image.shape, image.dtype, 0.7 < gel.truth.depth_mm < 1.2
         ((320, 240, 3), dtype('uint8'), True)
     """
 
-    def __init__(self, seed: int, *, spread: float = 1.0) -> None:
-        self._gel = _native.Gel(seed, spread=spread)
+    def __init__(
+        self,
+        seed: int,
+        *,
+        spread: float = 1.0,
+        shape: Literal["digit", "flat"] = "digit",
+        memory: bool = False,
+    ) -> None:
+        self._gel = _native.Gel(seed, spread=spread, shape=shape, memory=memory)
 
     def frame(
-        self, indenters: Sequence[Indenter], index: int, *, out: NDArray[np.uint8] | None = None
+        self,
+        indenters: Sequence[Indenter],
+        index: int,
+        *,
+        t_s: float | None = None,
+        out: NDArray[np.uint8] | None = None,
     ) -> NDArray[np.uint8]:
         """Return the picture of these shapes pressed in; :attr:`truth` is then of this press.
 
-        Where nothing touches nothing is solved and nothing shaded: the picture is the still one and new noise, so
-        that no two frames are equal. Ask :meth:`press` first to leave such frames out altogether.
+        Where nothing touches nothing is solved, and nothing shaded unless something is left of an earlier press: the
+        picture is the still one and new noise, so that no two frames are equal. Ask :meth:`press` first to leave such
+        frames out altogether.
 
         Args:
             indenters: What presses, at most 8; one with a force of 0 does not. ``pose_mm``'s z does not matter: each
                 shape goes in until the gel carries its force.
             index: Number of the frame: picks its noise and how far the colours have drifted (60 frames a second).
+            t_s: When, seconds, for a gel with ``memory``; ``None`` is ``index`` / 60.
             out: Where to write, uint8 (320, 240, 3) without gaps; ``None`` makes a new array.
 
         Returns:
             uint8 (320, 240, 3), BGR, upright; ``out`` where given.
 
         Raises:
-            InvalidValueError: A shape is not known, a number is out of range, or ``out`` cannot be written.
+            InvalidValueError: A shape is not known, a number is out of range, ``out`` cannot be written, or a gel with
+                memory is asked for a time before the latest one.
             ShapeError: ``pose_mm`` is not (3, 4) or ``out`` not as above.
         """
         if out is None:
             out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-        self._gel.frame(_poses(indenters), index, out=out)
+        self._gel.frame(_poses(indenters), index, t_s=index / CAMERA_HZ if t_s is None else t_s, out=out)
         return out
 
-    def press(self, indenters: Sequence[Indenter]) -> GelTruth:
+    def press(self, indenters: Sequence[Indenter], *, t_s: float | None = None) -> GelTruth:
         """Press shapes in without making a picture; :attr:`truth` and the arrays below are then of this press.
 
-        Args and errors are those of :meth:`frame`.
+        Args and errors are those of :meth:`frame`; without ``t_s`` no time passes.
         """
-        self._gel.press(_poses(indenters))
+        self._gel.press(_poses(indenters), (self._gel.last_s() or 0.0) if t_s is None else t_s)
         return self.truth
+
+    def remains(self, t_s: float) -> bool:
+        """Return whether the gel would show anything at a time, seconds, if nothing pressed it from then on."""
+        return self._gel.remains(t_s)
+
+    def forget(self) -> None:
+        """Forget what pressed and when, as a new gel of the same unit."""
+        self._gel.forget()
 
     @property
     def truth(self) -> GelTruth:
@@ -128,9 +168,20 @@ class Gel:
         """Return how far the latest press displaces the gel, float32 (80, 60), one value for 4 x 4 pixels."""
         return self._gel.displacement_mm()
 
+    def surface_mm(self) -> NDArray[np.float32]:
+        """Return where the untouched gel lies that 4 x 4 pixels each show, float32 (80, 60, 4).
+
+        x, y and z in the pad frame, z 0 at the gel's top, millimetres; and its area, square millimetres.
+        """
+        return self._gel.surface()
+
 
 def ball(
-    *, force_n: float, radius_mm: float = 4.4, centre_xy: tuple[float, float] = (119.5, 159.5)
+    *,
+    force_n: float,
+    radius_mm: float = 4.4,
+    centre_xy: tuple[float, float] = (119.5, 159.5),
+    on: Gel | None = None,
 ) -> Indenter:
     """Return a ball that presses at a place of the picture.
 
@@ -138,10 +189,39 @@ def ball(
         force_n: Normal force, newtons.
         radius_mm: The ball's radius; 4.4 is that of the recorded presses.
         centre_xy: Where, pixels (column, row).
+        on: The gel that it is to touch first at that place; ``None`` has it so on a flat one. On a rounded gel a ball
+            beside the middle touches nearer to the middle than its own is.
     """
     x, y = ((at - middle) / PX_PER_MM for at, middle in zip(centre_xy, (119.5, 159.5), strict=True))
+    if on is not None:
+        x, y = _beside(on.surface_mm(), centre_xy, radius_mm)
     pose = np.array([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, radius_mm]])
     return Indenter("sphere", (radius_mm, 0.0, 0.0), pose, force_n)
+
+
+def fall(x_mm: float, y_mm: float) -> tuple[float, float]:
+    """Return how steeply the drawing's gel falls off at a place of the pad frame: to the right, down the picture."""
+    return _native.gel_fall(x_mm, y_mm)
+
+
+def _beside(
+    surface: NDArray[np.float32], centre_xy: tuple[float, float], radius_mm: float
+) -> tuple[float, float]:
+    """Return where a ball's middle is that touches a surface at a place of the picture, millimetres."""
+    rows, columns = surface.shape[:2]
+    c, r = (
+        int(np.clip((at - 1.5) / 4, 1, size - 3)) for at, size in zip(centre_xy, (columns, rows), strict=True)
+    )
+    share = np.array([(centre_xy[0] - 1.5) / 4 - c, (centre_xy[1] - 1.5) / 4 - r])
+    (x, y), right, down = surface[r, c, :2], surface[r, c + 1, :2], surface[r + 1, c, :2]
+    # Slopes a cell on either side; a cell's x hangs little on its row, and the other way round.
+    slope_x = (surface[r, c + 1, 2] - surface[r, c - 1, 2]) / (surface[r, c + 1, 0] - surface[r, c - 1, 0])
+    slope_y = (surface[r + 1, c, 2] - surface[r - 1, c, 2]) / (surface[r + 1, c, 1] - surface[r - 1, c, 1])
+    normal = np.array([-slope_x, -slope_y, 1.0])
+    normal /= np.linalg.norm(normal)
+    at_x = x + share[0] * (right[0] - x) + share[1] * (down[0] - x)
+    at_y = y + share[0] * (right[1] - y) + share[1] * (down[1] - y)
+    return float(at_x + radius_mm * normal[0]), float(at_y + radius_mm * normal[1])
 
 
 def _poses(

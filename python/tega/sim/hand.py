@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.teleop.hand import limp_frames
-from tega.wire import AllegroServo, allegro_decode, allegro_torque_frames
+from tega.wire import AllegroServo, allegro_decode, allegro_limp_frames, allegro_torque_frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,7 +51,7 @@ class SimulatedAllegro:
         """The joint angles as the encoders show them now, float64 (16,), in radians."""
         return self._read()
 
-    def step(self, level: int) -> list[CanFrame]:
+    def step(self, level: float) -> list[CanFrame]:
         """Go on by one tick of 3 ms.
 
         Args:
@@ -66,7 +65,7 @@ class SimulatedAllegro:
 
     def limp(self) -> list[CanFrame]:
         """Return zero torque for every finger, then SERVO OFF."""
-        return limp_frames(self._device_id)
+        return allegro_limp_frames(device_id=self._device_id)
 
 
 class SimulatedBus:

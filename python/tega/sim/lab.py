@@ -10,34 +10,45 @@ import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
+import msgspec
 import numpy as np
 
+from tega.calibration import EmgMaxima
 from tega.config import FINGERS
 from tega.devices.base import TactileFrame
 from tega.errors import InvalidValueError
 from tega.sim.arms import feels
 from tega.sim.gel import Gel, ball
+from tega.sim.plan import loop_settings
+from tega.sim.seams import Indenter
+from tega.stages.choose import block_s, finger_metric, muscle_decoder
 from tega.teleop.maxima import touch_maxima
 from tega.teleop.sources import FrameMeter, SourceReport
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from tega.calibration import TouchMaxima
     from tega.sim.operator import Calibrated, ForearmEmg, Operator, Parameters, ScriptedOperator
     from tega.sim.trial import TrialPlan
+    from tega.stages.base import Decoder, Metric
 
 __all__ = ["EMG_HZ", "Lab", "lab_of"]
 
 EMG_HZ = 1000.0
 """Rate of the EMG."""
 
-# The guided press: a large marble, as firmly as the hand can, five times. It is small enough to be sharp and large
-# enough to be broad, so that both maxima come from one object; chosen before any comparison of conditions.
-PRESSES = 5
+# The guided presses: a large marble and a flat board in turn, as firmly as the hand can. The marble is the most focal
+# of what is grasped, the board the broadest, so that neither column of the vest is full for a whole hold.
+PRESSES = 6
 PRESS_FRAMES = 24
+# Between two presses, longer than the gel needs to be told from a touched one.
+PAUSE_FRAMES = 90
+FRAME_NS = round(1e9 / 60)
+# A hold may dent the gel as widely as the board does; it shall still be felt to grow.
+HEADROOM = 1.3
 PRESS_N = 8.0
 MARBLE_RADIUS_MM = 12.0
 BASELINE_FRAMES = 30
@@ -50,6 +61,7 @@ class Lab:
         seed: Who.
         preset: Readings of the loop.
         parameters: Of the population; none means the package's own.
+        settings: Of the loop, see :class:`tega.sim.plan.TrialPlan`.
 
     Attributes:
         gels: The four fingertips' gels and cameras.
@@ -59,16 +71,24 @@ class Lab:
     """
 
     def __init__(
-        self, seed: int, preset: Literal["paper", "live"], parameters: Parameters | None = None
+        self,
+        seed: int,
+        preset: Literal["paper", "live"],
+        parameters: Parameters | None = None,
+        *,
+        settings: Sequence[str] = (),
     ) -> None:
         from tega.sim.operator import calibrate, draw_person, load_parameters
 
         self._seed, self.preset = seed, preset
+        self.config = loop_settings(preset, settings)
         self._parameters = parameters or load_parameters()
         self._someone = draw_person(seed, self._parameters)
-        self.calibrated: Calibrated = calibrate(self._someone, seed=seed, rate_hz=EMG_HZ, preset=preset)
+        self.calibrated: Calibrated = calibrate(
+            self._someone, seed=seed, rate_hz=EMG_HZ, preset=preset, tau_s=block_s(self.config)
+        )
         self.gels: Mapping[str, Gel] = {
-            finger: Gel(len(FINGERS) * seed + number) for number, finger in enumerate(FINGERS)
+            finger: Gel(len(FINGERS) * seed + number, memory=True) for number, finger in enumerate(FINGERS)
         }
         self.baselines = {finger: _baseline(gel) for finger, gel in self.gels.items()}
         self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
@@ -99,23 +119,57 @@ class Lab:
             raise InvalidValueError("nobody is at the keyboard", "give run_trial() a person")
         return Operator(self._someone, seed=self._seed, feels=feels(plan.condition), full_effort=full_effort)
 
+    def metric(self, finger: str) -> Metric:
+        """Make the metric of a finger."""
+        return finger_metric(self.config.stages, self.preset, finger, self.baselines[finger])
+
+    def decoder(self) -> Decoder:
+        """Make the decoder of the muscles."""
+        return muscle_decoder(
+            self.config.stages,
+            self.preset,
+            EmgMaxima(
+                kind="raw",
+                rate_hz=EMG_HZ,
+                tau=self.calibrated.tau,
+                channels=("ECR", "FCU", "FDS"),
+                maxima=tuple(float(maximum) for maximum in self.calibrated.maxima),
+            ),
+        )
+
     def _press(self, finger: str) -> TouchMaxima:
         """Take the maxima of the guided press of one fingertip."""
-        meter = FrameMeter(self.baselines[finger], self.preset, SourceReport(), live=False)
+        meter = FrameMeter(self.baselines[finger], self.metric(finger), SourceReport(), live=False)
+        gel = self.gels[finger]
+        gel.forget()
         contacts = []
-        for number in range(PRESSES * PRESS_FRAMES):
-            force_n = PRESS_N * math.sin(math.pi * (number % PRESS_FRAMES + 0.5) / PRESS_FRAMES)
-            image = self.gels[finger].frame([ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)], number)
-            contact = meter.take(TactileFrame(number, number, image, "simulated press"))
+        for number in range(PRESSES * (PRESS_FRAMES + PAUSE_FRAMES)):
+            press, since = divmod(number, PRESS_FRAMES + PAUSE_FRAMES)
+            force_n = (
+                PRESS_N * math.sin(math.pi * (since + 0.5) / PRESS_FRAMES) if since < PRESS_FRAMES else 0.0
+            )
+            image = gel.frame([_object(press, force_n)], number)
+            contact = meter.take(TactileFrame(number, number * FRAME_NS, image, "simulated press"))
             if contact is not None:
                 contacts.append(contact)
-        return touch_maxima(contacts)
+        full = touch_maxima(contacts)
+        if full.eda_max is None:
+            return full
+        return msgspec.structs.replace(full, eda_max=HEADROOM * full.eda_max)
+
+
+def _object(press: int, force_n: float) -> Indenter:
+    """Return what is pressed the next time: the marble, then the board."""
+    if press % 2 == 0:
+        return ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
+    board = ball(force_n=force_n)
+    return board._replace(shape="plane", size_mm=(0.0, 0.0, 0.0))
 
 
 @lru_cache(maxsize=8)
-def lab_of(seed: int, preset: Literal["paper", "live"]) -> Lab:
+def lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...] = ()) -> Lab:
     """Return a person's lab, from memory where it was there just now."""
-    return Lab(seed, preset)
+    return Lab(seed, preset, settings=settings)
 
 
 def _baseline(gel: Gel) -> NDArray[np.uint8]:

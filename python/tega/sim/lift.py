@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tega.bus import Bus
 from tega.clock import ManualClock, PausableClock, SystemClock
-from tega.config import FINGERS, PulsesConfig
-from tega.emg import GraspIntent
+from tega.config import FINGERS, StageConfig, StagesSection
+from tega.records import Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.arms import PULSES, worn
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
@@ -19,8 +20,8 @@ from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.rig import CAMERA_DELAY_NS, Rig
 from tega.sim.score import LIFT_WINDOW_S, Scorer
+from tega.stages.choose import vest_mapping
 from tega.teleop.loop import DualLoop, LoopView
-from tega.teleop.pulses import PulseLoop
 from tega.teleop.sources import BlockMeter, FrameMeter, SourceReport
 from tega.teleop.touch import TouchLoop
 from tega.view.state import EmgTail, TouchImage, ViewState
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     from tega.sim.rig import Person
     from tega.sim.seams import Act, Percept
     from tega.sim.streams import Streams
-    from tega.tactile import ContactMetrics
-    from tega.teleop.touch import Felt
     from tega.view.state import Shape
 
 __all__ = ["Lift"]
@@ -88,11 +87,12 @@ class Lift:
         self._lab, self._plan, self._person = lab, plan, person
         self._streams = streams
         self._full_duty_nm = FULL_DUTY_NM
+        self._layout: Layout = lab.config.vest.layout or _LAYOUT
         self._controller = hand_controller()
         self._level_sum = self._level_n = 0
         maxima = lab.calibrated
-        intent = GraspIntent(EMG_HZ, maxima.maxima, tau=maxima.tau, kind="raw", preset=plan.preset)
-        self._emg_full = np.array(intent.maxima)
+        decoder = lab.decoder()
+        self._emg_full = np.array(decoder.full_scale or maxima.maxima)
         self.scorer = Scorer(spec.harm_m)
         self._told_events = plan.condition == PULSES
         if isinstance(person, Operator):
@@ -108,12 +108,12 @@ class Lift:
             baselines=lab.baselines,
             person=person,
             emg=self._emg,
-            worn=worn(plan.condition, layout=_LAYOUT, seed=plan.seed),
+            worn=worn(plan.condition, layout=self._layout, seed=plan.seed),
             meters={
-                finger: FrameMeter(lab.baselines[finger], plan.preset, SourceReport(), live=False)
+                finger: FrameMeter(lab.baselines[finger], lab.metric(finger), SourceReport(), live=False)
                 for finger in FINGERS
             },
-            blocks=BlockMeter(intent, SourceReport(), rate_hz=EMG_HZ, tau=maxima.tau, live=False),
+            blocks=BlockMeter(decoder, SourceReport(), rate_hz=EMG_HZ, live=False),
             block_ns=round(maxima.tau * 1e9 / EMG_HZ),
             scorer=self.scorer,
             end_s=LIFT_WINDOW_S + _AFTER_S,
@@ -170,7 +170,7 @@ class Lift:
             hand=SimulatedAllegro(self._controller, encoders),
             vests=[rig] if self._streams is None else [rig, self._streams],
             hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
-            recorder=self,
+            bus=self._bus(),
             observer=None if observer is None else show,
             guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
         )
@@ -199,23 +199,32 @@ class Lift:
             person=self._lab.digest if self._plan.operator == "simulated" else "",
         )
 
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
-        """Take note of a measured frame."""
-        if self._streams is not None:
-            self._streams.contact(t_ns, finger, metrics, felt, self.rig.frames[FINGERS.index(finger)])
+    def _bus(self) -> Bus:
+        """Return a bus that tells levels, and where somebody keeps them contacts."""
+        bus, streams = Bus(), self._streams
+        bus.subscribe(Intent, self._levels, vital=True)
+        if streams is not None:
+            bus.subscribe(
+                Contact, lambda c: streams.contact(c, self.rig.frames[FINGERS.index(c.finger)]), vital=True
+            )
+            bus.subscribe(Intent, streams.levels, vital=True)
+        return bus
 
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+    def _levels(self, intent: Intent) -> None:
         """Take note of an EMG block."""
         if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold"}:
-            self._level_sum += fused
+            self._level_sum += intent.level
             self._level_n += 1
-        if self._streams is not None:
-            self._streams.levels(t_ns, channels, fused)
 
     def _touch(self) -> TouchLoop:
-        if not self._told_events:
-            return TouchLoop(self._lab.touch, layout=_LAYOUT)
-        return PulseLoop(self._lab.touch, pulses=PulsesConfig(), layout=_LAYOUT)
+        config = self._lab.config
+        stages = StagesSection(mapping=StageConfig(name="pulses")) if self._told_events else config.stages
+        return TouchLoop(
+            self._lab.touch,
+            layout=self._layout,
+            mirror=config.vest.mirror,
+            mapping=vest_mapping(stages, self._plan.preset),
+        )
 
     def _note(self, percept: Percept, act: Act) -> None:
         if self._streams is not None:

@@ -36,6 +36,6 @@ class SimulatedPacer(Pacer):
             Always true.
         """
         if not super().wait(t_ns):
-            self._start_ns += self.elapsed_ns() - t_ns
+            self.start_ns += self.elapsed_ns() - t_ns
         self._advance(t_ns)
         return True

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 import msgspec
 
-from tega.errors import InvalidValueError
+from tega.config import SessionConfig, load_config
+from tega.errors import ConfigError, InvalidValueError
 from tega.sim.arms import CONDITIONS, Condition
 from tega.sim.score import Event
 
-__all__ = ["TrialPlan", "TrialResult"]
+__all__ = ["TrialPlan", "TrialResult", "loop_settings"]
 
 
 class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -27,6 +29,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         mass_kg: Instead of the object's own, as the following.
         stiffness_n_m: Of the object's wall.
         friction: Between object and gel.
+        settings: Of the loop, as ``key=value``: stages, layout and mirror (``stages.metric.name=reading``).
     """
 
     object: str
@@ -38,6 +41,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     mass_kg: float | None = None
     stiffness_n_m: float | None = None
     friction: float | None = None
+    settings: tuple[str, ...] = ()
 
     @classmethod
     def checked(cls, fields: dict[str, Any]) -> Self:
@@ -57,9 +61,31 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 f"condition = {condition!r} is not known", f"choose from {', '.join(CONDITIONS)}"
             )
         try:
-            return msgspec.convert(fields, cls)
+            plan = msgspec.convert(fields, cls)
         except msgspec.ValidationError as error:
             raise InvalidValueError(f"plan of a trial: {error}") from error
+        loop_settings(plan.preset, plan.settings)
+        return plan
+
+
+def loop_settings(preset: Literal["paper", "live"], settings: Sequence[str]) -> SessionConfig:
+    """Return the settings of a trial's loop.
+
+    Args:
+        preset: The preset.
+        settings: What differs from it, as ``key=value``.
+
+    Raises:
+        ConfigError: A key is not one of the loop's, unknown, of a wrong type or out of range.
+    """
+    for item in settings:
+        key = item.partition("=")[0].strip()
+        if not key.startswith("stages.") and key not in {"vest.layout", "vest.mirror"}:
+            raise ConfigError(
+                f"--set {item!r}: a simulated trial has no such setting",
+                "it has stages.*, vest.layout and vest.mirror",
+            )
+    return load_config(None, environ={}, sets=[f"session.preset={preset}", *settings]).config
 
 
 class TrialResult(TrialPlan, frozen=True, kw_only=True):

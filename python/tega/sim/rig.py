@@ -5,8 +5,9 @@ happens in between: every 10 ms the amplifier delivers a block of EMG, the truth
 acts; sixty times a second all four cameras expose at once (real ones run free of one another) and their pictures
 reach the loop 25 ms later. The physics goes on in steps of its own underneath.
 
-A fingertip that nothing touches is not rendered: the loop is given the picture of the untouched gel again, under a new
-number, which it knows without looking and takes for a fresh frame without contact.
+A fingertip that nothing touches and on which nothing is left of a touch is not rendered: the loop is given the picture
+of the untouched gel again, under a new number, which it knows without looking and takes for a fresh frame without
+contact.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Protocol
 from tega.config import FINGERS
 from tega.devices.base import EmgChunk, TactileFrame
 from tega.hand_poses import ClosureScale
+from tega.sim.gel import CAMERA_HZ
 from tega.sim.seams import Act, Percept
 from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter
 from tega.teleop.streams import QueuedStream
@@ -33,13 +35,10 @@ if TYPE_CHECKING:
     from tega.sim.score import Scorer
     from tega.sim.world import World
 
-__all__ = ["ACT_NS", "CAMERA_DELAY_NS", "CAMERA_HZ", "Person", "Rig"]
+__all__ = ["ACT_NS", "CAMERA_DELAY_NS", "Person", "Rig"]
 
 ACT_NS = 10_000_000
 """Between two looks of the person at the world, nanoseconds; also the length of an EMG block."""
-
-CAMERA_HZ = 60.0
-"""Frames per second of each fingertip camera."""
 
 CAMERA_DELAY_NS = 25_000_000
 """From exposure to the loop, nanoseconds; measured systems need 17 to 33 ms."""
@@ -115,6 +114,8 @@ class Rig:
         self.world = world
         self._closure = ClosureScale(poses_rad)
         self._gels = [gels[finger] for finger in FINGERS]
+        for gel in self._gels:
+            gel.forget()
         self._meters = [meters[finger] for finger in FINGERS]
         self._person, self._emg, self._worn = person, emg, worn
         self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
@@ -158,8 +159,11 @@ class Rig:
         self._camera_ns = round((number + 1) * 1e9 / CAMERA_HZ)
         arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
         for finger, indenters in enumerate(self.world.pads()):
-            if indenters or not self._skip_untouched:
-                image = self._gels[finger].frame(indenters, number)
+            gel = self._gels[finger]
+            # A metric that learns from an untouched gel is shown it.
+            seen = not self._skip_untouched or self._meters[finger].memory
+            if indenters or seen or gel.remains(number / CAMERA_HZ):
+                image = gel.frame(indenters, number)
             else:
                 image = self._still[finger]
             self.frames[finger] = image

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tega.config import FINGERS
-from tega.recording.csv import CsvWriter
+from tega.csv_writer import CsvWriter
 from tega.tactile import contact_mask, pressure_map, read_contact
 from tega.view.figures import Course, TouchPicture
 
@@ -17,10 +16,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.haptics import VestFrame
+    from tega.records import Contact, Intent
     from tega.sim.lab import Lab
     from tega.sim.seams import Act, Percept
-    from tega.tactile import ContactMetrics
-    from tega.teleop.touch import Felt
 
 __all__ = ["Streams"]
 
@@ -75,29 +73,16 @@ class Streams:
             )
         )
 
-    def contact(
-        self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt, image: NDArray[np.uint8]
-    ) -> None:
+    def contact(self, contact: Contact, image: NDArray[np.uint8]) -> None:
         """Keep one measured frame, and the finger's newest picture if no contact before was as large."""
-        if finger not in self._firmest or metrics.eda > self._firmest[finger][0]:
-            self._firmest[finger] = metrics.eda, image
-        self.rows["contacts"].append(
-            (
-                t_ns / 1e9,
-                finger,
-                metrics.cci,
-                metrics.eda,
-                felt.cci_norm,
-                felt.eda_norm,
-                metrics.in_contact,
-                felt.front,
-                felt.back,
-            )
-        )
+        if contact.finger not in self._firmest or contact.eda > self._firmest[contact.finger][0]:
+            self._firmest[contact.finger] = contact.eda, image
+        row = tuple(getattr(contact, column) for column in _COLUMNS["contacts"][1:])
+        self.rows["contacts"].append((contact.t_ns / 1e9, *row))
 
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+    def levels(self, intent: Intent) -> None:
         """Keep one EMG block."""
-        self.rows["levels"].append((t_ns / 1e9, *channels, fused))
+        self.rows["levels"].append((intent.t_ns / 1e9, *intent.channels, intent.level))
 
     def write(self, t_ns: int, frame: VestFrame) -> None:
         """Keep one vest frame as the loop sent it."""

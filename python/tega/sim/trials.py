@@ -15,6 +15,7 @@ from typing import IO
 import msgspec
 
 from tega.errors import RecordingError
+from tega.foreign_file import read_foreign
 from tega.sim.trial import TrialPlan, TrialResult, run_trial
 from tega.sim.workers import over_cores
 
@@ -104,14 +105,14 @@ def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
     if not path.exists():
         return {}
     results = {}
-    content = path.read_bytes()
+    content = read_foreign(path, most_mib=1024)
     lines = content.split(b"\n")
     for number, line in enumerate(lines, start=1):
         if not line:
             continue
         try:
             result = msgspec.json.decode(line, type=TrialResult)
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             if number == len(lines):  # no newline behind it: the run that wrote it was ended there
                 break
             raise RecordingError(

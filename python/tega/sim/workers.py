@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
+from tega.child_process import isolated_workers
 from tega.errors import MissingExtraError
 
 __all__ = ["over_cores"]
@@ -41,7 +42,8 @@ def over_cores(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int)
     except ImportError as error:
         raise MissingExtraError("joblib is not installed", "pip install 'tega[sim]'") from error
     parallel = Parallel(n_jobs=min(workers, len(jobs)), return_as="generator_unordered", batch_size=1)
-    results: Iterable[Any] = parallel(delayed(_in_worker)(work, job, os.getpid()) for job in jobs)
+    with isolated_workers():
+        results: Iterable[Any] = parallel(delayed(_in_worker)(work, job, os.getpid()) for job in jobs)
     yield from results
 
 

@@ -1,4 +1,4 @@
-//! Decoders of the muscle sensors' streams. Each belongs to one thread at a time.
+//! Decoders of the muscle sensors' streams. One thread feeds, others may ask for the counts meanwhile.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -7,6 +7,7 @@ use tega_wire::{ascii, chords, cyton, spiker};
 
 use super::setting;
 use crate::errors::BindError;
+use crate::shared::Shared;
 
 type Column<'py, T> = Bound<'py, PyArray1<T>>;
 type Rows<'py, T> = Bound<'py, PyArray2<T>>;
@@ -36,8 +37,8 @@ type CytonParts<'py> = (
     Column<'py, u8>,
 );
 
-#[pyclass(module = "tega._native")]
-struct CytonStream(cyton::Decoder);
+#[pyclass(module = "tega._native", frozen)]
+struct CytonStream(Shared<cyton::Decoder>);
 
 #[pymethods]
 impl CytonStream {
@@ -45,15 +46,19 @@ impl CytonStream {
     #[pyo3(signature = (*, gain))]
     fn new(gain: i64) -> Result<Self, BindError> {
         let gain = setting("gain", gain, "1, 2, 4, 6, 8, 12 or 24")?;
-        Ok(Self(cyton::Decoder::new(gain)?))
+        Ok(Self(Shared::new(cyton::Decoder::new(gain)?)))
     }
 
     #[pyo3(signature = (data, /))]
-    fn feed<'py>(&mut self, py: Python<'py>, data: &[u8]) -> Result<CytonParts<'py>, BindError> {
-        let decoder = &mut self.0;
-        let packets = py.detach(|| decoder.feed(data));
+    fn feed<'py>(&self, py: Python<'py>, data: &[u8]) -> Result<CytonParts<'py>, BindError> {
+        let (packets, microvolts) = py.detach(|| {
+            self.0.with(|decoder| {
+                let packets = decoder.feed(data);
+                let microvolts = packets.iter().flat_map(|p| decoder.microvolts(p)).collect();
+                (packets, microvolts)
+            })
+        });
         let counts = packets.iter().flat_map(|p| p.counts).collect();
-        let microvolts = packets.iter().flat_map(|p| self.0.microvolts(p)).collect();
         let acceleration_g = packets.iter().flat_map(cyton::Packet::acceleration_g).collect();
         let time_ms = packets.iter().map(|p| p.time_ms().map_or(-1, i64::from)).collect();
         let aux = packets.iter().flat_map(|p| p.aux_bytes).collect();
@@ -71,16 +76,16 @@ impl CytonStream {
 
     /// Packets, missing packets, skipped bytes, pending bytes.
     fn stats(&self) -> (u64, u64, u64, usize) {
-        let stats = self.0.stats();
+        let stats = self.0.with(|decoder| decoder.stats());
         (stats.packets, stats.missing_packets, stats.skipped_bytes, stats.pending_bytes)
     }
 }
 
 type ChordsParts<'py> = (Column<'py, u8>, Column<'py, u8>, Rows<'py, u16>);
 
-#[pyclass(module = "tega._native")]
+#[pyclass(module = "tega._native", frozen)]
 struct ChordsStream {
-    decoder: chords::Decoder,
+    decoder: Shared<chords::Decoder>,
     channels: usize,
 }
 
@@ -90,13 +95,12 @@ impl ChordsStream {
     #[pyo3(signature = (*, channels))]
     fn new(channels: i64) -> Result<Self, BindError> {
         let channels = setting("channels", channels, "1 to 16")?;
-        Ok(Self { decoder: chords::Decoder::new(channels)?, channels })
+        Ok(Self { decoder: Shared::new(chords::Decoder::new(channels)?), channels })
     }
 
     #[pyo3(signature = (data, /))]
-    fn feed<'py>(&mut self, py: Python<'py>, data: &[u8]) -> Result<ChordsParts<'py>, BindError> {
-        let decoder = &mut self.decoder;
-        let packets = py.detach(|| decoder.feed(data));
+    fn feed<'py>(&self, py: Python<'py>, data: &[u8]) -> Result<ChordsParts<'py>, BindError> {
+        let packets = py.detach(|| self.decoder.with(|decoder| decoder.feed(data)));
         let counters = PyArray1::from_iter(py, packets.iter().map(|p| p.counter));
         let missing = PyArray1::from_iter(py, packets.iter().map(|p| p.missing));
         let samples = packets.into_iter().flat_map(|p| p.samples).collect();
@@ -105,7 +109,7 @@ impl ChordsStream {
 
     /// Packets, missing packets, skipped bytes, pending bytes.
     fn stats(&self) -> (u64, u64, u64, usize) {
-        let stats = self.decoder.stats();
+        let stats = self.decoder.with(|decoder| decoder.stats());
         (stats.packets, stats.missing_packets, stats.skipped_bytes, stats.pending_bytes)
     }
 }
@@ -116,9 +120,9 @@ fn chords_channels(data: &[u8]) -> Option<usize> {
     chords::detect_channels(data)
 }
 
-#[pyclass(module = "tega._native")]
+#[pyclass(module = "tega._native", frozen)]
 struct SpikerStream {
-    decoder: spiker::Decoder,
+    decoder: Shared<spiker::Decoder>,
     channels: usize,
 }
 
@@ -128,25 +132,27 @@ impl SpikerStream {
     #[pyo3(signature = (*, channels))]
     fn new(channels: i64) -> Result<Self, BindError> {
         let channels = setting("channels", channels, "1 to 6")?;
-        Ok(Self { decoder: spiker::Decoder::new(channels)?, channels })
+        Ok(Self { decoder: Shared::new(spiker::Decoder::new(channels)?), channels })
     }
 
     #[pyo3(signature = (data, /))]
-    fn feed<'py>(&mut self, py: Python<'py>, data: &[u8]) -> Result<Rows<'py, u16>, BindError> {
-        let decoder = &mut self.decoder;
-        let frames = py.detach(|| decoder.feed(data));
+    fn feed<'py>(&self, py: Python<'py>, data: &[u8]) -> Result<Rows<'py, u16>, BindError> {
+        let frames = py.detach(|| self.decoder.with(|decoder| decoder.feed(data)));
         Ok(rows(py, frames.concat(), self.channels)?)
     }
 
     /// Frames, bad frames, skipped bytes, pending bytes.
     fn stats(&self) -> (u64, u64, u64, usize) {
-        let stats = self.decoder.stats();
+        let stats = self.decoder.with(|decoder| decoder.stats());
         (stats.frames, stats.bad_frames, stats.skipped_bytes, stats.pending_bytes)
     }
 }
 
-#[pyclass(module = "tega._native")]
-struct AsciiStream(ascii::Decoder);
+#[pyclass(module = "tega._native", frozen)]
+struct AsciiStream {
+    decoder: Shared<ascii::Decoder>,
+    channels: usize,
+}
 
 #[pymethods]
 impl AsciiStream {
@@ -155,23 +161,22 @@ impl AsciiStream {
     fn new(channels: i64, leading: i64, drop_first: bool) -> Result<Self, BindError> {
         let (channels, leading) =
             (setting("channels", channels, "1 to 64")?, setting("leading", leading, "0 to 64")?);
-        Ok(Self(ascii::Decoder::new(channels, leading, drop_first)?))
+        Ok(Self { decoder: Shared::new(ascii::Decoder::new(channels, leading, drop_first)?), channels })
     }
 
     #[pyo3(signature = (data, /))]
-    fn feed<'py>(&mut self, py: Python<'py>, data: &[u8]) -> Result<Rows<'py, f64>, BindError> {
-        let decoder = &mut self.0;
-        let samples = py.detach(|| decoder.feed(data));
-        Ok(rows(py, samples, self.0.channels())?)
+    fn feed<'py>(&self, py: Python<'py>, data: &[u8]) -> Result<Rows<'py, f64>, BindError> {
+        let samples = py.detach(|| self.decoder.with(|decoder| decoder.feed(data)));
+        Ok(rows(py, samples, self.channels)?)
     }
 
     /// Lines, rejected lines, dropped bytes, pending bytes.
     fn stats(&self) -> (u64, u64, u64, usize) {
-        let stats = self.0.stats();
+        let stats = self.decoder.with(|decoder| decoder.stats());
         (stats.lines, stats.rejected_lines, stats.dropped_bytes, stats.pending_bytes)
     }
 
     fn last_rejected<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, self.0.last_rejected())
+        PyBytes::new(py, &self.decoder.with(|decoder| decoder.last_rejected().to_vec()))
     }
 }

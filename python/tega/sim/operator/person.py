@@ -11,7 +11,6 @@ Example:
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -22,6 +21,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import ConfigError
+from tega.foreign_file import parse_toml, read_foreign
 from tega.sim.operator.sections import Body, Emg, Forearm, Grip, Motor, Vest, Vision
 
 __all__ = [
@@ -143,10 +143,10 @@ def load_parameters(path: Path | None = None) -> Parameters:
             outside its own bounds.
     """
     source = files("tega.sim.operator") / "parameters.toml" if path is None else path
-    content = source.read_bytes()
+    content = source.read_bytes() if path is None else read_foreign(path, most_mib=1, error=ConfigError)
     hint = "every parameter needs value, low, high, unit, mark and source"
     try:
-        tree = tomllib.loads(content.decode())
+        tree = parse_toml(content.decode("utf-8-sig"))
         sections = msgspec.convert(tree, dict[str, dict[str, Parameter]])
         msgspec.convert(_values(sections), Person)
     except (ValueError, msgspec.ValidationError) as error:

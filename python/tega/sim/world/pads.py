@@ -1,8 +1,8 @@
-"""What presses each fingertip: contacts of the physics, as shapes before a flat gel.
+"""What presses each fingertip: contacts of the physics, as shapes before the gel.
 
-The pad of the physics is rounded across the finger (a capsule), so that a fingertip twists and rolls as a soft one
-does; the gel of the picture is flat. A contact beside the middle of the rounding therefore comes to the pad frame
-unrolled: as far from the middle as along the surface, with its normal upright.
+The pad of the physics is rounded more than the gel of the picture (a capsule), so that a fingertip twists and rolls as
+a soft one does. A contact beside the middle of the rounding therefore comes to the pad frame unrolled and rolled again:
+as far from the middle as along the surface, with its normal that of the gel there.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tega.sim.gel import fall
 from tega.sim.seams import Indenter
 from tega.sim.world.allegro import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
 from tega.sim.world.body import Body
@@ -130,23 +131,15 @@ class Touch:
         pose = np.empty((3, 4))
         pose[:, :3], pose[:, 3] = lies, where - near
         pose = to_pad @ pose
-        # Unroll: turn the normal upright, and put the contact where the surface has it.
+        # Unroll: put the contact where the surface has it, and turn its normal to the gel's there.
         sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
         along = min(max(along - PAD_RADIUS_M * y / length, -PAD_HALF_LENGTH_M), PAD_HALF_LENGTH_M)
         across = 0.0
         if sine > 1e-9 * length:
-            u, v, sine, cosine = x / sine, y / sine, sine / length, z / length
-            arc = PAD_RADIUS_M * math.atan2(sine, cosine)
-            across, along = arc * u, along + arc * v
-            less = cosine - 1
-            upright = np.array(
-                (
-                    (1 + less * u * u, less * u * v, -sine * u),
-                    (less * u * v, 1 + less * v * v, -sine * v),
-                    (sine * u, sine * v, cosine),
-                )
-            )
-            pose = upright @ pose
+            arc = PAD_RADIUS_M * math.atan2(sine, z)
+            across, along = arc * x / sine, along + arc * y / sine
+        right, down = fall(1e3 * across, 1e3 * along)
+        pose = _upright(right, down, 1.0).T @ _upright(x, y, z) @ pose
         pose[0, 3] += across
         pose[1, 3] += along
         pose[:, 3] *= 1e3
@@ -169,3 +162,19 @@ class Touch:
         along /= math.sqrt(along @ along)
         where = near + 1e-3 * self._size_mm[_FLEX][0] * out
         return where, np.stack([out, np.cross(along, out), along], axis=1)
+
+
+def _upright(x: float, y: float, z: float) -> NDArray[np.float64]:
+    """Return the rotation that turns a direction upright, to +z, by the shortest way."""
+    sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
+    if sine <= 1e-9 * length:
+        return np.eye(3)
+    u, v, sine, cosine = x / sine, y / sine, sine / length, z / length
+    less = cosine - 1
+    return np.array(
+        (
+            (1 + less * u * u, less * u * v, -sine * u),
+            (less * u * v, 1 + less * v * v, -sine * v),
+            (sine * u, sine * v, cosine),
+        )
+    )

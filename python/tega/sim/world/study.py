@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from tega.child_process import isolated_workers
 from tega.sim.world.allegro import FULL_DUTY_NM
 from tega.sim.world.lift import LIFT_M, Lift, lift
 from tega.sim.world.objects import OBJECTS, ObjectSpec
@@ -88,7 +89,7 @@ def _run(tasks: list[tuple[tuple[str, int], Physics]], jobs: int) -> Iterable[Li
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with isolated_workers(), ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         return list(pool.map(_one, tasks))
 
 

@@ -213,6 +213,11 @@ class World:
         pads, rest, _ = self._touch.read()
         return np.array(pads), rest
 
+    @property
+    def hand_height_m(self) -> float:
+        """Height of the palm over its place in the grasp pose, metres: where the arm is, not where it is led."""
+        return float(self.data.site_xpos[self._palm][2] - self._grasp[2])
+
     def shapes(self) -> list[Shape]:
         """Return the primitives to draw, in the order of :meth:`poses`."""
         kinds: dict[int, Literal["sphere", "capsule", "cylinder", "box", "plane"]] = {

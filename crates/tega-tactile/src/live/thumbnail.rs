@@ -2,11 +2,12 @@
 
 use ndarray::ArrayView3;
 
-use super::cells::{self, Grid, Planes, Source, Strip, UNITS_PER_COUNT as UNITS};
-use super::response::NOISE;
+use super::cells::{self, Grid, Planes, Strip, UNITS_PER_COUNT as UNITS};
+use super::noise::grid_of;
 use crate::error::TactileError;
-use crate::frame::Pair;
-use crate::simd;
+
+/// Noise of one pixel in counts that differences are given in; measured on a DIGIT.
+const NOISE: [f32; 3] = [3.17, 1.65, 2.74];
 
 /// One frame's cell means and what they say of it alone.
 #[derive(Debug, Clone, Default)]
@@ -28,8 +29,7 @@ pub(crate) struct Thumbnails {
 impl Thumbnails {
     /// The thumbnail of a frame; all frames must be of the first one's size.
     pub fn of(&mut self, frame: ArrayView3<'_, u8>) -> Result<Thumbnail, TactileError> {
-        let pair = Pair::new(frame, frame)?;
-        let grid = Grid::of(pair.height(), pair.width());
+        let grid = grid_of(&frame)?;
         let first = *self.grid.get_or_insert(grid);
         if first != grid {
             return Err(TactileError::ShapeMismatch {
@@ -40,7 +40,7 @@ impl Thumbnails {
             });
         }
         let mut planes = Planes::default();
-        cells::average(&pair, &grid, Source::Baseline, &mut self.strip, &mut planes);
+        cells::average(frame, &grid, &mut self.strip, &mut planes);
         Ok(self.judge(planes))
     }
 
@@ -64,14 +64,19 @@ impl Thumbnails {
     /// Largest and mean difference over the cells, in noise units, after each channel's median is taken out.
     pub fn distance(a: &Thumbnail, b: &Thumbnail) -> (f32, f32) {
         let mut difference = Vec::new();
-        let white: [Vec<f32>; 3] = std::array::from_fn(|c| {
+        let mut square = vec![0f32; a.planes[0].len()];
+        for (c, noise) in NOISE.iter().enumerate() {
             difference.clear();
             difference.extend(a.planes[c].iter().zip(&b.planes[c]).map(|(a, b)| a - b));
-            let middle = simd::median(&difference);
-            difference.iter().map(|d| f32::from(d - middle) / (UNITS * NOISE[c])).collect()
-        });
-        let mut length = vec![0.0; white[0].len()];
-        simd::lengths(&white[0], &white[1], &white[2], &mut length);
+            let middle = match difference.len() {
+                0 => 0,
+                n => *difference.clone().select_nth_unstable((n - 1) / 2).1,
+            };
+            for (square, d) in square.iter_mut().zip(&difference) {
+                *square += (f32::from(d - middle) / (UNITS * noise)).powi(2);
+            }
+        }
+        let length = square.into_iter().map(f32::sqrt).collect::<Vec<_>>();
         let largest = length.iter().fold(0f32, |a, &b| a.max(b));
         (largest, length.iter().sum::<f32>() / length.len().max(1) as f32)
     }

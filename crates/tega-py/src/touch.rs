@@ -1,0 +1,181 @@
+//! Bindings of the touch tracker.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray3};
+use pyo3::prelude::*;
+use tega_tactile::{GelLight, LIGHT_TERMS, SensorNoise, Touch, TrackerOptions};
+
+use crate::arguments::{choice, image};
+use crate::errors::BindError;
+use crate::tactile::{ORDERS, OUTLINES, noise_of};
+
+/// What one frame says of a fingertip's contact.
+#[pyclass(module = "tega.tactile", name = "Contact", frozen, get_all)]
+#[allow(clippy::struct_field_names)] // the name that every record of a contact has
+pub(crate) struct Contact {
+    /// Whether something touches.
+    in_contact: bool,
+    /// Effective deformation area: outlined pixels; 0 without contact.
+    eda: u32,
+    /// The same in square millimetres, where the sensor's scale was given; else None.
+    area_mm2: Option<f64>,
+    /// Contact concentration index: `peak` over the root of `eda`, counts per pixel; focal contacts have more of it than broad ones.
+    cci: f64,
+    /// Height of the dent, counts: change of colour times the dent's width; rises with the press.
+    peak: f64,
+    /// Depth of the dent from shading, millimetres; nominal unless the sensor's light was given.
+    depth_mm: f64,
+    /// Normal force, newtons: volume pressed in times the gel's stiffness; nominal unless the sensor's light was given.
+    force_n: f64,
+    /// Sum of the change of colour over the dent, counts times pixels.
+    mass: f64,
+    /// Middle of the outlined pixels (column, row); NaN without contact.
+    centroid_xy: (f64, f64),
+    /// Root mean square distance of the outlined pixels from their middle, pixels; NaN without contact.
+    spread: f64,
+    /// How sure the contact is, 0 to 1, graded around the threshold.
+    strength: f64,
+    /// Share of the picture that is outlined, 0 to 1.
+    broad: f64,
+    /// How much of the picture differs from the untouched gel, noise units; what the threshold is held against.
+    difference: f64,
+    /// `difference` from which a contact begins, noise units.
+    threshold: f64,
+}
+
+#[pymethods]
+impl Contact {
+    fn __repr__(&self) -> String {
+        format!(
+            "Contact(in_contact={}, eda={}, cci={:.4}, peak={:.3}, depth_mm={:.3}, force_n={:.3}, strength={:.2})",
+            if self.in_contact { "True" } else { "False" },
+            self.eda,
+            self.cci,
+            self.peak,
+            self.depth_mm,
+            self.force_n,
+            self.strength,
+        )
+    }
+}
+
+/// Terms of the light field, scale, stiffness.
+type Light = ([[[f32; LIGHT_TERMS]; 2]; 3], f64, f64);
+
+/// Follows one fingertip.
+#[pyclass(module = "tega._native", frozen)]
+pub(crate) struct TouchTracker {
+    tracker: Mutex<tega_tactile::TouchTracker>,
+    /// Square millimetres a pixel, where the scale is the sensor's own.
+    mm2_per_px: Option<f64>,
+}
+
+impl TouchTracker {
+    fn lock(&self) -> MutexGuard<'_, tega_tactile::TouchTracker> {
+        self.tracker.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn contact(&self, t: &Touch) -> Contact {
+        Contact {
+            in_contact: t.in_contact,
+            eda: t.eda,
+            area_mm2: self.mm2_per_px.map(|mm2| mm2 * f64::from(t.eda)),
+            cci: t.cci,
+            peak: t.peak,
+            depth_mm: t.depth_mm,
+            force_n: t.force_n,
+            mass: t.mass,
+            centroid_xy: t.centroid_xy,
+            spread: t.spread,
+            strength: t.strength,
+            broad: t.broad,
+            difference: t.difference,
+            threshold: t.threshold,
+        }
+    }
+}
+
+#[pymethods]
+impl TouchTracker {
+    #[new]
+    #[pyo3(signature = (baseline, /, *, rate_hz, noise, light, order, outline, rezero))]
+    #[allow(clippy::too_many_arguments)] // one argument per option of the tracker
+    fn new(
+        baseline: &Bound<'_, PyAny>,
+        rate_hz: f64,
+        noise: Option<[f64; 3]>,
+        light: Option<Light>,
+        order: &str,
+        outline: &str,
+        rezero: bool,
+    ) -> Result<Self, BindError> {
+        let image = image("baseline", baseline)?;
+        let view = image.as_array();
+        let known = light.is_some();
+        let light = light.map_or_else(GelLight::default, |(terms, mm_per_px, stiffness_n_mm3)| GelLight {
+            terms,
+            mm_per_px,
+            stiffness_n_mm3,
+        });
+        let (height, width, _) = view.dim();
+        let scale = light.mm_per_px * 400.0 / ((height * height + width * width) as f64).sqrt();
+        let options = TrackerOptions {
+            rate_hz,
+            order: choice("order", order, &ORDERS)?,
+            noise: noise_of(noise)?,
+            light,
+            outline: choice("outline", outline, &OUTLINES)?,
+            rezero,
+        };
+        let tracker = Mutex::new(tega_tactile::TouchTracker::new(view, options)?);
+        Ok(Self { tracker, mm2_per_px: known.then_some(scale * scale) })
+    }
+
+    #[pyo3(signature = (frame, /, *, dt_s, loaded))]
+    fn update(
+        &self,
+        py: Python<'_>,
+        frame: &Bound<'_, PyAny>,
+        dt_s: Option<f64>,
+        loaded: bool,
+    ) -> Result<Contact, BindError> {
+        let frame = image("frame", frame)?;
+        let view = frame.as_array();
+        let touch = py.detach(|| self.lock().update(view, dt_s, loaded))?;
+        Ok(self.contact(&touch))
+    }
+
+    fn mask<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
+        let (mask, shape) = self.lock().mask();
+        Ok(mask.into_pyarray(py).reshape(shape)?)
+    }
+
+    fn depth_map<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
+        let (depth_mm, shape) = self.lock().depth_map();
+        Ok(depth_mm.into_pyarray(py).reshape(shape)?)
+    }
+}
+
+#[pyfunction]
+#[pyo3(signature = (frames, *, order))]
+fn sensor_noise(py: Python<'_>, frames: Vec<Bound<'_, PyAny>>, order: &str) -> Result<[f32; 3], BindError> {
+    let order = choice("order", order, &ORDERS)?;
+    let frames = frames.iter().map(|frame| image("frame", frame)).collect::<Result<Vec<_>, _>>()?;
+    let views: Vec<_> = frames.iter().map(PyReadonlyArray3::as_array).collect();
+    Ok(py.detach(|| SensorNoise::measure(&views, order))?.bgr)
+}
+
+/// The light field, scale and stiffness that are taken where none is given.
+#[pyfunction]
+fn nominal_light() -> Light {
+    let light = GelLight::default();
+    (light.terms, light.mm_per_px, light.stiffness_n_mm3)
+}
+
+pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_class::<Contact>()?;
+    m.add_class::<TouchTracker>()?;
+    m.add_function(wrap_pyfunction!(nominal_light, m)?)?;
+    m.add_function(wrap_pyfunction!(sensor_noise, m)?)
+}

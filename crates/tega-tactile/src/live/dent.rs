@@ -1,0 +1,243 @@
+//! From cells that differ from the untouched gel to the dent: where, how wide, how deep.
+//!
+//! Two maps describe a dent and each is weak where the other is strong: the energy of the colour change, which is a ring around a ball, and the
+//! depth from shading, which fills the ring. The outline is where the mean of both, each over its own peak, crosses one level.
+
+use super::cells::Grid;
+use super::colour::Field;
+use super::depth::Solver;
+use super::light::{GelLight, Slopes};
+use super::shape::{Moments, outline};
+use crate::frame::Order;
+use crate::simd;
+
+/// The outline's level: the mean of energy and depth, as shares of their peaks, that an eye marks as the rim.
+pub(super) const DENT_LEVEL: f32 = 0.32;
+/// The same for the touching area of a curved object.
+const CONTACT_LEVEL: f32 = 0.5;
+/// Share of the peak of the energy under which a cell is taken for untouched when depth is counted from there.
+const UNTOUCHED: f32 = 0.2;
+
+/// What the outline of a contact means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Outline {
+    /// The dent, as an eye marks it in the picture.
+    #[default]
+    Dent,
+    /// Nearer to the area that a curved object touches; fragile on faint contacts.
+    Contact,
+}
+
+impl Outline {
+    fn level(self) -> f32 {
+        match self {
+            Self::Dent => DENT_LEVEL,
+            Self::Contact => CONTACT_LEVEL,
+        }
+    }
+}
+
+/// One picture's dent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Dent {
+    pub moments: Moments,
+    /// Strongest change of colour, noise units; a mean over the strongest cells.
+    pub strongest: f64,
+    /// Deepest place, millimetres; a mean likewise.
+    pub depth_mm: f64,
+    /// Volume that is pressed in, cubic millimetres.
+    pub volume_mm3: f64,
+    /// Sum of the change of colour over the dent, noise units times pixels.
+    pub mass: f64,
+}
+
+/// Reads dents; made once for a sensor.
+#[derive(Debug, Clone, Default)]
+pub(super) struct DentReader {
+    slopes: Slopes,
+    solver: Solver,
+    mm_per_cell: f64,
+    energy: Vec<f32>,
+    spare: Vec<f32>,
+    /// Change of colour a cell, noise units; of the last call.
+    pub change: Vec<f32>,
+    /// Depth a cell over the untouched gel, millimetres; of the last call.
+    pub depth_mm: Vec<f32>,
+    /// What is outlined; of the last call.
+    pub dent: Vec<f32>,
+}
+
+impl DentReader {
+    pub fn of(light: &GelLight, noise: [f32; 3], order: Order, grid: &Grid) -> Self {
+        let n = grid.cells();
+        let buffer = || vec![0.0; n];
+        // The field of view is that of the nominal picture, whatever its size.
+        let nominal_px = 400.0 / ((grid.height * grid.height + grid.width * grid.width) as f64).sqrt();
+        Self {
+            slopes: Slopes::of(light, noise, order.arrange([2, 1, 0]), grid),
+            solver: Solver::of(grid),
+            mm_per_cell: grid.side as f64 * nominal_px * light.mm_per_px,
+            energy: buffer(),
+            spare: buffer(),
+            change: buffer(),
+            depth_mm: buffer(),
+            dent: buffer(),
+        }
+    }
+
+    /// Finds the dent in a change of colour in noise units, the light's own change taken out.
+    pub fn read(
+        &mut self,
+        white: &Field,
+        grid: &Grid,
+        level: Outline,
+        paint: impl FnMut(usize, usize, usize),
+    ) -> Dent {
+        let [a, b, c] = white;
+        simd::energy([a, b, c], &mut self.energy);
+        smooth(&self.energy, grid, &mut self.spare, &mut self.change);
+        // Noise alone has an energy of 1.
+        self.change.iter_mut().for_each(|e| *e = (*e - 1.0).max(0.0).sqrt());
+        let strongest = peak(&self.change);
+        self.solver.solve(white, &self.slopes.weights, grid);
+        let floor = untouched(&self.solver.depth, &self.change, strongest);
+        let mm = self.mm_per_cell as f32;
+        self.depth_mm.iter_mut().zip(&self.solver.depth).for_each(|(h, d)| *h = ((d - floor) * mm).max(0.0));
+        // Where no colour changes, what is left of depth is rounding.
+        let deepest = if strongest > 0.0 { peak(&self.depth_mm) } else { 0.0 };
+        let share = |peak: f32| if peak > 0.0 { 0.5 / peak } else { 0.0 };
+        let (per_change, per_depth) = (share(strongest), share(deepest));
+        for ((dent, e), h) in self.dent.iter_mut().zip(&self.change).zip(&self.depth_mm) {
+            *dent = e * per_change + h * per_depth;
+        }
+        let moments = self.outline(level, grid, paint);
+        let inside =
+            self.dent.iter().zip(&self.change).zip(&self.depth_mm).filter(|((d, _), _)| **d > level.level());
+        let (mut mass, mut volume) = (0f64, 0f64);
+        for ((_, e), h) in inside {
+            mass += f64::from(*e);
+            volume += f64::from(*h);
+        }
+        Dent {
+            moments,
+            strongest: f64::from(strongest),
+            depth_mm: f64::from(deepest),
+            volume_mm3: volume * self.mm_per_cell * self.mm_per_cell,
+            mass: mass * (grid.side * grid.side) as f64,
+        }
+    }
+}
+
+impl DentReader {
+    /// Outlines the last dent.
+    pub fn outline(&self, level: Outline, grid: &Grid, paint: impl FnMut(usize, usize, usize)) -> Moments {
+        outline(&self.dent, level.level(), grid, paint)
+    }
+}
+
+/// Energy of the change a cell, in noise units.
+#[inline(always)]
+pub(crate) fn energy([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
+    for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
+        *out = ((a * a + c * c) + b * b) * (1.0 / 3.0);
+    }
+}
+
+/// 1-2-1 both ways; cells at the border are repeated.
+fn smooth(plane: &[f32], grid: &Grid, spare: &mut [f32], out: &mut [f32]) {
+    let cols = grid.cols;
+    let line = |r: usize| plane.get(r * cols..(r + 1) * cols).unwrap_or_default();
+    for (row, spare) in spare.chunks_exact_mut(cols).enumerate() {
+        simd::one_two_one(line(row.saturating_sub(1)), line(row), line((row + 1).min(grid.rows - 1)), spare);
+    }
+    for (spare, out) in spare.chunks_exact(cols).zip(out.chunks_exact_mut(cols)) {
+        let (before, after) = (spare.get(..cols - 1).unwrap_or_default(), spare.get(1..).unwrap_or_default());
+        if cols > 1 {
+            simd::one_two_one(
+                before,
+                after,
+                spare.get(2..).unwrap_or_default(),
+                out.get_mut(1..cols - 1).unwrap_or_default(),
+            );
+            out[0] = 0.25 * (3.0 * spare[0] + spare[1]);
+            out[cols - 1] = 0.25 * (3.0 * spare[cols - 1] + spare[cols - 2]);
+        } else {
+            out.copy_from_slice(spare);
+        }
+    }
+}
+
+/// A quarter of the first and the last, half of the middle.
+#[inline(always)]
+pub(crate) fn one_two_one(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
+    for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
+        *out = 0.25 * ((a + c) + 2.0 * b);
+    }
+}
+
+/// Σ v⁸ / Σ v⁷ of values of 0 or more: their largest, steadied by those that come near it.
+fn peak(values: &[f32]) -> f32 {
+    let most = simd::largest(values).into_iter().fold(0f32, f32::max);
+    if most <= f32::MIN_POSITIVE || !most.is_finite() {
+        return 0.0;
+    }
+    let [seven, eight] = simd::power_sums(values, 1.0 / most).map(|lanes| lanes.iter().sum::<f32>());
+    most * eight / seven
+}
+
+/// Largest values, side by side.
+#[inline(always)]
+pub(crate) fn largest(values: &[f32]) -> [f32; 8] {
+    let mut most = [0f32; 8];
+    let (chunks, rest) = values.as_chunks::<8>();
+    for chunk in chunks {
+        for lane in 0..8 {
+            most[lane] = if chunk[lane] > most[lane] { chunk[lane] } else { most[lane] };
+        }
+    }
+    for (most, value) in most.iter_mut().zip(rest) {
+        *most = if *value > *most { *value } else { *most };
+    }
+    most
+}
+
+/// Sums of the seventh and the eighth powers of scaled values.
+#[inline(always)]
+pub(crate) fn power_sums(values: &[f32], scale: f32) -> [[f32; 8]; 2] {
+    let mut sums = [[0f32; 8]; 2];
+    let (chunks, rest) = values.as_chunks::<8>();
+    let mut last = [0f32; 8];
+    last.iter_mut().zip(rest).for_each(|(l, r)| *l = *r);
+    for chunk in chunks.iter().chain(std::iter::once(&last)) {
+        for lane in 0..8 {
+            let v = chunk[lane] * scale;
+            let (two, four) = (v * v, (v * v) * (v * v));
+            sums[0][lane] += four * two * v;
+            sums[1][lane] += four * four;
+        }
+    }
+    sums
+}
+
+/// Mean depth where the colours hardly change, each cell weighed by how little.
+fn untouched(depth: &[f32], change: &[f32], strongest: f32) -> f32 {
+    let scale = if strongest > 0.0 { 1.0 / (UNTOUCHED * strongest) } else { 0.0 };
+    let [weights, sums] = simd::untouched_sums(depth, change, scale).map(|lanes| lanes.iter().sum::<f32>());
+    if weights > 0.0 { sums / weights } else { 0.0 }
+}
+
+/// Sums of weights 1 / (1 + v⁴), v the scaled change, and of weight times depth.
+#[inline(always)]
+pub(crate) fn untouched_sums(depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2] {
+    let mut sums = [[0f32; 8]; 2];
+    // At most seven cells of the last corner are left out.
+    for (d, e) in depth.as_chunks::<8>().0.iter().zip(change.as_chunks::<8>().0) {
+        for lane in 0..8 {
+            let v = e[lane] * scale;
+            let weight = 1.0 / (1.0 + (v * v) * (v * v));
+            sums[0][lane] += weight;
+            sums[1][lane] += weight * d[lane];
+        }
+    }
+    sums
+}

@@ -1,0 +1,218 @@
+//! Depth from shading: slopes of the gel from its colours, and the surface whose slopes they are.
+//!
+//! Per cell two slopes come from three colours by least squares with a light field ([`light`](super::light)); the depth h is the surface
+//! that minimises Σ |∇h - slope|² + μ h², solved exactly by cosine transforms over the cells.
+
+use super::cells::Grid;
+use super::colour::LANES;
+use super::trig::cos_of_turn;
+use crate::simd;
+
+/// How strongly depth is held at zero; keeps what the colours say nothing about from piling up over the picture.
+const HOLD: f64 = 0.005;
+
+/// Cosine transforms over the cells and what divides the coefficients between them; buffers.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Solver {
+    /// Rows of the transform along columns of cells, (rows, rows), and its transpose.
+    down: [Vec<f32>; 2],
+    /// The same along rows of cells, (cols, cols), and its transpose.
+    across: [Vec<f32>; 2],
+    inverse: Vec<f32>,
+    slopes: [Vec<f32>; 2],
+    field: Vec<f32>,
+    spare: Vec<f32>,
+    /// The depth of the last call in cells (a slope of 1 over the width of a cell).
+    pub depth: Vec<f32>,
+}
+
+/// A cosine transform of `n` values and its transpose, rows `stride` apart.
+fn transform(n: usize, stride: usize) -> [Vec<f32>; 2] {
+    let value = |k: usize, x: usize| {
+        let scale = if k == 0 { 1.0 / n as f64 } else { 2.0 / n as f64 };
+        (scale.sqrt() * cos_of_turn(k * (2 * x + 1), 2 * n)) as f32
+    };
+    let matrix = |of: &dyn Fn(usize, usize) -> f32| {
+        let mut m = vec![0.0; n * stride];
+        for (row, line) in m.chunks_exact_mut(stride).enumerate() {
+            line.iter_mut().take(n).enumerate().for_each(|(col, v)| *v = of(row, col));
+        }
+        m
+    };
+    [matrix(&|k, x| value(k, x)), matrix(&|x, k| value(k, x))]
+}
+
+impl Solver {
+    pub fn of(grid: &Grid) -> Self {
+        let bend = |k: usize, n: usize| 2.0 - 2.0 * cos_of_turn(k, n);
+        let inverse = |row: usize, col: usize| {
+            // The mean of the surface is not seen in its slopes: it is 0 here, and what is untouched is set to 0 later.
+            let known = row + col > 0;
+            if known { (1.0 / (bend(row, grid.rows) + bend(col, grid.cols) + HOLD)) as f32 } else { 0.0 }
+        };
+        let (n, stride) = (grid.cells(), grid.cols.next_multiple_of(LANES));
+        let padded = grid.rows * stride;
+        let mut divide = vec![0.0; padded];
+        for (row, line) in divide.chunks_exact_mut(stride).enumerate() {
+            line.iter_mut().take(grid.cols).enumerate().for_each(|(col, v)| *v = inverse(row, col));
+        }
+        Self {
+            down: transform(grid.rows, grid.rows),
+            across: transform(grid.cols, stride),
+            inverse: divide,
+            slopes: [vec![0.0; n], vec![0.0; n]],
+            field: vec![0.0; padded],
+            spare: vec![0.0; padded],
+            depth: vec![0.0; n],
+        }
+    }
+
+    /// Solves for the depth that these colours show; `white` is the difference to the untouched gel in noise units.
+    pub fn solve(&mut self, white: &[Vec<f32>; 3], weights: &[[Vec<f32>; 3]; 2], grid: &Grid) {
+        let [a, b, c] = white;
+        for (slope, [wa, wb, wc]) in self.slopes.iter_mut().zip(weights) {
+            simd::weigh_three([a, b, c], [wa, wb, wc], slope);
+        }
+        let (rows, cols) = (grid.rows, grid.cols);
+        let stride = cols.next_multiple_of(LANES);
+        divergence(&self.slopes, grid, stride, &mut self.field);
+        simd::multiply(&self.down[0], &self.field, rows, [rows, stride], &mut self.spare);
+        simd::multiply(&self.spare, &self.across[1], cols, [stride, stride], &mut self.field);
+        simd::multiply_each(&mut self.field, &self.inverse);
+        simd::multiply(&self.down[1], &self.field, rows, [rows, stride], &mut self.spare);
+        simd::multiply(&self.spare, &self.across[0], cols, [stride, stride], &mut self.field);
+        for (depth, field) in self.depth.chunks_exact_mut(cols).zip(self.field.chunks_exact(stride)) {
+            depth.iter_mut().zip(field).for_each(|(d, f)| *d = *f);
+        }
+    }
+}
+
+/// Multiplies value by value.
+#[inline(always)]
+pub(crate) fn multiply_each(values: &mut [f32], by: &[f32]) {
+    values.iter_mut().zip(by).for_each(|(v, by)| *v *= by);
+}
+
+/// Minus the divergence of the slopes, each taken halfway between two cells; nothing flows over the picture's border. Rows of `out` lie
+/// `stride` apart.
+fn divergence([gx, gy]: &[Vec<f32>; 2], grid: &Grid, stride: usize, out: &mut [f32]) {
+    let cols = grid.cols;
+    let line = |r: usize| gy.get(r * cols..(r + 1) * cols).unwrap_or_default();
+    for ((row, out), gx) in out.chunks_exact_mut(stride).enumerate().zip(gx.chunks_exact(cols)) {
+        let out = out.get_mut(..cols).unwrap_or_default();
+        let (above, below) = (line(row.saturating_sub(1)), line((row + 1).min(grid.rows - 1)));
+        simd::half_difference(above, below, out);
+        // At the border a slope has no neighbour: what flows is its own half, over the other side alone.
+        let missing = f32::from(u8::from(row + 1 == grid.rows)) - f32::from(u8::from(row == 0));
+        if missing != 0.0 {
+            out.iter_mut().zip(line(row)).for_each(|(out, here)| *out += missing * here);
+        }
+        if let Some(inner) = out.get_mut(1..cols - 1) {
+            simd::add_half_difference(gx, gx.get(2..).unwrap_or_default(), inner);
+        }
+        if cols > 1 {
+            out[0] -= 0.5 * (gx[0] + gx[1]);
+            out[cols - 1] += 0.5 * (gx[cols - 1] + gx[cols - 2]);
+        }
+    }
+}
+
+/// Half of what one row has over the other.
+#[inline(always)]
+pub(crate) fn half_difference(a: &[f32], b: &[f32], out: &mut [f32]) {
+    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+        *out = 0.5 * (a - b);
+    }
+}
+
+/// Adds half of what one row has over the other.
+#[inline(always)]
+pub(crate) fn add_half_difference(a: &[f32], b: &[f32], out: &mut [f32]) {
+    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+        *out += 0.5 * (a - b);
+    }
+}
+
+/// Sum over three colours of weight times change.
+#[inline(always)]
+pub(crate) fn weigh_three(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) {
+    let white = white[0].iter().zip(white[1]).zip(white[2]);
+    let weights = weights[0].iter().zip(weights[1]).zip(weights[2]);
+    for ((out, ((a, b), c)), ((wa, wb), wc)) in out.iter_mut().zip(white).zip(weights) {
+        *out = (wa * a + wc * c) + wb * b;
+    }
+}
+
+/// Matrix product of (n, k) and (k, m) into (n, m); rows lie `strides` values apart in the first and in the other two, the latter a multiple of
+/// [`LANES`]. Every sum runs in one order, so that all processors give the same bits.
+#[inline(always)]
+pub(crate) fn multiply(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) {
+    let [a_stride, stride] = strides;
+    for (a, out) in a.chunks(a_stride).zip(out.chunks_exact_mut(stride)) {
+        let Some(a) = a.get(..k) else { return };
+        let mut first = 0;
+        // Four sums at a time, so that one does not wait for the other.
+        while first + 4 * LANES <= stride {
+            columns::<4>(a, b, stride, first, out);
+            first += 4 * LANES;
+        }
+        while first < stride {
+            columns::<1>(a, b, stride, first, out);
+            first += LANES;
+        }
+    }
+}
+
+#[inline(always)]
+fn columns<const N: usize>(a: &[f32], b: &[f32], stride: usize, first: usize, out: &mut [f32]) {
+    let mut sums = [[0f32; LANES]; N];
+    for (a, b) in a.iter().zip(b.chunks_exact(stride)) {
+        let Some(b) = b.get(first..first + N * LANES) else { return };
+        for (sums, b) in sums.iter_mut().zip(b.as_chunks::<LANES>().0) {
+            for lane in 0..LANES {
+                sums[lane] += a * b[lane];
+            }
+        }
+    }
+    if let Some(out) = out.get_mut(first..first + N * LANES) {
+        out.copy_from_slice(sums.as_flattened());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::live::light::{GelLight, Slopes};
+
+    #[test]
+    fn a_surface_is_found_again_from_its_own_slopes() {
+        let grid = Grid::of(320, 240);
+        let (light, noise) = (GelLight::default(), [1.32, 0.65, 1.17]);
+        let slopes = Slopes::of(&light, noise, [0, 1, 2], &grid);
+        let bump = |row: f32, col: f32| 2.0 * (-((row - 20.0).powi(2) + (col - 14.0).powi(2)) / 18.0).exp();
+        let mut white: [Vec<f32>; 3] = Default::default();
+        let mut wanted = Vec::new();
+        for row in 0..grid.rows {
+            for col in 0..grid.cols {
+                let (r, c) = (row as f32, col as f32);
+                let (gx, gy) = ((bump(r, c + 0.5) - bump(r, c - 0.5)), (bump(r + 0.5, c) - bump(r - 0.5, c)));
+                let (x, y) = ((2 * col + 1) as f32 / 30.0 - 1.0, (2 * row + 1) as f32 / 40.0 - 1.0);
+                let terms = [1.0, x, y, x * x, x * y, y * y];
+                for (colour, white) in white.iter_mut().enumerate() {
+                    let answer = |p: &[f32; 6]| p.iter().zip(terms).map(|(p, t)| p * t).sum::<f32>();
+                    let [a, b] = &light.terms[colour];
+                    white.push((answer(a) * gx + answer(b) * gy) / noise[colour]);
+                }
+                wanted.push(bump(r, c));
+            }
+        }
+        let mut solver = Solver::of(&grid);
+        solver.solve(&white, &slopes.weights, &grid);
+        let floor = solver.depth[0];
+        let most = solver.depth.iter().fold(0f32, |a, &b| a.max(b)) - floor;
+        assert!((1.5..2.1).contains(&most), "{most}");
+        let error: f32 =
+            solver.depth.iter().zip(&wanted).map(|(a, b)| (a - floor - b).abs()).sum::<f32>() / 1200.0;
+        assert!(error < 0.1, "{error}");
+    }
+}

@@ -1,0 +1,34 @@
+//! Touch as people feel it: the `live` reading of one picture, and the tracker that follows a fingertip.
+//!
+//! 1. Pictures are averaged over some 1,200 cells ([`cells`]).
+//! 2. A change of the light is taken out, and one number says how much of the picture differs ([`colour`]).
+//! 3. Depth comes from shading ([`depth`], [`light`]), and the dent from depth and colour together ([`dent`], [`shape`]).
+//! 4. [`still`] does this without memory; [`tracker`] knows its sensor's noise, follows drift and stays silent on leftovers.
+//!
+//! Arithmetic runs on integers, or on floats in one fixed order: the result is the same on every processor. Sums over a pixel's bytes take the
+//! first and the last before the middle, so that blue or red first gives the same bits.
+
+mod cells;
+mod colour;
+mod dent;
+mod depth;
+mod light;
+mod noise;
+mod shape;
+mod still;
+mod thumbnail;
+mod tracker;
+mod trig;
+
+pub(crate) use cells::{add_row, fold_octets, sum_eight_rows};
+pub(crate) use colour::{LANES, SUMS, energy_sums, fit_sums, plane_sums, trust, without_fit, without_plane};
+pub(crate) use dent::{energy, largest, one_two_one, power_sums, untouched_sums};
+pub(crate) use depth::{add_half_difference, half_difference, multiply, multiply_each, weigh_three};
+pub(crate) use still::{follow, whiten};
+pub(crate) use thumbnail::{Thumbnail, Thumbnails};
+
+pub use dent::Outline;
+pub use light::{GelLight, LIGHT_TERMS};
+pub use noise::SensorNoise;
+pub use still::{LiveReader, LiveScratch, read_live};
+pub use tracker::{Touch, TouchTracker, TrackerOptions};

@@ -1,0 +1,179 @@
+//! Measure a camera's noise from still frames, as the touch reading weighs colours by it.
+
+use ndarray::ArrayView3;
+
+use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average};
+use crate::error::TactileError;
+use crate::frame::{MAX_SIDE, Order};
+
+/// Standard deviation of a cell's mean from frame to frame in counts, blue, green, red: measured on a DIGIT.
+const PRIOR: [f32; 3] = [1.32, 0.65, 1.17];
+/// A measured noise is kept within these multiples of the prior: a compressed stream repeats its noise and seems to
+/// have none, and a flickering lamp is no noise.
+const LEAST: f32 = 0.25;
+const MOST: f32 = 4.0;
+
+/// Noise of a camera's cells: the standard deviation of a cell's mean from frame to frame, per colour.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SensorNoise {
+    /// Counts: blue, green, red.
+    pub bgr: [f32; 3],
+}
+
+impl Default for SensorNoise {
+    /// That of a DIGIT.
+    fn default() -> Self {
+        Self { bgr: PRIOR }
+    }
+}
+
+impl SensorNoise {
+    /// Takes a given noise, kept within a quarter and four times that of a DIGIT.
+    ///
+    /// # Errors
+    /// [`TactileError::OutOfRange`] for a value that is not finite or is negative.
+    pub fn of_counts(bgr: [f64; 3]) -> Result<Self, TactileError> {
+        for value in bgr {
+            if !(0.0..=255.0).contains(&value) {
+                return Err(TactileError::OutOfRange {
+                    name: "noise",
+                    value,
+                    unit: " counts",
+                    wanted: "0 to 255 for each colour",
+                });
+            }
+        }
+        Ok(Self { bgr: std::array::from_fn(|c| within(bgr[c] as f32, c)) })
+    }
+
+    /// Measures it over frames of an untouched gel: from each frame to the next, the median over the cells, so that neither slow
+    /// drift nor a cell that is stuck or touched decides.
+    ///
+    /// # Errors
+    /// [`TactileError::TooFewFrames`] for fewer than two, [`TactileError::Channels`], [`TactileError::Size`] or
+    /// [`TactileError::ShapeMismatch`] for frames that cannot be compared.
+    pub fn measure(frames: &[ArrayView3<'_, u8>], order: Order) -> Result<Self, TactileError> {
+        let Some(first) = frames.first().filter(|_| frames.len() > 1) else {
+            return Err(TactileError::TooFewFrames { frames: frames.len(), wanted: 2 });
+        };
+        let grid = grid_of(first)?;
+        let (mut strip, mut now, mut before) = (Strip::default(), Planes::default(), Planes::default());
+        let mut sums = [0f64; 3];
+        let mut steps = Vec::with_capacity(grid.cells());
+        for (k, frame) in frames.iter().enumerate() {
+            same_size(&grid, frame)?;
+            std::mem::swap(&mut now, &mut before);
+            average(frame.view(), &grid, &mut strip, &mut now);
+            if k == 0 {
+                continue;
+            }
+            for c in 0..3 {
+                steps.clear();
+                steps.extend(now[c].iter().zip(&before[c]).map(|(a, b)| a - b));
+                let middle = *steps.select_nth_unstable(grid.cells() / 2).1;
+                for step in &mut steps {
+                    *step = (*step - middle).abs();
+                }
+                // The median of whole sixteenths steps; the mean of the lower half does not.
+                let half = steps.len().div_ceil(2);
+                steps.select_nth_unstable(half - 1);
+                let low: f64 = steps.iter().take(half).map(|&step| f64::from(step)).sum();
+                sums[c] += low / half as f64;
+            }
+        }
+        let per = f64::from(UNITS_PER_COUNT) * (frames.len() - 1) as f64;
+        // The mean of the lower half of |difference| of normal values is 0.3246 of their standard deviation, √2 that of each.
+        let sd = |c: usize| (sums[c] / per / (0.324_6 * std::f64::consts::SQRT_2)) as f32;
+        let stored = order.arrange([2, 1, 0]); // which of blue, green, red a byte is
+        let mut bgr = [0.0; 3];
+        for (byte, colour) in stored.into_iter().enumerate() {
+            bgr[colour] = within(sd(byte), colour);
+        }
+        Ok(Self { bgr })
+    }
+
+    /// The noise as the bytes of a pixel lie.
+    pub(super) fn arranged(&self, order: Order) -> [f32; 3] {
+        let [b, g, r] = self.bgr;
+        order.arrange([r, g, b])
+    }
+}
+
+fn within(value: f32, colour: usize) -> f32 {
+    value.clamp(LEAST * PRIOR[colour], MOST * PRIOR[colour])
+}
+
+/// The grid of an image after checking its size.
+pub(super) fn grid_of(image: &ArrayView3<'_, u8>) -> Result<Grid, TactileError> {
+    let (height, width, channels) = image.dim();
+    if channels != 3 {
+        return Err(TactileError::Channels { name: "frame", channels });
+    }
+    if height == 0 || width == 0 || height > MAX_SIDE || width > MAX_SIDE {
+        return Err(TactileError::Size { height, width, max: MAX_SIDE });
+    }
+    Ok(Grid::of(height, width))
+}
+
+/// Refuses an image of another size than the grid's.
+pub(super) fn same_size(grid: &Grid, image: &ArrayView3<'_, u8>) -> Result<(), TactileError> {
+    let (frame_h, frame_w, channels) = image.dim();
+    if channels != 3 {
+        return Err(TactileError::Channels { name: "frame", channels });
+    }
+    if (frame_h, frame_w) != (grid.height, grid.width) {
+        return Err(TactileError::ShapeMismatch {
+            frame_h,
+            frame_w,
+            baseline_h: grid.height,
+            baseline_w: grid.width,
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array3;
+
+    fn noisy(n: usize, sd: f32) -> Vec<Array3<u8>> {
+        let mut state = 1u64;
+        let mut uniform = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
+        };
+        (0..n)
+            .map(|_| {
+                Array3::from_shape_fn((320, 240, 3), |_| {
+                    let sum: f32 = (0..12).map(|_| uniform()).sum();
+                    (100.0 + sd * sum).round() as u8
+                })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_noise_of_made_frames_is_found() {
+        let frames = noisy(6, 8.0);
+        let views: Vec<_> = frames.iter().map(|frame| frame.view()).collect();
+        // White noise of 8 counts: one count for the mean of 64 pixels.
+        for value in SensorNoise::measure(&views, Order::Bgr).unwrap().bgr {
+            assert!((value - 1.0).abs() < 0.06, "{value}");
+        }
+    }
+
+    #[test]
+    fn repeated_frames_and_black_ones_have_the_least_noise_that_is_believed() {
+        let black = Array3::<u8>::zeros((240, 320, 3));
+        let noise = SensorNoise::measure(&[black.view(), black.view()], Order::Rgb).unwrap();
+        assert_eq!(noise.bgr, PRIOR.map(|p| LEAST * p));
+    }
+
+    #[test]
+    fn one_frame_tells_nothing_of_noise() {
+        let black = Array3::<u8>::zeros((24, 32, 3));
+        let refused = SensorNoise::measure(&[black.view()], Order::Bgr);
+        assert!(matches!(refused, Err(TactileError::TooFewFrames { frames: 1, wanted: 2 })));
+    }
+}

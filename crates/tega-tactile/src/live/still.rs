@@ -1,0 +1,277 @@
+//! Read one picture against one of the untouched gel, without memory: the `live` reading.
+
+use ndarray::ArrayView3;
+
+use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average};
+use super::colour::{Colour, Field};
+use super::dent::{DENT_LEVEL, Dent, DentReader, Outline};
+use super::light::GelLight;
+use super::noise::{SensorNoise, grid_of, same_size};
+use crate::error::TactileError;
+use crate::frame::{Order, Pair};
+use crate::metrics::ContactMetrics;
+
+/// S that two pictures of an untouched gel, taken minutes apart, do not reach: twice what shots of a DIGIT far from any press show.
+pub(super) const GATE: f32 = 3.0;
+/// The length, as a share of the picture's diagonal, that a dent's height is given over.
+const HEIGHT_SHARE: f64 = 0.125;
+
+/// What both the stateless reading and the tracker share: a sensor's cells, noise and light.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Cells {
+    pub grid: Grid,
+    pub order: Order,
+    pub noise: SensorNoise,
+    strip: Strip,
+    pub means: Planes,
+    /// Change of colour in noise units; of the last call.
+    pub white: Field,
+    pub colour: Colour,
+    pub reader: DentReader,
+}
+
+impl Cells {
+    pub fn of(
+        image: &ArrayView3<'_, u8>,
+        noise: SensorNoise,
+        light: &GelLight,
+        order: Order,
+    ) -> Result<Self, TactileError> {
+        let grid = grid_of(image)?;
+        Ok(Self {
+            grid,
+            order,
+            noise,
+            colour: Colour::of(&grid),
+            reader: DentReader::of(light, noise.arranged(order), order, &grid),
+            white: [vec![0.0; grid.cells()], vec![0.0; grid.cells()], vec![0.0; grid.cells()]],
+            ..Self::default()
+        })
+    }
+
+    /// Cell means of an image in counts.
+    pub fn counts(&mut self, image: &ArrayView3<'_, u8>, out: &mut Field) -> Result<(), TactileError> {
+        self.take(image)?;
+        for (out, means) in out.iter_mut().zip(&self.means) {
+            out.clear();
+            out.extend(means.iter().map(|&m| f32::from(m) / UNITS_PER_COUNT));
+        }
+        Ok(())
+    }
+
+    /// Averages an image over the cells.
+    pub fn take(&mut self, image: &ArrayView3<'_, u8>) -> Result<(), TactileError> {
+        same_size(&self.grid, image)?;
+        average(image.view(), &self.grid, &mut self.strip, &mut self.means);
+        Ok(())
+    }
+
+    /// S of the last image taken against an untouched gel in counts, by the quick fit.
+    pub fn glance(&mut self, gel: &Field) -> f32 {
+        let noise = self.noise.arranged(self.order);
+        for (((white, means), gel), noise) in self.white.iter_mut().zip(&self.means).zip(gel).zip(noise) {
+            crate::simd::whiten(means, gel, 1.0 / UNITS_PER_COUNT, 1.0 / noise, white);
+        }
+        self.colour.glance(&self.white, &self.grid)
+    }
+
+    /// S of the last image after a change of light is taken out; call [`Self::glance`] before.
+    pub fn judge(&mut self, gel: &Field) -> f32 {
+        self.colour.judge(&mut self.white, gel, &self.grid)
+    }
+
+    /// The dent of the last image; call [`Self::judge`] before.
+    pub fn dent(&mut self, outline: Outline, paint: impl FnMut(usize, usize, usize)) -> Dent {
+        self.reader.read(&self.white, &self.grid, outline, paint)
+    }
+
+    /// The outline of the last dent again.
+    pub fn outline(&self, outline: Outline, paint: impl FnMut(usize, usize, usize)) {
+        self.reader.outline(outline, &self.grid, paint);
+    }
+
+    /// Counts that one noise unit is, root mean square over the colours.
+    pub fn counts_per_unit(&self) -> f64 {
+        (self.noise.bgr.iter().map(|n| f64::from(n * n)).sum::<f64>() / 3.0).sqrt()
+    }
+
+    /// The dent in the form of the printed equations' metrics.
+    pub fn metrics(&self, dent: &Dent) -> ContactMetrics {
+        if dent.moments.area == 0 {
+            return ContactMetrics::none(f64::NAN, 0.0, (0, 0));
+        }
+        let (x, y) = dent.moments.centroid();
+        let height = height(dent, &self.grid) * self.counts_per_unit();
+        let area = dent.moments.area as f64;
+        ContactMetrics {
+            mass: dent.mass * self.counts_per_unit(),
+            centroid_xy: (x, y),
+            spread: dent.moments.spread(),
+            threshold: dent.strongest * self.counts_per_unit() * f64::from(DENT_LEVEL),
+            eda: u32::try_from(dent.moments.area).unwrap_or(u32::MAX),
+            cci: height / area.sqrt(),
+            peak: height,
+            peak_xy: (x.round() as usize, y.round() as usize),
+            in_contact: true,
+        }
+    }
+}
+
+/// How high a dent stands in noise units: a gel answers to its slope, so the mean change over the dent times the dent's width goes with depth. The
+/// width is given over an eighth of the picture's diagonal.
+pub(super) fn height(dent: &Dent, grid: &Grid) -> f64 {
+    let diagonal = ((grid.height * grid.height + grid.width * grid.width) as f64).sqrt();
+    dent.mass / (dent.moments.area.max(1) as f64).sqrt() / (HEIGHT_SHARE * diagonal)
+}
+
+/// Change of cell means to the untouched gel, in noise units.
+#[inline(always)]
+pub(crate) fn whiten(means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) {
+    for ((out, mean), gel) in out.iter_mut().zip(means).zip(gel) {
+        *out = (f32::from(*mean) * scale - gel) * per_noise;
+    }
+}
+
+/// Moves the untouched gel a share of the way to cell means.
+#[inline(always)]
+pub(crate) fn follow(gel: &mut [f32], means: &[i16], scale: f32, share: f32) {
+    for (gel, mean) in gel.iter_mut().zip(means) {
+        *gel += share * (f32::from(*mean) * scale - *gel);
+    }
+}
+
+/// Reads pictures against one of the untouched gel; what can be found out from that one alone is found out once.
+#[derive(Debug, Clone)]
+pub struct LiveReader {
+    cells: Cells,
+    gel: Field,
+    outline: Outline,
+    mask: Vec<u8>,
+    marked: bool,
+    touched: bool,
+}
+
+impl LiveReader {
+    /// Takes the picture of the untouched gel; `noise` is the sensor's.
+    ///
+    /// # Errors
+    /// [`TactileError::Channels`] or [`TactileError::Size`].
+    pub fn new(
+        baseline: ArrayView3<'_, u8>,
+        order: Order,
+        outline: Outline,
+        noise: SensorNoise,
+    ) -> Result<Self, TactileError> {
+        let mut cells = Cells::of(&baseline, noise, &GelLight::default(), order)?;
+        let mut gel = Field::default();
+        cells.counts(&baseline, &mut gel)?;
+        Ok(Self { cells, gel, outline, mask: Vec::new(), marked: false, touched: false })
+    }
+
+    /// Metrics of a frame.
+    ///
+    /// - `peak` is the height of the dent in counts: the mean change of colour over it times the root of its area, over an eighth of the picture's
+    ///   diagonal. A gel answers to its slope, so slope times width goes with depth.
+    /// - `cci` is `peak / sqrt(eda)`. `centroid_xy`, `peak_xy`: mean place of the mask. `spread`: root mean square distance from it, pixels.
+    ///   `threshold`: change of colour at the outline, counts. `mass`: sum of the change over the dent, counts times pixels.
+    ///
+    /// # Errors
+    /// [`TactileError::Channels`] or [`TactileError::ShapeMismatch`].
+    pub fn read(&mut self, frame: ArrayView3<'_, u8>) -> Result<ContactMetrics, TactileError> {
+        self.read_and(&frame, false)
+    }
+
+    fn read_and(&mut self, frame: &ArrayView3<'_, u8>, mark: bool) -> Result<ContactMetrics, TactileError> {
+        self.touched = false;
+        self.marked = mark;
+        if mark {
+            self.mask.clear();
+            self.mask.resize(self.cells.grid.height * self.cells.grid.width, 0);
+        }
+        self.cells.take(frame)?;
+        let none = ContactMetrics::none(f64::NAN, 0.0, (0, 0));
+        if !self.cells.colour.tells()
+            || self.cells.glance(&self.gel) < GATE
+            || self.cells.judge(&self.gel) < GATE
+        {
+            return Ok(none);
+        }
+        let (width, mask) = (self.cells.grid.width, &mut self.mask);
+        let dent = self.cells.dent(self.outline, |y, first, end| {
+            if let Some(run) = mask.get_mut(y * width + first..y * width + end).filter(|_| mark) {
+                run.fill(1);
+            }
+        });
+        self.touched = dent.moments.area > 0;
+        Ok(self.cells.metrics(&dent))
+    }
+
+    /// Metrics of a frame and its mask, row by row: 1 in contact, 0 elsewhere; `eda` is the number of its ones.
+    ///
+    /// # Errors
+    /// Those of [`Self::read`].
+    pub fn mask(&mut self, frame: ArrayView3<'_, u8>) -> Result<(ContactMetrics, &[u8]), TactileError> {
+        let metrics = self.read_and(&frame, true)?;
+        Ok((metrics, &self.mask))
+    }
+
+    /// Change of colour in counts at every pixel of the last frame, row by row; one value a cell, 0 all over without contact.
+    pub fn pressure_map(&self) -> impl Iterator<Item = f32> {
+        let Grid { height, width, cols, side, .. } = self.cells.grid;
+        let change: &[f32] = if self.touched { &self.cells.reader.change } else { &[] };
+        let unit = self.cells.counts_per_unit() as f32;
+        (0..height).flat_map(move |y| {
+            (0..width).map(move |x| change.get(y / side * cols + x / side).map_or(0.0, |e| e * unit))
+        })
+    }
+}
+
+/// Keeps the reader of the last call, for calls with one baseline after the other.
+#[derive(Debug, Default)]
+pub struct LiveScratch {
+    reader: Option<LiveReader>,
+}
+
+impl LiveScratch {
+    /// A reader for this baseline; buffers of the one before are used where they fit.
+    ///
+    /// # Errors
+    /// None for images that make a [`Pair`].
+    pub fn reader(
+        &mut self,
+        pair: &Pair<'_>,
+        order: Order,
+        outline: Outline,
+        noise: SensorNoise,
+    ) -> Result<&mut LiveReader, TactileError> {
+        let fits = |r: &LiveReader| {
+            (r.cells.grid.height, r.cells.grid.width) == (pair.height(), pair.width())
+                && r.cells.order == order
+                && r.cells.noise == noise
+        };
+        match self.reader.take().filter(fits) {
+            Some(mut reader) => {
+                let mut gel = std::mem::take(&mut reader.gel);
+                reader.cells.counts(&pair.baseline(), &mut gel)?;
+                reader.gel = gel;
+                reader.outline = outline;
+                Ok(self.reader.insert(reader))
+            }
+            None => Ok(self.reader.insert(LiveReader::new(pair.baseline(), order, outline, noise)?)),
+        }
+    }
+}
+
+/// Contact metrics of the `live` reading of one frame against one of the untouched gel; see [`LiveReader::read`].
+///
+/// # Errors
+/// None for images that make a [`Pair`].
+pub fn read_live(
+    pair: &Pair<'_>,
+    order: Order,
+    outline: Outline,
+    noise: SensorNoise,
+    scratch: &mut LiveScratch,
+) -> Result<ContactMetrics, TactileError> {
+    scratch.reader(pair, order, outline, noise)?.read(pair.frame())
+}

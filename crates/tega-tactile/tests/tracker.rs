@@ -1,0 +1,424 @@
+//! The tracker on a made gel: silent on what cameras and lights do, there for a press anywhere, the same at every rate and in every layout.
+
+#![allow(clippy::unwrap_used)]
+
+#[allow(dead_code)]
+mod slopes;
+
+use ndarray::{Array3, Axis, s};
+use slopes::{Drift, Gel, Press, Random};
+use tega_tactile::{Order, Outline, SensorNoise, TactileError, Touch, TouchTracker, TrackerOptions};
+
+const RATES_HZ: [f64; 5] = [5.0, 15.0, 30.0, 60.0, 120.0];
+
+/// A gel and its camera: frames with noise of their own.
+struct Finger {
+    gel: Gel,
+    random: Random,
+}
+
+impl Finger {
+    fn new(seed: u64, height: usize, width: usize) -> Self {
+        let mut random = Random(seed);
+        Self { gel: Gel::any(&mut random, height, width), random }
+    }
+
+    fn frame(&mut self, press: Option<Press>, drift: Drift) -> Array3<u8> {
+        self.gel.frame(&mut self.random, press, drift)
+    }
+
+    fn still(&mut self) -> Array3<u8> {
+        self.frame(None, Drift::default())
+    }
+}
+
+fn press(x: f32, y: f32) -> Press {
+    Press { centre: [x, y], contact_radius: 30.0, ball_radius: 82.0 }
+}
+
+fn tracker(baseline: &Array3<u8>, rate_hz: f64) -> TouchTracker {
+    TouchTracker::new(baseline.view(), TrackerOptions { rate_hz, ..TrackerOptions::default() }).unwrap()
+}
+
+/// What the numbers of any touch owe to each other.
+fn checked(touch: &Touch, tracker: &TouchTracker) {
+    let (mask, [height, width]) = tracker.mask();
+    let (depth_mm, [rows, cols]) = tracker.depth_map();
+    assert_eq!(mask.len(), height * width);
+    assert_eq!(depth_mm.len(), rows * cols);
+    assert!(depth_mm.iter().all(|h| h.is_finite() && *h >= 0.0));
+    assert_eq!(mask.iter().filter(|on| **on).count(), touch.eda as usize);
+    assert_eq!(touch.in_contact, touch.eda > 0);
+    assert!((0.0..=1.0).contains(&touch.strength), "{touch:?}");
+    assert!((0.0..=1.0).contains(&touch.broad), "{touch:?}");
+    for value in [touch.cci, touch.peak, touch.depth_mm, touch.force_n, touch.difference, touch.threshold] {
+        assert!(value.is_finite() && value >= 0.0, "{touch:?}");
+    }
+    let (x, y) = touch.centroid_xy;
+    if touch.in_contact {
+        assert!((0.0..width as f64).contains(&x) && (0.0..height as f64).contains(&y), "{touch:?}");
+        assert!(touch.spread >= 0.0 && touch.spread <= (height + width) as f64, "{touch:?}");
+        assert!(touch.cci > 0.0 && touch.peak > 0.0, "{touch:?}");
+    } else {
+        assert!(x.is_nan() && y.is_nan() && touch.spread.is_nan(), "{touch:?}");
+        assert_eq!((touch.cci, touch.peak, touch.broad), (0.0, 0.0, 0.0));
+        assert!(depth_mm.iter().all(|h| *h == 0.0));
+    }
+}
+
+fn bits(touches: &[Touch]) -> String {
+    format!("{touches:?}")
+}
+
+#[test]
+fn its_own_baseline_is_no_contact_for_thousands_of_frames() {
+    let baseline = Finger::new(1, 96, 128).still();
+    let mut tracker = tracker(&baseline, 60.0);
+    for _ in 0..5000 {
+        let touch = tracker.update(baseline.view(), None, false).unwrap();
+        assert!(!touch.in_contact && touch.strength == 0.0, "{touch:?}");
+        assert!(touch.difference < 0.01, "{touch:?}");
+    }
+}
+
+#[test]
+fn noise_is_no_contact_at_any_rate() {
+    for (seed, rate_hz) in RATES_HZ.into_iter().enumerate() {
+        let mut finger = Finger::new(seed as u64, 120, 160);
+        let mut tracker = tracker(&finger.still(), rate_hz);
+        for k in 0..300 {
+            let touch = tracker.update(finger.still().view(), None, false).unwrap();
+            checked(&touch, &tracker);
+            assert!(!touch.in_contact, "{rate_hz} Hz, frame {k}: {touch:?}");
+        }
+    }
+}
+
+#[test]
+fn light_that_steps_or_drifts_is_no_contact() {
+    for step in [10.0, -10.0, 20.0, 30.0, -30.0] {
+        let mut finger = Finger::new(7, 120, 160);
+        let mut tracker = tracker(&finger.still(), 60.0);
+        let drift = Drift { step: [step, -0.7 * step, 0.5 * step], ..Drift::default() };
+        for k in 0..120 {
+            let frame = finger.frame(None, if k < 30 { Drift::default() } else { drift });
+            let touch = tracker.update(frame.view(), None, false).unwrap();
+            assert!(!touch.in_contact, "step {step}, frame {k}: {touch:?}");
+        }
+    }
+    let mut finger = Finger::new(8, 120, 160);
+    let mut tracker = tracker(&finger.still(), 60.0);
+    for k in 0..300 {
+        let share = 0.04 * k as f32;
+        let drift = Drift { step: [share; 3], across: [share, -share, 0.0], down: [0.0, share, -share] };
+        let touch = tracker.update(finger.frame(None, drift).view(), None, false).unwrap();
+        assert!(!touch.in_contact, "frame {k}: {touch:?}");
+    }
+}
+
+#[test]
+fn a_gain_is_no_contact() {
+    for gain in [0.7f32, 0.85, 0.95, 1.05, 1.2] {
+        let mut finger = Finger::new(9, 120, 160);
+        let mut tracker = tracker(&finger.still(), 60.0);
+        for k in 0..90 {
+            let mut frame = finger.still();
+            if k >= 30 {
+                frame.mapv_inplace(|v| (f32::from(v) * gain).round().clamp(0.0, 255.0) as u8);
+            }
+            let touch = tracker.update(frame.view(), None, false).unwrap();
+            assert!(!touch.in_contact, "gain {gain}, frame {k}: {touch:?}");
+        }
+    }
+}
+
+#[test]
+fn a_press_is_found_in_the_middle_on_borders_and_in_corners() {
+    for (height, width) in [(120, 160), (320, 240)] {
+        for (x, y) in [
+            (0.5, 0.5),
+            (0.0, 0.5),
+            (1.0, 0.5),
+            (0.5, 0.0),
+            (0.5, 1.0),
+            (0.0, 0.0),
+            (1.0, 0.0),
+            (0.0, 1.0),
+            (1.0, 1.0),
+        ] {
+            let mut finger = Finger::new(11, height, width);
+            let mut tracker = tracker(&finger.still(), 60.0);
+            for _ in 0..20 {
+                assert!(!tracker.update(finger.still().view(), None, false).unwrap().in_contact);
+            }
+            let mut last = None;
+            for _ in 0..10 {
+                let frame = finger.frame(Some(press(x, y)), Drift::default());
+                let touch = tracker.update(frame.view(), None, false).unwrap();
+                checked(&touch, &tracker);
+                last = Some(touch);
+            }
+            let touch = last.unwrap();
+            assert!(touch.in_contact, "{height}x{width} {x} {y}: {touch:?}");
+            let diagonal = (height as f64).hypot(width as f64);
+            let (wanted_x, wanted_y) = (f64::from(x) * width as f64, f64::from(y) * height as f64);
+            // The lights of this gel are not those that depth is read with, and of a corner a quarter is seen.
+            let off = (touch.centroid_xy.0 - wanted_x).hypot(touch.centroid_xy.1 - wanted_y);
+            assert!(
+                off < if x == 0.5 && y == 0.5 { 0.1 } else { 0.2 } * diagonal,
+                "{height}x{width} {x} {y}: {touch:?}"
+            );
+        }
+    }
+}
+
+/// A press, a hold and a release to what the gel keeps, then rest.
+fn session(finger: &mut Finger, rate_hz: f64) -> Vec<Array3<u8>> {
+    let frames = |seconds: f64| (seconds * rate_hz).round().max(1.0) as usize;
+    let mut all = Vec::new();
+    for _ in 0..frames(1.0).max(10) {
+        all.push(finger.still());
+    }
+    for _ in 0..frames(1.0) {
+        all.push(finger.frame(Some(press(0.4, 0.6)), Drift::default()));
+    }
+    // What a gel keeps sinks; what stays as it is would be a light hold.
+    for k in 0..frames(2.0) {
+        let sunk = (k as f64 / rate_hz).min(1.0) as f32;
+        let left = Press { ball_radius: 700.0 * (1.0 + sunk), ..press(0.4, 0.6) };
+        all.push(finger.frame(Some(left), Drift::default()));
+    }
+    all
+}
+
+#[test]
+fn a_leftover_is_silent_and_the_next_press_is_felt_at_any_rate() {
+    for rate_hz in RATES_HZ {
+        let mut finger = Finger::new(13, 120, 160);
+        let mut tracker = tracker(&finger.still(), rate_hz);
+        for round in 0..2 {
+            let frames = session(&mut finger, rate_hz);
+            let touches: Vec<Touch> = frames
+                .iter()
+                .map(|frame| {
+                    let touch = tracker.update(frame.view(), None, false).unwrap();
+                    checked(&touch, &tracker);
+                    touch
+                })
+                .collect();
+            let one = rate_hz as usize;
+            let first = one.max(10);
+            // The first second shows what the round before left behind.
+            assert!(round > 0 || touches[..first].iter().all(|t| !t.in_contact), "{rate_hz}");
+            assert!(
+                touches[first + one / 4 + 1..first + one].iter().all(|t| t.in_contact),
+                "{rate_hz} {round}"
+            );
+            let over = first + one + one / 2 + 2;
+            let shown = touches[over..].iter().filter(|t| t.in_contact || t.strength > 0.5).count();
+            assert_eq!(shown, 0, "{rate_hz} Hz, round {round}");
+        }
+    }
+}
+
+#[test]
+fn two_trackers_fed_the_same_give_the_same_bits() {
+    let mut finger = Finger::new(17, 120, 160);
+    let baseline = finger.still();
+    let frames = session(&mut finger, 30.0);
+    let run = |dt_s: Option<f64>| -> Vec<Touch> {
+        let mut tracker = tracker(&baseline, 30.0);
+        frames.iter().map(|frame| tracker.update(frame.view(), dt_s, false).unwrap()).collect()
+    };
+    assert!(run(None).iter().any(|t| t.in_contact));
+    assert_eq!(bits(&run(None)), bits(&run(None)));
+    assert_eq!(bits(&run(None)), bits(&run(Some(1.0 / 30.0))));
+}
+
+#[test]
+fn strides_and_colour_order_do_not_matter() {
+    let mut finger = Finger::new(19, 120, 160);
+    let baseline = finger.still();
+    let frames = session(&mut finger, 15.0);
+    let mut plain = tracker(&baseline, 15.0);
+    let wanted: Vec<Touch> = frames.iter().map(|f| plain.update(f.view(), None, false).unwrap()).collect();
+    let options = TrackerOptions { rate_hz: 15.0, order: Order::Rgb, ..TrackerOptions::default() };
+    let mut swapped = TouchTracker::new(baseline.slice(s![.., .., ..;-1]), options).unwrap();
+    let got: Vec<Touch> =
+        frames.iter().map(|f| swapped.update(f.slice(s![.., .., ..;-1]), None, false).unwrap()).collect();
+    assert_eq!(bits(&wanted), bits(&got));
+    let mut strided = tracker(&baseline, 15.0);
+    let got: Vec<Touch> = frames
+        .iter()
+        .map(|frame| {
+            let mut wide = Array3::<u8>::zeros((3, 240, 160));
+            let mut view = wide.slice_mut(s![.., ..;-2, ..]).permuted_axes([1, 2, 0]);
+            view.assign(frame);
+            strided.update(view.view(), None, false).unwrap()
+        })
+        .collect();
+    assert_eq!(bits(&wanted), bits(&got));
+}
+
+#[test]
+fn dropped_frames_lose_no_contact_and_make_none() {
+    let mut finger = Finger::new(23, 120, 160);
+    let mut tracker = tracker(&finger.still(), 60.0);
+    let mut random = Random(5);
+    let mut t_s = 0.0;
+    while t_s < 6.0 {
+        let dt_s = f64::from(random.between(1.0, 20.0).floor()) / 60.0;
+        t_s += dt_s;
+        let pressed = (2.0..4.0).contains(&t_s);
+        let frame = finger.frame(pressed.then(|| press(0.5, 0.5)), Drift::default());
+        let touch = tracker.update(frame.view(), Some(dt_s), false).unwrap();
+        checked(&touch, &tracker);
+        let settled = (2.4..4.0).contains(&t_s) || !(2.0..4.4).contains(&t_s);
+        assert!(!settled || touch.in_contact == pressed, "{t_s} s: {touch:?}");
+    }
+}
+
+#[test]
+fn a_gap_of_no_time_or_of_days_is_survived() {
+    let mut finger = Finger::new(29, 120, 160);
+    let mut tracker = tracker(&finger.still(), 60.0);
+    for dt_s in [0.0, 1e6, 1e-9, 0.0, 1e6] {
+        for pressed in [false, true, false] {
+            let frame = finger.frame(pressed.then(|| press(0.5, 0.5)), Drift::default());
+            let touch = tracker.update(frame.view(), Some(dt_s), false).unwrap();
+            checked(&touch, &tracker);
+        }
+    }
+}
+
+#[test]
+fn black_and_saturated_pictures_and_a_stuck_pixel_are_read() {
+    let (black, white) = (Array3::<u8>::zeros((120, 160, 3)), Array3::from_elem((120, 160, 3), 255u8));
+    let mut finger = Finger::new(31, 120, 160);
+    let still = finger.still();
+    for baseline in [&black, &white, &still] {
+        for noise in [SensorNoise::default(), SensorNoise::of_counts([0.0; 3]).unwrap()] {
+            let options = TrackerOptions { noise, ..TrackerOptions::default() };
+            let mut tracker = TouchTracker::new(baseline.view(), options).unwrap();
+            for frame in [baseline, &black, &white, &still, baseline] {
+                for _ in 0..30 {
+                    checked(&tracker.update(frame.view(), None, false).unwrap(), &tracker);
+                }
+            }
+        }
+    }
+    // Lights that fail, or shine into the camera, are no contact of an even gel.
+    let grey = Array3::from_elem((120, 160, 3), 90u8);
+    let mut followed = tracker(&grey, 60.0);
+    for frame in [&black, &white, &grey] {
+        for _ in 0..30 {
+            assert!(!followed.update(frame.view(), None, false).unwrap().in_contact);
+        }
+    }
+    let mut finger = Finger::new(31, 320, 240);
+    for stuck in [255, 0] {
+        let mut followed = tracker(&finger.still(), 60.0);
+        for k in 0..60 {
+            let mut frame = finger.still();
+            frame.slice_mut(s![50, 70, ..]).fill(stuck);
+            let touch = followed.update(frame.view(), None, false).unwrap();
+            assert!(!touch.in_contact, "a pixel of {stuck}, frame {k}: {touch:?}");
+        }
+    }
+}
+
+#[test]
+fn every_size_from_one_pixel_on_is_tracked() {
+    for (height, width) in [(1, 1), (1, 9), (700, 1), (7, 7), (8, 8), (47, 53), (120, 160), (960, 720)] {
+        let gel =
+            Array3::from_shape_fn((height, width, 3), |(y, x, c)| (60 + (y + 2 * x) % 50 + 20 * c) as u8);
+        let other = gel.mapv(|v| v.wrapping_mul(5) ^ 0x3c);
+        let mut tracker = tracker(&gel, 60.0);
+        for frame in [&gel, &gel, &gel, &other, &other, &gel, &gel] {
+            let touch = tracker.update(frame.view(), None, false).unwrap();
+            checked(&touch, &tracker);
+            assert!(height.min(width) >= 8 || !touch.in_contact, "{height}x{width}");
+        }
+    }
+}
+
+#[test]
+fn an_error_leaves_the_tracker_as_it_was() {
+    let mut finger = Finger::new(37, 120, 160);
+    let baseline = finger.still();
+    let frames = session(&mut finger, 15.0);
+    let (mut plain, mut disturbed) = (tracker(&baseline, 15.0), tracker(&baseline, 15.0));
+    let turned = Array3::<u8>::zeros((160, 120, 3));
+    let grey = Array3::<u8>::zeros((120, 160, 1));
+    for frame in &frames {
+        let wanted = plain.update(frame.view(), None, false).unwrap();
+        assert!(matches!(
+            disturbed.update(turned.view(), None, false),
+            Err(TactileError::ShapeMismatch { frame_h: 160, .. })
+        ));
+        assert!(matches!(
+            disturbed.update(grey.view(), None, false),
+            Err(TactileError::Channels { channels: 1, .. })
+        ));
+        for dt_s in [-1e-9, f64::NAN, f64::INFINITY, 1.1e6] {
+            assert!(matches!(
+                disturbed.update(frame.view(), Some(dt_s), false),
+                Err(TactileError::OutOfRange { name: "dt_s", .. })
+            ));
+        }
+        assert_eq!(bits(&[disturbed.update(frame.view(), None, false).unwrap()]), bits(&[wanted]));
+        assert_eq!(disturbed.mask(), plain.mask());
+        assert!(disturbed.update(turned.view(), None, false).is_err());
+        assert_eq!((disturbed.mask(), disturbed.depth_map()), (plain.mask(), plain.depth_map()));
+    }
+    for rate_hz in [0.0, -1.0, 1001.0, f64::NAN] {
+        let options = TrackerOptions { rate_hz, ..TrackerOptions::default() };
+        assert!(matches!(
+            TouchTracker::new(baseline.view(), options),
+            Err(TactileError::OutOfRange { name: "rate_hz", .. })
+        ));
+    }
+    let flat = baseline.index_axis(Axis(0), 0).insert_axis(Axis(0)).to_owned();
+    assert!(TouchTracker::new(flat.slice(s![0..0, .., ..]), TrackerOptions::default()).is_err());
+}
+
+#[test]
+fn a_loaded_hand_takes_no_rest_anew() {
+    let mut finger = Finger::new(41, 120, 160);
+    let baseline = finger.still();
+    let frames = session(&mut finger, 30.0);
+    let differs = |loaded: bool| {
+        let mut tracker = tracker(&baseline, 30.0);
+        let mut last = None;
+        for frame in &frames {
+            last = Some(tracker.update(frame.view(), None, loaded).unwrap());
+        }
+        last.unwrap().difference
+    };
+    // What is left of the press stays a difference while another finger holds on.
+    assert!(differs(true) > 1.5 * differs(false), "{} {}", differs(true), differs(false));
+}
+
+#[test]
+fn the_touching_area_is_within_the_dent() {
+    let mut finger = Finger::new(43, 240, 320);
+    let baseline = finger.still();
+    let frames = session(&mut finger, 15.0);
+    let with = |outline| {
+        let options = TrackerOptions { rate_hz: 15.0, outline, ..TrackerOptions::default() };
+        TouchTracker::new(baseline.view(), options).unwrap()
+    };
+    let (mut dent, mut contact) = (with(Outline::Dent), with(Outline::Contact));
+    let mut compared = 0;
+    for frame in &frames {
+        let outer = dent.update(frame.view(), None, false).unwrap();
+        let inner = contact.update(frame.view(), None, false).unwrap();
+        assert_eq!(outer.difference.to_bits(), inner.difference.to_bits());
+        if outer.in_contact {
+            compared += 1;
+            assert!(0 < inner.eda && inner.eda < outer.eda);
+            assert!(contact.mask().0.iter().zip(dent.mask().0).all(|(inner, outer)| *inner <= outer));
+        }
+    }
+    assert!(compared > 5);
+}

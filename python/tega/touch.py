@@ -1,0 +1,208 @@
+"""Follow the touch of a fingertip camera from frame to frame: a reading with a memory.
+
+:class:`TouchTracker` learns how its sensor looks and varies at rest, follows slow drift, feels light, broad and
+soft contacts by all of the picture that they change, and stays silent on what a released contact leaves behind in the
+gel. ``docs/touch-live.md`` explains how, and how well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from tega import _native
+from tega._native import Contact
+from tega.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.tactile import Order, Outline
+
+__all__ = [
+    "Contact",
+    "GelLight",
+    "KnownPress",
+    "TouchTracker",
+    "calibrate_light",
+    "nominal_light",
+    "sensor_noise",
+]
+
+
+class GelLight(NamedTuple):
+    """Light, scale and stiffness of one sensor's gel, which turn colours into millimetres and newtons."""
+
+    terms: tuple[tuple[tuple[float, ...], ...], ...]
+    """Change of blue, green and red in counts for a slope of 1 across and along: 3 x 2 x 6 numbers, the terms 1,
+    X, Y, X², XY, Y² with X and Y from -1 to 1 over the picture."""
+    mm_per_px: float
+    """Scale of a picture of 320 x 240 pixels; other sizes show the same gel."""
+    stiffness_n_mm3: float
+    """Pressure a depth, newtons per cubic millimetre."""
+
+
+def nominal_light() -> GelLight:
+    """Return the light, scale and stiffness that a tracker takes where none is given: those fitted to one DIGIT."""
+    terms, mm_per_px, stiffness_n_mm3 = _native.nominal_light()
+    return GelLight(
+        tuple(tuple(tuple(line) for line in colour) for colour in terms), mm_per_px, stiffness_n_mm3
+    )
+
+
+class KnownPress(NamedTuple):
+    """What a tracker read of a press whose force, and depth where it is known, was measured by other means."""
+
+    contact: Contact
+    force_n: float
+    """Normal force, newtons: of a scale, say."""
+    depth_mm: float | None = None
+    """How far the gel was pressed in, millimetres: of a screw or a stage; ``None`` where it was not measured."""
+
+
+def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None) -> GelLight:
+    """Scale a gel's light and stiffness so that depth and force of known presses come out right on average.
+
+    Three presses are enough: two with a ball, one with a flat, each held still, 1 to 5 N. Depth gain g and stiffness
+    k' are geometric means over the presses, so that relative errors count: g = mean(depth / read depth), k' = k
+    mean(force /
+    read force) / g. Depth goes inversely with the light's terms, which are divided by g; force is stiffness times
+    pressed volume.
+
+    Args:
+        presses: What was read with ``light`` and what was true. Where no depth is known, the terms stay.
+        light: The light that the presses were read with; ``None`` is :func:`nominal_light`.
+
+    Returns:
+        The light of this unit, for :class:`TouchTracker`.
+
+    Raises:
+        InvalidValueError: There are no presses, one was not felt, or a force or depth is not finite and more than 0.
+    """
+    if not presses:
+        raise InvalidValueError(
+            "0 presses, wanted at least 1", "press a ball twice and a flat once, 1 to 5 N"
+        )
+    for number, (contact, force_n, depth_mm) in enumerate(presses):
+        if not (contact.in_contact and contact.force_n > 0 and contact.depth_mm > 0):
+            raise InvalidValueError(f"press {number} was not felt", "press harder, or leave it out")
+        for what, value in (("force_n", force_n), ("depth_mm", depth_mm)):
+            if value is not None and not 0 < value < math.inf:
+                raise InvalidValueError(
+                    f"press {number}: {what} = {value}, wanted more than 0", "measure it again"
+                )
+    light = nominal_light() if light is None else light
+    deeper = [math.log(depth_mm / c.depth_mm) for c, _, depth_mm in presses if depth_mm is not None]
+    gain = math.exp(sum(deeper) / len(deeper)) if deeper else 1.0
+    harder = math.exp(sum(math.log(force_n / c.force_n) for c, force_n, _ in presses) / len(presses))
+    terms = tuple(tuple(tuple(term / gain for term in axis) for axis in colour) for colour in light.terms)
+    return GelLight(terms, light.mm_per_px, light.stiffness_n_mm3 * harder / gain)
+
+
+def sensor_noise(
+    frames: NDArray[np.uint8] | Sequence[NDArray[np.uint8]], *, order: Order = "bgr"
+) -> tuple[float, float, float]:
+    """Measure a camera's noise from frames of its untouched gel; about a second of them is enough.
+
+    From each frame to the next, the median over the cells of the picture: slow drift, a stuck pixel and a lamp that
+    flickers over all of the picture do not count.
+
+    Args:
+        frames: uint8 (N, H, W, 3), or two or more images uint8 (H, W, 3) of one size, in the order they were taken.
+        order: Order of the colour bytes.
+
+    Returns:
+        Standard deviation of a cell's mean (8 x 8 pixels at 320 x 240), counts: blue, green, red whatever
+        ``order`` is.
+        At least a quarter and at most four times that of a DIGIT.
+
+    Raises:
+        DtypeError: A frame is not a uint8 array.
+        ShapeError: A frame is not (H, W, 3), or not of the size of the first.
+        InvalidValueError: There are fewer than two frames.
+    """
+    blue, green, red = _native.sensor_noise(list(frames), order=order)
+    return blue, green, red
+
+
+class TouchTracker:
+    """Follows the touch of one fingertip; one object a finger.
+
+    At rest it learns how its sensor looks and varies, and follows slow drift; in contact that memory is frozen. A
+    contact ends when the picture is near rest again, or falls quickly to what a gel keeps of a released contact: the
+    leftover is not shown, and after a second it is taken for the new rest. A light contact is graded by ``strength``.
+
+    Args:
+        baseline: A picture of the untouched gel, uint8 (H, W, 3); it is copied.
+        rate_hz: Frames a second, 0.01 to 1000, when :meth:`update` is given no time.
+        noise: The sensor's, from :func:`sensor_noise`, blue, green, red, counts; ``None`` takes that of a DIGIT.
+            How much the sensor varies at rest is learned in any case.
+        light: The gel's own light, scale and stiffness; ``None`` takes those fitted to one DIGIT. Depth and force
+            are nominal then, and ``area_mm2`` is None.
+        order: Order of the colour bytes in all images.
+        outline: What ``eda`` counts: the dent as an eye marks it, or nearer to the touching area.
+        rezero: Whether the rest is taken anew a second after a release.
+
+    Raises:
+        DtypeError: The baseline is not a uint8 array.
+        ShapeError: It is not (H, W, 3), is empty or too large.
+        InvalidValueError: An option is out of range or not known.
+
+    Example:
+        >>> import numpy as np
+        >>> gel = np.full((320, 240, 3), 90, np.uint8)
+        >>> tracker = TouchTracker(gel, rate_hz=60.0)
+        >>> tracker.update(gel).in_contact
+        False
+        >>> pressed = gel.copy()
+        >>> pressed[100:160, 80:140] += 40
+        >>> tracker.update(pressed), tracker.update(pressed).in_contact  # doctest: +ELLIPSIS
+        (Contact(in_contact=True, eda=..., ...), True)
+    """
+
+    def __init__(
+        self,
+        baseline: NDArray[np.uint8],
+        *,
+        rate_hz: float = 60.0,
+        noise: Sequence[float] | None = None,
+        light: GelLight | None = None,
+        order: Order = "bgr",
+        outline: Outline = "dent",
+        rezero: bool = True,
+    ) -> None:
+        self._tracker = _native.TouchTracker(
+            baseline, rate_hz=rate_hz, noise=noise, light=light, order=order, outline=outline, rezero=rezero
+        )
+
+    def update(self, frame: NDArray[np.uint8], *, dt_s: float | None = None, loaded: bool = False) -> Contact:
+        """Read the next frame.
+
+        Args:
+            frame: The image, uint8 of the baseline's shape, borrowed.
+            dt_s: Time since the frame before, seconds, where it is not 1 / ``rate_hz``: frames were dropped, or
+                the camera is uneven.
+            loaded: Whether another finger bears a load: then no rest is taken anew.
+
+        Returns:
+            The contact.
+
+        Raises:
+            DtypeError: The frame is not a uint8 array.
+            ShapeError: It is not of the baseline's shape; the tracker is as before.
+            InvalidValueError: ``dt_s`` is not from 0 to 1e6.
+        """
+        return self._tracker.update(frame, dt_s=dt_s, loaded=loaded)
+
+    def mask(self) -> NDArray[np.bool_]:
+        """Return the outlined pixels of the last frame, bool (H, W); their number is ``eda``."""
+        return self._tracker.mask()
+
+    def depth_map(self) -> NDArray[np.float32]:
+        """Return the depth that the last frame shows, millimetres, float32 (rows, columns), one value a cell.
+
+        It is 0 all over without contact.
+        """
+        return self._tracker.depth_map()

@@ -1,0 +1,26 @@
+"""Where a bar touches the rounded gel: found by looking everywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tega.sim.gel import fall
+from tega.sim.seams import Indenter
+
+
+def nearest_touch(indenter: Indenter) -> tuple[float, float, float, float]:
+    """Return where a long bar lies on the pad as the gel does there: x, y; how far off it is, mm; how turned, rad."""
+    axis, middle = indenter.pose_mm[:, 2], indenter.pose_mm[:, 3]
+    best = (0.0, 0.0, np.inf, np.inf)
+    for x in np.arange(-13.0, 13.1, 0.25):
+        for y in np.arange(-15.0, 15.1, 0.5):
+            place = np.array([x, y, 0.0])
+            foot = middle + axis * ((place - middle) @ axis) - place
+            distance = float(np.linalg.norm(foot))
+            right, down = fall(float(x), float(y))
+            normal = np.array([right, down, 1.0]) / np.sqrt(1 + right**2 + down**2)
+            turned = float(np.arccos(np.clip(foot @ normal / distance, -1, 1)))
+            off = abs(distance - indenter.size_mm[0])
+            if turned + off / 10 < best[3] + best[2] / 10:
+                best = (float(x), float(y), off, turned)
+    return best
