@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import click
+import msgspec
 
 from tega.cli.options import debug_option, json_option
+from tega.toml_text import toml_value
 
 __all__ = ["config"]
 
 # A longer value moves its origin to the right.
 _VALUE_WIDTH = 48
-_UNITS = {"hz": "Hz", "s": "s", "ms": "ms", "n": "N", "mm": "mm", "rad": "rad"}
 
 _sets_option = click.option(
     "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
@@ -38,18 +39,19 @@ def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
     """
     from tega.cli.options import echo_json
     from tega.config import load_config
+    from tega.config_units import unit_of
 
     values = load_config(file, sets=sets).values
     if as_json:
         echo_json(
             [
-                {"key": k, "value": _plain(v.value), "unit": _unit(k), "origin": v.origin}
+                {"key": k, "value": _plain(v.value), "unit": unit_of(k), "origin": v.origin}
                 for k, v in values.items()
             ]
         )
         return
     said = {
-        key: _text(value) if value is None else f"{_text(value)} {_unit(key)}".rstrip()
+        key: _text(value) if value is None else f"{_text(value)} {unit_of(key)}".rstrip()
         for key, (value, _) in values.items()
     }
     width = max(map(len, values))
@@ -84,17 +86,11 @@ def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
     echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
 
 
-def _unit(key: str) -> str:
-    """Return the unit that a key's last part names; percent where a page says so."""
-    last = key.rpartition(".")[2]
-    if key in {"vest.threshold", "vest.step", "vest.options.limit"}:
-        return "%"
-    return _UNITS.get(last.rpartition("_")[2], "") if "_" in last else ""
-
-
 def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
+    if isinstance(value, msgspec.Struct):
+        return msgspec.to_builtins(value, enc_hook=str)
     return [_plain(v) for v in value] if isinstance(value, tuple) else value
 
 
@@ -103,4 +99,6 @@ def _text(value: Any) -> str:
         return "not set"
     if isinstance(value, tuple):
         return ", ".join(map(_text, value)) or "none"
+    if isinstance(value, msgspec.Struct):
+        return toml_value(_plain(value))
     return str(value).lower() if isinstance(value, bool) else str(value)

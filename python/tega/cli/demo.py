@@ -55,6 +55,13 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     show_default=True,
     help="Lifts of each object before the one that counts.",
 )
+@click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A setting of the loop: stages.*, vest.layout, vest.mirror; repeatable.",
+)
 @click.option("--fast", is_flag=True, help="Do not wait for real time.")
 @view_options
 @click.option(
@@ -75,6 +82,7 @@ def demo(
     preset: str,
     seed: int,
     practice: int,
+    sets: tuple[str, ...],
     fast: bool,
     view: bool,
     view_port: int,
@@ -105,7 +113,9 @@ def demo(
 
     if operator == "keyboard" and fast:
         raise click.UsageError("--fast leaves no time for a person at the keyboard")
-    plans = plan_trials(objects, [condition], [seed], operator=operator, preset=preset, practice=practice)
+    plans = plan_trials(
+        objects, [condition], [seed], operator=operator, preset=preset, practice=practice, settings=sets
+    )
     prepare_folder(out_dir)
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
@@ -113,7 +123,7 @@ def demo(
         show, more = stack.enter_context(
             _shown(view=view, port=view_port, terminal=not as_json, objects=objects)
         )
-        person = stack.enter_context(_at_keyboard(seed, preset)) if operator == "keyboard" else None
+        person = stack.enter_context(_at_keyboard(seed, preset, sets)) if operator == "keyboard" else None
         stopped = more.pop("stop", lambda: False)
         paused = more.pop("paused", lambda: False)
         rounds = 1_000 if view and not fast else 1
@@ -176,14 +186,14 @@ def _shown(
 
 
 @contextmanager
-def _at_keyboard(seed: int, preset: Any) -> Iterator[Person]:
+def _at_keyboard(seed: int, preset: Any, settings: tuple[str, ...]) -> Iterator[Person]:
     """Take the terminal's keys; yield who acts by them."""
     from tega.sim.lab import lab_of
     from tega.sim.operator import KEYS_HELP, KeyboardOperator, Keys
 
     with Keys() as keys:
         click.echo(KEYS_HELP, err=True)
-        yield KeyboardOperator(keys.read, full_effort=lab_of(seed, preset).calibrated.full_effort)
+        yield KeyboardOperator(keys.read, full_effort=lab_of(seed, preset, settings).calibrated.full_effort)
 
 
 def _print(report: DemoReport, *, real_time: bool) -> None:

@@ -28,7 +28,11 @@ BLOCK_S = 0.1
 )
 @click.option("--rate-hz", required=True, type=click.FloatRange(0, 10_000_000, min_open=True))
 @click.option("--kind", type=click.Choice(["raw", "rectified", "envelope"]), default="raw", show_default=True)
-@click.option("--channels", type=ChannelList(), help="EMG columns to use, counted from 1; else all.")
+@click.option(
+    "--channels",
+    type=ChannelList(),
+    help="EMG columns, counted from 1; else all of the array in a .mat file.",
+)
 @click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
 @json_option
 @debug_option
@@ -56,10 +60,15 @@ def _score(
     from tega.devices.emg_formats import read_emg_file
     from tega.emg_score import score_recording
 
-    samples, _ = read_emg_file(file, channels or (), variable=variable)
     if file.suffix.lower() == ".mat":
+        samples, _ = read_emg_file(file, channels or (), variable=variable)
         measured, _ = read_emg_file(file, (1,), variable=force)
     elif force.isdecimal() and int(force) > 0:
+        if not channels:
+            raise click.UsageError(
+                f"{file.name} is a table, where --force {force} is a column beside the EMG: name that with --channels"
+            )
+        samples, _ = read_emg_file(file, channels)
         measured, _ = read_emg_file(file, (int(force),))
     else:
         raise click.UsageError(f"--force {force!r}: {file.name} is no .mat file, so name a column from 1")

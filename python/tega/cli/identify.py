@@ -22,30 +22,39 @@ __all__ = ["identify"]
 @click.option(
     "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="How long each does."
 )
+@click.option(
+    "--person", metavar="ID", help="Who wears the vest: what is left of their day's vibration holds."
+)
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @debug_option
 def identify(
-    *, config: Path | None, motors: tuple[int, ...], percent: int, seconds: float, sets: tuple[str, ...]
+    *,
+    config: Path | None,
+    motors: tuple[int, ...],
+    percent: int,
+    seconds: float,
+    person: str | None,
+    sets: tuple[str, ...],
 ) -> None:
     """Light the vest's motors one at a time and say where each should be felt.
 
     Wear the vest and compare: row 1 is at the top, column 1 at your own left on both panels. Where the front is
     felt mirrored, set front_mirror (bhaptics-ble). The settings of the person (threshold, step, mirror) are left out.
     """
-    from tega.cli.options import Stop
+    from tega.cli.options import Stop, worn_by
     from tega.clock import SystemClock
     from tega.config import DEFAULT_LAYOUT, load_config
-    from tega.devices import driver_class
     from tega.errors import ConfigError
     from tega.haptics import vest_frame
     from tega.teleop.identify import light_motor, motor_place
+    from tega.worn_vest import dose_file, worn_vest
 
-    settings = load_config(config, sets=sets).config
+    settings = load_config(config, sets=worn_by(person, sets)).config
     if settings.vest.driver is None:
         raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
     layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
     every = vest_frame([0] * 4, [0] * 4, layout=layout).motors.tolist()
-    with Stop() as stop, driver_class(settings.vest.driver, "vest")(settings.vest.options) as vest:
+    with Stop() as stop, worn_vest(settings.vest, dose_file(settings.calibration)) as vest:
         for note in vest.info.notes:
             click.echo(f"note: {note}", err=True)
         for motor in motors or every:

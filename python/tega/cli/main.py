@@ -76,6 +76,7 @@ _VERBS = {
     "bench": _Verb("Tooling", "tega.cli.bench", "bench", "Measure run time against error."),
     "soak": _Verb("Tooling", "tega.cli.soak", "soak", "Run everything emulated, with faults at random."),
     "stress": _Verb("Tooling", "tega.cli.stress", "stress", "Try the kernels where numbers go wrong."),
+    "stages": _Verb("Tooling", "tega.cli.stages", "stages", "List metrics, decoders, mappings and layouts."),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
 }
 

@@ -116,6 +116,11 @@ class Stop(AnyStop):
             signal.signal(number, handler)
 
 
+def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
+    """Return overrides of settings that also name who wears the vest, where somebody is named."""
+    return sets if person is None else (*sets, f"calibration.person={json.dumps(person)}")
+
+
 @contextmanager
 def stop_keys(stop: AnyStop, *, enabled: bool = True) -> Iterator[None]:
     """Let the space bar and q ask for the end, where there is a terminal to press them on."""

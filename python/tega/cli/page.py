@@ -59,6 +59,8 @@ def browser_observer(
     with BrowserView(title, port=port, controls=controls, **options) as view:
         click.echo(f"view: {view.url}", err=True)
         yield view
+    if view.problem:
+        click.echo(f"view: {view.problem}", err=True)
 
 
 def run_viewed(
@@ -89,6 +91,7 @@ def run_viewed(
     """
     from contextlib import closing
 
+    from tega.bus import Bus
     from tega.clock import PausableClock
     from tega.safety.stop import Stop
     from tega.teleop import run_session
@@ -96,12 +99,13 @@ def run_viewed(
     from tega.view.browser.feed import SessionFeed
     from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
 
+    bus = Bus()
     controls = Controls(can_pause=can_pause, can_mute=True)
     ends = Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")
     with (
-        closing(SessionFeed(config, {"preset": config.session.preset})) as feed,
+        closing(SessionFeed(config, {"preset": config.session.preset}, bus)) as feed,
         browser_observer(
             title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M
         ) as view,
@@ -120,5 +124,6 @@ def run_viewed(
             stop=ends,
             on_prepared=feed.watch,
             haptics=lambda: controls.haptics,
+            bus=bus,
             **options,
         )

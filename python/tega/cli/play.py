@@ -33,6 +33,9 @@ class _Speed(click.ParamType[float | None]):
     "--to", type=click.Path(path_type=Path), metavar="LAB.toml",
     help="Settings whose vest, hand, inputs and limits it is played to; else a vest drawn in this terminal.",
 )  # fmt: skip
+@click.option(
+    "--person", metavar="ID", help="Who wears the vest: what is left of their day's vibration holds."
+)
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
     "--speed", type=_Speed(), default="1", show_default=True,
@@ -51,6 +54,7 @@ def play(
     *,
     session: Path,
     to: Path | None,
+    person: str | None,
     sets: tuple[str, ...],
     speed: float | None,
     because: str,
@@ -69,7 +73,7 @@ def play(
     import time
     from functools import partial
 
-    from tega.cli.options import Stop, echo_json, stop_keys
+    from tega.cli.options import Stop, echo_json, stop_keys, worn_by
     from tega.cli.page import run_viewed
     from tega.cli.report import print_summary
     from tega.cli.stage import stage
@@ -83,7 +87,7 @@ def play(
             f"{session.name}: holds {len(files)} recordings, and one can be played",
             f"name one, such as {session / files[-1].name}",
         )
-    config = playing_to(to, sets=sets)
+    config = playing_to(to, sets=worn_by(person, sets))
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
     heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")

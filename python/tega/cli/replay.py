@@ -13,9 +13,6 @@ from tega.cli.page import view_options
 __all__ = ["replay"]
 
 
-_LOOSE = ("tactile", "baseline", "emg", "calibration", "out")
-
-
 class _Finger(click.ParamType[tuple[str, Path]]):
     """FINGER=PATH."""
 
@@ -97,7 +94,7 @@ def replay(
     from tega.teleop import run_session
 
     if session is not None:
-        check_flags({"view": view, **{name: flags[name] for name in _LOOSE}})
+        check_flags(click.get_current_context(), (*flags, "view", "view_port"))
         return 0 if replay_session(session, config=config, as_json=as_json) else 1
     if config is not None:
         raise click.UsageError("--config is for a SESSION; run takes settings with their own recordings")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 if TYPE_CHECKING:
     from tega.replay import Replay
@@ -93,12 +95,12 @@ def _short(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def check_flags(given: dict[str, object]) -> None:
-    """Refuse the flags for loose files beside a session.
+def check_flags(context: click.Context, names: Iterable[str]) -> None:
+    """Refuse the flags for loose files beside a session: none of them is silently left out.
 
     Raises:
         UsageError: One is given.
     """
-    for name, value in given.items():
-        if value:
+    for name in names:
+        if context.get_parameter_source(name) not in {None, ParameterSource.DEFAULT}:
             raise click.UsageError(f"--{name.replace('_', '-')} is for loose files, not for a session")

@@ -48,6 +48,13 @@ __all__ = ["sim_trials"]
 @click.option("--friction", type=float, help="Between it and the gel.")
 @click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
 @click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A setting of the loop: stages.*, vest.layout, vest.mirror; repeatable.",
+)
+@click.option(
     "--jobs",
     type=click.IntRange(0, 1024),
     default=0,
@@ -72,6 +79,7 @@ def sim_trials(
     stiffness_n_m: float | None,
     friction: float | None,
     preset: str,
+    sets: tuple[str, ...],
     jobs: int,
     out: Path | None,
     as_json: bool,
@@ -108,6 +116,7 @@ def sim_trials(
         mass_kg=mass_kg,
         stiffness_n_m=stiffness_n_m,
         friction=friction,
+        settings=sets,
     )
     jobs = jobs or os.cpu_count() or 1
     started = time.perf_counter()

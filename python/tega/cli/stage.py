@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Protocol
@@ -44,7 +45,7 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Watcher | No
     if not enabled or not sys.stderr.isatty():
         yield lambda _what, _done, _total: None, None
         return
-    newest: list[tuple[LoopView, Mapping[str, str]]] = []
+    newest: list[tuple[LoopView, Mapping[str, str], float]] = []
     over = threading.Event()
 
     def draw() -> None:
@@ -53,7 +54,8 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Watcher | No
         with TerminalView(title) as view:
             while not over.wait(_REDRAW_S):
                 if newest:
-                    view(*newest[-1])
+                    moment, rows, came_s = newest[-1]
+                    view(moment, rows, age_s=time.monotonic() - came_s)
 
     drawing = threading.Thread(target=draw, name="tega-view", daemon=True)
     with ExitStack() as stack:
@@ -67,7 +69,7 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Watcher | No
                 bar(what, done, total)
 
         def observe(view: LoopView, rows: Mapping[str, str] = {}) -> None:
-            newest[:] = [(view, rows)]
+            newest[:] = [(view, rows, time.monotonic())]
 
         try:
             yield progress, observe

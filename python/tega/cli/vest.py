@@ -202,20 +202,20 @@ def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
     from tega.cli.options import Stop, progress_bar
     from tega.clock import SystemClock
     from tega.config import DEFAULT_LAYOUT
-    from tega.devices import driver_class
     from tega.errors import ConfigError
     from tega.onset.measure import log_of, play_bursts, watched_vest
+    from tega.worn_vest import dose_file, worn_vest
 
     settings = wanted.settings
     if settings.vest.driver is None:
         raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
     layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
     made = utc_now()
-    driver = watched_vest(driver_class(settings.vest.driver, "vest")(settings.vest.options))
     with ExitStack() as stack:
         stop = stack.enter_context(Stop())
         clicks = stack.enter_context(_clicker(wanted.sync, stop))
-        opened: Any = stack.enter_context(driver)
+        worn = worn_vest(settings.vest, dose_file(settings.calibration))
+        opened: Any = watched_vest(stack.enter_context(worn))
         clicks_s = clicks()
         with progress_bar() as shown:
             bursts_s, unsent = play_bursts(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tega.recording.csv import CsvWriter, time_text
+from tega.csv_writer import CsvWriter, time_text
 from tega.recording.folder import OUTPUT_NAMES, prepare_folder
 from tega.recording.tables import RunRecorder
 

@@ -3,25 +3,37 @@
 A disk stands still at times: while it brings an earlier part of the file down, or since another program keeps it busy,
 a write may take seconds, whatever thread does it. What waits meanwhile in a program's own memory is lost when that is
 killed. So it waits in a folder in the machine's memory, which a kill does not reach; beside the unfinished file, in one
-called ``….mcap.part.tail``, stands which, and whoever finishes the file takes it from there.
+called ``….mcap.part.tail``, stands which, and whoever finishes the file takes it from there. The folder says which file
+it belongs to and is locked while that is written, so that a copy of the file takes nothing from it. What was never
+taken goes to its file when the next recording begins.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
+import os
 import shutil
 import tempfile
 import threading
+import time
 from collections import deque
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-__all__ = ["DirectFile", "SpooledFile", "open_disk", "take_tail"]
+from tega.errors import UnsafeNameError
+from tega.plain_name import plain_name
+from tega.recording.lock import lock
+
+__all__ = ["DirectFile", "SpooledFile", "open_disk", "rescue_tails", "take_tail"]
 
 _TAIL = ".tail"
 _MEMORY = Path("/dev/shm")  # where Linux keeps files in memory
 _PREFIX = "tega-"
+_OWNER = "owner"
 _PIECE_BYTES = 1024 * 1024
+# A folder whose file cannot be found is kept for so long: its disk may be mounted again.
+_KEPT_S = 86_400.0
 
 
 def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | SpooledFile:
@@ -33,6 +45,7 @@ def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | Spo
         most_bytes: What may wait in memory.
     """
     if raw.seekable() and _MEMORY.is_dir():
+        rescue_tails()
         with contextlib.suppress(OSError):
             return SpooledFile(raw, path, most_bytes=most_bytes)
     return DirectFile(raw)
@@ -96,12 +109,18 @@ class SpooledFile:
     def __init__(self, raw: BinaryIO, path: Path, *, most_bytes: int) -> None:
         self._raw = raw
         self._most_bytes = most_bytes
+        own = os.fstat(raw.fileno())
         self._folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=_MEMORY))
         self._note = path.with_name(path.name + _TAIL)
         try:
+            self._owner = (self._folder / _OWNER).open("xb")
+            lock(self._owner)
+            owner = {"path": str(path.absolute()), "file": [own.st_dev, own.st_ino]}
+            self._owner.write(json.dumps(owner).encode())
+            self._owner.flush()
             self._note.write_text(self._folder.name, encoding="utf-8")
         except OSError:
-            self._folder.rmdir()
+            shutil.rmtree(self._folder, ignore_errors=True)
             raise
         self._buffer = bytearray()
         self._pieces: deque[tuple[int, int, bytes | None]] = deque()
@@ -152,6 +171,7 @@ class SpooledFile:
     def _forget(self) -> None:
         self._note.unlink(missing_ok=True)
         shutil.rmtree(self._folder, ignore_errors=True)
+        self._owner.close()
 
     def _piece(self, at: int) -> Path:
         return self._folder / f"{at:016d}"
@@ -189,21 +209,60 @@ class SpooledFile:
 def take_tail(part: Path) -> None:
     """Add to an unfinished file what its writer had not yet brought to the disk when it was killed.
 
+    A copy of the file gets nothing, and takes nothing away from the file that it was copied from.
+
     Args:
         part: The file; nobody else may be writing it.
     """
     note = part.with_name(part.name + _TAIL)
     if not note.exists():
         return
-    folder = _MEMORY / note.read_text(encoding="utf-8").strip()
     # After a restart of the machine there is no such folder; and one that is not ours is left alone.
-    if folder.parent == _MEMORY and folder.name.startswith(_PREFIX) and folder.is_dir():
-        with part.open("r+b") as file:
-            for piece in sorted(folder.glob("[0-9]*")):
-                file.seek(int(piece.name))
-                file.write(piece.read_bytes())
-        shutil.rmtree(folder, ignore_errors=True)
+    with contextlib.suppress(UnsafeNameError, OSError, ValueError):
+        name = plain_name(note.read_text(encoding="utf-8").strip(), what="folder", source=note.name)
+        if name.startswith(_PREFIX):
+            _bring(_MEMORY / name, part)
     note.unlink()
+
+
+def rescue_tails() -> None:
+    """Bring to their files what recordings that were killed left in memory, so that it does not stay there."""
+    for folder in _MEMORY.glob(f"{_PREFIX}*"):
+        with contextlib.suppress(OSError, ValueError):
+            part = Path(str(_owner(folder).get("path", "")))
+            if part.is_file():
+                with part.open("rb") as file:
+                    if lock(file):
+                        _bring(folder, part)
+            elif time.time() - folder.stat().st_mtime > _KEPT_S and _abandoned(folder):
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _bring(folder: Path, part: Path) -> None:
+    """Bring what waits in a folder to its file, unless somebody still fills it, or it is another file's."""
+    own = part.stat()
+    if _owner(folder).get("file") != [own.st_dev, own.st_ino] or not _abandoned(folder):
+        return
+    with part.open("r+b") as file:
+        for piece in sorted(folder.glob("[0-9]*")):
+            file.seek(int(piece.name))
+            file.write(piece.read_bytes())
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _owner(folder: Path) -> dict[str, Any]:
+    """Return which file a folder belongs to; of other people's folders nothing is believed."""
+    seen = folder.stat(follow_symlinks=False)
+    if not folder.is_dir() or folder.is_symlink() or seen.st_uid != os.getuid():
+        raise ValueError(f"{folder.name} is somebody else's")
+    owner = json.loads((folder / _OWNER).read_bytes())
+    return owner if isinstance(owner, dict) else {}
+
+
+def _abandoned(folder: Path) -> bool:
+    """Whether the program that filled a folder is gone."""
+    with (folder / _OWNER).open("rb") as file:
+        return lock(file)
 
 
 def _write(raw: BinaryIO, data: bytes) -> None:

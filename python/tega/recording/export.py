@@ -6,9 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+from tega.csv_writer import CsvWriter
 from tega.devices.lifecycle import require
 from tega.errors import ConfigError
-from tega.recording.csv import CsvWriter
+from tega.foreign_file import tells_damage
+from tega.plain_name import plain_name
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import LEAD_IN
 
@@ -17,6 +19,7 @@ __all__ = ["export_file"]
 Row = dict[str, Any]
 
 
+@tells_damage
 def export_file(
     path: Path, folder: Path, *, kind: Literal["csv", "parquet"] = "csv", pictures: bool = False
 ) -> list[Path]:
@@ -38,6 +41,7 @@ def export_file(
     Raises:
         ConfigError: The folder holds something.
         RecordingError: The recording cannot be read.
+        UnsafeNameError: A topic or an attachment has a name that cannot be a file's.
         MissingExtraError: A package is not installed.
     """
     if kind == "parquet":
@@ -57,12 +61,19 @@ def export_file(
         if message.schema == "tega.Frame" and pictures:
             image = waiting.pop(f"{message.topic.removesuffix('/frame')}/image", None)
             if image is not None:
-                _picture(image, folder / message.topic.split("/")[2], message.value.seq)
+                finger = plain_name(
+                    message.topic.split("/")[2], what=f"{message.topic}: finger", source=path.name
+                )
+                _picture(image, folder / finger, message.value.seq)
         name = message.topic.strip("/").replace("/", ".")
+        if name not in tables:
+            plain_name(name, what="topic", source=path.name)
         tables.setdefault(name, []).extend(_rows(message, message.log_ns - epoch_ns))
-    for name, data in reader.files.items():
-        if name != LEAD_IN:
-            (folder / name).write_bytes(data)
+    attached = [
+        plain_name(name, what="attachment", source=path.name) for name in reader.files if name != LEAD_IN
+    ]
+    for name in attached:
+        (folder / name).write_bytes(reader.files[name])
     write = _write_csv if kind == "csv" else _write_parquet
     return [write(folder / f"{name}.{kind}", rows) for name, rows in sorted(tables.items()) if rows]
 
@@ -90,7 +101,11 @@ def _rows(message: Message, log_ns: int) -> Iterator[Row]:
 def _columns(value: Any) -> Iterator[tuple[str, Any]]:
     for field in value.DESCRIPTOR.fields:
         content = getattr(value, field.name)
-        if not hasattr(content, "extend"):
+        if field.containing_oneof is not None and not value.HasField(field.name):
+            continue
+        if field.message_type is not None and field.message_type.name == "NamedValue":
+            yield from ((named.name, named.value) for named in content)
+        elif not hasattr(content, "extend"):
             yield field.name, str(content) if field.message_type is not None else content
         elif field.message_type is not None and field.message_type.name == "ArmPose":
             yield field.name, "; ".join(_pose_text(pose) for pose in content)

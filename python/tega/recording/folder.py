@@ -19,7 +19,8 @@ def prepare_folder(folder: Path) -> None:
     """Make a folder ready for a run's outputs.
 
     It may be new, empty, or hold an earlier run (recognised by its ``summary.json``); an earlier run's own files
-    are then removed, anything else in the folder is left alone.
+    are then removed, anything else in the folder is left alone. A ``summary.json`` that says that the run has not ended
+    is written at once: of a run that is killed it stays, and the next run knows the folder by it.
 
     Args:
         folder: The folder.
@@ -37,6 +38,8 @@ def prepare_folder(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in OUTPUT_NAMES:
         (folder / name).unlink(missing_ok=True)
+    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": "not yet, or it was killed"}
+    (folder / "summary.json").write_text(json.dumps(begun, indent=2) + "\n", encoding="utf-8", newline="\n")
 
 
 def _holds_a_run(folder: Path) -> bool:

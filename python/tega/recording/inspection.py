@@ -10,9 +10,11 @@ import msgspec
 import numpy as np
 
 from tega.calibration.motor_onset import STAGE
+from tega.foreign_file import tells_damage
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import origins, span
-from tega.teleop.latency import FrameLatency
+from tega.records import Latency as LatencyRecord
+from tega.records.schema import read
 
 __all__ = ["Inspection", "Latency", "Marked", "StreamFacts", "inspect_file"]
 
@@ -82,7 +84,7 @@ class Inspection(msgspec.Struct, frozen=True):
         ended: How the run ended; ``""`` where that was not recorded.
         mib: Size of the file.
         config_sha256: Of the settings' text.
-        versions: Of everything the results may depend on.
+        versions: Of the recording itself, and of everything the results may depend on.
         sources: What the inputs called themselves.
         streams: By topic.
         latency: By stage; empty where the run's time was not the world's, and without stages that a
@@ -120,6 +122,7 @@ class _Topic:
         self.n_bytes = 0
 
 
+@tells_damage
 def inspect_file(path: Path) -> Inspection:
     """Look through a recording; pictures are counted, not decoded.
 
@@ -152,7 +155,7 @@ def inspect_file(path: Path) -> Inspection:
         ended=seen.ended,
         mib=path.stat().st_size / 2**20,
         config_sha256=facts.get("config_sha256", ""),
-        versions=reader.metadata.get("versions", {}),
+        versions={"recording": facts.get("version", ""), **reader.metadata.get("versions", {})},
         sources=sources,
         streams=[_facts(name, topic, dropped.get(name, 0)) for name, topic in sorted(seen.topics.items())],
         latency=_with_skin(
@@ -224,7 +227,7 @@ class _Seen:
                 what = value.said or f"{value.name}: well again"
                 self.states.append(Marked(value.t_ns / 1e9, what))
             case "tega.Latency":
-                way = FrameLatency(value.path, value.source, tuple(value.stamps_ns))
+                way = read(LatencyRecord, value)
                 for stage, ns in way.stages_ns().items():
                     self.stages[f"{_PATHS[value.path]}: {stage}"].append(ns)
             case "tega.ArmTurn":

@@ -5,56 +5,31 @@ from __future__ import annotations
 import contextlib
 import os
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+import msgspec
 import numpy as np
 
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
+from tega.file_lock import lock_file
 from tega.hand import JOINT_NAMES
 from tega.recording.disk import open_disk
-from tega.recording.mcap_schemas import MESSAGES, PACKAGE, message_class, schema_bytes
+from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
+from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
+from tega.records.schema import schema_name
 
 if TYPE_CHECKING:
-    from tega.recording.mcap_queue import Item
+    from tega.records import Record
 
-__all__ = ["McapFile", "lock"]
+__all__ = ["McapFile"]
 
 _CHUNK_BYTES = 4 * 1024 * 1024
 # Of zstd: the noise of a camera hardly yields to more effort.
 _LEVEL = 1
 _LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
-
-
-def _can(frame: Any) -> dict[str, Any]:
-    flags = getattr(frame, "extended", False) + 2 * getattr(frame, "error", False)
-    return {"id": frame.id, "data": bytes(frame.data), "remote": frame.remote, "flags": flags}
-
-
-def _with_frames(*names: str) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
-    """Let the writer's thread turn CAN frames into messages, so that the loop need not."""
-    return lambda fields: {**fields, **{name: [_can(f) for f in fields[name]] for name in names}}
-
-
-_CONVERT = {"CanFrames": _with_frames("frames"), "HandExchange": _with_frames("received", "sent")}
-
-
-def lock(file: BinaryIO) -> bool:
-    """Mark an open file as being written, for as long as it is open; return whether nobody else has.
-
-    The mark dies with the process. Where the system has no such marks the answer is yes.
-    """
-    try:
-        import fcntl
-    except ImportError:
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 class McapFile:
@@ -103,7 +78,7 @@ class McapFile:
             raise RecordingError(
                 f"{path.name}: cannot be made: {error.strerror}", f"looked at {path.parent}"
             ) from error
-        lock(self._raw)
+        lock_file(self._raw, path)
         self._disk = open_disk(self._raw, path, most_bytes=most_bytes)
         self._context = foxglove.Context()
         # A thread of its own for compression would only wait for the one that writes.
@@ -144,22 +119,28 @@ class McapFile:
             data=data,
         )
 
-    def write(self, item: Item) -> None:
-        """Encode an item and add it."""
-        log_ns = self.epoch_ns + item.t_ns
+    def write(self, record: Record, t_ns: int) -> None:
+        """Encode a record and add it.
+
+        Args:
+            record: It.
+            t_ns: When it came, nanoseconds since the start of the session.
+        """
+        log_ns = self.epoch_ns + t_ns
         self.n_items += 1
-        if item.kind == "image":
-            self._image(item, log_ns)
-        elif item.kind == "joints":
-            self._joints(item, log_ns)
-        elif item.kind == "log":
-            self._log(item, log_ns)
-        elif item.kind == "pose":
-            self._pose(item, log_ns)
-        elif item.kind == "axes":
-            self._axes(item, log_ns)
-        else:
-            self._message(item.topic, item.kind, item.value, log_ns)
+        match record:
+            case Picture():
+                self._picture(record, log_ns)
+            case Joints():
+                self._joints(record, log_ns)
+            case LogLine():
+                self._log(record, log_ns)
+            case PoseRecord():
+                self._pose(record, log_ns)
+            case TrackerAxes():
+                self._axes(record, log_ns)
+            case _:
+                self._message(record.where, record, log_ns)
 
     def flush(self) -> None:
         """Hand everything to where it outlives this process."""
@@ -188,29 +169,28 @@ class McapFile:
             channel = self._channels[topic] = make(topic, context=self._context, **how)
         return channel
 
-    def _message(self, topic: str, kind: str, fields: Mapping[str, Any], log_ns: int) -> None:
+    def _message(self, topic: str, record: Record, log_ns: int) -> None:
         schema = None
         if topic not in self._channels:
-            schema = self._foxglove.Schema(name=f"{PACKAGE}.{kind}", encoding="protobuf", data=schema_bytes())
-        if convert := _CONVERT.get(kind):
-            fields = convert(fields)
+            name = f"{PACKAGE}.{schema_name(type(record))}"
+            schema = self._foxglove.Schema(name=name, encoding="protobuf", data=schema_bytes())
         channel = self._channel(topic, self._foxglove.Channel, message_encoding="protobuf", schema=schema)
-        channel.log(message_class(kind)(**fields).SerializeToString(), log_time=log_ns)
+        channel.log(encoded(record), log_time=log_ns)
 
     def _stamp(self, t_ns: int) -> Any:
         return self._messages.Timestamp(*divmod(self.epoch_ns + t_ns, 1_000_000_000))
 
-    def _image(self, item: Item, log_ns: int) -> None:
+    def _picture(self, record: Picture, log_ns: int) -> None:
         """Write a picture, then its number and exact times beside it."""
-        finger, image, frame = item.value
+        image, topic = record.image, record.where
         height, width = image.shape[:2]
-        stamp = self._stamp(frame["t_ns"])
+        stamp = self._stamp(record.t_ns)
         pixels = image.tobytes()
         if self._lossless:
-            channel = self._channel(item.topic, self._channels_of.RawImageChannel)
+            channel = self._channel(topic, self._channels_of.RawImageChannel)
             message = self._messages.RawImage(
                 timestamp=stamp,
-                frame_id=finger,
+                frame_id=record.finger,
                 width=width,
                 height=height,
                 encoding="bgr8",
@@ -218,52 +198,50 @@ class McapFile:
                 data=pixels,
             )
         else:
-            channel = self._channel(item.topic, self._channels_of.CompressedImageChannel)
+            channel = self._channel(topic, self._channels_of.CompressedImageChannel)
             whole = np.frombuffer(pixels, np.uint8).reshape(image.shape)
             _, data = self._cv2.imencode(".jpg", whole, self._quality)
             message = self._messages.CompressedImage(
-                timestamp=stamp, frame_id=finger, data=data.tobytes(), format="jpeg"
+                timestamp=stamp, frame_id=record.finger, data=data.tobytes(), format="jpeg"
             )
         channel.log(message, log_time=log_ns)
-        numbers = {**frame, "pixels_crc32": zlib.crc32(pixels)}
-        self._message(f"{item.topic.rsplit('/', 1)[0]}/frame", "Frame", numbers, log_ns)
+        summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels))
+        self._message(f"{topic.rpartition('/')[0]}/frame", summed, log_ns)
 
-    def _joints(self, item: Item, log_ns: int) -> None:
-        angles: Sequence[float] = item.value
+    def _joints(self, record: Joints, log_ns: int) -> None:
         make = self._messages.JointState
-        states = [make(name=name, position=angle) for name, angle in zip(JOINT_NAMES, angles, strict=True)]
-        channel = self._channel(item.topic, self._channels_of.JointStatesChannel)
+        states = [make(name=name, position=a) for name, a in zip(JOINT_NAMES, record.angles_rad, strict=True)]
+        channel = self._channel(record.where, self._channels_of.JointStatesChannel)
         channel.log(
-            self._messages.JointStates(timestamp=self._stamp(item.t_ns), joints=states), log_time=log_ns
+            self._messages.JointStates(timestamp=self._stamp(record.t_ns), joints=states), log_time=log_ns
         )
 
-    def _log(self, item: Item, log_ns: int) -> None:
-        level, name, text = item.value
-        channel = self._channel(item.topic, self._channels_of.LogChannel)
-        level = getattr(self._messages.LogLevel, _LOG_LEVELS.get(level // 10 * 10, "Unknown"))
-        message = self._messages.Log(timestamp=self._stamp(item.t_ns), level=level, message=text, name=name)
+    def _log(self, record: LogLine, log_ns: int) -> None:
+        channel = self._channel(record.where, self._channels_of.LogChannel)
+        level = getattr(self._messages.LogLevel, _LOG_LEVELS.get(record.level // 10 * 10, "Unknown"))
+        message = self._messages.Log(
+            timestamp=self._stamp(record.t_ns), level=level, message=record.text, name=record.name
+        )
         channel.log(message, log_time=log_ns)
 
-    def _pose(self, item: Item, log_ns: int) -> None:
-        frame, pose = item.value
+    def _pose(self, record: PoseRecord, log_ns: int) -> None:
         message = self._messages.PoseInFrame(
-            timestamp=self._stamp(pose["t_ns"]),
-            frame_id=frame,
+            timestamp=self._stamp(record.t_ns),
+            frame_id=record.frame,
             pose=self._messages.Pose(
-                position=self._messages.Vector3(**dict(zip("xyz", pose["position"], strict=True))),
-                orientation=self._messages.Quaternion(**dict(zip("xyzw", pose["quaternion"], strict=True))),
+                position=self._messages.Vector3(**dict(zip("xyz", record.position, strict=True))),
+                orientation=self._messages.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True))),
             ),
         )
-        self._channel(item.topic, self._channels_of.PoseInFrameChannel).log(message, log_time=log_ns)
+        self._channel(record.where, self._channels_of.PoseInFrameChannel).log(message, log_time=log_ns)
 
-    def _axes(self, item: Item, log_ns: int) -> None:
+    def _axes(self, record: TrackerAxes, log_ns: int) -> None:
         """Write how the axes of one frame lie in another."""
-        parent, child, turn = item.value
         message = self._messages.FrameTransform(
-            timestamp=self._stamp(item.t_ns),
-            parent_frame_id=parent,
-            child_frame_id=child,
+            timestamp=self._stamp(record.t_ns),
+            parent_frame_id=record.parent,
+            child_frame_id=record.child,
             translation=self._messages.Vector3(x=0.0, y=0.0, z=0.0),
-            rotation=self._messages.Quaternion(**dict(zip("xyzw", turn, strict=True))),
+            rotation=self._messages.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True))),
         )
-        self._channel(item.topic, self._channels_of.FrameTransformChannel).log(message, log_time=log_ns)
+        self._channel(record.where, self._channels_of.FrameTransformChannel).log(message, log_time=log_ns)

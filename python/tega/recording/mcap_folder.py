@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import ConfigError, RecordingError
+from tega.file_lock import lock_file
 from tega.recording.disk import take_tail
 from tega.recording.mcap_copy import McapCopy, McapRecords
-from tega.recording.mcap_file import lock
 
 __all__ = ["INDEX_NAME", "Recovered", "SessionFolder", "recover_file", "session_files"]
 
 INDEX_NAME = "session.json"
 INDEX_FORMAT = "tega-session"
 _PART = ".part"
+_NUMBER = re.compile(r"trial-([0-9]{3,12})\.mcap")
 
 
 class Recovered(NamedTuple):
@@ -63,7 +65,8 @@ class SessionFolder:
 
     def new_trial(self) -> Path:
         """Return the path of the next trial's file, which does not exist; while it is written it ends in ``.part``."""
-        taken = [int(p.name[6:9]) for p in self.path.glob("trial-[0-9][0-9][0-9].mcap*")]
+        numbers = (_NUMBER.match(file.name) for file in self.path.iterdir())
+        taken = [int(number[1]) for number in numbers if number is not None]
         return self.path / f"trial-{max(taken, default=0) + 1:03d}.mcap"
 
     def note(self, name: str, facts: dict[str, Any]) -> None:
@@ -71,7 +74,7 @@ class SessionFolder:
         index = self.index()
         trials = {trial["file"]: trial for trial in index["trials"]}
         trials[name] = {"file": name, **trials.get(name, {}), **facts}
-        index["trials"] = [trials[key] for key in sorted(trials)]
+        index["trials"] = [trials[key] for key in sorted(trials, key=in_order)]
         new = self.path / f"{INDEX_NAME}.new"
         new.write_text(json.dumps(index, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
         new.replace(self.path / INDEX_NAME)
@@ -93,7 +96,7 @@ class SessionFolder:
         done = []
         for part in sorted(self.path.glob(f"trial-*.mcap{_PART}")):
             with part.open("rb") as file:
-                if not lock(file):
+                if not lock_file(file, part):
                     continue  # somebody is writing it
                 take_tail(part)
             recovered = recover_file(part, part.with_suffix(""))
@@ -102,6 +105,12 @@ class SessionFolder:
             facts = {"state": "recovered", "messages": recovered.n_messages, "problem": recovered.problem}
             self.note(recovered.path.name, facts)
         return done
+
+
+def in_order(name: str) -> tuple[int, str]:
+    """Sort key of a session's files: trial 1000 comes after trial 999."""
+    number = _NUMBER.match(name)
+    return (0 if number is None else int(number[1]), name)
 
 
 def recover_file(source: Path, target: Path) -> Recovered:
@@ -135,7 +144,7 @@ def session_files(path: Path) -> list[Path]:
         RecordingError: There are none.
     """
     if path.is_dir():
-        files = sorted(SessionFolder(path).path.glob("*.mcap"))
+        files = sorted(SessionFolder(path).path.glob("*.mcap"), key=lambda file: in_order(file.name))
         if not files:
             raise RecordingError(
                 f"{path.name}: holds no recording", "name a session's folder, or a file in it"

@@ -5,7 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from tega.records import Picture, Record
 
 __all__ = ["BoundedQueue", "Item"]
 
@@ -15,21 +17,16 @@ _WAIT_S = 0.002
 
 
 class Item(NamedTuple):
-    """Something to be written.
+    """A record to be written.
 
     Attributes:
-        topic: Where it belongs.
+        record: Not yet encoded.
         t_ns: When it came, nanoseconds since the start of the session.
-        kind: ``image``, ``joints``, ``log``, ``pose``, ``axes``, or one of
-            :data:`tega.recording.mcap_schemas.MESSAGES`.
-        value: Its content, not yet encoded.
         n_bytes: What it takes in memory, about.
     """
 
-    topic: str
+    record: Record
     t_ns: int
-    kind: str
-    value: Any
     n_bytes: int
 
 
@@ -64,11 +61,11 @@ class BoundedQueue:
 
     def put(self, item: Item) -> bool:
         """Add an item; returns at once (unless told to wait) whether there was room."""
-        limit = self._most_bytes if item.kind == "image" else self._most_bytes + RESERVE_BYTES
+        limit = self._most_bytes if isinstance(item.record, Picture) else self._most_bytes + RESERVE_BYTES
         while True:
             with self._lock:
                 if self._closed:
-                    self.dropped[item.topic] += 1
+                    self.dropped[item.record.where] += 1
                     return False
                 # One item always fits, however large it is.
                 if self.n_bytes == 0 or self.n_bytes + item.n_bytes <= limit:
@@ -76,7 +73,7 @@ class BoundedQueue:
                     self._items.append(item)
                     return True
                 if not self._wait:
-                    self.dropped[item.topic] += 1
+                    self.dropped[item.record.where] += 1
                     return False
             time.sleep(_WAIT_S)
 
@@ -99,6 +96,6 @@ class BoundedQueue:
     def discard(self) -> None:
         """Count everything that waits as dropped."""
         while (item := self.take()) is not None:
-            self.dropped[item.topic] += 1
+            self.dropped[item.record.where] += 1
             with self._lock:
                 self._given_bytes -= item.n_bytes

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from tega.devices.lifecycle import require
+from tega.devices.opencv import load_cv2
 from tega.errors import RecordingError
+from tega.foreign_file import MIB, check_file
 from tega.recording.mcap_schemas import decoder
 
 if TYPE_CHECKING:
@@ -16,6 +18,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["McapReader", "Message", "read_picture"]
+
+
+# A day of four cameras without loss is less; a record of TEGA's is at most one chunk of 4 MiB and one picture.
+_MOST_MIB = 1024 * 1024
+_MOST_RECORD = 256 * MIB
 
 
 class Message(NamedTuple):
@@ -74,11 +81,17 @@ class McapReader:
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
         try:
+            if self._data is None:
+                check_file(self.path, most_mib=_MOST_MIB)
             file: IO[bytes] = self.path.open("rb") if self._data is None else io.BytesIO(self._data)
         except OSError as error:
             raise RecordingError(f"{self.path.name}: cannot be read: {error.strerror}") from error
         with file:
-            source = iter(reading.StreamReader(file, validate_crcs=self._check_sums).records)
+            source = iter(
+                reading.StreamReader(
+                    file, validate_crcs=self._check_sums, record_size_limit=_MOST_RECORD
+                ).records
+            )
             while True:
                 try:
                     record = next(source, None)
@@ -95,21 +108,32 @@ class McapReader:
                 if record is None:
                     return
                 if isinstance(record, records.Message):
-                    channel = channels[record.channel_id]
-                    schema = schemas.get(channel.schema_id)
-                    value = None
-                    if schema is not None and schema.encoding == "protobuf" and wanted(channel.topic):
-                        value = decoder(schema.name, schema.data).FromString(record.data)
-                    name = "" if schema is None else schema.name
-                    yield Message(channel.topic, name, record.log_time, len(record.data), value)
+                    try:
+                        message = _message(record, channels[record.channel_id], schemas, wanted)
+                    except Exception as error:  # of a damaged schema or message, or one of an unknown channel
+                        self.cut = type(error).__name__
+                        return
+                    yield message
                 elif isinstance(record, records.Schema):
                     schemas[record.id] = record
                 elif isinstance(record, records.Channel):
                     channels[record.id] = record
-                elif isinstance(record, records.Metadata):
-                    self.metadata.setdefault(record.name, {}).update(record.metadata)
-                elif isinstance(record, records.Attachment):
-                    self.files[record.name] = record.data
+                else:
+                    self._keep(record, records)
+
+    def _keep(self, record: Any, records: Any) -> None:
+        if isinstance(record, records.Metadata):
+            self.metadata.setdefault(record.name, {}).update(record.metadata)
+        elif isinstance(record, records.Attachment):
+            self.files[record.name] = record.data
+
+
+def _message(record: Any, channel: Any, schemas: dict[int, Any], wanted: Callable[[str], bool]) -> Message:
+    schema, value = schemas.get(channel.schema_id), None
+    if schema is not None and schema.encoding == "protobuf" and wanted(channel.topic):
+        value = decoder(schema.name, schema.data).FromString(record.data)
+    name = "" if schema is None else schema.name
+    return Message(channel.topic, name, record.log_time, len(record.data), value)
 
 
 def read_picture(message: Message) -> NDArray[np.uint8]:
@@ -119,7 +143,17 @@ def read_picture(message: Message) -> NDArray[np.uint8]:
     value = message.value
     data = np.frombuffer(value.data, np.uint8)
     if message.schema == "foxglove.RawImage":
+        if len(data) != value.height * value.width * 3:
+            raise RecordingError(
+                f"{message.topic}: a picture of {len(data)} bytes, not {value.height}×{value.width}×3",
+                "the recording is damaged there; trim it before",
+            )
         return data.reshape(value.height, value.width, 3)
-    cv2 = require("cv2", driver="recording", extra="record")
-    decoded: NDArray[np.uint8] = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    cv2 = load_cv2("recording")
+    decoded: NDArray[np.uint8] | None = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+    if decoded is None:
+        raise RecordingError(
+            f"{message.topic}: a picture of {len(data)} bytes cannot be decoded",
+            "the recording is damaged there; trim it before",
+        )
     return decoded

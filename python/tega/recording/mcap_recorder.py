@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from tega.priority import ahead_of_others
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_queue import BoundedQueue, Item
+from tega.records import LogLine, Marker, Record, RecorderStatus
 
 if TYPE_CHECKING:
     from tega.config import RecordingSection
@@ -112,25 +113,18 @@ class McapRecorder:
         self._thread.start()
         threading.Thread(target=self._sync, name="tega-recorder-sync", daemon=True).start()
 
-    def put(self, topic: str, t_ns: int, kind: str, value: Any, n_bytes: int = 0) -> None:
-        """Hand something over; see :class:`~tega.recording.mcap_queue.Item`."""
-        self._queue.put(Item(topic, t_ns, kind, value, n_bytes + _ITEM_BYTES))
+    def put(self, record: Record, *, t_ns: int | None = None) -> None:
+        """Hand a record over.
+
+        Args:
+            record: It.
+            t_ns: When it came, since the start of the session, where its own stamp is on another clock.
+        """
+        self._queue.put(Item(record, record.log_ns if t_ns is None else t_ns, record.n_bytes + _ITEM_BYTES))
 
     def marker(self, t_ns: int, text: str, *, source: str = "") -> None:
         """Mark a moment, such as a trial's beginning or a pressed pedal."""
-        self.put("/run/marker", t_ns, "Marker", {"t_ns": t_ns, "text": text, "source": source})
-
-    def heard_marker(self, t_ns: int, received_ns: int, value: Mapping[str, Any]) -> None:
-        """Record another program's marker: its ``text``, ``source``, ``stamp_s`` there and the ``correction_s``."""
-        self.put("/markers", received_ns, "Marker", {"t_ns": t_ns, "received_ns": received_ns, **value})
-
-    def run_state(self, t_ns: int, state: str, reason: str = "") -> None:
-        """Say what the run is doing from now on."""
-        self.put("/run/state", t_ns, "State", {"t_ns": t_ns, "state": state, "reason": reason})
-
-    def value(self, t_ns: int, name: str, value: float) -> None:
-        """Record a stage's latency, milliseconds, of a name that has no stream of its own."""
-        self.put(f"/value/{name}", t_ns, "Value", {"t_ns": t_ns, "name": name, "value": value})
+        self.put(Marker(t_ns=t_ns, text=text, source=source))
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -220,15 +214,16 @@ class McapRecorder:
                 self._stop(f"the disk took no more: {error.strerror or error}")
 
     def _write(self, item: Item) -> None:
+        topic = item.record.where
         if self.state != "recording":
-            self._queue.dropped[item.topic] += 1
+            self._queue.dropped[topic] += 1
             return
         try:
-            self._file.write(item)
+            self._file.write(item.record, item.t_ns)
         except Exception as error:  # a recorder must never take a run with it
-            self._stop(f"{item.topic} could not be written: {type(error).__name__}: {error}")
+            self._stop(f"{topic} could not be written: {type(error).__name__}: {error}")
             return
-        self.written[item.topic] = self.written.get(item.topic, 0) + 1
+        self.written[topic] = self.written.get(topic, 0) + 1
         self._newest_ns = max(self._newest_ns, item.t_ns)
 
     def _status(self) -> None:
@@ -237,16 +232,16 @@ class McapRecorder:
         dropped = dict(self._queue.dropped)
         self._told_dropped = sum(dropped.values())
         t_ns = self._newest_ns
-        status = {
-            "t_ns": t_ns,
-            "queued": len(self._queue),
-            "queued_bytes": self._queue.n_bytes,
-            "written_bytes": self._file.n_bytes,
-            "free_bytes": free,
-            "dropped_topics": list(dropped),
-            "dropped_counts": list(dropped.values()),
-        }
-        self._file.write(Item("/recorder/status", t_ns, "Status", status, 0))
+        status = RecorderStatus(
+            t_ns=t_ns,
+            queued=len(self._queue),
+            queued_bytes=self._queue.n_bytes,
+            written_bytes=self._file.n_bytes,
+            free_bytes=free,
+            dropped_topics=tuple(dropped),
+            dropped_counts=tuple(dropped.values()),
+        )
+        self._file.write(status, t_ns)
         settings = self._settings
         if free < settings.stop_free_mib * _MIB:
             self._close_file(b"")
@@ -294,5 +289,6 @@ class _LogHandler(logging.Handler):
         t_ns = time.monotonic_ns() - self.start_ns
         if self._last is not None and record.levelno >= self._last.level:
             self._last.handle(record)
-        line = (record.levelno, record.name, record.getMessage())
-        self._recorder.put("/log", t_ns, "log", line, len(line[2]))
+        self._recorder.put(
+            LogLine(t_ns=t_ns, level=record.levelno, name=record.name, text=record.getMessage())
+        )

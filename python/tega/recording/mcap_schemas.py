@@ -1,4 +1,4 @@
-"""The messages of a recording that no well-known schema has, as protobuf built from the table below.
+"""The messages of a recording that no well-known schema has, as protobuf made from :mod:`tega.records`.
 
 Pictures, joint angles, poses and log lines use Foxglove's own schemas. All times here are nanoseconds since the start
 of the session; ``taken_ns`` is the loop's tick at which an item was taken in.
@@ -6,122 +6,46 @@ of the session; ``taken_ns`` is the loop's tick at which an item was taken in.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 from tega.devices.lifecycle import require
+from tega.records import RECORDS, Record
+from tega.records.schema import Part, fields, own_schema, parts, schema_name, units, values
 
-__all__ = ["MESSAGES", "PACKAGE", "decoder", "message_class", "schema_bytes"]
+__all__ = [
+    "MESSAGES",
+    "PACKAGE",
+    "VERSIONS",
+    "decoder",
+    "encoded",
+    "message_class",
+    "schema_bytes",
+    "unit_table",
+]
 
 PACKAGE = "tega"
 _EXTRA = "record"
 
-# Per message its fields as (name, type); ``*`` marks a repeated one. Numbers of fields are their places, so a new field
-# goes to the end.
-MESSAGES: dict[str, tuple[tuple[str, str], ...]] = {
-    "Frame": (
-        ("t_ns", "int64"),
-        ("received_ns", "int64"),
-        ("seq", "int64"),
-        ("name", "string"),
-        ("pixels_crc32", "uint32"),
-    ),
-    "Contact": (
-        ("t_ns", "int64"),
-        ("taken_ns", "int64"),
-        ("mass", "double"),
-        ("centroid_x", "double"),
-        ("centroid_y", "double"),
-        ("spread", "double"),
-        ("threshold", "double"),
-        ("eda", "int64"),
-        ("cci", "double"),
-        ("peak", "double"),
-        ("peak_x", "int32"),
-        ("peak_y", "int32"),
-        ("in_contact", "bool"),
-        ("cci_norm", "double"),
-        ("eda_norm", "double"),
-        ("front", "double"),
-        ("back", "double"),
-        ("known_ns", "int64"),
-    ),
-    "EmgSamples": (
-        ("t_ns", "int64"),
-        ("received_ns", "int64"),
-        ("first_index", "int64"),
-        ("n_channels", "int32"),
-        ("samples", "double*"),
-    ),
-    "Levels": (("t_ns", "int64"), ("taken_ns", "int64"), ("channels", "int32*"), ("fused", "int32")),
-    "VestFrame": (
-        ("t_ns", "int64"),
-        ("layout", "string"),
-        ("intensities", "uint32*"),
-        ("handed_ns", "int64"),
-    ),
-    "CanFrame": (("id", "uint32"), ("data", "bytes"), ("remote", "bool"), ("flags", "uint32")),
-    "CanFrames": (("t_ns", "int64"), ("level", "int32"), ("frames", "CanFrame*")),
-    "HandExchange": (
-        ("t_ns", "int64"),
-        ("level", "int32"),
-        ("received", "CanFrame*"),
-        ("sent", "CanFrame*"),
-        ("action", "string"),
-    ),
-    "State": (("t_ns", "int64"), ("state", "string"), ("reason", "string")),
-    "Marker": (
-        ("t_ns", "int64"),
-        ("text", "string"),
-        ("source", "string"),
-        ("received_ns", "int64"),
-        ("stamp_s", "double"),
-        ("correction_s", "double"),
-    ),
-    "Input": (("t_ns", "int64"), ("live", "bool"), ("motion", "double*"), ("held", "string*")),
-    "Button": (("t_ns", "int64"), ("seq", "int64"), ("button", "string"), ("pressed", "bool")),
-    "Skip": (("t_ns", "int64"),),
-    "Haptics": (("t_ns", "int64"), ("n_asked", "int64"), ("on", "bool")),
-    "Imposed": (("t_ns", "int64"), ("level", "int32")),
-    "Value": (("t_ns", "int64"), ("name", "string"), ("value", "double")),
-    "Alert": (("t_ns", "int64"), ("name", "string"), ("said", "string")),
-    "Latency": (("path", "string"), ("source", "string"), ("stamps_ns", "int64*")),
-    "ArmPose": (("t_ns", "int64"), ("position", "double*"), ("quaternion", "double*"), ("valid", "bool")),
-    "ArmTurn": (
-        ("t_ns", "int64"),
-        ("poses", "ArmPose*"),
-        ("clutch", "bool"),
-        ("dead_man", "bool"),
-        ("may_move", "bool"),
-        ("measured", "ArmPose*"),
-        ("stopped", "string"),
-        ("cleared", "bool"),
-        ("state", "string"),
-        ("reason", "string"),
-        ("holds", "int64"),
-        ("target", "double*"),
-        ("velocity", "double*"),
-        ("phase", "string"),
-    ),
-    "ArmHealth": (
-        ("t_ns", "int64"),
-        ("rate_hz", "double"),
-        ("worst_ms", "double"),
-        ("late", "int64"),
-        ("refused", "int64"),
-        ("success_rate", "double"),
-    ),
-    "End": (("end_ns", "int64"), ("ended", "string"), ("n_waits", "int64")),
-    "Status": (
-        ("t_ns", "int64"),
-        ("queued", "int64"),
-        ("queued_bytes", "int64"),
-        ("written_bytes", "int64"),
-        ("free_bytes", "int64"),
-        ("dropped_topics", "string*"),
-        ("dropped_counts", "int64*"),
-    ),
+
+def _messages() -> dict[str, Part]:
+    """Return the struct behind every message, those that others are made of first."""
+    found: dict[str, Part] = {}
+    for kind in filter(own_schema, RECORDS):
+        for part in parts(kind):
+            found.setdefault(schema_name(part), part)
+        found.setdefault(schema_name(kind), kind)
+    return found
+
+
+MESSAGES: Mapping[str, Part] = _messages()
+"""The struct of each message by its name; two records of one shape share a message."""
+
+VERSIONS: Mapping[str, int] = {
+    name: kind.version for name, kind in MESSAGES.items() if issubclass(kind, Record)
 }
+"""Version of each record's message."""
 
 _FILE = "tega/recording.proto"
 
@@ -136,16 +60,19 @@ def _file() -> Any:
     pb2 = _protobuf("descriptor_pb2")
     file = pb2.FileDescriptorProto(name=_FILE, package=PACKAGE, syntax="proto3")
     kinds = pb2.FieldDescriptorProto
-    for name, fields in MESSAGES.items():
+    for name, kind in MESSAGES.items():
         message = file.message_type.add(name=name)
-        for number, (field_name, kind) in enumerate(fields, 1):
-            base = kind.removesuffix("*")
-            label = kinds.LABEL_REPEATED if kind.endswith("*") else kinds.LABEL_OPTIONAL
-            field = message.field.add(name=field_name, number=number, label=label)
-            if base in MESSAGES:
-                field.type, field.type_name = kinds.TYPE_MESSAGE, f".{PACKAGE}.{base}"
+        for number, said in enumerate(fields(kind), 1):
+            label = kinds.LABEL_REPEATED if said.repeated else kinds.LABEL_OPTIONAL
+            field = message.field.add(name=said.name, number=number, label=label)
+            if said.part is not None:
+                field.type, field.type_name = kinds.TYPE_MESSAGE, f".{PACKAGE}.{said.wire}"
             else:
-                field.type = getattr(kinds, f"TYPE_{base.upper()}")
+                field.type = getattr(kinds, f"TYPE_{said.wire.upper()}")
+            if said.optional:
+                # As protoc spells a number that may not be there.
+                field.proto3_optional, field.oneof_index = True, len(message.oneof_decl)
+                message.oneof_decl.add(name=f"_{said.name}")
     return file
 
 
@@ -160,12 +87,28 @@ def schema_bytes() -> bytes:
 
 @cache
 def message_class(name: str) -> Any:
-    """Return the class of one of :data:`MESSAGES`.
+    """Return the class of a message by its name in :data:`MESSAGES`.
 
     Raises:
         MissingExtraError: protobuf is not installed.
     """
     return decoder(f"{PACKAGE}.{name}", schema_bytes())
+
+
+def encoded(record: Record) -> bytes:
+    """Return the message of a record as it stands in a file."""
+    said: bytes = message_class(schema_name(type(record)))(**values(record)).SerializeToString()
+    return said
+
+
+def unit_table() -> dict[str, str]:
+    """Return the unit of every field that has one, such as ``Contact.cci``: a table of a recording's head."""
+    return {
+        f"{name}.{field}": unit
+        for name, kind in MESSAGES.items()
+        if issubclass(kind, Record)
+        for field, unit in units(kind).items()
+    }
 
 
 @cache

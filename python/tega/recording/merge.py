@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
+from tega.foreign_file import tells_damage
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.origin import new_session, origin, span
@@ -44,6 +45,7 @@ class _Part(NamedTuple):
         return known | self.tables.get("versions", {})
 
 
+@tells_damage
 def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     """Copy all recordings of several sessions into a new one, in order of time, one file each.
 

@@ -1,31 +1,39 @@
-"""The recording of one run: folder, recorder and tap, put together."""
+"""The recording of one run: a subscriber to the run's bus, with a folder and a recorder of its own."""
 
 from __future__ import annotations
 
+import io
 import json
 import logging
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Mapping
+from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+import numpy as np
+
+from tega.calibration.store import calibration_text
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
-from tega.recording.tap import SessionTap
+from tega.recording.mcap_schemas import VERSIONS, unit_table
+from tega.recording.versions import versions
+from tega.records import End, HandExchange, Record
+from tega.stages.choose import metric_told
+from tega.toml_text import config_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tega.clock import Clock
+    from tega.bus import Bus
     from tega.config import SessionConfig
-    from tega.devices.base import VestSink
-    from tega.safety.guard import Guard
-    from tega.teleop.arm import Steering
-    from tega.teleop.keepalive import KeepAlive
-    from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
-    from tega.teleop.prepare import Prepared
-    from tega.teleop.run import LoopParts
+    from tega.teleop.rig import Rig
 
-__all__ = ["Recording"]
+__all__ = ["FORMAT", "Recording"]
+
+FORMAT = "tega-recording"
+VERSION = "2"
 
 _LOG = logging.getLogger(__name__)
 
@@ -36,13 +44,14 @@ class Recording:
     Args:
         config: The settings; their ``recording.dir`` is the session's folder.
         folder: That folder.
+        bus: Tells everything that is recorded.
 
     Raises:
         MissingExtraError: A package of the extra ``record`` is not installed.
         ConfigError: The folder holds something else.
     """
 
-    def __init__(self, config: SessionConfig, folder: Path) -> None:
+    def __init__(self, config: SessionConfig, folder: Path, bus: Bus) -> None:
         self.folder = SessionFolder(folder)
         for recovered in self.folder.recovered:
             _LOG.warning(
@@ -50,93 +59,103 @@ class Recording:
                 recovered.path.name,
                 recovered.n_messages,
             )
-        self.recorder = McapRecorder(self.folder, config.recording, wait=config.session.pace == "fast")
-        self.tap = SessionTap(self.recorder, config)
-        self._begun = False
+        self._recorder = McapRecorder(self.folder, config.recording, wait=config.session.pace == "fast")
+        self._lock = threading.Lock()
+        self._start_ns: int | None = None
+        self._early: list[HandExchange] = []
+        bus.subscribe(Record, self._take, name="recording")
 
-    def watch(self, prepared: Prepared) -> Prepared:
-        """Return what a run starts with, with sources that are recorded as they are read."""
-        return self.tap.watch(prepared)
+    @property
+    def name(self) -> str:
+        """Name of the trial."""
+        return self._recorder.path.stem
 
-    def vest(self, vest: VestSink) -> VestSink:
-        """Return a vest whose frames are recorded as it says they were sent."""
-        tapped: VestSink = self.tap.vest(vest)
-        return tapped
+    def head(self, rig: Rig, *, layout: str, pace: str, observed: bool) -> None:
+        """Write what a reader has to know first, before the session starts.
 
-    def listen(self, driver: object) -> None:
-        """Hear what a hand's driver exchanges with it, from its opening on."""
-        self.tap.listen(driver)
+        Args:
+            rig: What the run is made of.
+            layout: Which motors the vest has.
+            pace: When the vest is told.
+            observed: Whether somebody looks on, for whom there are ticks of the vest without touch, too.
+        """
+        config, prepared, kept = rig.config, rig.prepared, rig.sinks.kept
+        text = config_text(config)
+        infos = {name: finger.source.info for name, finger in prepared.fingers.items()}
+        if prepared.muscles is not None:
+            infos["emg"] = prepared.muscles.source.info
+        if rig.steering is not None:
+            infos |= rig.steering.infos
+        facts = {
+            "tega": {
+                "format": FORMAT,
+                "version": VERSION,
+                "layout": layout,
+                "pace": pace,
+                "live_vest": str(bool(kept)).lower(),
+                "in_steps": str(any(vest.in_steps for vest in kept)).lower(),
+                "steered": str(rig.sinks.steered is not None).lower(),
+                "observed": str(observed).lower(),
+                "lossless": str(config.recording.lossless).lower(),
+                "metric": metric_told(config.stages, config.session.preset),
+                "config_sha256": sha256(text.encode()).hexdigest(),
+                "calibration": prepared.calibration_name or "self-calibrated",
+            },
+            "versions": versions(),
+            "records": {name: str(version) for name, version in VERSIONS.items()},
+            "units": unit_table(),
+            "sources": {name: msgspec.json.encode(info).decode() for name, info in infos.items()},
+        }
+        files = {
+            "session.toml": ("application/toml", text.encode()),
+            "calibration.toml": ("application/toml", calibration_text(prepared.calibration).encode()),
+        }
+        for name, finger in prepared.fingers.items():
+            file = io.BytesIO()
+            np.save(file, finger.baseline)
+            files[f"baseline-{name}.npy"] = ("application/octet-stream", file.getvalue())
+        poses = getattr(config.hand.options, "poses", None)
+        if poses is not None:
+            files["poses.toml"] = ("application/toml", poses.read_bytes())
+        self._recorder.head(facts, files)
 
-    def begin(
-        self,
-        parts: LoopParts,
-        clock: Clock,
-        *,
-        layout: str,
-        pace: str,
-        kept: Sequence[KeepAlive],
-        steered: bool,
-        observed: bool,
-    ) -> tuple[LoopParts, int]:
-        """Begin, and return the loop's parts with a recorder between them, and the start of the session."""
-        tap = self.tap
-        pacer = tap.pacer(clock, parts.pacer.bell)
-        hand = tap.hand(parts.hand)
-        tap.head(
-            layout=layout,
-            pace=pace,
-            live_vest=bool(kept),
-            in_steps=any(vest.in_steps for vest in kept),
-            steered=steered,
-            observed=observed,
-        )
-        start_ns = pacer.start()
-        tap.begin(start_ns)
-        self._begun = True
-        parts = parts._replace(
-            pacer=pacer,
-            hand=hand,
-            vests=[*parts.vests, tap.write_vest()],
-            hands=[*parts.hands, tap.write_hand()],
-            recorder=tap.recorder(parts.recorder),
-            haptics=tap.haptics(parts.haptics),
-            inputs=tap.inputs(parts.inputs),
-        )
-        return parts, start_ns
-
-    def lead(self, steering: Steering) -> None:
-        """Take note of an arm, before the recording begins."""
-        self.tap.lead(steering.infos)
-
-    def follow_arm(self, steering: Steering) -> None:
-        """Record every turn of what leads the arm; once the recording has begun."""
-        steering.observers.append(self.tap.arm())
-
-    def follow(self, guard: Guard, trace: LatencyTrace | None) -> None:
-        """Record the run's states, what is wrong, and the way of every picture and block through the loop."""
-        guard.observers.append(self.tap.state)
-        guard.alert_observers.append(self.tap.alert)
-        if trace is not None:
-            trace.observers.append(self.tap.latency)
-            if trace.motor is not None:
-                self.recorder.value(0, trace.motor.stage, trace.motor.ms)
+    def begin(self, start_ns: int, now_ns: int) -> None:
+        """Begin, at the start of the session or just after, by the session's clock."""
+        self._recorder.begin(start_ns, now_ns)
+        with self._lock:
+            self._start_ns = start_ns
+            for exchange in self._early:
+                self._recorder.put(exchange, t_ns=exchange.t_ns - start_ns)
+            self._early.clear()
 
     def problem(self) -> str:
         """Return why no more is recorded, or how much was not; ``""`` while all is well."""
-        if self.recorder.state == "stopped":
-            return f"recording: stopped: {self.recorder.reason}"
-        n_dropped = sum(self.recorder.dropped.values())
+        if self._recorder.state == "stopped":
+            return f"recording: stopped: {self._recorder.reason}"
+        n_dropped = sum(self._recorder.dropped.values())
         return f"recording: {n_dropped} records dropped, the disk does not keep up" if n_dropped else ""
 
-    def ended(self, report: LoopReport) -> None:
-        """Record how the loop ended."""
-        self.tap.end(report)
+    def ended(self, report: LoopReport, n_waits: int) -> None:
+        """Record how the loop ended, and after how many deadlines."""
+        self._recorder.put(End(end_ns=report.end_ns, ended=report.ended, n_waits=n_waits))
 
     def finish(self, summary: Mapping[str, Any]) -> dict[str, Any]:
         """Finish the file, and return what became of it."""
-        return self.recorder.finish(json.dumps(summary, ensure_ascii=False).encode())
+        return self._recorder.finish(json.dumps(summary, ensure_ascii=False).encode())
 
     def abandon(self) -> None:
         """Take away the file of a run that never began."""
-        if not self._begun:
-            self.recorder.abandon()
+        if self._start_ns is None:
+            self._recorder.abandon()
+
+    def _take(self, record: Record) -> None:
+        """Take a record; of what comes before the session starts, what is said with a hand."""
+        if isinstance(record, HandExchange):
+            with self._lock:
+                start_ns = self._start_ns
+                if start_ns is None:
+                    self._early.append(record)
+                    return
+            self._recorder.put(record, t_ns=record.t_ns - start_ns)
+        elif self._start_ns is not None:
+            self._recorder.put(record)

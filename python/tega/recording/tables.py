@@ -4,28 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from tega.recording.csv import CsvWriter, time_text
+from tega.csv_writer import CsvWriter, time_text
+from tega.records import Contact, Intent
 
-if TYPE_CHECKING:
-    from tega.tactile import ContactMetrics
-    from tega.teleop.touch import Felt
-
-__all__ = ["CONTACT_COLUMNS", "RunRecorder"]
-
-CONTACT_COLUMNS = (
-    "t_s",
-    "finger",
-    "cci",
-    "eda",
-    "cci_norm",
-    "eda_norm",
-    "peak",
-    "in_contact",
-    "front",
-    "back",
-)
+__all__ = ["RunRecorder"]
 
 
 class RunRecorder:
@@ -37,28 +20,34 @@ class RunRecorder:
     """
 
     def __init__(self, folder: Path, channels: Sequence[str]) -> None:
-        self._contacts = CsvWriter(folder / "contacts.csv", CONTACT_COLUMNS)
+        self._contacts = CsvWriter(folder / "contacts.csv", Contact.table)
         self._levels = CsvWriter(folder / "levels.csv", ("t_s", *channels, "fused"))
 
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
-        """Add one measured frame.
+    def contact(self, contact: Contact) -> None:
+        """Add one measured frame, and what of it the wearer is to feel."""
+        self._contacts.write(_row(contact))
 
-        Args:
-            t_ns: Time of the frame in nanoseconds.
-            finger: Whose it is.
-            metrics: What was measured.
-            felt: What of it the wearer is to feel.
-        """
-        self._contacts.write(
-            f"{time_text(t_ns)},{finger},{metrics.cci!r},{metrics.eda},{felt.cci_norm!r},{felt.eda_norm!r},"
-            f"{metrics.peak!r},{metrics.in_contact:d},{felt.front!r},{felt.back!r}\n"
-        )
-
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
+    def levels(self, intent: Intent) -> None:
         """Add one EMG block: the level of each channel and the fused one."""
-        self._levels.write(f"{time_text(t_ns)},{','.join(map(str, channels))},{fused}\n")
+        self._levels.write(_row(intent))
 
     def close(self) -> None:
         """Finish both files."""
         self._contacts.close()
         self._levels.close()
+
+
+def _row(record: Contact | Intent) -> str:
+    """Return a record's line of its table."""
+    cells: list[str] = []
+    for column in record.table:
+        value = None if column == "t_s" else getattr(record, column)
+        if column == "t_s":
+            cells.append(time_text(record.t_ns))
+        elif isinstance(value, tuple):
+            cells += map(str, value)
+        elif isinstance(value, bool):
+            cells.append(str(int(value)))
+        else:
+            cells.append(repr(value) if isinstance(value, float) else str(value))
+    return ",".join(cells) + "\n"

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
+from tega.foreign_file import tells_damage
 from tega.recording.mcap_copy import McapCopy, McapRecords, Record
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
@@ -26,6 +27,7 @@ _LEADING = frozenset(
 )
 
 
+@tells_damage
 def trim_session(
     session: Path, *, from_s: float, to_s: float | None, out: Path, lead_in: bool = True
 ) -> Path:

@@ -8,20 +8,31 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
 
+from tega import haptics
+from tega.bus import Bus
 from tega.clock import ManualClock
+from tega.foreign_file import tells_damage
+from tega.records import BusFrame, Contact, HandCommand, Intent, SentFrame, VestFrame
+from tega.records.schema import values
 from tega.replay.arm import compare_arm
 from tega.replay.compare import Comparison, compare
 from tega.replay.exchanges import compare_exchanges
-from tega.replay.measured import Measured, PictureError, contact_items, level_items, picture_errors
+from tega.replay.measured import (
+    Measured,
+    PictureError,
+    contact_items,
+    level_items,
+    measured_again,
+    picture_errors,
+)
 from tega.replay.recorded import Recorded, read_recorded
-from tega.tactile import ContactMetrics
 from tega.teleop.feedback import touch_loop
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
@@ -29,12 +40,13 @@ from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
 
 if TYPE_CHECKING:
-    from tega.haptics import VestFrame
     from tega.teleop.loop_report import LoopReport
-    from tega.teleop.touch import Felt
     from tega.wire import CanFrame
 
 __all__ = ["Replay", "replay_file"]
+
+# When things were done is no result.
+_WHEN = frozenset({"t_ns", "taken_ns", "known_ns"})
 
 Item = TypeVar("Item", bound=tuple[Any, ...])
 
@@ -67,6 +79,7 @@ class Replay(msgspec.Struct, frozen=True):
     same: bool
 
 
+@tells_damage
 def replay_file(path: Path, *, config: Path | None = None) -> Replay:
     """Compute a recorded run again and compare.
 
@@ -97,7 +110,7 @@ def replay_file(path: Path, *, config: Path | None = None) -> Replay:
         from_s=recorded.from_ns / 1e9,
         duration_s=(again.end_ns - recorded.from_ns) / 1e9,
         streams=streams,
-        pictures=[] if recorded.head.lossless else picture_errors(recorded, measured),
+        pictures=[] if measured_again(recorded, measured) else picture_errors(recorded, measured),
         dropped=recorded.dropped,
         same=not any(stream.differ for stream in streams),
     )
@@ -106,12 +119,27 @@ def replay_file(path: Path, *, config: Path | None = None) -> Replay:
 class _Again(msgspec.Struct):
     """What the second run gave."""
 
-    contacts: dict[str, list[tuple[int, ContactMetrics, Any]]] = {}
-    levels: list[tuple[int, tuple[int, ...], int]] = []
+    contacts: dict[str, list[Contact]] = {}
+    levels: list[Intent] = []
     vest: list[tuple[int, str, bytes]] = []
     vest_sent: list[int] = []
-    hand: list[tuple[int, int, list[Any]]] = []
+    hand: list[tuple[int, float, Sequence[BusFrame]]] = []
     end_ns: int = 0
+
+    def contact(self, contact: Contact) -> None:
+        self.contacts[contact.finger].append(contact)
+
+    def intent(self, intent: Intent) -> None:
+        self.levels.append(intent)
+
+    def vest_frame(self, frame: VestFrame) -> None:
+        self.vest.append((frame.t_ns, frame.layout, bytes(frame.intensities)))
+
+    def sent_frame(self, frame: SentFrame) -> None:
+        self.vest_sent.append(frame.t_ns)
+
+    def command(self, asked: HandCommand, level: float) -> None:
+        self.hand.append((asked.t_ns, level, asked.frames))
 
 
 def _run(recorded: Recorded, measured: Measured) -> _Again:
@@ -132,23 +160,22 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
 
     kept = []
     if head.live_vest:
-        sink = _Sink(lambda t_ns, _frame: again.vest_sent.append(t_ns))
         vest = config.vest
         kept.append(
             KeepAlive(
-                sink,  # type: ignore[arg-type]
+                _NoVest(),  # type: ignore[arg-type]
                 keep_alive_ns=round(vest.keep_alive_s * 1e9),
                 period_ns=round(1e9 / vest.rate_hz),
                 in_steps=head.facts.get("in_steps") == "true",
             )
         )
 
-    def vest_frame(t_ns: int, frame: VestFrame) -> None:
-        again.vest.append((t_ns, frame.layout, frame.intensities.tobytes()))
-
-    def can_frames(t_ns: int, frames: Sequence[CanFrame]) -> None:
-        again.hand.append((t_ns, hand.level, list(frames)))
-
+    bus = Bus()
+    bus.subscribe(Contact, again.contact, vital=True)
+    bus.subscribe(Intent, again.intent, vital=True)
+    bus.subscribe(VestFrame, again.vest_frame, vital=True)
+    bus.subscribe(SentFrame, again.sent_frame, vital=True)
+    bus.subscribe(HandCommand, lambda asked: again.command(asked, hand.level), vital=True)
     contacts = {
         finger: _TakenStream(contact_items(recorded, measured, finger), pacer, recorded)
         for finger in recorded.contacts
@@ -160,9 +187,9 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
         contacts=contacts,
         levels=levels,
         hand=hand,
-        vests=[_Sink(vest_frame)],
-        hands=[_Sink(can_frames)],
-        recorder=_Keeper(again),
+        vests=[],
+        hands=[],
+        bus=bus,
         kept=kept,
         vest_rate_hz=config.vest.rate_hz,
         by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
@@ -211,13 +238,12 @@ class _RecordedPacer(Pacer):
     def __init__(self, recorded: Recorded) -> None:
         super().__init__(ManualClock())
         self._skipped = recorded.skipped
-        taken = {row[1] for contacts in recorded.contacts.values() for row in contacts}
-        taken |= {row[1] for row in recorded.levels}
+        taken = {contact.taken_ns for contacts in recorded.contacts.values() for contact in contacts}
+        taken |= {intent.taken_ns for intent in recorded.levels}
         self._turns_ns = deque(sorted(taken))
         self._last_ns = recorded.last_tick_ns
         self._n_most = None if recorded.end is None else recorded.end[2]
         self.tick_ns = -1
-        self.n_waits = 0
 
     def doze(self, t_ns: int) -> int:
         if not self._turns_ns or self._turns_ns[0] >= t_ns:
@@ -249,13 +275,14 @@ class _Hand:
         self._steered = recorded.head.facts["steered"] == "true"
         self._pacer = pacer
         self._imposed = dict(recorded.imposed)
-        self._level = self.level = 0
+        self._level: float = 0
+        self.level: float = 0
 
     @property
     def angles_rad(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         return self._model.angles_rad
 
-    def step(self, level: int) -> Sequence[CanFrame]:
+    def step(self, level: float) -> Sequence[CanFrame]:
         self._level = self._imposed.get(self._pacer.tick_ns, self._level)
         self.level = self._level or level
         return [] if self._steered else self._model.step(self.level)
@@ -265,24 +292,11 @@ class _Hand:
         return [] if self._steered else self._model.limp()
 
 
-class _Sink:
-    def __init__(self, tell: Callable[[int, Any], None]) -> None:
-        self._tell = tell
+class _NoVest:
+    """Stands where a real vest was: it takes every frame as it is."""
 
-    def write(self, t_ns: int, sent: Any, /) -> object:
-        self._tell(t_ns, sent)
-        return sent
-
-
-class _Keeper:
-    def __init__(self, again: _Again) -> None:
-        self._again = again
-
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
-        self._again.contacts[finger].append((t_ns, metrics, felt))
-
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
-        self._again.levels.append((t_ns, tuple(channels), fused))
+    def write(self, _t_ns: int, frame: haptics.VestFrame) -> haptics.VestFrame:
+        return frame
 
 
 def _compare_pixels(measured: Measured) -> list[Comparison]:
@@ -297,13 +311,15 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
     streams = []
     for finger, contacts in recorded.contacts.items():
         n = recorded.n_early.get(finger, 0)
-        ours = [(t, _contact_row(m, f)) for t, _, m, f in contacts[n:]]
-        theirs = [(t, _contact_row(m, f)) for t, m, f in again.contacts[finger][n:]]
+        ours = [(c.t_ns, _contact_row(c)) for c in contacts[n:]]
+        theirs = [(c.t_ns, _contact_row(c)) for c in again.contacts[finger][n:]]
         streams.append(compare(f"/tactile/{finger}/contact", ours, theirs, until_ns=cut_ns))
     if "emg" in recorded.head.sources:
         n = recorded.n_early.get("emg", 0)
-        ours = [(t, {"channels": c, "fused": f}) for t, _, c, f in recorded.levels[n:]]
-        theirs = [(t, {"channels": c, "fused": f}) for t, c, f in again.levels[n:]]
+        ours, theirs = (
+            [(row.t_ns, {"channels": row.channels, "fused": row.level}) for row in rows[n:]]
+            for rows in (recorded.levels, again.levels)
+        )
         streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
     from_ns = recorded.from_ns
     vest = [row for row in again.vest if row[0] >= from_ns]
@@ -325,15 +341,13 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
     return streams
 
 
-def _contact_row(metrics: ContactMetrics, felt: Felt) -> dict[str, Any]:
-    row = metrics._asdict() | felt._asdict()
-    x, y = row.pop("centroid_xy")
-    return row | {"centroid_x": x, "centroid_y": y}
+def _contact_row(contact: Contact) -> dict[str, Any]:
+    return {name: value for name, value in values(contact).items() if name not in _WHEN}
 
 
 def _vest_rows(rows: Sequence[tuple[int, str, bytes]]) -> list[tuple[int, dict[str, Any]]]:
     return [(t, {"layout": layout, "intensities": list(levels)}) for t, layout, levels in rows]
 
 
-def _hex(frames: Sequence[CanFrame]) -> str:
+def _hex(frames: Sequence[BusFrame]) -> str:
     return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)

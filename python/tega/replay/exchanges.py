@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from tega.hand import TORQUE_LIMITS, HandController
+from tega.hand import TORQUE_LIMITS, HandController, joined_level
 from tega.hand_link import HandLink, Received
 from tega.hand_poses import load_poses
 from tega.replay.compare import Comparison, compare
@@ -34,7 +34,7 @@ def compare_exchanges(recorded: Recorded) -> list[Comparison]:
         elif exchange.action == "abandon":
             sent = link.abandon()
         else:
-            sent = link.exchange(frames, exchange.t_ns, exchange.level)
+            sent = link.exchange(frames, exchange.t_ns, joined_level(exchange.level, exchange.closure))
         ours.append((exchange.t_ns, {"sent": _text(exchange.sent)}))
         theirs.append((exchange.t_ns, {"sent": _text(sent)}))
     n = recorded.n_early.get("hand", 0)

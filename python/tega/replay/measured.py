@@ -11,12 +11,12 @@ import numpy as np
 
 from tega.arm.settings import ArmSettings
 from tega.calibration import load_calibration
-from tega.config import load_config
-from tega.emg import GraspIntent
+from tega.config import STAGE_GROUPS, load_config
 from tega.errors import TegaError
 from tega.replay.arm import arm_settings
 from tega.replay.recorded import Head, Recorded
-from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter, SourceReport
+from tega.stages.choose import Chosen, chosen_stage, finger_metric, metric_told, muscle_decoder
+from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter, SourceReport, metrics_of
 
 if TYPE_CHECKING:
     from tega.calibration import Calibration
@@ -61,6 +61,8 @@ class Measured:
         blocks: Levels likewise.
         pixels: By finger and picture: stamp, checksum as recorded, checksum now.
         arm: Settings of the arm's chain, likewise.
+        metric: What measures the pictures.
+        same_metric: Whether the recording's contacts were measured by this version of it.
         changed: What of the settings is not the run's own, in words.
     """
 
@@ -73,6 +75,8 @@ class Measured:
         self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
         self.changed: list[str] = []
         self.arm = ArmSettings()
+        self.metric: Chosen
+        self.same_metric = True
         self._meters: dict[str, FrameMeter] = {}
         self._muscles: BlockMeter | None = None
 
@@ -85,16 +89,26 @@ class Measured:
         for finger, baseline in head.baselines.items():
             # A picture out of a JPEG has no bits of its own to compare with the one before.
             live = head.sources[finger].live and head.lossless
-            preset = self.config.session.preset
-            self._meters[finger] = FrameMeter(baseline, preset, SourceReport(), live=live)
+            config = self.config
+            metric = finger_metric(
+                config.stages, config.session.preset, finger, baseline, self.calibration.touch(finger)
+            )
+            self._meters[finger] = FrameMeter(baseline, metric, SourceReport(), live=live)
             self.contacts[finger], self.pixels[finger] = [], []
+        self.metric = chosen_stage("metric", self.config.stages, self.config.session.preset)
+        now = metric_told(self.config.stages, self.config.session.preset)
+        then = head.facts.get("metric", f"{self.metric.name} 1")
+        self.same_metric = then == now or then.partition(" ")[0] != self.metric.name
+        if not self.same_metric:
+            self.changed.append(f"metric: {then} -> {now}, so contacts are those recorded")
         emg = self.calibration.emg
         if "emg" in head.sources and emg is not None:
-            intent = GraspIntent(
-                emg.rate_hz, emg.maxima, tau=emg.tau, kind=kind, preset=self.config.session.preset
-            )
+            used = msgspec.structs.replace(emg, kind=kind)
             self._muscles = BlockMeter(
-                intent, SourceReport(), rate_hz=emg.rate_hz, tau=emg.tau, live=head.sources["emg"].live
+                muscle_decoder(self.config.stages, self.config.session.preset, used),
+                SourceReport(),
+                rate_hz=emg.rate_hz,
+                live=head.sources["emg"].live,
             )
 
     def _change(self, head: Head, kind: str) -> Any:
@@ -110,6 +124,7 @@ class Measured:
             ("session.preset", head.config.session.preset, other.session.preset),
             ("emg.kind", kind, kind if other.emg is None else other.emg.kind),
             *((f"vest.{f}", getattr(head.config.vest, f), getattr(vest, f)) for f in vest.__struct_fields__),
+            *((f"stages.{f}", _told(head.config, f), _told(other, f)) for f in STAGE_GROUPS),
             *((f"hand.{f}", getattr(head.config.hand, f), getattr(hand, f)) for f in hand.__struct_fields__),
         ):
             if old != new:
@@ -121,7 +136,9 @@ class Measured:
                 self.changed += [f"arm.{name}.{f}: {getattr(old, f)} -> {getattr(new, f)}" for f in fields]
             self.arm = other.arm.chain
         session = msgspec.structs.replace(head.config.session, preset=other.session.preset)
-        self.config = msgspec.structs.replace(head.config, session=session, vest=vest, hand=hand)
+        self.config = msgspec.structs.replace(
+            head.config, session=session, vest=vest, hand=hand, stages=other.stages
+        )
         return kind if other.emg is None else other.emg.kind
 
     def frame(self, finger: str, frame: TactileFrame, pixels_crc32: int) -> None:
@@ -145,26 +162,45 @@ class Measured:
             return
 
 
+def _told(config: SessionConfig, group: Any) -> str:
+    """Return a stage of the settings in words."""
+    chosen = chosen_stage(group, config.stages, config.session.preset)
+    options = ", ".join(f"{k} {v}" for k, v in msgspec.to_builtins(chosen.options).items())
+    return f"{chosen.name} ({options})" if options else chosen.name
+
+
+def measured_again(recorded: Recorded, measured: Measured) -> bool:
+    """Whether the pictures give the recorded contacts again to the last bit.
+
+    They do if they are as they were taken, the metric is of the version that measured them, and the recording begins
+    where the session did or the metric does not remember what came before.
+    """
+    begins = recorded.from_ns == 0 or not measured.metric.kind.memory
+    return recorded.head.lossless and begins and measured.same_metric
+
+
 def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[tuple[int, Contact]]:
-    """Pair every frame the loop took in with what is measured in it now."""
-    if not recorded.head.lossless:
-        return [(taken, (t_ns, metrics)) for t_ns, taken, metrics, _ in recorded.contacts[finger]]
+    """Pair every frame the loop took in with what is measured in it now, or was measured then."""
+    if not measured_again(recorded, measured):
+        return [(c.taken_ns, (c.t_ns, metrics_of(c))) for c in recorded.contacts[finger]]
     again = dict(measured.contacts[finger])
     n_early = recorded.n_early.get(finger, 0)  # of which there are no pictures
-    again |= {t_ns: metrics for t_ns, _, metrics, _ in recorded.contacts[finger][:n_early]}
-    taken = [(taken, t_ns) for t_ns, taken, _, _ in recorded.contacts[finger]]
-    return [(at, (t_ns, again[t_ns])) for at, t_ns in taken if t_ns in again]
+    again |= {c.t_ns: metrics_of(c) for c in recorded.contacts[finger][:n_early]}
+    return [(c.taken_ns, (c.t_ns, again[c.t_ns])) for c in recorded.contacts[finger] if c.t_ns in again]
 
 
 def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Block]]:
     """Pair every block that the loop took in with what the samples say now; what came over a link is as it came."""
     if recorded.head.sources["emg"].driver == "net":  # made at the operator's station, by what is known there
-        return [(taken, (t_ns, levels, fused)) for t_ns, taken, levels, fused in recorded.levels]
+        return [
+            (row.taken_ns, Block(row.t_ns, row.channels, row.level, row.closure, row.confidence))
+            for row in recorded.levels
+        ]
     items, blocks = [], iter(measured.blocks)
-    for t_ns, taken, _, _ in recorded.levels:
+    for row in recorded.levels:
         for block in blocks:  # those between were lost on the way to the loop
-            if block[0] == t_ns:
-                items.append((taken, block))
+            if block[0] == row.t_ns:
+                items.append((row.taken_ns, block))
                 break
     return items
 
@@ -174,7 +210,7 @@ def picture_errors(recorded: Recorded, measured: Measured) -> list[PictureError]
     errors = []
     for finger, contacts in recorded.contacts.items():
         again = dict(measured.contacts[finger])
-        pairs = [(m, again[t]) for t, _, m, _ in contacts if t in again]
+        pairs = [(c, again[c.t_ns]) for c in contacts if c.t_ns in again]
         eda = np.array([float(abs(a.eda - b.eda)) for a, b in pairs] or [0.0])
         cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0])
         changed = sum(a.in_contact != b.in_contact for a, b in pairs)

@@ -76,7 +76,8 @@ def play_file(
 
     Args:
         path: The recording.
-        to: What to play to; its own sources are not used, nor its calibration, and it is not recorded.
+        to: What to play to; its own sources are not used, nor its maxima, and it is not recorded. The vibration counts
+            to the day of the person that it names.
         speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
         because: Why a real vest or hand is played to at more than the recording's speed.
         progress: Told how preparation goes.
@@ -204,6 +205,10 @@ def _settings(
             keep_alive_s=vest.keep_alive_s * pace,
             pace=vest_pace,
             **_as_felt(then.vest, vest),
+        ),
+        # Maxima are those of the recording; who wears the vest, and what is left of their day, is said by the settings.
+        calibration=msgspec.structs.replace(
+            then.calibration, person=to.calibration.person, folder=to.calibration.folder
         ),
         hand=to.hand,
         input=to.input,

@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from tega.devices.base import DeviceInfo
-from tega.emg import GraspIntent
+from tega.hand import split_level
 from tega.replay.measured import contact_items, level_items
+from tega.stages.choose import muscle_decoder
 from tega.teleop.loop import FIRST_LEVEL
 from tega.teleop.prepare import Finger, Muscles, Prepared
 from tega.teleop.sources import Block, SourceReport
@@ -70,9 +71,7 @@ def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: 
         muscles = Muscles(
             source("emg", emg.rate_hz),
             emg,
-            GraspIntent(
-                emg.rate_hz, emg.maxima, tau=emg.tau, kind=emg.kind, preset=measured.config.session.preset
-            ),
+            muscle_decoder(measured.config.stages, measured.config.session.preset, emg),
             SourceReport(),
             stream=_Due(blocks, end_ns=end_ns),
         )
@@ -86,8 +85,9 @@ def _asked(
     """Return what the hand was asked for: the muscles' level, or the one that was set against them."""
     nothing = (0,) * n_channels
     first = next((level for _, level, _ in recorded.hand), 0) or FIRST_LEVEL
-    asked: list[tuple[int, Block]] = [(0, (0, nothing, first))]
-    block, imposed = (0, nothing, FIRST_LEVEL), 0
+    asked: list[tuple[int, Block]] = [(0, _imposed(Block(0, nothing, FIRST_LEVEL), first))]
+    imposed: float = 0
+    block = Block(0, nothing, FIRST_LEVEL)
     changes: list[tuple[int, int, Any]] = [(taken, 0, block) for taken, block in items]
     changes += [(t_ns, 1, level) for t_ns, level in recorded.imposed]
     for tick_ns, is_imposed, what in sorted(changes, key=lambda change: change[:2]):
@@ -96,8 +96,15 @@ def _asked(
         else:
             block = what
         at_ns = lead_ns + (tick_ns if is_imposed else block[0])
-        asked.append((lead_ns + tick_ns, (at_ns, block[1], imposed or block[2])))
+        at = block._replace(t_ns=at_ns)
+        asked.append((lead_ns + tick_ns, _imposed(at, imposed) if imposed else at))
     return asked
+
+
+def _imposed(block: Block, level: float) -> Block:
+    """Return a block that asks for a level set against the muscles."""
+    whole, closure = split_level(level)
+    return block._replace(level=whole, closure=closure)
 
 
 class _Played:

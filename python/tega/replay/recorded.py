@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import json
-import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +14,16 @@ from tega.calibration.store import Calibration, parse_calibration
 from tega.config import SessionConfig, check_tree
 from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
+from tega.foreign_file import load_npy, parse_toml, tells_damage
+from tega.hand import joined_level
 from tega.recording.mcap_reader import McapReader, Message, read_picture
+from tega.recording.mcap_schemas import VERSIONS
 from tega.recording.origin import LEAD_IN, span
-from tega.recording.tap import FORMAT
-from tega.tactile import ContactMetrics
-from tega.teleop.touch import Felt
-from tega.wire import CanFrame
+from tega.recording.session import FORMAT
+from tega.records import BusFrame, Contact, HandCommand, HandExchange, Imposed, Intent
+from tega.records.schema import read
 
 __all__ = ["Head", "Recorded", "read_recorded"]
-
-Taken = tuple[int, int, ContactMetrics, Felt]
-"""Stamp, the tick it was taken in at, what was measured, what it means to the wearer."""
 
 
 class Head(msgspec.Struct, frozen=True):
@@ -67,7 +64,7 @@ class Recorded(msgspec.Struct):
     Attributes:
         head: What is known before the first message.
         contacts: By finger, in order.
-        levels: Stamp, tick, levels of the channels, fused.
+        levels: In order.
         vest: Frames of the loop: time, layout, intensities.
         vest_sent: Times at which a real vest was sent one.
         hand: Per tick: time, level asked for, frames.
@@ -86,16 +83,16 @@ class Recorded(msgspec.Struct):
     """
 
     head: Head
-    contacts: dict[str, list[Taken]]
-    levels: list[tuple[int, int, tuple[int, ...], int]] = []
+    contacts: dict[str, list[Contact]]
+    levels: list[Intent] = []
     vest: list[tuple[int, str, bytes]] = []
     vest_sent: list[int] = []
-    hand: list[tuple[int, int, list[CanFrame]]] = []
+    hand: list[tuple[int, float, Sequence[BusFrame]]] = []
     exchanges: list[Any] = []
     turns: list[Any] = []
     skipped: set[int] = set()
     haptics: list[tuple[int, bool, int]] = []
-    imposed: list[tuple[int, int]] = []
+    imposed: list[tuple[int, float]] = []
     end: tuple[int, str, int] | None = None
     dropped: dict[str, int] = {}
     complete: bool = False
@@ -106,12 +103,13 @@ class Recorded(msgspec.Struct):
     @property
     def last_tick_ns(self) -> int:
         """The newest tick that anything tells of."""
-        ticks = [taken[1] for contacts in self.contacts.values() for taken in contacts[-1:]]
-        ticks += [row[1] for row in self.levels[-1:]]
+        ticks = [contact.taken_ns for contacts in self.contacts.values() for contact in contacts[-1:]]
+        ticks += [intent.taken_ns for intent in self.levels[-1:]]
         ticks += [row[0] for rows in (self.vest, self.hand) for row in rows[-1:]]
         return max(ticks, default=0)
 
 
+@tells_damage
 def read_recorded(
     path: Path,
     *,
@@ -208,37 +206,26 @@ def _keep(recorded: Recorded, message: Message) -> None:
     value = message.value
     match message.schema:
         case "tega.Contact":
-            metrics = ContactMetrics(
-                mass=value.mass,
-                centroid_xy=(value.centroid_x, value.centroid_y),
-                spread=value.spread,
-                threshold=value.threshold,
-                eda=value.eda,
-                cci=value.cci,
-                peak=value.peak,
-                peak_xy=(value.peak_x, value.peak_y),
-                in_contact=value.in_contact,
-            )
-            felt = Felt(value.cci_norm, value.eda_norm, value.front, value.back)
             finger = message.topic.split("/")[2]
-            recorded.contacts[finger].append((value.t_ns, value.taken_ns, metrics, felt))
+            recorded.contacts[finger].append(read(Contact, value, finger=finger))
         case "tega.Levels":
-            recorded.levels.append((value.t_ns, value.taken_ns, tuple(value.channels), value.fused))
+            recorded.levels.append(read(Intent, value))
         case "tega.VestFrame" if message.topic == "/vest/frame":
             recorded.vest.append((value.t_ns, value.layout, bytes(value.intensities)))
         case "tega.VestFrame":
             recorded.vest_sent.append(value.t_ns)
         case "tega.CanFrames":
-            frames = [CanFrame(f.id, f.data, f.remote) for f in value.frames]
-            recorded.hand.append((value.t_ns, value.level, frames))
+            command = read(HandCommand, value)
+            recorded.hand.append((command.t_ns, joined_level(command.level, command.closure), command.frames))
         case "tega.HandExchange":
-            recorded.exchanges.append(value)
+            recorded.exchanges.append(read(HandExchange, value))
         case "tega.Skip":
             recorded.skipped.add(value.t_ns)
         case "tega.Haptics":
             recorded.haptics.append((value.n_asked, value.on, value.t_ns))
         case "tega.Imposed":
-            recorded.imposed.append((value.t_ns, value.level))
+            imposed = read(Imposed, value)
+            recorded.imposed.append((imposed.t_ns, joined_level(imposed.level, imposed.closure)))
         case "tega.End":
             recorded.end = (value.end_ns, value.ended, value.n_waits)
         case "tega.Status":
@@ -253,11 +240,12 @@ def _head(reader: McapReader) -> Head:
         raise RecordingError(
             f"{reader.path.name}: no recording of a session", "name a file made with --record"
         )
+    _refuse_newer(reader)
     try:
-        tree = tomllib.loads(reader.files["session.toml"].decode())
+        tree = parse_toml(reader.files["session.toml"].decode())
         calibration = parse_calibration(reader.files["calibration.toml"].decode(), "calibration.toml")
         baselines = {
-            name.removeprefix("baseline-").removesuffix(".npy"): np.load(io.BytesIO(data))
+            name.removeprefix("baseline-").removesuffix(".npy"): load_npy(data, name)
             for name, data in reader.files.items()
             if name.startswith("baseline-")
         }
@@ -272,10 +260,34 @@ def _head(reader: McapReader) -> Head:
     return Head(without_devices(tree), tree, calibration, baselines, sources, facts, dict(reader.files))
 
 
+def _refuse_newer(reader: McapReader) -> None:
+    """Refuse records that a later TEGA wrote, whose meaning is not known here; those of an earlier one are read."""
+    for name, version in reader.metadata.get("records", {}).items():
+        if not version.isdecimal() or int(version) > VERSIONS.get(name, 0):
+            made = reader.metadata.get("versions", {}).get("tega", "unknown")
+            raise RecordingError(
+                f"{reader.path.name}: its record {name} has version {version}, this TEGA knows "
+                f"{VERSIONS.get(name, 'none')}",
+                f"read it with the TEGA that made it ({made}) or a later one",
+            )
+
+
 def without_devices(tree: dict[str, Any]) -> SessionConfig:
     """Check settings without the devices they name, which need not be installed to replay what they gave."""
     kept: dict[str, Any] = {"session": {k: v for k, v in tree.get("session", {}).items() if k != "out_dir"}}
+    tree = _as_named_now(tree)
+    kept["stages"] = tree.get("stages", {})
     for name in ("vest", "hand"):
         section = tree.get(name, {})
         kept[name] = {k: v for k, v in section.items() if k not in {"driver", "options"}}
     return check_tree(kept, {}, base=Path.cwd()).config
+
+
+def _as_named_now(tree: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of an earlier version's recording under the names that they have now."""
+    vest = dict(tree.get("vest", {}))
+    feedback, pulses = vest.pop("feedback", "continuous"), vest.pop("pulses", {})
+    if feedback != "events":
+        return tree | {"vest": vest}
+    mapping = {"name": "pulses", "options": pulses}
+    return tree | {"vest": vest, "stages": tree.get("stages", {}) | {"mapping": mapping}}

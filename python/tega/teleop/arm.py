@@ -18,10 +18,12 @@ from tega.arm.chain import ArmChain
 from tega.arm.pose import ArmCommand, PoseSource, StampedPose
 from tega.arm.sources.rates import RatePoses
 from tega.arm.turn import Turn, lead
+from tega.bus import Bus
 from tega.config import ArmConfig, SessionConfig
 from tega.devices.base import ArmDriver, DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.teleop.arm_records import ArmRecords
 from tega.teleop.arm_view import ArmView, look
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.loop import LoopView
@@ -43,9 +45,6 @@ class Steering:
         led_by: What the device behind it says of itself.
         seats: The operator's switches: ``dead_man``, and if there are ``clutch`` and ``recover``.
         table: Where to write what happened, a line a command; ``None`` for nowhere.
-
-    Attributes:
-        observers: Told of every turn and the command that came of it, in the arm's thread.
     """
 
     def __init__(
@@ -62,7 +61,7 @@ class Steering:
         self._config, self._arm, self._source = config, arm, source
         self._tracker, self._led_by, self._seats = tracker, led_by, seats
         self._table = table
-        self.observers: list[Callable[[Turn, ArmCommand, ArmDriver], None]] = []
+        self._records: ArmRecords | None = None
         self._chain = ArmChain(config.chain)
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
@@ -77,12 +76,15 @@ class Steering:
         self._off_m2 = (0, 0.0, 0.0)
         self._last_ns: int | None = None
 
-    def start(self, *, may_move: Callable[[], bool]) -> None:
+    def start(self, bus: Bus, start_ns: int, *, may_move: Callable[[], bool]) -> None:
         """Begin to lead the arm.
 
         Args:
+            bus: Told of every turn and the command that came of it, in the arm's thread.
+            start_ns: Start of the session on the monotonic clock.
             may_move: Asked at every turn; the arm holds while it says no.
         """
+        self._records = ArmRecords(bus, start_ns, self._config.mapping)
         self._thread = threading.Thread(target=self._run, args=(may_move,), name="tega-arm", daemon=True)
         self._thread.start()
 
@@ -157,7 +159,7 @@ class Steering:
                     command = self.turn(now_ns, measured, may_move=may_move())
                     if writer is not None:
                         _write(writer, (now_ns - start_ns) / 1e9, command, measured)
-            except Exception as error:  # told while the run lasts; the arm rests by itself
+            except BaseException as error:  # told while the run lasts; the arm rests by itself
                 self._error = f"arm: no longer led: {error}"
         is_stopped = self._command is not None and self._command.state == "stopped"
         self._take(Turn(time.monotonic_ns(), stopped="" if is_stopped else "the run has ended"))
@@ -202,8 +204,8 @@ class Steering:
             off_m2 = math.dist(command.target.position_m, turn.measured.position_m) ** 2
             n, all_m2, most_m2 = self._off_m2
             self._off_m2 = (n + 1, all_m2 + off_m2, max(most_m2, off_m2))
-        for observe in self.observers:
-            observe(turn, command, self._arm)
+        if self._records is not None:
+            self._records.turn(turn, command, self._arm)
         return command
 
     def _held(self, name: str) -> bool:

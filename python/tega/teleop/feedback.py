@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tega.calibration import Calibration, TouchMaxima
 from tega.config import DEFAULT_LAYOUT
 from tega.haptics import FeltMap
-from tega.teleop.pulses import PulseLoop
+from tega.stages.choose import vest_mapping
 from tega.teleop.touch import TouchLoop
 
 if TYPE_CHECKING:
@@ -24,7 +24,11 @@ def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterabl
     felt = None
     if (vest.threshold, vest.step) != (0.0, 1.0):
         felt = FeltMap(threshold=vest.threshold, step=vest.step)
-    layout = vest.layout or DEFAULT_LAYOUT[config.session.preset]
-    if vest.feedback == "events":
-        return PulseLoop(maxima, pulses=vest.pulses, layout=layout, mirror=vest.mirror, felt=felt)
-    return TouchLoop(maxima, layout=layout, mirror=vest.mirror, felt=felt)
+    preset = config.session.preset
+    return TouchLoop(
+        maxima,
+        layout=vest.layout or DEFAULT_LAYOUT[preset],
+        mirror=vest.mirror,
+        felt=felt,
+        mapping=vest_mapping(config.stages, preset),
+    )

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-
 from tega.hand import ModelledHand
-from tega.wire import allegro_servo_off, allegro_torque_frames
+from tega.wire import allegro_limp_frames, allegro_torque_frames
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from tega.wire import CanFrame
 
-__all__ = ["HAND_TICK_NS", "Hand", "ModelledAllegro", "limp_frames"]
+__all__ = ["HAND_TICK_NS", "Hand", "ModelledAllegro"]
 
 # The Allegro v4 reports its joints every 3 ms and wants one torque set for each.
 HAND_TICK_NS = 3_000_000
@@ -29,8 +28,8 @@ class Hand(Protocol):
         """The hand's joint angles as last known, float64 (16,), in radians."""
         ...
 
-    def step(self, level: int) -> Sequence[CanFrame]:
-        """Go on by one tick of 3 ms at a closure level, 1 to 5, and return what is to be sent."""
+    def step(self, level: float) -> Sequence[CanFrame]:
+        """Go on by one tick of 3 ms at a closure level, 1 to 5 with fractions, and return what is to be sent."""
         ...
 
     def limp(self) -> Sequence[CanFrame]:
@@ -60,11 +59,11 @@ class ModelledAllegro:
         """The model's joint angles, float64 (16,), in radians."""
         return self._angles
 
-    def step(self, level: int) -> list[CanFrame]:
+    def step(self, level: float) -> list[CanFrame]:
         """Go on by one tick of 3 ms.
 
         Args:
-            level: Closure level, 1 to 5.
+            level: Closure level, 1 to 5 with fractions between two poses.
 
         Returns:
             The four SET TORQUE frames of this tick.
@@ -74,12 +73,4 @@ class ModelledAllegro:
 
     def limp(self) -> list[CanFrame]:
         """Return zero torque for every finger, then SERVO OFF."""
-        return limp_frames(self._device_id)
-
-
-def limp_frames(device_id: int) -> list[CanFrame]:
-    """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF."""
-    return [
-        *allegro_torque_frames(np.zeros(16), device_id=device_id),
-        allegro_servo_off(device_id=device_id),
-    ]
+        return allegro_limp_frames(device_id=self._device_id)

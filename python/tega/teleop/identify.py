@@ -44,6 +44,7 @@ def light_motor(
     duration_s: float,
     clock: Clock,
     stop: Callable[[], bool] = lambda: False,
+    told: Callable[[VestFrame], None] = lambda _sent: None,
 ) -> None:
     """Drive one motor for a while, then none.
 
@@ -55,6 +56,7 @@ def light_motor(
         duration_s: How long.
         clock: Time.
         stop: Asked all the time whether to end early.
+        told: Told what the vest says it sent, of every frame but the silence at the end.
 
     Raises:
         InvalidValueError: The layout has no such motor.
@@ -67,8 +69,9 @@ def light_motor(
         raise InvalidValueError(
             f"motor {motor} is not one of layout {layout!r} (or percent is 0)", f"it has {known}"
         )
+    what = f"motor {motor}"
     show_frame(
-        vest, VestFrame(layout, lit), duration_s=duration_s, clock=clock, stop=stop, what=f"motor {motor}"
+        vest, VestFrame(layout, lit), duration_s=duration_s, clock=clock, stop=stop, told=told, what=what
     )
 
 
@@ -80,6 +83,7 @@ def show_frame(
     clock: Clock,
     what: str,
     stop: Callable[[], bool] = lambda: False,
+    told: Callable[[VestFrame], None] = lambda _sent: None,
 ) -> None:
     """Show a frame for a while, then none, also when it is interrupted.
 
@@ -90,6 +94,7 @@ def show_frame(
         clock: Time.
         what: What it is, for the error.
         stop: Asked all the time whether to end early.
+        told: Told what the vest says it sent, of every frame but the silence at the end.
 
     Raises:
         DeviceUnavailableError: The vest did not show it all the time.
@@ -103,6 +108,7 @@ def show_frame(
             if stop():
                 break
             sent = vest.write(k * _PERIOD_NS, frame)
+            told(sent)
             shown = bool(sent.intensities.any() or not frame.intensities.any()) and shown
     finally:
         vest.write(clock.now_ns() - start_ns, silent)

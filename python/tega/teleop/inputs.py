@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from tega import records
 from tega.devices.base import InputEvent, InputSource, InputState
+
+if TYPE_CHECKING:
+    from tega.bus import Bus
+    from tega.teleop.pacing import Pacer
 
 __all__ = ["Inputs", "Seat", "Seen"]
 
@@ -55,7 +60,6 @@ class Inputs:
 
     Attributes:
         seen: What each said at the last look.
-        observers: Told of every event of a button that is meant, and what the device is for.
     """
 
     def __init__(self, seats: Mapping[str, Seat]) -> None:
@@ -63,34 +67,55 @@ class Inputs:
         self._no_data_looks = dict.fromkeys(seats, 0)
         self._n_looks = 0
         self.seen: dict[str, Seen] = {}
-        self.observers: list[Callable[[str, InputEvent], None]] = []
+        self._said: dict[str, tuple[Any, ...]] = {}
 
     @property
     def seats(self) -> Mapping[str, Seat]:
         """The devices, by what they are for."""
         return self._seats
 
-    def look(self) -> dict[str, list[InputEvent]]:
+    def look(self, bus: Bus, pacer: Pacer) -> None:
         """Look at every device.
 
-        Returns:
-            The events of the buttons that are meant since the last look, by what the device is for.
+        Args:
+            bus: Told of what a device says whenever that changes, and of every event of a button that is meant.
+            pacer: Knows the session's time.
         """
-        events = {}
+        events: dict[str, list[InputEvent]] = {}
         self._n_looks += 1
         seen = {}
         for name, (source, button) in self._seats.items():
             state = source.state()
             events[name] = [e for e in source.events() if button in {None, e.button}]
-            for event in events[name]:
-                for observer in self.observers:
-                    observer(name, event)
             before = self.seen[name].n_presses if name in self.seen else 0
             held = bool(state.held) if button is None else button in state.held
             seen[name] = Seen(state, held, before + sum(e.pressed for e in events[name]))
             self._no_data_looks[name] += not state.live
         self.seen = seen
-        return events
+        if self._seats:
+            self._tell(events, bus, pacer)
+
+    def _tell(self, events: Mapping[str, list[InputEvent]], bus: Bus, pacer: Pacer) -> None:
+        for seat, seen in self.seen.items():
+            state = seen.state
+            said = state[1:]  # without the time at which the device was last heard
+            if self._said.get(seat) != said:
+                self._said[seat] = said
+                held = tuple(sorted(state.held))
+                t_ns = pacer.elapsed_ns()
+                bus.publish(
+                    records.InputState(seat=seat, t_ns=t_ns, live=state.live, motion=state.motion, held=held)
+                )
+        for seat, pressed in events.items():
+            for event in pressed:
+                t_ns = event.t_ns - pacer.start_ns
+                bus.publish(
+                    records.Button(
+                        seat=seat, t_ns=t_ns, seq=event.seq, button=event.button, pressed=event.pressed
+                    )
+                )
+                if seat == "marker" and event.pressed:
+                    bus.publish(records.Marker(t_ns=t_ns, text=event.button, source=seat))
 
     def summary(self) -> dict[str, Any]:
         """Return what a run says of them: driver, device, presses, share of the looks that found no data."""

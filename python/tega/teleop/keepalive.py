@@ -28,6 +28,7 @@ class KeepAlive:
 
     Attributes:
         in_steps: The same.
+        sent: The newest frame as the vest says it was sent.
     """
 
     def __init__(self, sink: VestSink, *, keep_alive_ns: int, period_ns: int, in_steps: bool = False) -> None:
@@ -35,6 +36,7 @@ class KeepAlive:
         self.in_steps = in_steps
         self._leave_out_ns = keep_alive_ns - period_ns
         self._last: VestFrame | None = None
+        self.sent: VestFrame
         self._last_ns = 0
 
     @property
@@ -71,5 +73,5 @@ class KeepAlive:
 
     def write(self, t_ns: int, frame: VestFrame) -> None:
         """Send a frame whatever was sent before."""
-        self.sink.write(t_ns, frame)
+        self.sent = self.sink.write(t_ns, frame)
         self._last, self._last_ns = frame, t_ns

@@ -28,19 +28,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
+from tega.bus import Bus
+from tega.records.latency import INTENT_STAGES, TOUCH_STAGES, Latency
 from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.calibration.motor_onset import MotorOnset
 
 
-__all__ = ["INTENT_STAGES", "SKIN", "TOUCH_STAGES", "FrameLatency", "LatencyTrace", "Tells"]
-
-TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", "own", "in-hand", "whole")
-INTENT_STAGES: Final = ("sample", "levels", "wait", "hand-over", "own", "whole")
+__all__ = ["INTENT_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace", "Tells"]
 
 SKIN: Final = "skin"
 """The stage that the motor's onset is part of; there is none where that was not measured."""
@@ -48,35 +46,6 @@ SKIN: Final = "skin"
 _LIVE_NS: Final = 5_000_000_000
 _TELL_NS: Final = 1_000_000_000
 _PENDING: Final = 64
-# Recordings of before there was a greatest rate do not tell when it let a frame go.
-_STAMPS_WITHOUT_HELD: Final = 6
-
-
-class FrameLatency(NamedTuple):
-    """The way of one camera frame to the vest, or of one block of EMG to the hand.
-
-    Attributes:
-        path: ``touch`` or ``intent``.
-        source: The finger, or ``emg``.
-        stamps_ns: Times since the start of the session: captured, received, measured, taken up, (made, let go,) handed
-            over.
-    """
-
-    path: str
-    source: str
-    stamps_ns: tuple[int, ...]
-
-    def stages_ns(self) -> dict[str, int]:
-        """Return how long each stage took, by :data:`TOUCH_STAGES` or :data:`INTENT_STAGES`."""
-        stamps = self.stamps_ns
-        if self.path == "touch" and len(stamps) == _STAMPS_WITHOUT_HELD:
-            stamps = (*stamps[:5], stamps[4], stamps[5])
-        steps = [later - sooner for sooner, later in pairwise(stamps)]
-        whole = stamps[-1] - stamps[0]
-        if self.path == "touch":
-            own = steps[1] + steps[3] + steps[5]
-            return dict(zip(TOUCH_STAGES, (*steps, own, whole - steps[0], whole), strict=True))
-        return dict(zip(INTENT_STAGES, (*steps, steps[1] + sum(steps[3:]), whole), strict=True))
 
 
 class Tells(Protocol):
@@ -104,9 +73,9 @@ class LatencyTrace:
         vests: Those that tell what they hand over.
         answered_ns: Tells when a hand's torques first left at or after a monotonic time; ``None`` without such a hand.
         motor: What comes after the hand-over, as it was measured; ``None`` where it was not.
+        bus: Told of every frame and block that has arrived.
 
     Attributes:
-        observers: Told of every frame and block that has arrived.
         warning: What is over the budget now, and in which stage most of it goes; ``""`` for nothing.
         last_warning: The newest that was not ``""``.
         n_replaced: Camera frames that would have changed what is felt, but a newer one of the finger came before the
@@ -124,6 +93,7 @@ class LatencyTrace:
         vests: Sequence[Tells] = (),
         answered_ns: Callable[[int], int | None] | None = None,
         motor: MotorOnset | None = None,
+        bus: Bus | None = None,
     ) -> None:
         self.motor = motor
         self.now_ns = now_ns
@@ -142,7 +112,7 @@ class LatencyTrace:
         self.spreads = {"touch": _spreads(TOUCH_STAGES), "intent": _spreads(INTENT_STAGES)}
         self._live = _spreads(TOUCH_STAGES)
         self._live_until_ns = _LIVE_NS
-        self.observers: list[Callable[[FrameLatency], None]] = []
+        self._bus = Bus() if bus is None else bus
         self.warning = self.last_warning = self.line = ""
         self._told_ns = 0
 
@@ -259,14 +229,13 @@ class LatencyTrace:
             self._arrived("touch", name, (*item, max(item[-1], free_ns), handed_ns))
 
     def _arrived(self, path: str, source: str, stamps_ns: tuple[int, ...]) -> None:
-        way = FrameLatency(path, source, stamps_ns)
+        way = Latency(path=path, source=source, stamps_ns=stamps_ns)
         live = self._live if path == "touch" else None
         for stage, ns in way.stages_ns().items():
             self.spreads[path][stage].add(ns)
             if live is not None:
                 live[stage].add(ns)
-        for observer in self.observers:
-            observer(way)
+        self._bus.publish(way)
 
     def _over_budget(self) -> str:
         limited = self._live[self._limited]

@@ -13,7 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
+from tega.bus import Bus
 from tega.errors import TegaError
+from tega.hand import split_level
+from tega.records import Contact as ContactRecord
+from tega.records import HandCommand, Imposed, Intent, Joints, Skip, bus_frames
 from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.inputs import Inputs, Seen
 from tega.teleop.keepalive import KeepAlive
@@ -27,12 +31,11 @@ from tega.teleop.vest_output import VestOutput
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
     from tega.safety.guard import Guard
-    from tega.tactile import ContactMetrics
     from tega.teleop.arm_view import ArmView
     from tega.teleop.latency import LatencyTrace
     from tega.wire import CanFrame
 
-__all__ = ["DualLoop", "LoopView", "Recorder", "Sink"]
+__all__ = ["DualLoop", "LoopView", "Sink"]
 
 Sent_contra = TypeVar("Sent_contra", contravariant=True)
 
@@ -50,18 +53,6 @@ class Sink(Protocol[Sent_contra]):
 
     def write(self, t_ns: int, sent: Sent_contra, /) -> object:
         """Take what the loop sends at a time counted from the start of the session."""
-        ...
-
-
-class Recorder(Protocol):
-    """Keeps what the loop took in."""
-
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
-        """Keep one measured frame."""
-        ...
-
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
-        """Keep one EMG block."""
         ...
 
 
@@ -121,7 +112,7 @@ class DualLoop:
         hand: What turns levels into frames.
         vests: Where vest frames go, every one.
         hands: Where CAN frames go.
-        recorder: Keeps what came in.
+        bus: Told of all that comes in and goes out; see :mod:`tega.records`.
         kept: Vests that are sent what changed, and what did not as a keep-alive.
         vest_rate_hz: Ticks of the vest per second.
         by_frame: Whether a picture between two ticks wakes the loop; the pacer needs a bell that its source rings.
@@ -143,7 +134,7 @@ class DualLoop:
         hand: Hand,
         vests: Sequence[Sink[VestFrame]],
         hands: Sequence[Sink[Sequence[CanFrame]]],
-        recorder: Recorder | None,
+        bus: Bus | None = None,
         kept: Sequence[KeepAlive] = (),
         vest_rate_hz: float = 30.0,
         by_frame: bool = False,
@@ -163,7 +154,7 @@ class DualLoop:
             self._streams.append(levels)
         self._hand = hand
         self._hands = hands
-        self._recorder = recorder
+        self._bus = Bus() if bus is None else bus
         self._vest_rate_hz = vest_rate_hz
         self._by_frame = by_frame
         self._observer = observer
@@ -176,13 +167,24 @@ class DualLoop:
         self._felt_anew = False
         self._shown: LoopView | None = None
         self._due_ns = 0
+        self._imposed: float = 0
+        self._asked: float = 0
         self._end_ns = NEVER_NS
         self.report = LoopReport(
             n_contacts=dict.fromkeys(contacts, 0),
             n_stale_ticks=dict.fromkeys(contacts, 0),
             level_ticks=dict.fromkeys(range(1, 6), 0),
         )
-        self._vest = VestOutput(touch, self.report, vests=vests, kept=kept, haptics=haptics, trace=trace)
+        self._vest = VestOutput(
+            touch,
+            self.report,
+            vests=vests,
+            kept=kept,
+            haptics=haptics,
+            trace=trace,
+            bus=self._bus,
+            now_ns=pacer.elapsed_ns,
+        )
 
     def run(self, *, duration_ns: int | None = None, stop: Callable[[], bool] = lambda: False) -> LoopReport:
         """Run.
@@ -208,7 +210,7 @@ class DualLoop:
                     report.ended, why = "stopped", getattr(stop, "reason", "") or "asked to"
                     break
                 if duration_ns is not None and t_ns >= duration_ns:
-                    self._pacer.wait(duration_ns)
+                    self._wait(duration_ns)
                     last_ns = duration_ns
                     last_ns, report.ended = self._last_look(duration_ns)
                     break
@@ -216,9 +218,9 @@ class DualLoop:
                     last_ns = woken_ns if self._take_in(woken_ns) else last_ns
                     self._follow(woken_ns)
                     continue
-                in_time = self._pacer.wait(t_ns)
+                in_time = self._wait(t_ns)
                 last_ns = t_ns
-                self._inputs.look()
+                self._inputs.look(self._bus, self._pacer)
                 if t_ns >= self._due_ns:
                     self._take_in(t_ns)
                 if t_ns >= self._end_ns:
@@ -238,6 +240,13 @@ class DualLoop:
         for problem in self._leave(last_ns, f"{_ENDED[report.ended]}{why}"):
             raise problem
         return report
+
+    def _wait(self, t_ns: int) -> bool:
+        """Wait for a deadline; return whether its tick is to be carried out."""
+        in_time = self._pacer.wait(t_ns)
+        if not in_time:
+            self._bus.publish(Skip(t_ns=t_ns))
+        return in_time
 
     def _look(self, t_ns: int) -> None:
         """Have the guard look at what came in."""
@@ -287,8 +296,17 @@ class DualLoop:
                 self.report.n_blocks += 1
                 if self._trace is not None:
                     self._trace.taken("emg", block[0])
-                if self._recorder is not None:
-                    self._recorder.levels(*block)
+                if self._bus.wants(Intent):
+                    self._bus.publish(
+                        Intent(
+                            t_ns=block.t_ns,
+                            taken_ns=self._pacer.tick_ns,
+                            channels=block.channels,
+                            level=block.level,
+                            closure=block.closure,
+                            confidence=block.confidence,
+                        )
+                    )
         self._look_ahead()
         return taken
 
@@ -309,8 +327,17 @@ class DualLoop:
         self.report.n_contacts[finger] += 1
         if self._trace is not None:
             self._trace.taken(finger, t_ns)
-        if self._recorder is not None:
-            self._recorder.contact(t_ns, finger, metrics, felt)
+        if self._bus.wants(ContactRecord):
+            self._bus.publish(
+                ContactRecord(
+                    finger=finger,
+                    taken_ns=self._pacer.tick_ns,
+                    known_ns=self._pacer.elapsed_ns(),
+                    t_ns=t_ns,
+                    **metrics._asdict(),
+                    **felt._asdict(),
+                )
+            )
 
     def _tick(self, t_ns: int, *, hand: bool, vest: bool) -> None:
         if not vest:
@@ -321,27 +348,45 @@ class DualLoop:
             self._tick_vest(t_ns)
 
     def _tick_hand(self, t_ns: int) -> None:
-        level = FIRST_LEVEL if self._block is None else self._block[2]
-        if self._guard is not None:
-            level = self._guard.level(level)
+        wanted = FIRST_LEVEL if self._block is None else self._block.wanted
+        level = wanted if self._guard is None else self._guard.level(wanted)
+        imposed = level if level != wanted else 0
+        if imposed != self._imposed:
+            self._imposed = imposed
+            whole, closure = split_level(imposed)
+            self._bus.publish(Imposed(t_ns=self._pacer.tick_ns, level=whole, closure=closure))
+        self._asked = level
         frames = self._hand.step(level)
         for sink in self._hands:
             sink.write(t_ns, frames)
+        self._tell_hand(t_ns, frames)
         if self._trace is not None:
             self._trace.commanded()
         self.report.n_hand_ticks += 1
-        self.report.level_ticks[level] += 1
+        self.report.level_ticks[split_level(level)[0]] += 1
+
+    def _tell_hand(self, t_ns: int, frames: Sequence[CanFrame]) -> None:
+        if self._bus.wants(HandCommand):
+            whole, closure = split_level(self._asked)
+            self._bus.publish(HandCommand(t_ns=t_ns, level=whole, frames=bus_frames(frames), closure=closure))
+
+    def _tell_joints(self, t_ns: int) -> None:
+        """Tell where the joints are beside every frame of the vest, once the hand was asked for something."""
+        if self._asked and self._bus.wants(Joints):
+            self._bus.publish(Joints(t_ns=t_ns, angles_rad=tuple(self._hand.angles_rad.tolist())))
 
     def _follow(self, t_ns: int) -> None:
         """Between two ticks, tell the vest what has come, if that changes anything."""
         if self._by_frame and self._felt_anew:
             self._felt_anew = False
-            self._vest.follow(t_ns)
+            if self._vest.follow(t_ns):
+                self._tell_joints(t_ns)
 
     def _tick_vest(self, t_ns: int) -> None:
         self._felt_anew = False
         if self._contacts:
             self._vest.refresh(t_ns)
+            self._tell_joints(t_ns)
             if self._trace is not None and self._guard is not None:
                 self._guard.alert("latency", self._trace.warning)
             for finger, _ in self._contacts:
@@ -375,22 +420,32 @@ class DualLoop:
             "vest": report.n_vest_ticks + report.n_vest_between,
         }
 
-    def _leave(self, t_ns: int, reason: str) -> list[Exception]:
+    def _leave(self, t_ns: int, reason: str) -> list[BaseException]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""
-        problems: list[Exception] = []
+        problems: list[BaseException] = []
+        frames: Sequence[CanFrame] = ()
+        try:
+            frames = self._hand.limp()
+        except BaseException as error:  # a panic of native code, too; reported by the caller
+            problems.append(error)
+        self._asked = 0
         for hand in self._hands:
             try:
-                hand.write(t_ns, self._hand.limp())
-            except Exception as error:  # reported by the caller
+                hand.write(t_ns, frames)
+            except BaseException as error:  # likewise
                 problems.append(error)
         problems += self._vest.silence(t_ns)
+        try:
+            self._tell_hand(t_ns, frames)
+        except Exception as error:  # of a vital subscriber; the hand and the vest are safe by now
+            problems.append(error)
         if self._guard is not None:
             try:
                 self._guard.stop(t_ns, reason)
                 if self._observer is not None and self._shown is not None:
                     # A display that goes on showing the last moment must not go on saying that things move.
                     self._observer(self._shown._replace(state="stopped", reason=self._guard.reason))
-            except Exception as error:  # of an observer; reported by the caller
+            except BaseException as error:  # of an observer; reported by the caller
                 problems.append(error)
         return problems
 

@@ -24,7 +24,7 @@ __all__ = ["SELF_CALIBRATED", "TAU_S", "block_length", "emg_conditions", "emg_ma
 SELF_CALIBRATED = "self-calibrated from the recording, not causal"
 
 TAU_S = 0.1
-"""Length of an EMG block: 100 ms, as the presets have it."""
+"""Length of an EMG block where no decoder says otherwise: 100 ms, as the presets have it."""
 
 TOUCH_PERCENTILE = 99.5
 """One spike must not deaden the vest: the maximum is this percentile of the frames in contact."""
@@ -60,28 +60,34 @@ def _percentile(values: Sequence[float]) -> float | None:
     return maximum if maximum > 0 else None
 
 
-def block_length(rate_hz: float) -> int:
-    """Return the samples of a 100 ms block.
+def block_length(rate_hz: float, block_s: float = TAU_S) -> int:
+    """Return the samples of a block.
 
     Raises:
         ConfigError: The rate is too low for a block to hold one sample.
     """
-    tau = round(TAU_S * rate_hz)
+    tau = round(block_s * rate_hz)
     if tau < 1:
         raise ConfigError(
-            f"EMG rate_hz = {rate_hz:g}: a block of {TAU_S * 1000:g} ms holds no sample",
+            f"EMG rate_hz = {rate_hz:g}: a block of {block_s * 1000:g} ms holds no sample",
             "give the samples per second of one channel",
         )
     return tau
 
 
-def emg_conditions(source: EmgSource, kind: Literal["raw", "rectified", "envelope"]) -> EmgMaxima:
+def emg_conditions(
+    source: EmgSource, kind: Literal["raw", "rectified", "envelope"], *, block_s: float = TAU_S
+) -> EmgMaxima:
     """Describe an EMG source as far as a calibration depends on it; the maxima are left empty."""
     info = source.info
     if info.rate_hz is None:
         raise ConfigError(f"EMG source {info.label!r} states no rate", "set rate_hz in its options")
     return EmgMaxima(
-        kind=kind, rate_hz=info.rate_hz, tau=block_length(info.rate_hz), channels=info.channels, maxima=()
+        kind=kind,
+        rate_hz=info.rate_hz,
+        tau=block_length(info.rate_hz, block_s),
+        channels=info.channels,
+        maxima=(),
     )
 
 

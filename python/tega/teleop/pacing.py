@@ -44,25 +44,28 @@ class Pacer:
     Attributes:
         bell: The same.
         late_ns: How late the newest tick was.
+        start_ns: The clock's time at the start.
+        tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.
+        n_waits: Deadlines waited for, with those left out.
     """
 
     def __init__(self, clock: Clock, *, overrun_ns: int = 3_000_000, bell: Bell | None = None) -> None:
         self._clock = clock
         self.bell = bell
         self._overrun_ns = overrun_ns
-        self._start_ns = clock.now_ns()
+        self.start_ns = clock.now_ns()
         self._n_ticks = self._n_overruns = self._n_skipped = 0
         self._worst_ns = 0
-        self.late_ns = 0
+        self.late_ns = self.tick_ns = self.n_waits = 0
 
     def start(self) -> int:
         """Begin counting now, and return the clock's time of this moment in nanoseconds."""
-        self._start_ns = self._clock.now_ns()
-        return self._start_ns
+        self.start_ns = self._clock.now_ns()
+        return self.start_ns
 
     def elapsed_ns(self) -> int:
         """Return the time since the start."""
-        return self._clock.now_ns() - self._start_ns
+        return self._clock.now_ns() - self.start_ns
 
     def doze(self, t_ns: int) -> int:
         """Wait for a deadline, or until something has come before it.
@@ -77,6 +80,7 @@ class Pacer:
             return t_ns
         now_ns = self.elapsed_ns()
         if now_ns < t_ns:
+            self.tick_ns = now_ns
             return now_ns
         # Too late to be early. What has come may be newer than the deadline, and is looked for again after it.
         self.bell.ring()
@@ -91,7 +95,9 @@ class Pacer:
         Returns:
             Whether the tick should be carried out; false when it is too late for it to make sense.
         """
-        self._clock.sleep_until(self._start_ns + t_ns)
+        self._clock.sleep_until(self.start_ns + t_ns)
+        self.tick_ns = t_ns
+        self.n_waits += 1
         self.late_ns = late_ns = self.elapsed_ns() - t_ns
         if late_ns > CATCH_UP_NS:
             self._n_skipped += 1

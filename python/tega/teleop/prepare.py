@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, load_calibration
 from tega.calibration.person import calibrate_command, person_calibration
 from tega.calibration.records import utc_now
-from tega.config import SessionConfig
+from tega.config import DEFAULT_STAGES, SessionConfig
 from tega.devices.base import ComparingSource, EmgSource, TactileSource
-from tega.emg import GraspIntent
 from tega.errors import CalibrationError
+from tega.stages.choose import block_s, chosen_stage, finger_metric, muscle_decoder
 from tega.teleop.baseline import find_baseline
 from tega.teleop.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
 from tega.teleop.sources import Block, Contact, SourceReport, measured_contacts
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Finger", "Muscles", "Prepared", "Progress", "prepare"]
+    from tega.stages.base import Decoder
+
+__all__ = ["Finger", "Muscles", "Prepared", "Progress", "prepare", "to_be_read"]
 
 _log = logging.getLogger(__name__)
 
@@ -58,14 +60,14 @@ class Muscles(NamedTuple):
     Attributes:
         source: Its open source.
         maxima: Its maxima and the conditions they hold under.
-        intent: Samples to levels; ``None`` where they are made somewhere else.
+        decoder: Samples to intents; ``None`` where they are made somewhere else.
         report: What becomes of the samples.
         stream: The levels, where they are known from somewhere else; its source is then not read.
     """
 
     source: EmgSource
     maxima: EmgMaxima
-    intent: GraspIntent | None
+    decoder: Decoder | None
     report: SourceReport
     stream: Stream[Block] | None = None
 
@@ -126,7 +128,7 @@ def prepare(
     preset, path = config.session.preset, config.calibration.file
     conditions = None
     if emg is not None and config.emg is not None:
-        conditions = emg_conditions(emg, config.emg.kind)
+        conditions = emg_conditions(emg, config.emg.kind, block_s=block_s(config))
     calibration: Calibration | None = None
     name, warnings = "", tuple[str, ...]()
     if path is not None:
@@ -148,6 +150,9 @@ def prepare(
                     f"{what}: {source.info.label} is live and the run has no calibration",
                     f"{calibrate_command(settings, 'ID')}, then run with --person ID; or set calibration.file",
                 )
+    if sources and calibration is not None and (said := _other_metric(config)):
+        warnings = (*warnings, said)
+        _log.warning("warning: %s", said)
     fingers = _prepare_fingers(config, sources, measure=calibration is None, progress=progress, stop=stop)
     if stop():
         raise KeyboardInterrupt
@@ -160,9 +165,33 @@ def prepare(
         )
     muscles = None
     if emg is not None and (m := calibration.emg) is not None:
-        intent = GraspIntent(m.rate_hz, m.maxima, tau=m.tau, kind=m.kind, preset=preset)
-        muscles = Muscles(emg, m, intent, SourceReport())
+        muscles = Muscles(emg, m, muscle_decoder(config.stages, preset, m), SourceReport())
     return Prepared(fingers, muscles, calibration, name, warnings)
+
+
+def _other_metric(config: SessionConfig) -> str:
+    """Say that a calibration's touch maxima were not found with the metric that is used."""
+    preset = config.session.preset
+    chosen = chosen_stage("metric", config.stages, preset)
+    if chosen.name == DEFAULT_STAGES[preset]["metric"] and chosen.options == chosen.kind.options_type():
+        return ""
+    return (
+        f"the touch maxima were calibrated with the metric of preset {preset!r}, the run uses {chosen.name!r} with its "
+        "options: give stages.mapping.options.front_max and back_max"
+    )
+
+
+def to_be_read(prepared: Prepared) -> Prepared:
+    """Return what a run starts with, with frames that were measured beforehand to be read and measured again.
+
+    That is for a run whose pictures are wanted: the same frames, the same results.
+    """
+    fingers = dict(prepared.fingers)
+    for name, finger in prepared.fingers.items():
+        if finger.measured is not None:
+            finger.source.open()
+            fingers[name] = finger._replace(report=SourceReport(), measured=None)
+    return prepared._replace(fingers=fingers)
 
 
 def _prepare_fingers(
@@ -189,9 +218,10 @@ def _prepare_fingers(
         baseline, origin = find_baseline(source, config.tactile.in_use()[name].baseline, finger=name)
         if not measure:
             return Finger(source, baseline, origin, report)
+        metric = finger_metric(config.stages, config.session.preset, name, baseline)
         measured: list[Contact] = []
         for contact in measured_contacts(
-            source, baseline, config.session.preset, report, stopped=lambda: stop() or failed.is_set()
+            source, baseline, metric, report, stopped=lambda: stop() or failed.is_set()
         ):
             measured.append(contact)
             count()

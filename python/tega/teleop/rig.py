@@ -10,17 +10,18 @@ from tega.config import SessionConfig
 from tega.devices.base import EmgSource, TactileSource
 from tega.devices.registry import driver_class
 from tega.priority import ahead_of_others
-from tega.recording.spared import Disk
 from tega.safety.guard import Guard
 from tega.safety.states import Transition
 from tega.teleop.arm import Steering, open_arm
+from tega.teleop.beside import open_beside
 from tega.teleop.inputs import Inputs
 from tega.teleop.pacing import refuse_live
-from tega.teleop.prepare import Prepared, Progress, prepare
+from tega.teleop.prepare import Prepared, Progress, prepare, to_be_read
 from tega.teleop.sinks import Sinks, open_inputs, open_sinks
 from tega.teleop.watch import watch_over
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.markers import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
@@ -33,6 +34,7 @@ class Rig(NamedTuple):
 
     Attributes:
         config: The settings.
+        bus: Told of everything that comes in and goes out.
         prepared: The sources, with their baselines and maxima.
         sinks: What is written to.
         inputs: What the operator holds or steps on.
@@ -44,6 +46,7 @@ class Rig(NamedTuple):
     """
 
     config: SessionConfig
+    bus: Bus
     prepared: Prepared
     sinks: Sinks
     inputs: Inputs
@@ -57,6 +60,7 @@ class Rig(NamedTuple):
 def open_rig(
     stack: ExitStack,
     config: SessionConfig,
+    bus: Bus,
     *,
     prepared: Prepared | None,
     on_prepared: Callable[[Prepared], Prepared],
@@ -72,6 +76,7 @@ def open_rig(
     Args:
         stack: Closes all of it.
         config: The settings.
+        bus: Told of everything that comes in and goes out.
         prepared: What to start with instead of the sources of the settings.
         on_prepared: Given what the run starts with; returns what it is to start with.
         progress: Told how preparation goes.
@@ -85,14 +90,14 @@ def open_rig(
         TegaError: Whatever is wrong with settings, recordings, calibration or devices.
         KeyboardInterrupt: ``stop`` said so.
     """
-    recording = _recording(stack, config)
-    markers = _markers(stack, config)
+    recording = _recording(stack, config, bus)
+    markers = _markers(stack, config, bus)
     station = None
     if config.net is not None:
         from tega.net.station import open_station
 
         progress("opening the link", 0, 0)
-        station = open_station(config, tell=tell, stop=stop)
+        station = open_station(config, bus, tell=tell, stop=stop)
         # The link's own threads, which others wait for at the other station.
         with ahead_of_others("act", inherited=True):
             stack.enter_context(station)
@@ -103,23 +108,21 @@ def open_rig(
         prepared = station.prepared(prepared)
     prepared = on_prepared(prepared)
     if recording is not None:
-        prepared = recording.watch(prepared)
-    disk = Disk()
-    sinks = open_sinks(stack, config, prepared, recording, disk)
+        prepared = to_be_read(prepared)
+        open_beside(stack, config, prepared, bus)
+    sinks = open_sinks(stack, config, prepared, bus)
     inputs = open_inputs(stack, config)
     if station is not None:
         sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)
     steering = None
     if config.arm is not None:
         steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
-        if recording is not None:
-            recording.lead(steering)
     progress("running", 0, 0)
     guard = watch_over(
         config,
         prepared,
         sinks,
-        disk,
+        bus,
         recording,
         markers=markers,
         go=go,
@@ -127,7 +130,7 @@ def open_rig(
         station=station,
     )
     guard.observers.append(on_state)
-    return Rig(config, prepared, sinks, inputs, guard, recording, markers, steering, station)
+    return Rig(config, bus, prepared, sinks, inputs, guard, recording, markers, steering, station)
 
 
 def _sources(stack: ExitStack, config: SessionConfig) -> tuple[dict[str, TactileSource], EmgSource | None]:
@@ -144,23 +147,23 @@ def _sources(stack: ExitStack, config: SessionConfig) -> tuple[dict[str, Tactile
     return sources, emg
 
 
-def _recording(stack: ExitStack, config: SessionConfig) -> Recording | None:
+def _recording(stack: ExitStack, config: SessionConfig, bus: Bus) -> Recording | None:
     """Make the recording, if one is asked for, before any device is touched."""
     if config.recording.dir is None:
         return None
     from tega.recording.session import Recording
 
-    recording = Recording(config, config.recording.dir)
+    recording = Recording(config, config.recording.dir, bus)
     stack.callback(recording.abandon)
     return recording
 
 
-def _markers(stack: ExitStack, config: SessionConfig) -> RunMarkers | None:
+def _markers(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunMarkers | None:
     """Open the streams of markers, if there are any."""
     if config.markers.lsl_out is None and config.markers.lsl_in is None:
         return None
     from tega.markers import RunMarkers
 
-    markers = RunMarkers(config.markers)
+    markers = RunMarkers(config.markers, bus)
     stack.callback(markers.close)
     return markers

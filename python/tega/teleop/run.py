@@ -2,42 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from tega.calibration.motor_onset import motor_onset
 from tega.clock import Clock, SystemClock
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.priority import ahead_of_others, all_along
+from tega.records import Alert, RunState, Value
+from tega.stages.choose import finger_metric
 from tega.teleop.bell import Bell
 from tega.teleop.collector import settle
 from tega.teleop.feedback import touch_loop
 from tega.teleop.flows import contact_stream, latency_trace, level_stream
 from tega.teleop.hand import Hand, ModelledAllegro
-from tega.teleop.inputs import Inputs
-from tega.teleop.loop import DualLoop, LoopView, Recorder, Sink
+from tega.teleop.loop import DualLoop, LoopView
 from tega.teleop.pacing import Pacer
 from tega.teleop.rig import Rig
-from tega.teleop.summary import RunState, summarise, write_summary
+from tega.teleop.summary import RunFacts, summarise, write_summary
 
 if TYPE_CHECKING:
-    from tega.haptics import VestFrame
-    from tega.wire import CanFrame
+    from tega.bus import Bus
+    from tega.safety.guard import Guard
+    from tega.safety.states import Transition
+    from tega.stages.base import Metric
+    from tega.teleop.latency import LatencyTrace
 
-__all__ = ["LoopParts", "run_loop"]
-
-
-class LoopParts(NamedTuple):
-    """What the loop is made of, as far as a recording looks at it."""
-
-    pacer: Pacer
-    hand: Hand
-    vests: Sequence[Sink[VestFrame]]
-    hands: Sequence[Sink[Sequence[CanFrame]]]
-    recorder: Recorder | None
-    haptics: Callable[[], bool]
-    inputs: Inputs
+__all__ = ["run_loop"]
 
 
 def run_loop(
@@ -83,64 +76,61 @@ def run_loop(
             real_time = flows.enter_context(ahead_of_others("act"))
             flows.enter_context(all_along())
     hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
-    parts = LoopParts(
-        Pacer(clock, bell=bell), hand, sinks.vests, sinks.hands, sinks.recorder, may_feel, rig.inputs
-    )
-    if recording is None:
-        start_ns = parts.pacer.start()
-    else:
-        parts, start_ns = recording.begin(
-            parts,
-            clock,
-            layout=layout,
-            pace=pace,
-            kept=sinks.kept,
-            steered=sinks.steered is not None,
-            observed=observer is not None,
-        )
+    pacer = Pacer(clock, bell=bell)
+    if recording is not None:
+        recording.head(rig, layout=layout, pace=pace, observed=observer is not None)
+    start_ns = pacer.start()
+    if recording is not None:
+        recording.begin(start_ns, clock.now_ns())
     trace = None
     if isinstance(clock, SystemClock):
         trace = latency_trace(
             prepared,
             sinks,
-            parts.pacer,
+            pacer,
             start_ns=start_ns,
             budget_ms=config.safety.latency_budget_ms,
             steady=pace == "steady",
             motor=motor_onset(config),
+            bus=rig.bus,
         )
-    if recording is not None:
-        recording.follow(guard, trace)
+    _tell(rig.bus, pacer, guard, trace)
     if rig.markers is not None:
-        real_ns = start_ns if isinstance(clock, SystemClock) else None
-        rig.markers.begin(real_ns, None if recording is None else recording.recorder)
-        rig.markers.follow(guard, rig.inputs)
+        trial = "start" if recording is None else recording.name
+        rig.markers.begin(start_ns, trial=trial, real=isinstance(clock, SystemClock))
     if station is not None:
         station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
-        guard.observers.append(station.changed)
-        parts = parts._replace(recorder=station.recorder(parts.recorder))
         flows.callback(station.end)
-    observer = _steer(flows, rig, observer)
+    observer = _steer(flows, rig, observer, start_ns)
     loop = DualLoop(
-        pacer=parts.pacer,
+        pacer=pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
         contacts={
             name: contact_stream(
-                flows, name, finger, reading=session.preset, start_ns=start_ns, trace=trace, bell=bell
+                flows,
+                name,
+                finger,
+                metric=partial(_metric, rig, name),
+                start_ns=start_ns,
+                trace=trace,
+                bell=bell,
+                bus=rig.bus,
             )
             for name, finger in prepared.fingers.items()
         },
-        levels=None if muscles is None else level_stream(flows, muscles, start_ns=start_ns, trace=trace),
-        hand=parts.hand,
-        vests=parts.vests,
-        hands=parts.hands,
-        recorder=parts.recorder,
+        levels=None
+        if muscles is None
+        else level_stream(flows, muscles, start_ns=start_ns, trace=trace, bus=rig.bus),
+        hand=hand,
+        vests=sinks.vests,
+        hands=sinks.hands,
+        bus=rig.bus,
         kept=sinks.kept,
         vest_rate_hz=config.vest.rate_hz,
         by_frame=pace == "by-frame",
         observer=observer,
-        haptics=parts.haptics,
-        inputs=parts.inputs,
+        haptics=may_feel,
+        inputs=rig.inputs,
         guard=guard,
         trace=trace,
         endless=rig.steering is not None or station is not None,
@@ -148,8 +138,8 @@ def run_loop(
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
-        pacing = parts.pacer.report()
-        return _conclude(stack, RunState(rig, layout, pace, loop.report, pacing, trace, real_time), error)
+        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time)
+        return _conclude(stack, facts, error, n_waits=pacer.n_waits)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
     try:
@@ -160,15 +150,34 @@ def run_loop(
     return conclude(None)
 
 
+def _metric(rig: Rig, name: str) -> Metric:
+    """Make the metric of a finger."""
+    config, prepared = rig.config, rig.prepared
+    baseline, calibration = prepared.fingers[name].baseline, prepared.calibration.touch(name)
+    return finger_metric(config.stages, config.session.preset, name, baseline, calibration)
+
+
+def _tell(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
+    """Publish the run's states, what is wrong, and how long the vest's motors take to start."""
+
+    def changed(change: Transition) -> None:
+        bus.publish(RunState(t_ns=change.t_ns, state=change.state, reason=change.reason))
+
+    guard.observers.append(changed)
+    guard.alert_observers.append(
+        lambda name, said: bus.publish(Alert(t_ns=pacer.tick_ns, name=name, said=said))
+    )
+    if trace is not None and trace.motor is not None:
+        bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
+
+
 def _steer(
-    flows: ExitStack, rig: Rig, observer: Callable[[LoopView], None] | None
+    flows: ExitStack, rig: Rig, observer: Callable[[LoopView], None] | None, start_ns: int
 ) -> Callable[[LoopView], None] | None:
     """Let the arm follow until the run ends; the observer is told of it."""
     if rig.steering is None:
         return observer
-    if rig.recording is not None:
-        rig.recording.follow_arm(rig.steering)
-    rig.steering.start(may_move=lambda: rig.guard.state == "active")
+    rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
     flows.callback(rig.steering.stop)
     return None if observer is None else rig.steering.beside(observer)
 
@@ -183,7 +192,9 @@ def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:
     return pace, Bell() if live and pace == "by-frame" else None
 
 
-def _conclude(stack: ExitStack, state: RunState, error: BaseException | None) -> dict[str, Any]:
+def _conclude(
+    stack: ExitStack, state: RunFacts, error: BaseException | None, *, n_waits: int
+) -> dict[str, Any]:
     """Close what is open and write down what was."""
     recording, markers = state.rig.recording, state.rig.markers
     summary = summarise(state, error=error)
@@ -195,7 +206,7 @@ def _conclude(stack: ExitStack, state: RunState, error: BaseException | None) ->
             stack.pop_all().close()  # the tables are complete before the summary says so
     finally:
         if recording is not None:
-            recording.ended(state.loop)
+            recording.ended(state.loop, n_waits)
             summary["recording"] = recording.finish(summary)
     if out_dir is not None:
         write_summary(summary, out_dir / "summary.json")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
+from tega.bus import Bus
 from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import SessionConfig
 from tega.errors import ConfigError
@@ -35,6 +36,7 @@ def run_session(
     on_state: Callable[[Transition], None] = lambda _change: None,
     prepared: Prepared | None = None,
     tell: Callable[[str], None] = lambda _said: None,
+    bus: Bus | None = None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -44,14 +46,15 @@ def run_session(
         observer: Called once per vest tick with what a display may show.
         progress: Told how preparation goes.
         stop: Asked all the time whether to end; whatever was sent to is then left silent.
-        on_prepared: Given what the run starts with; returns what it is to start with. A display looks at the sources
-            there, or puts others in front of them that let it see what is read.
+        on_prepared: Given what the run starts with; returns what it is to start with.
         haptics: Asked at every vest tick; every motor rests while it says no.
         settings: How the settings file is named in the commands that an error suggests.
         go: Asked all the time whether an armed run may become active.
         on_state: Told of every change of the run's state, in the loop's thread.
         prepared: What to start with instead of the sources of the settings.
         tell: Told in a sentence what happens on the link to the other station, in any thread.
+        bus: Told of everything that comes in and goes out, as :mod:`tega.records`; give one with your own
+            subscribers.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -78,6 +81,7 @@ def run_session(
         rig = open_rig(
             stack,
             config,
+            Bus() if bus is None else bus,
             prepared=prepared,
             on_prepared=on_prepared,
             progress=progress,

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tega.calibration import save_calibration
-from tega.calibration.person import whose
 from tega.devices.base import HandDriver, SteeredHand, VestSink
-from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.registry import driver_class
-from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError
-from tega.recording import RunRecorder
-from tega.recording.spared import Disk, Spared
-from tega.safety.dose_file import KeptDose
+from tega.hand import split_level
+from tega.records import HandExchange, bus_frames
 from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.pacing import refuse_live
+from tega.teleop.tables import open_tables
+from tega.worn_vest import dose_file, worn_vest
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.config import SessionConfig
-    from tega.recording.session import Recording
+    from tega.devices.base import DeviceInfo
+    from tega.hand_link import Received
     from tega.teleop.prepare import Prepared
+    from tega.wire import CanFrame
 
 __all__ = ["Sinks", "open_inputs", "open_sinks"]
 
@@ -35,14 +36,14 @@ class Sinks(NamedTuple):
         vests: A vest of the settings that only records, the vest recorder.
         hands: A hand of the settings that only takes frames, the CAN recorder.
         steered: A hand of the settings that closes its own loop.
-        recorder: Of contacts and levels; ``None`` without an output folder.
+        tables: What the tables of the output folder call themselves, vest and hand; empty without one.
     """
 
     kept: list[KeepAlive]
     vests: list[VestSink]
     hands: list[HandDriver]
     steered: SteeredHand | None
-    recorder: RunRecorder | None
+    tables: tuple[DeviceInfo, ...] = ()
 
 
 def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
@@ -55,28 +56,20 @@ def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
     return Inputs(seats)
 
 
-def _open_vest(stack: ExitStack, config: SessionConfig, recording: Recording | None) -> VestSink | None:
+def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
     """Open the vest of the settings; a person's comes with what is left of the day's dose."""
     if config.vest.driver is None:
         return None
-    vest: VestSink = driver_class(config.vest.driver, "vest")(config.vest.options)
-    budget = getattr(vest, "budget", None)
-    if budget is not None and config.calibration.person is not None:
-        person, calibrations = whose(config.calibration)
-        stack.enter_context(KeptDose(calibrations.person(person) / "vest-dose.json", budget))
-    stack.enter_context(vest)
-    return recording.vest(vest) if recording is not None and vest.info.live else vest
+    return stack.enter_context(worn_vest(config.vest, dose_file(config.calibration)))
 
 
-def open_sinks(
-    stack: ExitStack, config: SessionConfig, prepared: Prepared, recording: Recording | None, disk: Disk
-) -> Sinks:
+def open_sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> Sinks:
     """Open what is written to: the devices of the settings, then the tables of the output folder."""
     kept: list[KeepAlive] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
     steered: SteeredHand | None = None
-    vest = _open_vest(stack, config, recording)
+    vest = _open_vest(stack, config)
     if vest is not None and vest.info.live:
         kept.append(
             KeepAlive(
@@ -90,8 +83,7 @@ def open_sinks(
         vests.append(vest)
     if config.hand.driver is not None:
         hand: HandDriver | SteeredHand = driver_class(config.hand.driver, "hand")(config.hand.options)
-        if recording is not None:
-            recording.listen(hand)
+        _listen(hand, bus)
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
             if config.session.pace == "fast":
@@ -101,21 +93,28 @@ def open_sinks(
             steered = hand
         else:
             hands.append(hand)
-    folder = config.session.out_dir
-    if folder is None:
-        return Sinks(kept, vests, hands, steered, None)
-    vest_table = VestRecorder(VestRecorderOptions(file=folder / "vest.csv"))
-    hand_table = CanRecorder(CanRecorderOptions(file=folder / "can.csv"))
-    vest_table.open()
-    hand_table.open()
-    recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
-    tables: list[Any] = [vest_table, hand_table, recorder]
-    if config.session.pace == "real":
-        # Somebody may be steering a hand; a computation in a hurry had better end with an error.
-        tables = [Spared(table, disk) for table in tables]
-    for table in tables:
-        stack.callback(table.close)
-    vests.append(tables[0])
-    hands.append(tables[1])
-    save_calibration(prepared.calibration, folder / "calibration.toml")
-    return Sinks(kept, vests, hands, steered, tables[2])
+    tables = open_tables(stack, config, prepared, bus)
+    return Sinks(kept, vests, hands, steered, tables)
+
+
+def _listen(hand: Any, bus: Bus) -> None:
+    """Tell the bus of every exchange with a hand; before that is opened, so that none is missed."""
+    if not hasattr(hand, "on_exchange") or not bus.wants(HandExchange):
+        return
+
+    def exchanged(
+        t_ns: int, level: float, received: Sequence[Received], sent: Sequence[CanFrame], action: str
+    ) -> None:
+        whole, closure = split_level(level)
+        bus.publish(
+            HandExchange(
+                t_ns=t_ns,
+                level=whole,
+                closure=closure,
+                received=bus_frames(received),
+                sent=bus_frames(sent),
+                action=action,
+            )
+        )
+
+    hand.on_exchange = exchanged

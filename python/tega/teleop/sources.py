@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
 
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame, TactileSource
-from tega.errors import DeviceUnavailableError, RecordingError, ShapeError, TegaError
-from tega.tactile import ContactMetrics, ContactReader
+from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, ShapeError, TegaError
+from tega.hand import joined_level, nearest_level
+from tega.records import EmgSamples, Picture
+from tega.stages.metrics import contact_metrics_of
+from tega.tactile import ContactMetrics
 from tega.teleop.repeats import STUCK_FRAMES, LastFrame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.emg import GraspIntent
+    from tega.records import Contact as ContactRecord
+    from tega.records import Intent
+    from tega.stages.base import Decoder, Metric
 
 __all__ = [
     "Block",
@@ -27,6 +32,9 @@ __all__ = [
     "SourceReport",
     "grasp_blocks",
     "measured_contacts",
+    "metrics_of",
+    "picture_of",
+    "samples_of",
 ]
 
 # How long a live source may keep its thread from noticing that the run is over.
@@ -45,8 +53,55 @@ SEEN_REST_S = 0.001
 Contact = tuple[int, ContactMetrics]
 """Time in nanoseconds, what was measured."""
 
-Block = tuple[int, tuple[int, ...], int]
-"""Time in nanoseconds, the level of each channel, the fused level."""
+
+class Block(NamedTuple):
+    """What the muscles ask, as the loop passes it on.
+
+    Attributes:
+        t_ns: Time in nanoseconds.
+        channels: Level of each channel, 0 for one that cannot be believed.
+        level: Level of all together, 1 to 5.
+        closure: From 0 (open) to 1 (closed); ``None`` where the decoder knows levels only.
+        confidence: How sure the decoder is, 0 to 1; ``None`` where it does not say.
+    """
+
+    t_ns: int
+    channels: tuple[int, ...]
+    level: int
+    closure: float | None = None
+    confidence: float | None = None
+
+    @property
+    def wanted(self) -> float:
+        """What the hand is to be asked: the level, or the closure's place among the levels."""
+        return joined_level(self.level, self.closure)
+
+
+def metrics_of(contact: ContactRecord) -> ContactMetrics:
+    """Return what was measured of a contact."""
+    return ContactMetrics(**{name: getattr(contact, name) for name in ContactMetrics._fields})
+
+
+def picture_of(finger: str, frame: TactileFrame, *, live: bool, start_ns: int) -> Picture:
+    """Return the record of a picture that was read just now; one out of a file was received long ago."""
+    t_ns = frame.t_ns - start_ns if live else frame.t_ns
+    received_ns = time.monotonic_ns() - start_ns if live else t_ns
+    return Picture(
+        finger=finger, image=frame.image, t_ns=t_ns, received_ns=received_ns, seq=frame.seq, name=frame.name
+    )
+
+
+def samples_of(chunk: EmgChunk, *, live: bool, start_ns: int) -> EmgSamples:
+    """Return the record of EMG samples that were read just now; those out of a file were received long ago."""
+    t_ns = chunk.t_ns - start_ns if live else chunk.t_ns
+    received_ns = time.monotonic_ns() - start_ns if live else t_ns
+    return EmgSamples(
+        t_ns=t_ns,
+        received_ns=received_ns,
+        first_index=chunk.first_index,
+        n_channels=chunk.samples.shape[1],
+        samples=chunk.samples.ravel(),
+    )
 
 
 class SourceReport(msgspec.Struct, kw_only=True):
@@ -93,7 +148,7 @@ class FrameMeter:
 
     Args:
         baseline: The finger's untouched picture, uint8 (H, W, 3).
-        reading: The preset's reading.
+        metric: Measures them.
         report: Counted up along the way.
         live: Whether the frames come from a sensor that runs on its own clock.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
@@ -106,20 +161,25 @@ class FrameMeter:
     def __init__(
         self,
         baseline: NDArray[np.uint8],
-        reading: Literal["paper", "live"],
+        metric: Metric,
         report: SourceReport,
         *,
         live: bool,
         start_ns: int = 0,
     ) -> None:
         self._shape = baseline.shape
-        self._reader = ContactReader(baseline, reading=reading)
+        self._metric = metric
         self._report = report
         self._live = live
         self._start_ns = start_ns if live else 0
         self._last = LastFrame()
         self.seq: int | None = None
         self.next_seq = 0
+
+    @property
+    def memory(self) -> bool:
+        """Whether what is measured depends on the frames before."""
+        return self._metric.memory
 
     def take(self, frame: TactileFrame) -> Contact | None:
         """Measure a frame.
@@ -144,6 +204,9 @@ class FrameMeter:
             last.keep(frame.image, metrics)
         else:
             report.n_identical += 1
+        if self._live and self.next_seq == 0:
+            # Pictures of a camera that came while it warmed up, or before anybody read, are not missing in the run.
+            self.next_seq = frame.seq
         report.n_missing += max(0, frame.seq - self.next_seq)
         self.next_seq = frame.seq + 1
         if self._live and last.n_equal >= STUCK_FRAMES:
@@ -158,18 +221,19 @@ class FrameMeter:
                 f"{frame.name}: {_size(frame.image.shape)} pixels, its baseline has {_size(self._shape)}",
                 "give the baseline taken with the same sensor and mode",
             )
-        return self._reader.read(frame.image)
+        return contact_metrics_of(self._metric.update(frame.image, frame.t_ns - self._start_ns))
 
 
 def measured_contacts(
     source: TactileSource,
     baseline: NDArray[np.uint8],
-    reading: Literal["paper", "live"],
+    metric: Metric,
     report: SourceReport,
     *,
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
+    see: Callable[[TactileFrame], None] = lambda _frame: None,
 ) -> Generator[Contact, None, int]:
     """Measure the frames of a source.
 
@@ -183,11 +247,12 @@ def measured_contacts(
     Args:
         source: An open source.
         baseline: Its untouched picture, uint8 (H, W, 3).
-        reading: The preset's reading.
+        metric: Measures its frames.
         report: Counted up along the way.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Tells when to give up.
         stamp: Told of each measured frame: its time, and the monotonic time it was received at.
+        see: Told of each frame that was read, before it is looked at.
 
     Yields:
         Time and metrics of each frame.
@@ -199,13 +264,14 @@ def measured_contacts(
         RecordingError: A recorded frame is unreadable or not of the baseline's size.
     """
     live, end_ns = source.info.live, 0
-    meter = FrameMeter(baseline, reading, report, live=live, start_ns=start_ns)
+    meter = FrameMeter(baseline, metric, report, live=live, start_ns=start_ns)
     while not (stopped() or source.ended):
         try:
             frame = source.read(READ_TIMEOUT_S)
             if frame is None:
                 continue
             received_ns = time.monotonic_ns()
+            see(frame)
             if live and frame.seq == meter.seq:
                 time.sleep(SEEN_REST_S)
             contact = meter.take(frame)
@@ -238,10 +304,9 @@ class BlockMeter:
     """Turns EMG samples into levels as they come.
 
     Args:
-        intent: Samples to levels.
+        decoder: Samples to intents.
         report: Counted up along the way.
         rate_hz: Samples per second.
-        tau: Samples per block.
         live: Whether the samples come from a device that runs on its own clock.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
 
@@ -251,21 +316,19 @@ class BlockMeter:
 
     def __init__(
         self,
-        intent: GraspIntent,
+        decoder: Decoder,
         report: SourceReport,
         *,
         rate_hz: float,
-        tau: int,
         live: bool,
         start_ns: int = 0,
     ) -> None:
-        self._intent = intent
+        self._decoder = decoder
         self._report = report
         self._rate_hz = rate_hz
-        self._tau = tau
         self._live = live
         self._start_ns = start_ns if live else 0
-        self._n_blocks = self._next_index = 0
+        self._n_samples = self._next_index = 0
         self.end_ns = 0
 
     def restart(self) -> None:
@@ -292,23 +355,39 @@ class BlockMeter:
         if n_missing:
             n_told = min(n_missing, round(MOST_GAP_S * self._rate_hz))
             samples = np.concatenate([np.full((n_told, *samples.shape[1:]), np.nan), samples])
-        fused = self._intent.process(samples)
+        n = self._n_samples + np.arange(1, len(samples) + 1)
+        end_ns = chunk.t_ns - self._start_ns
+        if self._live:
+            times_ns = np.full(len(samples), end_ns, np.int64)
+        else:
+            times_ns = np.rint(n * 1_000_000_000 / self._rate_hz).astype(np.int64)
+        intents = self._decoder.decode(samples, times_ns)
+        self._n_samples += len(samples)
         report.n_items += len(chunk.samples)
         report.n_missing += n_missing
         self._next_index = chunk.first_index + len(chunk.samples)
-        self.end_ns = chunk.t_ns - self._start_ns
-        if not len(fused):
-            return []
-        blocks: list[Block] = []
-        for channels, level in zip(self._intent.levels.tolist(), fused.tolist(), strict=True):
-            self._n_blocks += 1
-            t_ns = (
-                self.end_ns
-                if self._live
-                else round(self._n_blocks * self._tau * 1_000_000_000 / self._rate_hz)
-            )
-            blocks.append((t_ns, tuple(channels), level))
-        return blocks
+        self.end_ns = end_ns
+        return [_block(intent, samples.shape[1]) for intent in intents]
+
+
+def _block(intent: Intent, n_channels: int) -> Block:
+    """Return what a decoder says, checked: it may be anybody's.
+
+    Raises:
+        InvalidValueError: The level, the closure or the levels of the channels are out of range.
+    """
+    level, closure = intent.level, intent.closure
+    if closure is not None:
+        if not 0.0 <= closure <= 1.0:
+            raise InvalidValueError(f"the decoder asks for a closure of {closure!r}: 0 to 1 is possible")
+        level = nearest_level(closure)
+    if level not in {1, 2, 3, 4, 5}:
+        raise InvalidValueError(f"the decoder asks for level {level!r}: 1 to 5 are possible")
+    if len(intent.channels) != n_channels or not {0, 1, 2, 3, 4, 5}.issuperset(intent.channels):
+        raise InvalidValueError(
+            f"the decoder gives {intent.channels!r} for {n_channels} channels", "give a level 0 to 5 for each"
+        )
+    return Block(intent.t_ns, intent.channels, level, closure, intent.confidence)
 
 
 def _came_back(source: EmgSource, stopped: Callable[[], bool]) -> bool:
@@ -329,14 +408,14 @@ def _came_back(source: EmgSource, stopped: Callable[[], bool]) -> bool:
 
 def grasp_blocks(
     source: EmgSource,
-    intent: GraspIntent,
+    decoder: Decoder,
     report: SourceReport,
     *,
     rate_hz: float,
-    tau: int,
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
+    see: Callable[[EmgChunk], None] = lambda _chunk: None,
 ) -> Generator[Block, None, int]:
     """Turn the samples of a source into levels, one per block.
 
@@ -347,13 +426,13 @@ def grasp_blocks(
 
     Args:
         source: An open source.
-        intent: Samples to levels.
+        decoder: Samples to intents.
         report: Counted up along the way.
         rate_hz: Samples per second.
-        tau: Samples per block.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Tells when to give up.
         stamp: Told of each block: its time, and the monotonic time at which its last samples were received.
+        see: Told of the samples that were read, before they are looked at.
 
     Yields:
         Time, level of each channel and fused level of each block.
@@ -362,13 +441,14 @@ def grasp_blocks(
         When the source ended, in nanoseconds.
     """
     live = source.info.live
-    meter = BlockMeter(intent, report, rate_hz=rate_hz, tau=tau, live=live, start_ns=start_ns)
+    meter = BlockMeter(decoder, report, rate_hz=rate_hz, live=live, start_ns=start_ns)
     while not (stopped() or source.ended):
         try:
             chunk = source.read(READ_TIMEOUT_S)
             if chunk is None:
                 continue
             received_ns = time.monotonic_ns()
+            see(chunk)
             blocks = meter.take(chunk)
         except DeviceUnavailableError as error:
             if not live:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.errors import TegaError
 from tega.recording.folder import SUMMARY_FORMAT
@@ -16,7 +16,6 @@ from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
     from tega.config import Pace
-    from tega.devices.base import SteeredHand
     from tega.haptics import Layout
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
@@ -24,10 +23,10 @@ if TYPE_CHECKING:
     from tega.teleop.rig import Rig
     from tega.teleop.sources import SourceReport
 
-__all__ = ["RunState", "summarise", "write_summary"]
+__all__ = ["RunFacts", "summarise", "write_summary"]
 
 
-class RunState(NamedTuple):
+class RunFacts(NamedTuple):
     """Everything a summary is made of.
 
     Attributes:
@@ -49,7 +48,7 @@ class RunState(NamedTuple):
     real_time: bool
 
 
-def summarise(state: RunState, *, error: BaseException | None = None) -> dict[str, Any]:
+def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[str, Any]:
     """Sum up a run.
 
     Args:
@@ -87,17 +86,14 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
         "sent": loop.n_vest_sent,
         "skipped": loop.n_vest_skipped,
         **({} if state.trace is None else {"replaced": state.trace.n_replaced}),
-        "sinks": [
-            sink.info.driver
-            for sink in (*(vest.sink for vest in state.rig.sinks.kept), *state.rig.sinks.vests)
-        ],
+        "sinks": _drivers(state, "vest"),
     }
     summary["hand"] = {
         "model": ModelledAllegro.label if state.rig.sinks.steered is None else state.rig.sinks.steered.label,
         "rate_hz": 1e9 / HAND_TICK_NS,
         "ticks": loop.n_hand_ticks,
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
-        "sinks": [sink.info.driver for sink in (*_steered(state), *state.rig.sinks.hands)],
+        "sinks": _drivers(state, "hand"),
     }
     if inputs := state.rig.inputs.summary():
         summary["inputs"] = inputs
@@ -124,7 +120,7 @@ def summarise(state: RunState, *, error: BaseException | None = None) -> dict[st
     return summary
 
 
-def _finger(state: RunState, name: str) -> dict[str, Any]:
+def _finger(state: RunFacts, name: str) -> dict[str, Any]:
     finger, loop = state.rig.prepared.fingers[name], state.loop
     info, maxima = finger.source.info, state.rig.prepared.calibration.touch(name)
     return {
@@ -144,7 +140,7 @@ def _finger(state: RunState, name: str) -> dict[str, Any]:
     }
 
 
-def _emg(state: RunState) -> dict[str, Any] | None:
+def _emg(state: RunFacts) -> dict[str, Any] | None:
     muscles = state.rig.prepared.muscles
     if muscles is None:
         return None
@@ -161,15 +157,21 @@ def _emg(state: RunState) -> dict[str, Any] | None:
         "blocks": state.loop.n_blocks,
         "dropped": muscles.report.n_dropped,
         "missing": muscles.report.n_missing,
-        "held_samples": [] if muscles.intent is None else [int(n) for n in muscles.intent.held_samples],
+        "held_samples": [] if muscles.decoder is None else list(muscles.decoder.held_samples),
     }
 
 
-def _steered(state: RunState) -> list[SteeredHand]:
-    return [] if state.rig.sinks.steered is None else [state.rig.sinks.steered]
+def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
+    """Name what vests or hands were told, tables last."""
+    sinks = state.rig.sinks
+    if kind == "vest":
+        infos = [sink.info for sink in (*(vest.sink for vest in sinks.kept), *sinks.vests)]
+    else:
+        infos = [hand.info for hand in (*([] if sinks.steered is None else [sinks.steered]), *sinks.hands)]
+    return [info.driver for info in (*infos, *(table for table in sinks.tables if table.kind == kind))]
 
 
-def _notes(state: RunState) -> list[str]:
+def _notes(state: RunFacts) -> list[str]:
     """Say in sentences what a reader of the tables has to know."""
     notes = []
     end_ns, net = state.loop.end_ns, state.rig.config.net
@@ -192,7 +194,7 @@ def _notes(state: RunState) -> list[str]:
         notes += _ending(name, finger.report, end_ns, f"silent {STALE_NS / 1e6:g} ms later")
     if (muscles := state.rig.prepared.muscles) is not None:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
-        held = () if muscles.intent is None else muscles.intent.held_samples
+        held = () if muscles.decoder is None else muscles.decoder.held_samples
         for name, n_held in zip(muscles.maxima.channels, held, strict=False):
             if n_held:
                 notes.append(
@@ -208,7 +210,7 @@ def _notes(state: RunState) -> list[str]:
     return notes
 
 
-def _lost_emg(state: RunState) -> str:
+def _lost_emg(state: RunFacts) -> str:
     safety, muscles = state.rig.config.safety, state.rig.prepared.muscles
     if muscles is None or not muscles.source.info.live or safety.then == "keep":
         return "its last level held to the end"

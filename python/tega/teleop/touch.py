@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
+from collections.abc import Mapping as AnyMapping
 from typing import TYPE_CHECKING, NamedTuple
 
-from tega.haptics import FeltMap, intensity, vest_frame
+import numpy as np
+
+from tega.errors import InvalidValueError
+from tega.haptics import VestFrame
+from tega.motor_layout import find_layout
+from tega.stages.base import Mapping, TouchEvent, VestSetup
+from tega.stages.columns import ColumnsMapping, ColumnsOptions
+from tega.stages.metrics import contact_record
 
 if TYPE_CHECKING:
     from tega.calibration import TouchMaxima
-    from tega.haptics import Layout, Mirror, VestFrame
+    from tega.haptics import FeltMap, Layout, Mirror
+    from tega.records import Contact
     from tega.tactile import ContactMetrics
 
 __all__ = ["STALE_NS", "Felt", "TouchLoop"]
@@ -17,7 +27,9 @@ __all__ = ["STALE_NS", "Felt", "TouchLoop"]
 # A frame older than this says nothing about the present: the finger's columns fall silent.
 STALE_NS = 100_000_000
 
-_COLUMNS = ("thumb", "index", "middle", "ring")
+_FINGERS = ("thumb", "index", "middle", "ring")
+# Events between two frames of the vest; more than these are no events of a grasp.
+_MOST_EVENTS = 1024
 
 
 class Felt(NamedTuple):
@@ -26,7 +38,7 @@ class Felt(NamedTuple):
     Attributes:
         cci_norm: CCI as a share of its maximum, 0 to 1.
         eda_norm: EDA as a share of its maximum, 0 to 1.
-        front: Intensity of the finger's front column, 0 to 100 (Eq 7, 8).
+        front: Intensity of the finger's front column, 0 to 100 (Eq 7, 8); 0 where the mapping shows no columns.
         back: Intensity of its back column, 0 to 100 (Eq 9).
     """
 
@@ -40,32 +52,47 @@ _NOTHING = Felt(0.0, 0.0, 0.0, 0.0)
 
 
 class TouchLoop:
-    """Turns contact metrics into vest frames.
+    """Turns contact metrics into vest frames, by a mapping.
 
-    A finger that is not in contact, whose newest frame is older than 100 ms, or that has no maximum, is silent:
-    intensity 0, not the 1 that Eq 7 gives at rest.
+    A finger whose newest frame is older than 100 ms is not shown to the mapping. With the columns of Eq 7 to 9, one
+    that is not in contact or that has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
 
     Args:
         maxima: What counts as full, by finger; the fingers in use are its keys.
         layout: Which motors the vest has.
         mirror: Which faces have their columns reversed.
         felt: Evens out what the wearer feels; ``None`` sends the law's own intensities.
+        mapping: Makes the mapping; ``None`` for that of Eq 7 to 9.
     """
 
     def __init__(
         self,
-        maxima: Mapping[str, TouchMaxima],
+        maxima: AnyMapping[str, TouchMaxima],
         *,
         layout: Layout,
         mirror: Mirror = "none",
         felt: FeltMap | None = None,
+        mapping: Callable[[VestSetup], Mapping] | None = None,
     ) -> None:
         self._layout: Layout = layout
-        self._mirror: Mirror = mirror
-        self._map = felt
-        self._maxima = {f: (m.cci_max, m.eda_max) for f, m in maxima.items()}
-        self._column = {f: _COLUMNS.index(f) for f in maxima}
-        self._newest: dict[int, tuple[int, Felt]] = {}
+        self._felt = felt
+        self._maxima = {
+            finger: {
+                name: full for name, full in (("cci", m.cci_max), ("eda", m.eda_max)) if full is not None
+            }
+            for finger, m in maxima.items()
+        }
+        table = find_layout(layout)
+        self._silence = _frame(layout, np.zeros(len(table.motors)))
+        setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima)
+        self.mapping = ColumnsMapping(setup, ColumnsOptions()) if mapping is None else mapping(setup)
+        self._events: deque[TouchEvent] = deque(maxlen=_MOST_EVENTS)
+        self._detector = None
+        if self.mapping.wants_events:
+            from tega.detect import Detector
+
+            self._detector = Detector()
+        self._newest: dict[str, tuple[int, Felt, Contact]] = {}
 
     def update(self, finger: str, t_ns: int, metrics: ContactMetrics) -> Felt:
         """Take one measured frame.
@@ -78,36 +105,68 @@ class TouchLoop:
         Returns:
             What it means to the wearer as long as it is fresh.
         """
+        contact = contact_record(finger, t_ns, metrics)
         felt = _NOTHING
         if metrics.in_contact:
-            cci_max, eda_max = self._maxima[finger]
-            cci_norm, front = _scaled(metrics.cci, cci_max)
-            eda_norm, back = _scaled(float(metrics.eda), eda_max)
-            felt = Felt(cci_norm, eda_norm, front, back)
-        self._newest[self._column[finger]] = (t_ns, felt)
+            maxima = self._maxima[finger]
+            cci_norm = _share(metrics.cci, maxima.get("cci"))
+            eda_norm = _share(float(metrics.eda), maxima.get("eda"))
+            felt = Felt(cci_norm, eda_norm, *self.mapping.columns(finger, contact))
+        self._newest[finger] = (t_ns, felt, contact)
+        if self._detector is not None:
+            self._detect(finger, t_ns, metrics)
         return felt
 
     def fresh(self, t_ns: int) -> Sequence[Felt]:
         """Return what each finger feels at a time, thumb first; nothing where its frame is too old."""
-        fresh = [_NOTHING] * len(_COLUMNS)
-        for column, (seen_ns, felt) in self._newest.items():
+        fresh = [_NOTHING] * len(_FINGERS)
+        for finger, (seen_ns, felt, _) in self._newest.items():
             if t_ns - seen_ns <= STALE_NS:
-                fresh[column] = felt
+                fresh[_FINGERS.index(finger)] = felt
         return fresh
 
     def frame(self, t_ns: int) -> VestFrame:
-        """Return the vest frame for a time."""
-        felt = self.fresh(t_ns)
-        front, back = [f.front for f in felt], [f.back for f in felt]
-        frame = vest_frame(front, back, layout=self._layout, mirror=self._mirror)
-        return frame if self._map is None else self._map.apply(frame)
+        """Return the vest frame for a time.
+
+        Raises:
+            InvalidValueError: The mapping gave no finite number for every motor.
+        """
+        contacts = {
+            finger: contact
+            for finger, (seen_ns, _, contact) in self._newest.items()
+            if t_ns - seen_ns <= STALE_NS
+        }
+        events = tuple(self._events)
+        self._events.clear()
+        levels = self.mapping.levels(t_ns, contacts, events)
+        frame = _frame(self._layout, levels, like=self._silence)
+        return frame if self._felt is None else self._felt.apply(frame)
 
     def silence(self) -> VestFrame:
         """Return the frame in which every motor rests."""
-        return vest_frame([0.0] * len(_COLUMNS), [0.0] * len(_COLUMNS), layout=self._layout)
+        return self._silence
+
+    def _detect(self, finger: str, t_ns: int, metrics: ContactMetrics) -> None:
+        """Note the events that a frame shows."""
+        from tega.detect import Touch
+
+        assert self._detector is not None
+        touch = Touch(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
+        for found in self._detector.touch(t_ns / 1e9, finger, touch):
+            self._events.append(TouchEvent(t_ns, found.kind, found.finger))
 
 
-def _scaled(value: float, maximum: float | None) -> tuple[float, float]:
-    if maximum is None:
-        return 0.0, 0.0
-    return min(max(value / maximum, 0.0), 1.0), intensity(value, maximum)
+def _frame(layout: Layout, levels: object, *, like: VestFrame | None = None) -> VestFrame:
+    numbers = np.asarray(levels, np.float64)
+    if like is not None and (numbers.shape != like.intensities.shape or not np.isfinite(numbers).all()):
+        raise InvalidValueError(
+            f"the mapping gave {numbers.shape} levels for {len(like.intensities)} motors, or one is not finite",
+            "it has to return a number of percent for every motor of the layout",
+        )
+    intensities = np.clip(np.rint(numbers), 0, 100).astype(np.uint8)
+    intensities.flags.writeable = False
+    return VestFrame(layout, intensities)
+
+
+def _share(value: float, maximum: float | None) -> float:
+    return 0.0 if maximum is None else min(max(value / maximum, 0.0), 1.0)

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from tega import records
+
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.haptics import VestFrame
     from tega.teleop.keepalive import KeepAlive
     from tega.teleop.latency import LatencyTrace
@@ -15,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["VestOutput"]
 
 
-class _Sink(Protocol):
+class _Writes(Protocol):
     def write(self, t_ns: int, sent: VestFrame, /) -> object: ...
 
 
@@ -29,6 +32,8 @@ class VestOutput:
         kept: Vests that are sent what changed, and what did not as a keep-alive.
         haptics: Asked for each frame; every motor rests while it says no.
         trace: Follows camera frames through the loop.
+        bus: Told of every frame, of what real vests were sent, and of when motors may turn.
+        now_ns: Time since the start of the session.
 
     Attributes:
         frame: The newest frame; ``None`` before the first.
@@ -39,10 +44,12 @@ class VestOutput:
         touch: TouchLoop,
         report: LoopReport,
         *,
-        vests: Sequence[_Sink],
+        vests: Sequence[_Writes],
         kept: Sequence[KeepAlive] = (),
         haptics: Callable[[], bool] = lambda: True,
         trace: LatencyTrace | None = None,
+        bus: Bus,
+        now_ns: Callable[[], int],
     ) -> None:
         self._touch = touch
         self._report = report
@@ -50,6 +57,9 @@ class VestOutput:
         self._kept = kept
         self._haptics = haptics
         self._trace = trace
+        self._bus = bus
+        self._now_ns = now_ns
+        self._n_asked, self._on = 0, True
         self.frame: VestFrame | None = None
 
     def refresh(self, t_ns: int) -> None:
@@ -57,25 +67,57 @@ class VestOutput:
         self._make(t_ns, only_news=False)
         self._report.n_vest_ticks += 1
 
-    def follow(self, t_ns: int) -> None:
-        """Make a frame because something new is felt, and give it on unless it equals the one before."""
-        self._report.n_vest_between += self._make(t_ns, only_news=True)
+    def follow(self, t_ns: int) -> bool:
+        """Make a frame because something new is felt, and give it on unless it equals the one before.
 
-    def silence(self, t_ns: int) -> list[Exception]:
+        Returns:
+            Whether it was given on.
+        """
+        news = self._make(t_ns, only_news=True)
+        self._report.n_vest_between += news
+        return news
+
+    def silence(self, t_ns: int) -> list[BaseException]:
         """Let every motor rest, whatever happens; return what went wrong."""
-        problems: list[Exception] = []
-        sinks: list[_Sink] = [*self._kept, *self._vests]
-        for sink in sinks:
+        problems: list[BaseException] = []
+        silence = self._touch.silence()
+        for kept in self._kept:
             try:
-                sink.write(t_ns, self._touch.silence())
-            except Exception as error:  # reported by the caller
+                kept.write(t_ns, silence)
+                self._tell(records.SentFrame, t_ns, kept.sent)
+            except BaseException as error:  # a panic of native code, too; reported by the caller
                 problems.append(error)
+        for sink in self._vests:
+            try:
+                sink.write(t_ns, silence)
+            except BaseException as error:  # likewise
+                problems.append(error)
+        try:
+            self._tell(records.VestFrame, t_ns, silence)
+        except Exception as error:  # of a vital subscriber
+            problems.append(error)
         return problems
+
+    def _allowed(self, t_ns: int) -> bool:
+        """Ask whether motors may turn, and tell when the answer changes."""
+        on = self._haptics()
+        if on != self._on:
+            self._on = on
+            self._bus.publish(records.Haptics(t_ns=t_ns, n_asked=self._n_asked, on=on))
+        self._n_asked += 1
+        return on
+
+    def _tell(self, kind: type[records.VestRecord], t_ns: int, frame: VestFrame) -> None:
+        if self._bus.wants(kind):
+            percent = tuple(frame.intensities.tolist())
+            self._bus.publish(
+                kind(t_ns=t_ns, layout=frame.layout, intensities=percent, handed_ns=self._now_ns())
+            )
 
     def _make(self, t_ns: int, *, only_news: bool) -> bool:
         trace = self._trace
         began_ns = 0 if trace is None else trace.now_ns()
-        frame = self._touch.frame(t_ns) if self._haptics() else self._touch.silence()
+        frame = self._touch.frame(t_ns) if self._allowed(t_ns) else self._touch.silence()
         made_ns = 0 if trace is None else trace.now_ns()
         before, changed = self.frame, False
         if news := before is None or not only_news or frame != before:
@@ -84,6 +126,7 @@ class VestOutput:
                 changed = changed or not kept.shows(frame)
                 if kept.offer(t_ns, frame):
                     self._report.n_vest_sent += 1
+                    self._tell(records.SentFrame, t_ns, kept.sent)
                 else:
                     self._report.n_vest_skipped += 1
         if trace is not None:
@@ -91,4 +134,5 @@ class VestOutput:
         if news:
             for sink in self._vests:
                 sink.write(t_ns, frame)
+            self._tell(records.VestFrame, t_ns, frame)
         return news

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tega.config import SessionConfig
+from tega.devices.base import EmgSource, optional
 from tega.safety.clock_step import ClockStep
 from tega.safety.guard import Guard, Watched
-from tega.safety.hand_alert import HandAlert
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.markers import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
-    from tega.recording.spared import Disk
     from tega.teleop.arm import Steering
     from tega.teleop.prepare import Prepared
     from tega.teleop.sinks import Sinks
@@ -27,7 +27,7 @@ def watch_over(
     config: SessionConfig,
     prepared: Prepared,
     sinks: Sinks,
-    disk: Disk,
+    bus: Bus,
     recording: Recording | None,
     *,
     markers: RunMarkers | None,
@@ -39,7 +39,7 @@ def watch_over(
 
     ``go`` is asked all the time whether an armed run may become active; the others are what the run has open.
     """
-    alerts: dict[str, Callable[[], str]] = {"disk": lambda: disk.problem}
+    alerts: dict[str, Callable[[], str]] = {"subscribers": bus.problem}
     streams = [
         Watched(name, "tactile", finger.source.info.rate_hz, finger.report)
         for name, finger in prepared.fingers.items()
@@ -49,6 +49,7 @@ def watch_over(
         streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
         alerts["signal"] = partial(_signal, m.source)
 
+    needs: dict[str, Callable[[], str]] = {}
     kept = sinks.kept
     vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
     if recording is not None:
@@ -59,18 +60,22 @@ def watch_over(
         alerts["clock"] = ClockStep()
     if steering is not None:
         alerts["arm"] = lambda: steering.problem
-    if sinks.steered is not None:
-        from tega.devices.allegro import Allegro
-
-        if isinstance(sinks.steered, Allegro):
-            alerts["hand"] = HandAlert(sinks.steered)
-    needs: dict[str, Callable[[], str]] = {}
+    hands = [*sinks.hands, *([] if sinks.steered is None else [sinks.steered])]
+    if hands:
+        alerts["hand"] = lambda: _first(hands, "problem")
+        needs["hand's guard"] = lambda: _first(hands, "guard_problem")
     if station is not None:
         needs["link"], alerts["station"] = station.missing, station.alert
+        alerts["sending"] = station.unsent
     return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts, needs=needs)
 
 
-def _signal(source: Any) -> str:
+def _first(hands: Sequence[object], name: str) -> str:
+    """Return the first thing that one of the hands says under this name; empty where all are silent."""
+    return next(filter(None, (optional(hand, name) for hand in hands)), "")
+
+
+def _signal(source: EmgSource) -> str:
     """Say what is wrong with the newest second of a live amplifier's signal, as far as its driver looks."""
-    health = getattr(source, "health", None)
-    return f"emg: {'; '.join(health.now)}" if health is not None and health.now else ""
+    faults = optional(source, "faults")
+    return f"emg: {'; '.join(faults)}" if faults else ""

@@ -30,6 +30,7 @@ import msgspec
 import numpy as np
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
+from tega.child_process import python_command, python_environment
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import McapReader
 from tega.replay import replay_file
@@ -148,8 +149,10 @@ def kill_one(path: Path, after_s: float) -> Kill:
         RuntimeError: The run did not begin.
     """
     session = path.parent / "session"
-    words = [sys.executable, "-m", "tega.testing.kills", "--run", str(path)]
-    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
+    words = python_command("tega.testing.kills", "--run", str(path))
+    with subprocess.Popen(
+        words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=python_environment()
+    ) as run:
         part, began_ns = _begun(path, run)
         time.sleep(max(0.0, after_s - (time.time_ns() - began_ns) / 1e9))
         killed_ns = time.time_ns()

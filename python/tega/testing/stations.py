@@ -14,7 +14,6 @@ import json
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -22,7 +21,7 @@ from types import TracebackType
 from typing import IO, Any, Literal, Self
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
-from tega.child_process import end_child
+from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError
 from tega.toml_text import tree_text
 
@@ -147,14 +146,19 @@ class Program:
     process: subprocess.Popen[str]
 
     def __init__(self, verb: Literal["operator", "robot"], settings: Path, *words: str) -> None:
-        self._words = [sys.executable, "-m", "tega.cli", verb, str(settings), "--json", *words]
+        self._words = python_command("tega.cli", verb, str(settings), "--json", *words)
         self._out: IO[str] = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115  # closed on exit
         self._err: IO[str] = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
 
     def __enter__(self) -> Self:
         """Start it."""
         self.process = subprocess.Popen(
-            self._words, stdin=subprocess.DEVNULL, stdout=self._out, stderr=self._err, text=True
+            self._words,
+            stdin=subprocess.DEVNULL,
+            stdout=self._out,
+            stderr=self._err,
+            text=True,
+            env=python_environment(),
         )
         return self
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from tega.teleop.loop import LoopView
 
-__all__ = ["MEANINGS", "lines_beside"]
+__all__ = ["MEANINGS", "NO_NEWS", "NO_NEWS_S", "lines_beside"]
 
 MEANINGS: Final = {
     "idle": "the hand is open, the vest rests",
@@ -17,6 +17,10 @@ MEANINGS: Final = {
     "stopped": "",
 }
 """What the devices do in each state."""
+
+NO_NEWS_S: Final = 1.5
+"""After so long without a new moment of the run a display says so, seconds; the loop shows one 30 times a second."""
+NO_NEWS: Final = "no news from the run for"
 
 
 def lines_beside(view: LoopView) -> tuple[str, list[str]]:

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from tega.haptics import CONTACT_RULES, FINGERS, contact_type
 from tega.teleop.touch import STALE_NS
-from tega.view.run_state import MEANINGS, lines_beside
+from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
@@ -96,7 +96,7 @@ def _intent(view: LoopView) -> Table:
     if view.block is None:
         table.add_row("muscles", Text("no EMG yet", style="grey50"), "")
         return table
-    _, channels, fused = view.block
+    channels, fused = view.block.channels, view.block.level
     for number, level in enumerate(channels, start=1):
         table.add_row(f"muscle {number}", _bar(level / 5, "yellow", 10), f"level {level}")
     table.add_row("hand", _bar(fused / 5, "red", 10), f"level {fused}: {_POSES[fused - 1]}")
@@ -136,9 +136,9 @@ def _task(rows: Mapping[str, str]) -> Text:
     return text
 
 
-def _state(view: LoopView) -> Text:
+def _state(view: LoopView, *, late: bool) -> Text:
     """Draw the run's state, why it is so where that is no good news, and what is wrong."""
-    style = _STATE_STYLES[view.state]
+    style = "white on grey50" if late else _STATE_STYLES[view.state]
     text = Text.assemble((f" {view.state.upper()} ", f"bold {style}"), f" {MEANINGS[view.state]}")
     reason, alerts = lines_beside(view)
     if reason:
@@ -149,7 +149,12 @@ def _state(view: LoopView) -> Text:
 
 
 def render(
-    view: LoopView, *, title: str, rates_hz: Mapping[str, float], rows: Mapping[str, str] = {}
+    view: LoopView,
+    *,
+    title: str,
+    rates_hz: Mapping[str, float],
+    rows: Mapping[str, str] = {},
+    age_s: float = 0.0,
 ) -> RenderableType:
     """Draw one moment of the loop.
 
@@ -158,10 +163,17 @@ def render(
         title: Heading of the frame.
         rates_hz: Measured rates to show, by name.
         rows: What else to tell, by name; one line in all.
+        age_s: How old the moment is; an old one is told to be, unless it is the last.
     """
+    late = age_s >= NO_NEWS_S and view.state != "stopped"
     rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
     body = Group(
-        *([_state(view)] if view.state else []),
+        *(
+            [Text(f"{NO_NEWS} {age_s:.0f} s: what stands here may no longer be so", "bold red")]
+            if late
+            else []
+        ),
+        *([_state(view, late=late)] if view.state else []),
         *([_task(rows)] if rows else []),
         _touch(view),
         Text(f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}", style="grey50"),
@@ -213,14 +225,21 @@ class TerminalView:
         """Give the screen back."""
         self._live.stop()
 
-    def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
-        """Draw a moment and what else is told of it, unless one was drawn just now."""
+    def __call__(self, view: LoopView, rows: Mapping[str, str] = {}, *, age_s: float = 0.0) -> None:
+        """Draw a moment, what else is told of it and its age, unless one was drawn just now.
+
+        What fails in drawing is told on the screen in its place, and drawing goes on with the next moment.
+        """
         now_s = self._now_s()
         if now_s - self._drawn_s < _REFRESH_S:
             return
         self._drawn_s = now_s
         self._measure(now_s, view)
-        self._live.update(render(view, title=self._title, rates_hz=self._rates_hz, rows=rows), refresh=True)
+        try:
+            drawn = render(view, title=self._title, rates_hz=self._rates_hz, rows=rows, age_s=age_s)
+        except Exception as error:  # the run goes on, and its state is told all the same
+            drawn = Text(f"{view.state.upper()}  not drawn: {type(error).__name__}: {error}", "bold red")
+        self._live.update(drawn, refresh=True)
 
     def _measure(self, now_s: float, view: LoopView) -> None:
         """Work the rates out over the last second."""

@@ -46,6 +46,9 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 @click.option(
     "--rest-s", type=click.FloatRange(0, 3600), default=60.0, show_default=True, help="Between two trials."
 )
+@click.option(
+    "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
+)
 @json_option
 @debug_option
 def plan(
@@ -58,6 +61,7 @@ def plan(
     trials: int,
     layout: Layout,
     rest_s: float,
+    simulated: bool,
     as_json: bool,
 ) -> None:
     """Write a counterbalanced plan: study.toml and plan.csv, never changed afterwards.
@@ -73,6 +77,7 @@ def plan(
         seed=seed,
         objects=objects,
         conditions=conditions,
+        simulated=simulated,
         trials=trials,
         layout=layout,
         rest_s=rest_s,

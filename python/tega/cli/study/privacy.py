@@ -22,7 +22,8 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> None:
     """Delete everything of one person, and reports made with it. It cannot be undone.
 
-    Backups, copies and exports made before are not reached: delete them by hand.
+    Links are deleted and not followed. What they led to, what lies elsewhere, such as the person's calibration, and
+    files of others that bear the id are listed: look at them, and at backups and copies, by hand.
     """
     from tega.study import read_plan
     from tega.study.privacy import withdraw as delete
@@ -32,10 +33,14 @@ def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> Non
         click.confirm(f"Delete everything of {participant} for good?", abort=True, err=True)
     gone = delete(folder, participant)
     if as_json:
-        echo_json({"participant": participant, "deleted": [str(path) for path in gone]})
+        echo_json({"participant": participant, **{k: [str(p) for p in v] for k, v in gone._asdict().items()}})
         return
-    for path in gone:
+    for path in gone.deleted:
         click.echo(f"deleted {path}")
+    for path in gone.changed:
+        click.echo(f"taken out of {path}")
+    for path in gone.left:
+        click.echo(f"not deleted, look at it by hand: {path}")
     click.echo(f"{participant} has withdrawn; backups and earlier exports have to be deleted by hand")
 
 

@@ -25,8 +25,10 @@ __all__ = ["run"]
 @click.option(
     "--lab", type=click.Path(path_type=Path), metavar="LAB.toml", help="The devices' settings, as for run."
 )
-@click.option("--emulated", is_flag=True, help="On emulated devices, to rehearse without hardware.")
-@click.option("--simulated", is_flag=True, help="On the simulated bench, with a simulated participant.")
+@click.option("--emulated", is_flag=True, help="On emulated devices; in a plan made with --simulated.")
+@click.option(
+    "--simulated", is_flag=True, help="On the simulated bench, with a simulated participant; likewise."
+)
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
     "--task",
@@ -81,7 +83,7 @@ def run(
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
     with (
-        _bench(plan, participant, lab=lab, emulated=emulated, sets=sets) as bench,
+        _bench(folder, plan, participant, lab=lab, emulated=emulated, sets=sets) as bench,
         Stop() as stop,
         desk_for(stop, alone=yes) as desk,
     ):
@@ -111,7 +113,13 @@ def run(
 
 @contextmanager
 def _bench(
-    plan: StudyPlan, participant: str, *, lab: Path | None, emulated: bool, sets: tuple[str, ...]
+    folder: Path,
+    plan: StudyPlan,
+    participant: str,
+    *,
+    lab: Path | None,
+    emulated: bool,
+    sets: tuple[str, ...],
 ) -> Iterator[Bench]:
     """Make what the trials run on."""
     import json
@@ -120,20 +128,31 @@ def _bench(
     from tega.study.lead.benches import LabBench, SimulatedBench
 
     if lab is not None:
+        from tega.calibration.person import whose
         from tega.config import load_config
+        from tega.study.privacy import note_elsewhere
 
         loaded = load_config(lab, sets=sets)
-        if loaded.config.calibration.file is None and loaded.config.calibration.person is None:
+        if (
+            loaded.config.calibration.person is None
+        ):  # with a file of maxima too: the vibration is this person's
             person = f"calibration.person={json.dumps(participant)}"
             loaded = load_config(lab, sets=(*sets, person))
+        if loaded.config.calibration.person is not None:
+            code, calibrations = whose(loaded.config.calibration)
+            note_elsewhere(folder, participant, calibrations.person(code))
         yield LabBench(loaded.config, settings=str(lab))
     elif emulated:
         from tega.config import check_tree
         from tega.testing.lab import emulated_lab
 
         with tempfile.TemporaryDirectory() as beside:
-            folder = Path(beside)
-            with emulated_lab(folder, emg_hz=250.0, hand=True, vest=True, fingers=("thumb", "index")) as made:
-                yield LabBench(check_tree(made.tree, {}, base=folder).config, settings="emulated lab")
+            made_in = Path(beside)
+            with emulated_lab(
+                made_in, emg_hz=250.0, hand=True, vest=True, fingers=("thumb", "index")
+            ) as made:
+                yield LabBench(
+                    check_tree(made.tree, {}, base=made_in).config, settings="emulated lab", where="emulated"
+                )
     else:
         yield SimulatedBench(plan, participant)

@@ -16,6 +16,7 @@ import numpy as np
 
 from tega.devices.lifecycle import require
 from tega.errors import ConfigError, RecordingError
+from tega.plain_name import plain_name
 from tega.recording.lerobot.episode import Episode, read_episode
 from tega.recording.lerobot.stats import figures
 from tega.recording.lerobot.video import (
@@ -64,6 +65,7 @@ def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: 
     Raises:
         ConfigError: The folder holds something.
         RecordingError: A recording cannot be read, or has other inputs than the first.
+        UnsafeNameError: A finger has a name that cannot be a folder's.
         MissingExtraError: A package of the extra ``lerobot`` is not installed.
     """
     for module in ("pyarrow.parquet", "av"):
@@ -100,6 +102,7 @@ class _Dataset:
         if not self._features:
             self._features = features
             for finger, shape in episode.shapes.items():
+                plain_name(finger, what="finger", source=episode.path.name)
                 key = f"observation.images.{finger}"
                 self._cameras[finger] = Camera(self._folder, key, self._fps, shape)
         elif features != self._features:

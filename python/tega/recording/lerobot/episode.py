@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError
+from tega.foreign_file import tells_damage
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.origin import span
@@ -90,6 +91,7 @@ class _Stream:
         return np.nan_to_num(rows, posinf=0.0, neginf=0.0).astype(np.float32)
 
 
+@tells_damage
 def read_episode(path: Path, *, fps: int) -> Episode:
     """Read a recording, pictures left out, and lay its streams on frames of a fixed rate.
 

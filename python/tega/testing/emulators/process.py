@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from tega.child_process import end_child
+from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError, InvalidValueError
 
 __all__ = ["Emulator"]
@@ -58,9 +58,15 @@ class Emulator:
 
     def __enter__(self) -> Self:
         """Start it and wait until it can be reached."""
-        command = [sys.executable, "-m", self._module, *self._arguments]
+        command = python_command(self._module, *self._arguments)
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="ascii"
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            encoding="ascii",
+            env=python_environment(),
+            process_group=0,  # Ctrl-C is for who started it, who then ends it
         )
         self.address = self._hear()
         return self

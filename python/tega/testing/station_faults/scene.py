@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -16,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from tega.child_process import end_child
+from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.repeated import repeated
 from tega.testing.impaired import ImpairedLink
@@ -64,13 +63,17 @@ class Watch:
     process: subprocess.Popen[str]
 
     def __init__(self, settings: Path, *words: str, before: Sequence[str] = ()) -> None:
-        self._command = [*before, sys.executable, "-m", "tega.testing.watched", str(settings), *words]
+        self._command = [*before, *python_command("tega.testing.watched", str(settings), *words)]
         self.told: list[Told] = []
 
     def __enter__(self) -> Self:
         """Start it."""
         self.process = subprocess.Popen(
-            self._command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+            self._command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=python_environment(),
         )
         self._thread = threading.Thread(target=self._read, name="tega-watch", daemon=True)
         self._thread.start()

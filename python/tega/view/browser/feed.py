@@ -1,68 +1,75 @@
 """What a session has to show beyond the loop's own view: pictures, muscle signal, hand.
 
-Of a live sensor the frames that are measured are looked at as they pass. Of a recording they may have been measured
+Of a live sensor the bus tells the frames that are measured. Of a recording they may have been measured
 before the run; its pictures are read a second time, at the page's own pace, by the thread that paints.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tega.devices.base import SkippingSource, TactileFrame, TactileSource
 from tega.devices.registry import driver_class
-from tega.devices.watched import Watched
+from tega.records import EmgSamples, Picture
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.hand_figure import HandFigure
 from tega.view.state import EmgTail, TouchImage, ViewState
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.bus import Bus
     from tega.config import SessionConfig, TactileConfig
-    from tega.devices.base import EmgChunk
     from tega.teleop.prepare import Muscles, Prepared
 
 __all__ = ["SessionFeed"]
 
 # Seconds of muscle signal kept for the page.
 _KEPT_S = 5.0
+# A recording is read ahead of the run's time, by no more than this.
+_AHEAD_S = 10.0
 
 
 class SessionFeed:
     """Completes a session's moments.
 
-    Give :meth:`watch` to ``run_session`` as ``on_prepared`` and :meth:`complete` to the view.
+    Give the bus and :meth:`watch` (as ``on_prepared``) to ``run_session``, and :meth:`complete` to the view.
 
     Args:
         config: The session's settings.
         rows: Lines of text to show.
+        bus: Tells pictures and samples.
     """
 
-    def __init__(self, config: SessionConfig, rows: dict[str, str]) -> None:
+    def __init__(self, config: SessionConfig, rows: dict[str, str], bus: Bus) -> None:
         self._config = config
         self._rows = rows
         self._figure = HandFigure()
         self._pictures: dict[str, _Live | _Reread] = {}
         self._prepared: Prepared | None = None
-        self._chunks: deque[EmgChunk] = deque()
+        self._chunks: deque[EmgSamples] = deque()
+        self._n_kept, self._live_emg, self._emg_unit = 0.0, False, ""
+        bus.subscribe(Picture, self._see, name="page")
+        bus.subscribe(EmgSamples, self._hear, name="page")
 
     def watch(self, prepared: Prepared) -> Prepared:
-        """Take note of what a run starts with, and return it with sources that are looked at as they are read."""
-        fingers, muscles = dict(prepared.fingers), prepared.muscles
+        """Take note of what a run starts with, and return it."""
         sections = self._config.tactile.in_use()
         for name, finger in prepared.fingers.items():
             if finger.source.info.live:
-                live = self._pictures[name] = _Live()
-                watched: Any = Watched(finger.source, live.see)
-                fingers[name] = finger._replace(source=watched)
+                self._pictures[name] = _Live()
             elif name in sections:  # a session that is played has no pictures to be read
                 self._pictures[name] = _Reread(sections[name])
-        if muscles is not None:
-            heard: Any = Watched(muscles.source, self._hear)
-            muscles = muscles._replace(source=heard)
+        if (muscles := prepared.muscles) is not None:
+            # Asked here once, not by the thread that paints: the source is the reader's from now on.
+            info = muscles.source.info
+            self._n_kept = (_KEPT_S + (0.0 if info.live else _AHEAD_S)) * muscles.maxima.rate_hz
+            self._live_emg, self._emg_unit = info.live, info.unit
         self._prepared = prepared
-        return prepared._replace(fingers=fingers, muscles=muscles)
+        return prepared
 
     def complete(self, state: ViewState) -> ViewState:
         """Add pictures, muscle signal, hand and text to a moment of the loop."""
@@ -71,9 +78,9 @@ class SessionFeed:
         images = {}
         for name, finger in prepared.fingers.items():
             pictures = self._pictures.get(name)
-            frame = None if pictures is None else pictures.at(state.t_ns)
-            if frame is not None and frame.image.shape == finger.baseline.shape:
-                images[name] = TouchImage(frame.image, finger.baseline, self._config.session.preset)
+            image = None if pictures is None else pictures.at(state.t_ns)
+            if image is not None and image.shape == finger.baseline.shape:
+                images[name] = TouchImage(image, finger.baseline, self._config.session.preset)
         shapes = poses = None
         if (angles := state.loop.angles_rad) is not None:
             shapes, poses = self._figure.shapes, self._figure.poses(angles)
@@ -96,41 +103,44 @@ class SessionFeed:
         for pictures in self._pictures.values():
             pictures.close()
 
-    def _hear(self, chunk: EmgChunk) -> None:
+    def _see(self, picture: Picture) -> None:
+        shown = self._pictures.get(picture.finger)
+        if isinstance(shown, _Live):
+            shown.image = picture.image
+
+    def _hear(self, chunk: EmgSamples) -> None:
+        """Keep the newest signal and no more, whether or not anybody paints it."""
         self._chunks.append(chunk)
+        while len(self._chunks) > 1 and chunk.first_index - self._chunks[0].first_index > self._n_kept:
+            self._chunks.popleft()
 
     def _tail(self, t_ns: int, muscles: Muscles) -> EmgTail | None:
         """Return the signal up to a time; of a live source, up to now."""
-        maxima, live = muscles.maxima, muscles.source.info.live
+        maxima = muscles.maxima
         chunks = list(self._chunks)
-        while len(chunks) > 1 and chunks[-1].first_index - chunks[0].first_index > _KEPT_S * maxima.rate_hz:
-            del chunks[0]
-            self._chunks.popleft()
-        if not chunks or muscles.intent is None:
+        if not chunks or muscles.decoder is None:
             return None
-        samples = np.concatenate([chunk.samples for chunk in chunks])
-        if not live:
+        samples = np.concatenate([chunk.samples.reshape(-1, chunk.n_channels) for chunk in chunks])
+        if not self._live_emg:
             samples = samples[: max(0, round(t_ns * 1e-9 * maxima.rate_hz) - chunks[0].first_index)]
+        samples = samples[-round(_KEPT_S * maxima.rate_hz) :]
         if not len(samples):
             return None
-        unit = muscles.source.info.unit
-        return EmgTail(samples, maxima.rate_hz, np.array(muscles.intent.maxima), maxima.kind, unit)
+        full_scale = np.array(muscles.decoder.full_scale or maxima.maxima)
+        return EmgTail(samples, maxima.rate_hz, full_scale, maxima.kind, self._emg_unit)
 
 
 class _Live:
     """The newest picture of a sensor."""
 
     def __init__(self) -> None:
-        self._newest: TactileFrame | None = None
+        self.image: NDArray[np.uint8] | None = None
 
-    def see(self, frame: TactileFrame) -> None:
-        self._newest = frame
-
-    def at(self, t_ns: int) -> TactileFrame | None:  # noqa: ARG002  # a sensor has no past
-        return self._newest
+    def at(self, t_ns: int) -> NDArray[np.uint8] | None:  # noqa: ARG002  # a sensor has no past
+        return self.image
 
     def close(self) -> None:
-        self._newest = None
+        self.image = None
 
 
 class _Reread:
@@ -142,7 +152,7 @@ class _Reread:
         self._newest: TactileFrame | None = None
         self._next = 0
 
-    def at(self, t_ns: int) -> TactileFrame | None:
+    def at(self, t_ns: int) -> NDArray[np.uint8] | None:
         source, rate_hz = self._source, self._source.info.rate_hz
         if rate_hz and isinstance(source, SkippingSource):
             wanted = int(t_ns * 1e-9 * rate_hz + 1e-6)
@@ -152,10 +162,14 @@ class _Reread:
             if wanted == self._next and not source.ended:
                 self._newest = source.read(0.0) or self._newest
                 self._next += 1
-            return self._newest
+            return self._shown
         while (self._newest is None or self._newest.t_ns < t_ns) and not source.ended:
             self._newest = source.read(0.0) or self._newest
-        return self._newest
+        return self._shown
+
+    @property
+    def _shown(self) -> NDArray[np.uint8] | None:
+        return None if self._newest is None else self._newest.image
 
     def close(self) -> None:
         self._source.close()

@@ -1,37 +1,52 @@
-"""A viser server for this machine alone: no public tunnel, no foreign pages, nothing printed."""
+"""A viser server for those who have its address: no public tunnel, no foreign pages, nothing printed."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import functools
+import hmac
 import io
-import re
-from collections.abc import Iterator
+import logging
+import secrets
+import warnings
+from collections.abc import Awaitable, Callable, Iterator
+from typing import Any
+from urllib.parse import urlsplit
 
 import viser
 import websockets.asyncio.server
+import websockets.exceptions
 
 __all__ = ["LocalServer"]
 
-# A browser names the page that opens a connection; other programs name none.
-_OWN_PAGES = (None, re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"))
+_LOOPBACK = ("localhost", "127.0.0.1", "::1")
+_LOG = logging.getLogger(__name__)
+# A page that says what no page says is closed with "data that do not fit".
+_NONSENSE = 1007
 
 
 class LocalServer(viser.ViserServer):
-    """A viser server that pages of other sites cannot talk to and that cannot be shared.
+    """A viser server that only who has its address can talk to, and that cannot be shared.
 
-    Without this any site that is open in the same browser could connect to the loopback address and press the buttons,
-    and any client could ask viser to publish the page through a tunnel.
+    The address has a token in its path. Without it any program on this machine could press the buttons, and any site
+    that is open in the same browser could, since a browser lets it connect to the loopback address.
 
     Args:
         host: Address to serve.
         port: TCP port; the next free one where it is taken, any for 0.
         label: The page's title.
-        allow_remote: Let pages served under any address connect, which an address other than loopback needs.
+        allow_remote: Serve under any name, which an address other than loopback needs; the token is asked for as well.
+
+    Attributes:
+        token: What the path of the address begins with.
     """
 
     def __init__(self, host: str, port: int, label: str, *, allow_remote: bool) -> None:
-        with _quiet(), contextlib.nullcontext() if allow_remote else _own_pages_only():
+        self.token = secrets.token_urlsafe(16)
+        # What a page sends is not the operator's business, who has the terminal.
+        warnings.filterwarnings("ignore", r"\[viser\] .* does not match annotation", UserWarning)
+        with _quiet(), _guarded(self.token, allow_remote=allow_remote):
             super().__init__(host, port, label, verbose=False)
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002, FBT001, FBT002
@@ -52,14 +67,60 @@ def _quiet() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _own_pages_only() -> Iterator[None]:
-    """Have the server that is started meanwhile refuse connections from other sites' pages.
+def _guarded(token: str, *, allow_remote: bool) -> Iterator[None]:
+    """Have the server that is started meanwhile look at who connects and at what is said.
 
-    viser has no setting for it, the library below it has.
+    viser has no setting for either, the library below it has.
     """
     serve = websockets.asyncio.server.serve
-    setattr(websockets.asyncio.server, "serve", functools.partial(serve, origins=_OWN_PAGES))  # noqa: B010
+
+    def guarded(
+        handler: Callable[[Any], Awaitable[None]], *where: Any, process_request: Any, **more: Any
+    ) -> Any:
+        def asked(connection: Any, request: Any) -> Any:
+            if (why := _refused(request, token, allow_remote=allow_remote)) != "":
+                return connection.respond(403, f"{why}\n")
+            request.path = request.path.removeprefix(f"/{token}") or "/"
+            return process_request(connection, request)
+
+        return serve(functools.partial(_serve_page, handler), *where, process_request=asked, **more)
+
+    setattr(websockets.asyncio.server, "serve", guarded)  # noqa: B010
     try:
         yield
     finally:
         setattr(websockets.asyncio.server, "serve", serve)  # noqa: B010
+
+
+def _refused(request: Any, token: str, *, allow_remote: bool) -> str:
+    """Return why a request is refused; ``""`` for one of this server's own pages."""
+    first = request.path.partition("?")[0].split("/")[1:2]
+    if not first or not hmac.compare_digest(first[0].encode(), token.encode()):
+        return "the address has a token in it: use the one that the program has printed"
+    hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+    try:
+        names = {urlsplit(f"//{host}").hostname for host in hosts}
+        pages = {urlsplit(origin).netloc for origin in origins}
+    except ValueError:
+        return "the address cannot be read"
+    if len(hosts) != 1 or not (allow_remote or names <= set(_LOOPBACK)):
+        return "this page is served to this machine only"
+    if not pages <= set(hosts):
+        return "another site's page cannot talk to this one"
+    return ""
+
+
+async def _serve_page(handler: Callable[[Any], Awaitable[None]], connection: Any) -> None:
+    """Serve one page; what it says that no page says ends its connection, and is told in a line of the log."""
+    asyncio.get_running_loop().set_exception_handler(_tell)
+    try:
+        await handler(connection)
+    except websockets.exceptions.ConnectionClosed:
+        pass
+    except Exception as error:  # whatever nonsense makes viser say
+        _LOG.info("view: a page said something that cannot be understood: %s", type(error).__name__)
+        await connection.close(_NONSENSE)
+
+
+def _tell(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    _LOG.info("view: a message of a page was not used: %s", context.get("exception", context["message"]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import time
 from collections.abc import Sequence
 from html import escape
 from itertools import zip_longest
@@ -9,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tega.errors import InvalidValueError
 from tega.haptics import FINGERS, contact_type
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.view.browser.vest import vest_svg
-from tega.view.run_state import MEANINGS, lines_beside
+from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
     import viser
@@ -75,6 +78,7 @@ class Page:
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
         gui.set_panel_label(title)
+        gui.add_html(_AGEING)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
         self.run_state = gui.add_html("")
@@ -100,13 +104,18 @@ class Page:
     def _add_buttons(self, gui: viser.GuiApi, controls: Controls) -> None:
         if controls.objects:
             choice = self.inputs["object"] = gui.add_button_group("lift now", controls.objects)
-            choice.on_click(lambda event: controls.choose(event.target.value))
+
+            @choice.on_click
+            def _(event: Any) -> None:
+                with contextlib.suppress(InvalidValueError):  # the page offers others no more than these
+                    controls.choose(event.target.value)
+
         if controls.can_mute:
             haptics = self.inputs["haptics"] = gui.add_checkbox("haptics on", initial_value=True)
 
             @haptics.on_update
             def _(event: Any) -> None:
-                controls.haptics = event.target.value
+                controls.haptics = event.target.value is True
 
         if controls.can_pause:
             pause = self.inputs["pause"] = gui.add_button("Pause", color="gray")
@@ -132,6 +141,7 @@ class Page:
         """
         if not self._blind:
             self._course.note(state)
+            self.paint_state(state.loop)
         with self._server.atomic():
             self.scene.draw(state.shapes, state.poses, None if self._blind else state.contact_points)
             if turn == 0:
@@ -149,10 +159,25 @@ class Page:
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)
 
+    def paint_state(
+        self, loop: LoopView, *, age_s: float = 0.0, problem: str = "", paused: bool = False
+    ) -> None:
+        """Put the run's state on the page, which from then on says by itself how long it has heard nothing.
+
+        Args:
+            loop: The newest moment.
+            age_s: How old it is.
+            problem: What went wrong with the page.
+            paused: Whether the page's button has the run stand still, so that no news is no bad news.
+        """
+        if not self._blind:
+            beat = int(time.monotonic() * _BEATS_PER_S)
+            self.run_state.content = _run_state(loop, beat, age_s=age_s, problem=problem, paused=paused)
+
     def paint_text(self, state: ViewState) -> None:
         """Put the run's state and the lines of text on the page."""
+        self.paint_state(state.loop)
         if not self._blind:
-            self.run_state.content = _run_state(state.loop)
             self.arm.content = _arm(state.loop)
         self.status.content = _status(state)
 
@@ -163,19 +188,48 @@ _LEGEND = (
 )
 
 
-def _run_state(view: LoopView) -> str:
-    """Say the run's state first, as the terminal does; nothing where there is no guard."""
-    if not view.state:
-        return ""
-    reason, alerts = lines_beside(view)
-    lines = [
-        f'<b style="background:{_STATE_COLOURS[view.state]};color:#fff;padding:1px 8px;border-radius:3px">'
-        f"{view.state.upper()}</b> {escape(MEANINGS[view.state])}"
-    ]
-    if reason:
-        lines.append(f"<b>{escape(reason)}</b>")
-    lines += [f'<span style="color:#e8590c">! {escape(alert)}</span>' for alert in alerts]
-    return f'<div style="{_FONT};margin:4px 10px;line-height:1.6">{"<br>".join(lines)}</div>'
+# What the browser does by itself: unless the run's state is painted afresh in time, it greys the state and says for how
+# long nothing was heard. A frozen or killed program, a painter that failed and a run that stands still look the same.
+_BEATS_PER_S = 2
+_AGEING = f"""<style>
+@property --tega-age {{ syntax: "<integer>"; inherits: true; initial-value: 0 }}
+@keyframes tega-age {{ to {{ --tega-age: 86400 }} }}
+@keyframes tega-late {{ to {{ visibility: visible; max-height: 3em }} }}
+@keyframes tega-grey {{ to {{ background: #868e96 }} }}
+.tega-late {{ display: block; visibility: hidden; max-height: 0; overflow: hidden; color: #c92a2a; font-weight: bold;
+  animation: tega-late 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
+.tega-late span {{ animation: tega-age 86400s linear calc(0s - var(--tega-since)) forwards }}
+.tega-late span::after {{ counter-reset: age var(--tega-age); content: counter(age) " s" }}
+.tega-badge {{ animation: tega-grey 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
+</style>"""
+
+
+def _run_state(
+    view: LoopView, beat: int = 0, *, age_s: float = 0.0, problem: str = "", paused: bool = False
+) -> str:
+    """Say the run's state first, as the terminal does, where there is a guard; and that nothing was heard."""
+    ended = view.state == "stopped"
+    late, lines = "", []
+    if paused:
+        lines.append("<b>paused by the page's button</b>")
+    elif not ended:
+        words = f"{NO_NEWS} " + (f"{age_s:.0f} s" if age_s >= NO_NEWS_S else "<span></span>")
+        shown = ' style="visibility:visible;max-height:3em"' if age_s >= NO_NEWS_S else ""
+        late = f'<b class="tega-late"{shown}>{words}: what stands here may no longer be so</b>'
+    if problem:
+        lines.append(f'<span style="color:#e8590c">! {escape(problem)}</span>')
+    if view.state:
+        reason, alerts = lines_beside(view)
+        badge = "" if ended or paused else ' class="tega-badge"'
+        lines.append(
+            f'<b{badge} style="background:{_STATE_COLOURS[view.state]};color:#fff;padding:1px 8px;border-radius:3px">'
+            f"{view.state.upper()}</b> {escape(MEANINGS[view.state])}"
+        )
+        if reason:
+            lines.append(f"<b>{escape(reason)}</b>")
+        lines += [f'<span style="color:#e8590c">! {escape(alert)}</span>' for alert in alerts]
+    style = f"--tega-since:{age_s:.1f}s;{_FONT};margin:4px 10px;line-height:1.6"
+    return f'<div data-beat="{beat}" style="{style}">{late}{"<br>".join(lines)}</div>'
 
 
 def _arm(view: LoopView) -> str:

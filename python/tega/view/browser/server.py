@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from tega.errors import InvalidValueError, MissingExtraError
 from tega.view.browser.controls import Controls
+from tega.view.run_state import NO_NEWS_S
 from tega.view.state import ViewState
 
 if TYPE_CHECKING:
@@ -26,6 +28,9 @@ _UNWATCHED_HZ = 2.0
 _LOOK_S = 0.004
 _REST_SHARE = 4.0
 _LAST_S = 0.1
+# A painter that failed tries again after this long; the age of what is shown is told this often.
+_RETRY_S = 0.5
+_TELL_AGE_S = 1.0
 
 
 class BrowserView:
@@ -53,6 +58,7 @@ class BrowserView:
         n_painted: Of these, those painted.
         n_dropped: Of these, those a newer one replaced before they were painted.
         page: What is on the page; from when it is first served.
+        problem: How often a moment could not be painted, and why at last; ``""`` for never. The page says it too.
 
     Raises:
         InvalidValueError: ``host`` is not this machine, or the rate or port is out of range.
@@ -75,7 +81,7 @@ class BrowserView:
         if host not in LOOPBACK and not allow_remote:
             raise InvalidValueError(
                 f"host = {host!r}: the view is served to this machine only",
-                f"use {LOOPBACK[0]}, or allow_remote=True if everyone who reaches it may press its buttons",
+                f"use {LOOPBACK[0]}, or allow_remote=True if everyone who has its address may press its buttons",
             )
         if not 0 <= port <= 65_535:
             raise InvalidValueError(f"port = {port}, expected 0 to 65535")
@@ -92,24 +98,27 @@ class BrowserView:
         self._server: Any = None
         self.page: Page
         self._painter: threading.Thread | None = None
-        self._failure: Exception | None = None
+        self.problem = ""
+        self._n_failures = 0
+        self._told_age_s = 0.0
         self._counted: tuple[float, dict[str, int]] | None = None
         self._rates_hz: dict[str, float] = {}
+        self._newest: tuple[float, ViewState] | None = None
         self._state: ViewState | None = None
         self._turn = self._n_owed = 0
         self._wait_ms = self._painted_s = 0.0
 
     @property
     def url(self) -> str:
-        """Address of the page; empty while closed."""
+        """Address of the page, with the token that it needs; empty while closed."""
         if self._server is None:
             return ""
         host = f"[{self._host}]" if ":" in self._host else self._host
-        return f"http://{host}:{self._server.get_port()}"
+        return f"http://{host}:{self._server.get_port()}/{self._server.token}/"
 
     @property
     def painting(self) -> bool:
-        """Whether moments are being painted: the page is served and nothing went wrong so far."""
+        """Whether moments are being painted: the page is served."""
         return self._painter is not None and self._painter.is_alive()
 
     def __enter__(self) -> Self:
@@ -141,19 +150,13 @@ class BrowserView:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop serving.
-
-        Raises:
-            Exception: What went wrong in painting, if something did and nothing else is on its way.
-        """
+        """Stop serving; what went wrong in painting is in :attr:`problem`."""
         self._over.set()
         if self._painter is not None:
             self._painter.join()
         if self._server is not None:
             self._server.stop()
         self._server = self._painter = None
-        if self._failure is not None and error is None:
-            raise self._failure
 
     def offer(self, state: ViewState) -> None:
         """Take a moment to be shown; returns at once."""
@@ -168,43 +171,73 @@ class BrowserView:
         self.offer(ViewState(loop.t_ns, loop))
 
     def _paint_on(self) -> None:
-        """Paint the newest moment whenever there is one, until told to stop."""
+        """Paint the newest moment whenever there is one, until told to stop; a failure is told and tried again."""
         rest_s = 0.0
         # The slot is looked at, not waited for: waking a thread would cost whoever offers more than all the rest.
         while not self._over.wait(rest_s):
             began_s, rest_s = time.monotonic(), _LOOK_S
             try:
                 painted = self._paint_next(began_s)
-            except Exception as error:  # told when the view is closed: the run goes on without a picture
-                self._failure = error
-                return
+            except BaseException as error:  # of native code, too; the run goes on, and so does the page
+                self._fail(error)
+                rest_s = _RETRY_S
+                continue
             if painted:
                 period_s = self._period_s if self._server.get_clients() else 1 / _UNWATCHED_HZ
                 took_s = time.monotonic() - began_s
                 # Where painting takes long the machine is busy: better fewer moments than the run's time.
                 rest_s = max(period_s - took_s, _REST_SHARE * took_s)
+            else:
+                self._tell_age(began_s)
         self._paint_last()
+
+    def _fail(self, error: BaseException) -> None:
+        """Note what went wrong, and show the run's state all the same: it needs none of what can fail."""
+        self._n_failures += 1
+        self.problem = (
+            f"{self._n_failures} moments could not be shown, at last: {type(error).__name__}: {error}"
+        )
+        if self._newest is not None:
+            with contextlib.suppress(
+                Exception
+            ):  # the page itself is gone; the browser says that nothing comes
+                self.page.paint_state(self._newest[1].loop, problem=self.problem)
+
+    def _tell_age(self, now_s: float) -> None:
+        """Tell how old the newest moment is, once a second, for who opens the page only now."""
+        if self._newest is None or now_s - self._told_age_s < _TELL_AGE_S:
+            return
+        offered_s, state = self._newest
+        if now_s - offered_s < NO_NEWS_S:
+            return
+        self._told_age_s = now_s
+        with contextlib.suppress(Exception):  # as above
+            self.page.paint_state(
+                state.loop, age_s=now_s - offered_s, problem=self.problem, paused=self.controls.paused
+            )
 
     def _paint_last(self) -> None:
         """Put the end on the page, which stays open in the browser when nobody serves it any more."""
         with self._lock:
             taken, self._slot = self._slot, None
-        state = self._state if taken is None else self._complete(taken[1])
-        if state is None:
-            return
         try:
+            state = self._state if taken is None else self._complete(taken[1])
+            if state is None:
+                return
             self.page.paint_text(state)
             self.n_painted += taken is not None
             self._server.flush()
             time.sleep(_LAST_S)  # what is flushed is sent by another thread
-        except Exception as error:  # told when the view is closed
-            self._failure = error
+        except BaseException as error:
+            self._newest = taken or self._newest
+            self._fail(error)
 
     def _paint_next(self, now_s: float) -> bool:
         """Paint a new moment, or more of the last one if no other follows; tell whether there was anything to do."""
         with self._lock:
             taken, self._slot = self._slot, None
         if taken is not None:
+            self._newest = taken
             offered_s, state = taken
             self._wait_ms = (now_s - offered_s) * 1e3
             self._state = self._complete(state)

@@ -1,0 +1,204 @@
+"""The bus of a run: whoever knows a fact publishes its record, whoever wants it subscribes.
+
+A record is delivered at once, in the order of the subscriptions, in the thread that publishes it: the loop's for all
+that the loop does, a source's own for pictures and samples. A subscriber that may be slow takes its records from a
+:class:`Backlog`, in a thread of its own.
+
+A subscriber that fails is told of and left out from then on; the run goes on.
+
+Example:
+    >>> from tega.bus import Bus
+    >>> from tega.records import RunState
+    >>> bus, seen = Bus(), []
+    >>> bus.subscribe(RunState, lambda record: seen.append(record.state))
+    >>> bus.publish(RunState(t_ns=0, state="active", reason="all is there"))
+    >>> seen
+    ['active']
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from tega.errors import TegaError
+from tega.records import Record
+
+__all__ = ["Backlog", "Bus"]
+
+_LOG = logging.getLogger(__name__)
+
+_DRAIN_S = 10.0
+_WAIT_S = 0.01
+
+Kind = TypeVar("Kind", bound=Record)
+
+
+class _Subscription:
+    def __init__(
+        self,
+        topic: type[Record],
+        function: Callable[[Any], object],
+        name: str,
+        *,
+        vital: bool,
+        backlog: Backlog | None,
+    ) -> None:
+        self.topic, self.function, self.name = topic, function, name
+        self.vital, self.backlog = vital, backlog
+        self.left_out = False
+
+
+class Bus:
+    """Delivers records to those who have subscribed to their kind."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._subscriptions: tuple[_Subscription, ...] = ()
+        self._of: dict[type[Record], tuple[_Subscription, ...]] = {}
+        self._backlogs: list[Backlog] = []
+        self._failed: dict[str, str] = {}
+
+    def subscribe(
+        self,
+        topic: type[Kind],
+        function: Callable[[Kind], object],
+        *,
+        name: str = "",
+        vital: bool = False,
+        backlog: Backlog | None = None,
+    ) -> None:
+        """Have a function called with every record of a kind from now on.
+
+        Args:
+            topic: The kind; subclasses belong to it, so :class:`~tega.records.Record` is all of them.
+            function: Called with each record; nothing may be changed in one.
+            name: What to call the subscriber where it fails.
+            vital: Whether its failure is the publisher's, as in a computation where nobody steers a hand.
+            backlog: Where its records wait for it; ``None`` to be called at once.
+        """
+        made = _Subscription(topic, function, name or "subscriber", vital=vital, backlog=backlog)
+        with self._lock:
+            self._subscriptions = (*self._subscriptions, made)
+            self._of = {}
+            if backlog is not None and backlog not in self._backlogs:
+                self._backlogs.append(backlog)
+                backlog.start()
+
+    def wants(self, topic: type[Record]) -> bool:
+        """Whether anybody would be told of a record of exactly this kind."""
+        return bool(self._found(topic))
+
+    def publish(self, record: Record) -> None:
+        """Tell everybody who has subscribed.
+
+        Raises:
+            Exception: Whatever a vital subscriber raised.
+        """
+        for subscription in self._found(type(record)):
+            if subscription.backlog is not None:
+                subscription.backlog.put(self._deliver, subscription, record)
+            elif subscription.vital:
+                subscription.function(record)
+            else:
+                self._deliver(subscription, record)
+
+    def problem(self) -> str:
+        """Return which subscribers are left out or do not keep up, ``""`` while all is well."""
+        lost = [said for backlog in self._backlogs if (said := backlog.problem())]
+        return "; ".join([*self._failed.values(), *lost])
+
+    def _found(self, kind: type[Record]) -> tuple[_Subscription, ...]:
+        found = self._of.get(kind)
+        if found is None:
+            with self._lock:
+                found = tuple(s for s in self._subscriptions if issubclass(kind, s.topic))
+                self._of[kind] = found
+        return found
+
+    def _deliver(self, subscription: _Subscription, record: Record) -> None:
+        if subscription.left_out:
+            return
+        try:
+            subscription.function(record)
+        except Exception as error:  # whoever looks on must not end what it looks at
+            self._leave_out(subscription, error)
+
+    def _leave_out(self, subscription: _Subscription, error: Exception) -> None:
+        said = _words(error)
+        with self._lock:
+            subscription.left_out = True
+            self._subscriptions = tuple(s for s in self._subscriptions if s is not subscription)
+            self._of = {}
+            first = subscription.name not in self._failed
+            self._failed.setdefault(subscription.name, f"{subscription.name}: {said}")
+        if first:
+            _LOG.warning("%s: %s; the run goes on", subscription.name, said)
+
+
+def _words(error: Exception) -> str:
+    if isinstance(error, TegaError):
+        return error.message
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return f"{type(error).__name__}: {error}"
+
+
+class Backlog:
+    """Records that wait for a subscriber that may be slow, and the thread that hands them over in their order.
+
+    Args:
+        name: Whose it is.
+        most: How many may wait; what comes beyond that is dropped and counted.
+        rank: Wraps what the thread does, such as :func:`tega.priority.ahead_of_others`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        most: int = 65_536,
+        rank: Callable[[Callable[[], None]], Callable[[], None]] = lambda work: work,
+    ) -> None:
+        self._name, self._most = name, most
+        self._waiting: deque[tuple[Callable[[Any, Any], None], Any, Record]] = deque()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=rank(self._work), name=f"tega-{name}", daemon=True)
+        self.n_dropped = 0
+
+    def start(self) -> None:
+        """Begin to hand over."""
+        self._thread.start()
+
+    def put(self, deliver: Callable[[Any, Any], None], to: Any, record: Record) -> None:
+        """Let a record wait; returns at once."""
+        if len(self._waiting) >= self._most or self._closing.is_set():
+            self.n_dropped += 1
+            return
+        self._waiting.append((deliver, to, record))
+
+    def problem(self) -> str:
+        """Return how many records were dropped, ``""`` for none."""
+        return (
+            f"{self._name}: {self.n_dropped} records dropped, it does not keep up" if self.n_dropped else ""
+        )
+
+    def close(self) -> None:
+        """Wait for what is left, ten seconds at most, and end the thread."""
+        self._closing.set()
+        self._thread.join(_DRAIN_S)
+
+    def _work(self) -> None:
+        while True:
+            closing = self._closing.is_set()  # looked at first: nothing comes after it
+            try:
+                deliver, to, record = self._waiting.popleft()
+            except IndexError:
+                if closing:
+                    return
+                self._closing.wait(_WAIT_S)
+            else:
+                deliver(to, record)

@@ -1,0 +1,67 @@
+"""Find and load what packages register under the entry-point groups of TEGA: drivers and stages."""
+
+from __future__ import annotations
+
+import difflib
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
+
+__all__ = ["find_plugin", "load_plugin", "plugin_package", "plugins"]
+
+
+def plugins(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by name; imports none of them."""
+    return {entry.name: entry for entry in entry_points(group=group)}
+
+
+def find_plugin(group: str, what: str, name: str) -> EntryPoint:
+    """Return the entry point of a name.
+
+    Args:
+        group: The group, such as ``"tega.devices"``.
+        what: What a member of the group is called in messages: driver, metric, decoder, mapping or layout.
+        name: The name looked for.
+
+    Raises:
+        ConfigError: Nothing in the group has that name; the hint is the nearest one.
+    """
+    entries = plugins(group)
+    entry = entries.get(name)
+    if entry is None:
+        near = difflib.get_close_matches(name, entries, n=1)
+        raise ConfigError(
+            f"no {what} is called {name!r}",
+            f"did you mean {near[0]!r}?"
+            if near
+            else f"installed {what}s: {', '.join(sorted(entries)) or 'none'}",
+        )
+    return entry
+
+
+def load_plugin(entry: EntryPoint, what: str) -> Any:
+    """Import what an entry point names.
+
+    Raises:
+        MissingExtraError: Its module needs a package that is not installed.
+        DeviceUnavailableError: Its module does not hold what the entry point says.
+    """
+    try:
+        return entry.load()
+    except ImportError as error:
+        missing = error.name or "a package"
+        hint = f"install the extra of {plugin_package(entry)!r} that brings {missing!r}"
+        if plugin_package(entry) == "tega":
+            hint = "install it with: pip install 'tega[lab]'"
+        raise MissingExtraError(f"{what} {entry.name!r} needs {missing!r}: {error}", hint) from error
+    except AttributeError as error:
+        raise DeviceUnavailableError(
+            f"{what} {entry.name!r} is registered as {entry.value!r}, which does not exist",
+            f"reinstall {plugin_package(entry)!r}",
+        ) from error
+
+
+def plugin_package(entry: EntryPoint) -> str:
+    """Return the distribution that brings an entry point."""
+    return entry.dist.name if entry.dist is not None else "an unknown package"

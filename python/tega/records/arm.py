@@ -1,0 +1,170 @@
+"""Records of the arm: what leads it, where it is to go, and how it is."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import msgspec
+
+from tega.records.base import Count, Milliseconds, Ns, Record, Share, quantity
+
+__all__ = [
+    "ArmHealth",
+    "ArmMeasured",
+    "ArmSent",
+    "ArmTarget",
+    "ArmTurn",
+    "ForearmPose",
+    "PoseNumbers",
+    "PoseRecord",
+    "TrackerAxes",
+]
+
+Metres = Annotated[float, quantity("m")]
+Quaternion = Annotated[float, quantity("1")]
+
+
+class PoseNumbers(msgspec.Struct, frozen=True):
+    """A pose as it came, whatever it holds.
+
+    Attributes:
+        t_ns: Its stamp, since the start of the session.
+        position: Metres; three numbers, unless it is damaged.
+        quaternion: x, y, z, w; likewise.
+        valid: Whether the tracker believes it.
+    """
+
+    schema: ClassVar[str] = "ArmPose"
+
+    t_ns: Ns
+    position: tuple[Metres, ...]
+    quaternion: tuple[Quaternion, ...]
+    valid: bool = True
+
+
+class ArmTurn(Record, frozen=True, kw_only=True):
+    """All that one turn of what leads an arm took in, and the command that came of it.
+
+    Attributes:
+        t_ns: When, since the start of the session.
+        poses: Forearm poses since the last turn, in the tracker's axes.
+        clutch: Whether the clutch was pressed.
+        dead_man: Whether the dead-man switch was held.
+        may_move: Whether the run let the arm move.
+        measured: Where the hand was, if that was known anew: one or none.
+        stopped: Why the arm was to stop; ``""`` if it was not.
+        cleared: Whether a person had said that it may go on.
+        state: Of the chain.
+        reason: Why.
+        holds: How often the arm was engaged.
+        target: Position and quaternion; empty for none.
+        velocity: Linear, m/s, then angular, rad/s.
+        phase: Of the arm's own driver.
+    """
+
+    topic: ClassVar[str] = "/arm/turn"
+
+    t_ns: Ns
+    poses: tuple[PoseNumbers, ...]
+    clutch: bool
+    dead_man: bool
+    may_move: bool
+    measured: tuple[PoseNumbers, ...]
+    stopped: str
+    cleared: bool
+    state: str
+    reason: str
+    holds: Count
+    target: tuple[Annotated[float, quantity("m, 1")], ...]
+    velocity: tuple[Annotated[float, quantity("m/s, rad/s")], ...]
+    phase: str
+
+
+class ArmHealth(Record, frozen=True, kw_only=True):
+    """How the arm's process keeps up, once a second.
+
+    Attributes:
+        t_ns: Since the start of the session.
+        rate_hz: Its commands a second.
+        worst_ms: Its latest command.
+        late: Commands that came late.
+        refused: Commands that the robot refused.
+        success_rate: As the robot says; -1 where it does not.
+    """
+
+    topic: ClassVar[str] = "/arm/health"
+
+    t_ns: Ns
+    rate_hz: Annotated[float, quantity("Hz")]
+    worst_ms: Milliseconds
+    late: Count
+    refused: Count
+    success_rate: Share
+
+
+class PoseRecord(Record, frozen=True, kw_only=True):
+    """A pose for viewers; its subclasses say whose.
+
+    Attributes:
+        t_ns: Its stamp, since the start of the session.
+        taken_ns: The turn it belongs to.
+        frame: Name of its axes.
+        position: x, y, z.
+        quaternion: x, y, z, w.
+    """
+
+    schema: ClassVar[str] = "foxglove.PoseInFrame"
+
+    t_ns: Ns
+    taken_ns: Ns
+    frame: str
+    position: tuple[Metres, ...]
+    quaternion: tuple[Quaternion, ...]
+
+    @property
+    def log_ns(self) -> int:
+        """The turn."""
+        return self.taken_ns
+
+
+class ForearmPose(PoseRecord, frozen=True, kw_only=True):
+    """Where the operator's forearm is, in the tracker's axes."""
+
+    topic: ClassVar[str] = "/arm/forearm"
+
+
+class ArmMeasured(PoseRecord, frozen=True, kw_only=True):
+    """Where the arm's end is, as measured."""
+
+    topic: ClassVar[str] = "/arm/measured"
+
+
+class ArmTarget(PoseRecord, frozen=True, kw_only=True):
+    """Where the arm's end is to go."""
+
+    topic: ClassVar[str] = "/arm/target"
+
+
+class ArmSent(PoseRecord, frozen=True, kw_only=True):
+    """What the robot was really sent, after its own limits."""
+
+    topic: ClassVar[str] = "/arm/sent"
+
+
+class TrackerAxes(Record, frozen=True, kw_only=True):
+    """How the tracker's axes lie in the robot's base.
+
+    Attributes:
+        t_ns: Since the start of the session.
+        parent: Name of the base's axes.
+        child: Of the tracker's.
+        quaternion: The turn, x, y, z, w.
+    """
+
+    topic: ClassVar[str] = "/arm/axes"
+    schema: ClassVar[str] = "foxglove.FrameTransform"
+
+    t_ns: Ns
+    parent: str
+    child: str
+    quaternion: tuple[Quaternion, ...]

@@ -1,0 +1,98 @@
+"""The base of every record: a typed struct that knows its topic, its units and its version.
+
+A record is a fact that passes through a run: what a fingertip camera measured, what the muscles ask, what the vest was
+told. Files, links and tables are made from its fields; see :mod:`tega.records.schema` and :mod:`tega.records.table`.
+
+A new field goes to the end of its struct, has a default, and raises the struct's ``version``: old files then still
+open, and what they do not say is the default.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import msgspec
+
+__all__ = [
+    "Count",
+    "Degrees",
+    "Grey",
+    "GreyPerPixel",
+    "Millimetres",
+    "Milliseconds",
+    "Newtons",
+    "Ns",
+    "Percent",
+    "Pixel",
+    "Pixels",
+    "Record",
+    "Share",
+    "SquareMillimetres",
+    "Step",
+    "quantity",
+]
+
+
+def quantity(unit: str, wire: str = "") -> msgspec.Meta:
+    """Return what a field's annotation says besides its type.
+
+    Args:
+        unit: The unit, such as ``"ns"``.
+        wire: Protobuf's type in a file, where it is not the usual one of the Python type.
+    """
+    return msgspec.Meta(extra={"unit": unit, "wire": wire})
+
+
+Ns = Annotated[int, quantity("ns")]
+Count = Annotated[int, quantity("1")]
+Step = Annotated[int, quantity("1", "int32")]
+Pixels = Annotated[int, quantity("px²")]
+Pixel = Annotated[float, quantity("px")]
+Grey = Annotated[float, quantity("grey")]
+GreyPerPixel = Annotated[float, quantity("grey/px²")]
+SquareMillimetres = Annotated[float, quantity("mm²")]
+Millimetres = Annotated[float, quantity("mm")]
+Newtons = Annotated[float, quantity("N")]
+Share = Annotated[float, quantity("1")]
+Percent = Annotated[float, quantity("%")]
+Milliseconds = Annotated[float, quantity("ms")]
+Degrees = Annotated[float, quantity("°")]
+
+
+class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A fact that passes, and where it belongs.
+
+    Attributes:
+        topic: Where it is published; ``{finger}`` stands for the field of that name.
+        schema: Name of its message in files; ``""`` for the class's own.
+        version: Of its fields; 1 for those of the first recordings.
+        unwritten: Fields that a message does not hold: the topic says them, or a viewer's own schema.
+        table: Fields that its CSV table holds, ``t_s`` being ``t_ns`` in seconds; empty where it has none.
+    """
+
+    topic: ClassVar[str] = ""
+    schema: ClassVar[str] = ""
+    version: ClassVar[int] = 1
+    unwritten: ClassVar[tuple[str, ...]] = ()
+    table: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def where(self) -> str:
+        """Its own topic, such as ``/tactile/thumb/contact``."""
+        where, named, rest = self.topic.partition("{")
+        while named:
+            name, _, rest = rest.partition("}")
+            before, named, rest = rest.partition("{")
+            where += f"{getattr(self, name)}{before}"
+        return where
+
+    @property
+    def log_ns(self) -> int:
+        """When it came to be known, nanoseconds since the start of the session: files are in this order."""
+        t_ns: int = getattr(self, "t_ns", 0)
+        return t_ns
+
+    @property
+    def n_bytes(self) -> int:
+        """What it takes in memory besides its numbers."""
+        return 0

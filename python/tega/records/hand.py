@@ -1,0 +1,117 @@
+"""Records of the hand: what it is asked, what goes over its bus, and where its joints are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import msgspec
+
+from tega.records.base import Ns, Record, Share, Step, quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from typing import Any
+
+__all__ = ["BusFrame", "HandCommand", "HandExchange", "Imposed", "Joints", "bus_frames"]
+
+
+class BusFrame(msgspec.Struct, frozen=True):
+    """One frame of a CAN bus.
+
+    Attributes:
+        id: Its identifier.
+        data: The payload, 0 to 8 bytes.
+        remote: Whether it asks for the data frame of the same identifier.
+        flags: 1 for an identifier of 29 bits, plus 2 for an error frame.
+    """
+
+    schema: ClassVar[str] = "CanFrame"
+
+    id: Annotated[int, quantity("1", "uint32")]
+    data: bytes
+    remote: bool = False
+    flags: Annotated[int, quantity("1", "uint32")] = 0
+
+
+def bus_frames(frames: Iterable[Any]) -> tuple[BusFrame, ...]:
+    """Return frames of :mod:`tega.wire` or :mod:`tega.hand_link` as parts of a record."""
+    made: list[BusFrame] = []
+    for number, data, remote, *flags in frames:
+        extended, error = flags or (False, False)
+        made.append(BusFrame(number, bytes(data), remote, extended + 2 * error))
+    return tuple(made)
+
+
+class HandCommand(Record, frozen=True, kw_only=True):
+    """What a hand is asked in one tick, and the frames of that.
+
+    Attributes:
+        t_ns: The tick, since the start of the session.
+        level: Closure level, 1 to 5; 0 when it is let go.
+        frames: CAN frames of this tick; none where a hand closes its own loop.
+        closure: From 0 (open) to 1 (closed), where it lies between two levels.
+    """
+
+    topic: ClassVar[str] = "/hand/frames"
+    schema: ClassVar[str] = "CanFrames"
+    version: ClassVar[int] = 2
+
+    t_ns: Ns
+    level: Step
+    frames: tuple[BusFrame, ...] = ()
+    closure: Share | None = None
+
+
+class HandExchange(Record, frozen=True, kw_only=True):
+    """One exchange with a hand that closes its own loop.
+
+    Attributes:
+        t_ns: When, on the machine's monotonic clock, as the link was told it.
+        level: Closure level asked for, or the nearest.
+        received: What came from the hand since the last exchange.
+        sent: What went to it.
+        action: ``exchange``, ``release`` or ``abandon``.
+        closure: From 0 (open) to 1 (closed), where it lies between two levels.
+    """
+
+    topic: ClassVar[str] = "/hand/bus"
+    version: ClassVar[int] = 2
+
+    t_ns: Ns
+    level: Step
+    received: tuple[BusFrame, ...]
+    sent: tuple[BusFrame, ...]
+    action: str
+    closure: Share | None = None
+
+
+class Imposed(Record, frozen=True, kw_only=True):
+    """A level that is set against the muscles, such as by a guard.
+
+    Attributes:
+        t_ns: The tick from which on.
+        level: It, or the nearest; 0 for no longer.
+        closure: From 0 (open) to 1 (closed), where it lies between two levels.
+    """
+
+    topic: ClassVar[str] = "/hand/imposed"
+    version: ClassVar[int] = 2
+
+    t_ns: Ns
+    level: Step
+    closure: Share | None = None
+
+
+class Joints(Record, frozen=True, kw_only=True):
+    """Where the hand's joints are.
+
+    Attributes:
+        t_ns: The tick, since the start of the session.
+        angles_rad: Of the 16 joints, in the order of :data:`tega.hand.JOINT_NAMES`.
+    """
+
+    topic: ClassVar[str] = "/hand/joints"
+    schema: ClassVar[str] = "foxglove.JointStates"
+
+    t_ns: Ns
+    angles_rad: tuple[Annotated[float, quantity("rad")], ...]

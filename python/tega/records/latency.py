@@ -1,0 +1,50 @@
+"""The record of a delay: the way of one camera frame to the vest, or of one block of EMG to the hand."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import ClassVar, Final
+
+from tega.records.base import Ns, Record
+
+__all__ = ["INTENT_STAGES", "TOUCH_STAGES", "Latency"]
+
+TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", "own", "in-hand", "whole")
+INTENT_STAGES: Final = ("sample", "levels", "wait", "hand-over", "own", "whole")
+
+# Recordings of before there was a greatest rate do not tell when it let a frame go.
+_STAMPS_WITHOUT_HELD: Final = 6
+
+
+class Latency(Record, frozen=True, kw_only=True):
+    """The way of one camera frame to the vest, or of one block of EMG to the hand.
+
+    Attributes:
+        path: ``touch`` or ``intent``.
+        source: The finger, or ``emg``.
+        stamps_ns: Times since the start of the session: captured, received, measured, taken up, (made, let go,) handed
+            over.
+    """
+
+    topic: ClassVar[str] = "/latency/{path}"
+
+    path: str
+    source: str
+    stamps_ns: tuple[Ns, ...]
+
+    @property
+    def log_ns(self) -> int:
+        """When it arrived."""
+        return self.stamps_ns[-1]
+
+    def stages_ns(self) -> dict[str, int]:
+        """Return how long each stage took, by :data:`TOUCH_STAGES` or :data:`INTENT_STAGES`."""
+        stamps = self.stamps_ns
+        if self.path == "touch" and len(stamps) == _STAMPS_WITHOUT_HELD:
+            stamps = (*stamps[:5], stamps[4], stamps[5])
+        steps = [later - sooner for sooner, later in pairwise(stamps)]
+        whole = stamps[-1] - stamps[0]
+        if self.path == "touch":
+            own = steps[1] + steps[3] + steps[5]
+            return dict(zip(TOUCH_STAGES, (*steps, own, whole - steps[0], whole), strict=True))
+        return dict(zip(INTENT_STAGES, (*steps, steps[1] + sum(steps[3:]), whole), strict=True))

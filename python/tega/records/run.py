@@ -1,0 +1,197 @@
+"""Records of the run itself: its states, what is wrong, its ticks, its delays and its recorder."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from tega.records.base import Count, Milliseconds, Ns, Record, quantity
+
+__all__ = [
+    "Alert",
+    "End",
+    "Haptics",
+    "HeardMarker",
+    "LogLine",
+    "Marker",
+    "RecorderStatus",
+    "RunState",
+    "Skip",
+    "Value",
+]
+
+
+class RunState(Record, frozen=True, kw_only=True):
+    """The run's state from now on.
+
+    Attributes:
+        t_ns: Since the start of the session.
+        state: ``preparing``, ``armed``, ``active``, ``hold`` or ``stopped``.
+        reason: Why, in words.
+    """
+
+    topic: ClassVar[str] = "/run/state"
+    schema: ClassVar[str] = "State"
+
+    t_ns: Ns
+    state: str
+    reason: str
+
+
+class Alert(Record, frozen=True, kw_only=True):
+    """Something that is wrong without changing the run's state.
+
+    Attributes:
+        t_ns: Since the start of the session.
+        name: What it is about.
+        said: What is wrong; ``""`` where it is no more.
+    """
+
+    topic: ClassVar[str] = "/run/alert"
+
+    t_ns: Ns
+    name: str
+    said: str
+
+
+class Marker(Record, frozen=True, kw_only=True):
+    """A marked moment, such as a trial's beginning or a pressed pedal.
+
+    Attributes:
+        t_ns: Since the start of the session.
+        text: What is marked.
+        source: Who marked it.
+        received_ns: When it came from another program; 0 for one of this run, like those below.
+        stamp_s: The other program's own time.
+        correction_s: What has to be added to that for this machine's time.
+    """
+
+    topic: ClassVar[str] = "/run/marker"
+
+    t_ns: Ns
+    text: str
+    source: str = ""
+    received_ns: Ns = 0
+    stamp_s: Annotated[float, quantity("s")] = 0.0
+    correction_s: Annotated[float, quantity("s")] = 0.0
+
+
+class HeardMarker(Marker, frozen=True, kw_only=True):
+    """A moment that another program has marked."""
+
+    topic: ClassVar[str] = "/markers"
+    schema: ClassVar[str] = "Marker"
+
+    @property
+    def log_ns(self) -> int:
+        """When it was heard."""
+        return self.received_ns
+
+
+class Skip(Record, frozen=True, kw_only=True):
+    """A tick that was left out because the loop was more than 100 ms late."""
+
+    topic: ClassVar[str] = "/run/skipped"
+
+    t_ns: Ns
+
+
+class Haptics(Record, frozen=True, kw_only=True):
+    """Whether motors may turn from now on.
+
+    Attributes:
+        t_ns: The tick, since the start of the session.
+        n_asked: How often that had been asked before.
+        on: Whether they may.
+    """
+
+    topic: ClassVar[str] = "/run/haptics"
+
+    t_ns: Ns
+    n_asked: Count
+    on: bool
+
+
+class Value(Record, frozen=True, kw_only=True):
+    """A stage's delay that has no stream of its own.
+
+    Attributes:
+        t_ns: Since the start of the session.
+        name: Of the stage.
+        value: How long.
+    """
+
+    topic: ClassVar[str] = "/value/{name}"
+
+    t_ns: Ns
+    name: str
+    value: Milliseconds
+
+
+class End(Record, frozen=True, kw_only=True):
+    """How the loop ended.
+
+    Attributes:
+        end_ns: When, since the start of the session.
+        ended: ``complete``, ``duration``, ``stopped`` or ``""`` after an error.
+        n_waits: Deadlines that it waited for.
+    """
+
+    topic: ClassVar[str] = "/run/end"
+
+    end_ns: Ns
+    ended: str
+    n_waits: Count
+
+    @property
+    def log_ns(self) -> int:
+        """When it ended."""
+        return self.end_ns
+
+
+class LogLine(Record, frozen=True, kw_only=True):
+    """A line of the program's log.
+
+    Attributes:
+        t_ns: Since the start of the session.
+        level: As the standard library counts: 20 for information, 30 for a warning.
+        name: Of the logger.
+        text: The line.
+    """
+
+    topic: ClassVar[str] = "/log"
+    schema: ClassVar[str] = "foxglove.Log"
+
+    t_ns: Ns
+    level: int
+    name: str
+    text: str
+
+    @property
+    def n_bytes(self) -> int:
+        """Its letters."""
+        return len(self.text)
+
+
+class RecorderStatus(Record, frozen=True, kw_only=True):
+    """How a recording goes.
+
+    Attributes:
+        t_ns: The newest record's time.
+        queued: Records that wait.
+        queued_bytes: What they take.
+        written_bytes: Size of the file so far.
+        free_bytes: Left on the disk.
+        dropped_topics: Topics of which records were dropped.
+        dropped_counts: How many of each.
+    """
+
+    topic: ClassVar[str] = "/recorder/status"
+    schema: ClassVar[str] = "Status"
+
+    t_ns: Ns
+    queued: Count
+    queued_bytes: Annotated[int, quantity("B")]
+    written_bytes: Annotated[int, quantity("B")]
+    free_bytes: Annotated[int, quantity("B")]
+    dropped_topics: tuple[str, ...]
+    dropped_counts: tuple[Count, ...]

@@ -1,0 +1,183 @@
+"""The fields of a record as a file or a link spells them, read off the struct itself."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.records.base import Record
+
+__all__ = ["Field", "Part", "fields", "own_schema", "parts", "read", "schema_name", "units", "values"]
+
+Part = type[msgspec.Struct]
+
+_WIRE: Mapping[Any, str] = {int: "int64", float: "double", str: "string", bool: "bool", bytes: "bytes"}
+# What the annotations of arrays need when they are looked up; the records themselves import no NumPy.
+_NAMES = {"np": np, "NDArray": NDArray}
+
+_Struct = TypeVar("_Struct", bound=msgspec.Struct)
+
+
+class Field(NamedTuple):
+    """One field of a message.
+
+    Attributes:
+        name: Its name in the message.
+        attribute: The struct's field it is made of.
+        of_pair: Which of a pair it is: ``centroid_xy`` is written as ``centroid_x`` and ``centroid_y``; else ``None``.
+        wire: Protobuf's type, or the name of another message.
+        unit: Its unit; ``""`` where the type says enough.
+        repeated: Whether there are any number of it.
+        optional: Whether it may not be there.
+        part: The struct of another message; ``None`` for a plain value.
+        array: Whether it is a NumPy array.
+    """
+
+    name: str
+    attribute: str
+    of_pair: int | None
+    wire: str
+    unit: str
+    repeated: bool
+    optional: bool
+    part: Part | None
+    array: bool
+
+
+def schema_name(kind: Part) -> str:
+    """Return the name of a record's message, such as ``Contact``."""
+    return getattr(kind, "schema", "") or kind.__name__
+
+
+def own_schema(kind: type[Record]) -> bool:
+    """Whether a record's message is TEGA's own, and not one that viewers have a schema for."""
+    return not kind.schema.startswith("foxglove.")
+
+
+@cache
+def fields(kind: Part) -> tuple[Field, ...]:
+    """Return the fields of a record's message, in the order of their numbers."""
+    hints = get_type_hints(kind, localns=_NAMES, include_extras=True)
+    unwritten: tuple[str, ...] = getattr(kind, "unwritten", ())
+    found: list[Field] = []
+    for attribute, name in zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True):
+        if attribute not in unwritten:
+            found += _fields_of(name, attribute, hints[attribute])
+    return tuple(found)
+
+
+def _fields_of(name: str, attribute: str, hint: Any) -> list[Field]:
+    optional = False
+    if get_origin(hint) in {Union, types.UnionType}:
+        (hint,) = (choice for choice in get_args(hint) if choice is not type(None))
+        optional = True
+    if get_origin(hint) is tuple:
+        of = get_args(hint)
+        if of[-1] is not Ellipsis:
+            stem = name.removesuffix("xy")
+            return [
+                _field(f"{stem}{axis}", attribute, k, one)
+                for k, (axis, one) in enumerate(zip("xy", of, strict=True))
+            ]
+        return [_field(name, attribute, None, of[0])._replace(repeated=True)]
+    return [_field(name, attribute, None, hint)._replace(optional=optional)]
+
+
+def _field(name: str, attribute: str, of_pair: int | None, hint: Any) -> Field:
+    unit = wire = ""
+    if get_origin(hint) is Annotated:
+        hint, meta, *_ = get_args(hint)
+        unit, wire = meta.extra["unit"], meta.extra["wire"]
+    part = hint if isinstance(hint, type) and issubclass(hint, msgspec.Struct) else None
+    wire = wire or (schema_name(part) if part is not None else _WIRE[hint])
+    repeated, array = wire.endswith("*"), get_origin(hint) is np.ndarray
+    plain = wire.removesuffix("*")
+    return Field(name, attribute, of_pair, plain, unit, repeated, optional=False, part=part, array=array)
+
+
+@cache
+def parts(kind: Part) -> tuple[Part, ...]:
+    """Return the structs that the fields of a record are made of."""
+    return tuple(dict.fromkeys(field.part for field in fields(kind) if field.part is not None))
+
+
+def units(kind: type[Record]) -> dict[str, str]:
+    """Return the unit of every field that has one, by its name in the message."""
+    return {field.name: field.unit for field in fields(kind) if field.unit}
+
+
+class _Plan(NamedTuple):
+    """What is done to a struct's own dictionary to make it the message's."""
+
+    dropped: tuple[str, ...]
+    pairs: tuple[tuple[str, str, str], ...]
+    renamed: tuple[tuple[str, str], ...]
+    parts: tuple[str, ...]
+    optional: tuple[str, ...]
+
+
+@cache
+def _plan(kind: Part) -> _Plan:
+    written = fields(kind)
+    first = [field for field in written if field.of_pair == 0]
+    second = [field for field in written if field.of_pair == 1]
+    plain = [field for field in written if field.of_pair is None]
+    return _Plan(
+        tuple(getattr(kind, "unwritten", ())),
+        tuple((x.attribute, x.name, y.name) for x, y in zip(first, second, strict=True)),
+        tuple((field.attribute, field.name) for field in plain if field.attribute != field.name),
+        tuple(field.attribute for field in plain if field.part is not None),
+        tuple(field.name for field in plain if field.optional),
+    )
+
+
+def values(record: msgspec.Struct) -> dict[str, Any]:
+    """Return what a record's message holds, by name; what is not there is left out."""
+    # Called for every record of a run: all that can be known beforehand is in the plan.
+    plan = _plan(type(record))
+    said = msgspec.structs.asdict(record)
+    for name in plan.dropped:
+        del said[name]
+    for attribute, x, y in plan.pairs:
+        said[x], said[y] = said.pop(attribute)
+    for name in plan.parts:
+        if parts_of := said.pop(name):
+            said[name] = [values(part) for part in parts_of]
+    for attribute, name in plan.renamed:
+        said[name] = said.pop(attribute)
+    for name in plan.optional:
+        if said[name] is None:
+            del said[name]
+    return said
+
+
+def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
+    """Return a record out of a file's message; what an older file does not say is the field's default.
+
+    Args:
+        kind: The record.
+        message: The protobuf message, of this version or an older one.
+        unwritten: The fields that the message does not hold, such as the finger that the topic names.
+    """
+    there = message.DESCRIPTOR.fields_by_name
+    said: dict[str, Any] = dict(unwritten)
+    pairs: dict[str, list[Any]] = {}
+    for field in fields(kind):
+        if field.name not in there or (field.optional and not message.HasField(field.name)):
+            continue
+        value = getattr(message, field.name)
+        if field.of_pair is not None:
+            pairs.setdefault(field.attribute, []).append(value)
+        elif field.part is not None:
+            said[field.attribute] = tuple(read(field.part, one) for one in value)
+        elif field.repeated:
+            said[field.attribute] = np.array(value) if field.array else tuple(value)
+        else:
+            said[field.attribute] = value
+    return kind(**said, **{name: tuple(pair) for name, pair in pairs.items()})

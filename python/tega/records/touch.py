@@ -1,0 +1,159 @@
+"""Records of touch: a fingertip camera's picture, and what was measured in it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import msgspec
+
+from tega.records.base import (
+    Grey,
+    GreyPerPixel,
+    Millimetres,
+    Newtons,
+    Ns,
+    Percent,
+    Pixel,
+    Pixels,
+    Record,
+    Share,
+    SquareMillimetres,
+    quantity,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Contact", "NamedValue", "Picture"]
+
+_NAN = math.nan
+
+
+class Picture(Record, frozen=True, kw_only=True):
+    """One picture of a fingertip camera, as it was read.
+
+    Attributes:
+        finger: Whose it is.
+        image: uint8 (H, W, 3), blue, green, red; borrowed, nobody writes into it.
+        t_ns: When it was taken, since the start of the session.
+        received_ns: When the program had it; ``t_ns`` for one out of a file.
+        seq: Its number from the camera; a gap is a lost picture.
+        name: What to call it in an error.
+        pixels_crc32: Of its pixels; a file tells it, a camera does not.
+    """
+
+    topic: ClassVar[str] = "/tactile/{finger}/image"
+    schema: ClassVar[str] = "Frame"
+    unwritten: ClassVar[tuple[str, ...]] = ("finger", "image")
+
+    finger: str
+    image: NDArray[np.uint8]
+    t_ns: Ns
+    received_ns: Ns
+    seq: int
+    name: str
+    pixels_crc32: Annotated[int, quantity("1", "uint32")] = 0
+
+    @property
+    def log_ns(self) -> int:
+        """When the program had it."""
+        return self.received_ns
+
+    @property
+    def n_bytes(self) -> int:
+        """Its pixels."""
+        return self.image.nbytes
+
+
+class NamedValue(msgspec.Struct, frozen=True):
+    """A number that a metric of one's own gives.
+
+    Attributes:
+        name: What it is, such as ``embedding_1``.
+        value: How much.
+        unit: Of what; ``1`` for a plain number.
+    """
+
+    name: str
+    value: float
+    unit: str = "1"
+
+
+class Contact(Record, frozen=True, kw_only=True):
+    """What one picture of a fingertip says about the contact, and what of it the wearer is to feel.
+
+    A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds when it took the contact
+    in and what it means to the wearer. Without contact, places and lengths are NaN, and ``eda`` and ``cci`` 0.
+
+    Attributes:
+        finger: Whose it is.
+        t_ns: When the picture was taken, since the start of the session.
+        taken_ns: The loop's tick at which it was taken in.
+        mass: Sum of the grey map.
+        centroid_xy: Middle of the contact, column and row (Eq 2).
+        spread: σ: pixels (Eq 3, spatial) or grey values (intensity).
+        threshold: T (Eq 4).
+        eda: Effective deformation area, pixels above T (Eq 5).
+        cci: Contact concentration index (Eq 6).
+        peak: Largest grey value.
+        peak_xy: Where that is, column and row.
+        in_contact: Whether anything touches.
+        cci_norm: CCI as a share of the finger's maximum, 0 to 1.
+        eda_norm: EDA likewise.
+        front: Intensity of the finger's front column (Eq 7, 8).
+        back: Of its back column (Eq 9).
+        known_ns: When the loop had done so.
+        area_mm2: Area of the contact; ``None``, as below, where the metric does not say.
+        depth_mm: Depth of the dent.
+        force_n: Normal force.
+        strength: How firm the contact is, 0 to 1.
+        broad: How broad it is, from 0 (a point or an edge) to 1 (a face).
+        more: Values of one's own.
+    """
+
+    topic: ClassVar[str] = "/tactile/{finger}/contact"
+    version: ClassVar[int] = 2
+    unwritten: ClassVar[tuple[str, ...]] = ("finger",)
+    table: ClassVar[tuple[str, ...]] = (
+        "t_s",
+        "finger",
+        "cci",
+        "eda",
+        "cci_norm",
+        "eda_norm",
+        "peak",
+        "in_contact",
+        "front",
+        "back",
+    )
+
+    finger: str
+    t_ns: Ns
+    taken_ns: Ns = 0
+    mass: Grey = 0.0
+    centroid_xy: tuple[Pixel, Pixel] = (_NAN, _NAN)
+    spread: Annotated[float, quantity("px or grey")] = _NAN
+    threshold: Grey = _NAN
+    eda: Pixels = 0
+    cci: GreyPerPixel = 0.0
+    peak: Grey = 0.0
+    peak_xy: tuple[Annotated[int, quantity("px", "int32")], Annotated[int, quantity("px", "int32")]] = (0, 0)
+    in_contact: bool
+    cci_norm: Share = 0.0
+    eda_norm: Share = 0.0
+    front: Percent = 0.0
+    back: Percent = 0.0
+    known_ns: Ns = 0
+    area_mm2: SquareMillimetres | None = None
+    depth_mm: Millimetres | None = None
+    force_n: Newtons | None = None
+    strength: Share | None = None
+    broad: Share | None = None
+    more: tuple[NamedValue, ...] = ()
+
+    @property
+    def log_ns(self) -> int:
+        """When the loop took it in."""
+        return self.taken_ns

@@ -1,0 +1,39 @@
+"""Records of the vest: the loop's frames, and those that a vest says it was sent."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from tega.records.base import Ns, Record, quantity
+
+__all__ = ["SentFrame", "VestFrame", "VestRecord"]
+
+
+class VestRecord(Record, frozen=True, kw_only=True):
+    """What every motor of a layout is to do at one moment; its subclasses say by whom.
+
+    Attributes:
+        t_ns: The tick it was made at, since the start of the session.
+        layout: Which motors.
+        intensities: Of each motor, front row by row from the top, then the back.
+        handed_ns: When it was handed over.
+    """
+
+    schema: ClassVar[str] = "VestFrame"
+
+    t_ns: Ns
+    layout: str
+    intensities: tuple[Annotated[int, quantity("%", "uint32")], ...]
+    handed_ns: Ns = 0
+
+
+class VestFrame(VestRecord, frozen=True, kw_only=True):
+    """A frame as the loop made it, once all vests were given it."""
+
+    topic: ClassVar[str] = "/vest/frame"
+
+
+class SentFrame(VestRecord, frozen=True, kw_only=True):
+    """What a real vest was sent, after its own limits."""
+
+    topic: ClassVar[str] = "/vest/sent"

@@ -1,0 +1,40 @@
+"""What a lab exchanges without touching TEGA: metrics, decoders, mappings and layouts, found through entry points.
+
+A stage is a class (a layout: an object) in any installed package, registered under one of four entry-point groups and
+chosen by its name in the settings. See ``docs/own-stage.md``.
+"""
+
+from tega.motor_layout import Motor, MotorLayout, find_layout
+from tega.records import Contact, Intent, NamedValue
+from tega.stages.base import (
+    Decoder,
+    FingerSetup,
+    Mapping,
+    Metric,
+    MuscleSetup,
+    StageOptions,
+    TouchEvent,
+    VestSetup,
+)
+from tega.stages.registry import StageRecord, list_stages, stage_class, stage_names
+
+__all__ = [
+    "Contact",
+    "Decoder",
+    "FingerSetup",
+    "Intent",
+    "Mapping",
+    "Metric",
+    "Motor",
+    "MotorLayout",
+    "MuscleSetup",
+    "NamedValue",
+    "StageOptions",
+    "StageRecord",
+    "TouchEvent",
+    "VestSetup",
+    "find_layout",
+    "list_stages",
+    "stage_class",
+    "stage_names",
+]

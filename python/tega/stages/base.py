@@ -1,0 +1,222 @@
+"""Base classes of the stages: what each kind is given, what it returns, and what its options are.
+
+A stage is made once, at the start of a run, and keeps its own state; no two runs and no two fingers share one. It reads
+no clock and no device: the same input gives the same output, which is what a replay compares.
+"""
+
+from __future__ import annotations
+
+import collections.abc
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
+
+import msgspec
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.motor_layout import MotorLayout
+    from tega.records import Contact, Intent
+
+__all__ = [
+    "Decoder",
+    "FingerSetup",
+    "Mapping",
+    "Metric",
+    "MuscleSetup",
+    "StageOptions",
+    "TouchEvent",
+    "VestSetup",
+]
+
+
+class StageOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of every stage's options: a field a key of its ``options`` table, with a default and the unit in its name.
+
+    Ranges and choices are annotations (``Annotated[float, msgspec.Meta(gt=0)]``, ``Literal[...]``); what does not fit
+    is refused with the line of the settings file. ``Attributes`` in the docstring explain the keys.
+    """
+
+
+class FingerSetup(NamedTuple):
+    """What a metric is made with.
+
+    Attributes:
+        finger: ``"thumb"``, ``"index"``, ``"middle"`` or ``"ring"``.
+        baseline: Picture of the untouched gel, uint8 (H, W, 3), BGR.
+        maxima: What counts as full, by value: ``cci`` and ``eda`` of the calibration, where they are known already.
+    """
+
+    finger: str
+    baseline: NDArray[np.uint8]
+    maxima: collections.abc.Mapping[str, float] = {}
+
+
+class MuscleSetup(NamedTuple):
+    """What a decoder is made with.
+
+    Attributes:
+        kind: What the samples are: ``"raw"``, ``"rectified"`` or ``"envelope"``.
+        rate_hz: Samples per second of one channel.
+        block: Samples in the blocks that the maxima were calibrated with.
+        channels: Name of each channel.
+        maxima: Block mean of each channel at maximum effort, in the unit of the samples.
+        preset: The session's preset.
+    """
+
+    kind: Literal["raw", "rectified", "envelope"]
+    rate_hz: float
+    block: int
+    channels: tuple[str, ...]
+    maxima: tuple[float, ...]
+    preset: Literal["paper", "live"]
+
+
+class VestSetup(NamedTuple):
+    """What a mapping is made with.
+
+    Attributes:
+        layout: Where the motors are, mirrored as the settings say.
+        fingers: Fingers that have a sensor, thumb first.
+        maxima: What counts as full, by finger and value (``cci``, ``eda``); a value without a maximum is missing.
+    """
+
+    layout: MotorLayout
+    fingers: tuple[str, ...]
+    maxima: collections.abc.Mapping[str, collections.abc.Mapping[str, float]]
+
+
+class TouchEvent(NamedTuple):
+    """An event of touch, as :mod:`tega.detect` finds it.
+
+    Attributes:
+        t_ns: Time of the frame that showed it.
+        kind: ``"contact"``, ``"release"`` or ``"slip"``.
+        finger: Whose it is; ``""`` for the whole hand.
+    """
+
+    t_ns: int
+    kind: str
+    finger: str
+
+
+class _Stage:
+    """What the settings and ``tega-teleop stages`` ask of every stage's class.
+
+    Attributes:
+        summary: What it is, in one line.
+        options_type: Its options.
+        requires: Modules that it imports when it is made, for ``tega-teleop stages``.
+        extra: The extra of its package that brings them.
+    """
+
+    summary: ClassVar[str] = ""
+    options_type: ClassVar[type[StageOptions]] = StageOptions
+    requires: ClassVar[tuple[str, ...]] = ()
+    extra: ClassVar[str] = ""
+
+
+class Metric(_Stage, ABC):
+    """Measures the frames of one fingertip: entry-point group ``tega.metrics``.
+
+    The class is called with a :class:`FingerSetup` and its options, once a finger and run.
+    """
+
+    memory: ClassVar[bool] = False
+    """Whether what it says of a frame depends on those before: a part of a recording cannot measure it again then."""
+    version: ClassVar[int] = 1
+    """Of its numbers: a recording made with another one keeps what was measured then."""
+
+    @classmethod
+    def units(cls, options: StageOptions) -> dict[str, str]:  # noqa: ARG003  # for those that have some
+        """Return the unit of every value of its own that it measures, by name; ``"1"`` for a plain number."""
+        return {}
+
+    @abstractmethod
+    def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
+        """Measure the next frame.
+
+        Args:
+            frame: uint8 (H, W, 3), BGR, of the baseline's size; it is not to be kept or written into.
+            t_ns: Its time, nanoseconds; never less than that of the frame before.
+
+        Returns:
+            The contact, with the finger and the time given; ``more`` holds a
+            :class:`tega.records.NamedValue` for every name of :meth:`units`, finite where there is contact.
+        """
+
+
+class Decoder(_Stage, ABC):
+    """Turns EMG samples into the operator's intent: entry-point group ``tega.decoders``.
+
+    The class is called with a :class:`MuscleSetup` and its options, once a run.
+    """
+
+    @classmethod
+    def block_s(cls, options: StageOptions) -> float:  # noqa: ARG003  # for those that have their own
+        """Return the length of the blocks that its maxima are calibrated with, seconds."""
+        return 0.1
+
+    @abstractmethod
+    def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:
+        """Take the next samples.
+
+        Args:
+            samples: float64 (n, channels); NaN where samples are missing.
+            times_ns: Time of each, int64 (n,), nanoseconds.
+
+        Returns:
+            The intents that they complete, oldest first: none, one or more. ``t_ns`` of each is one of the times,
+            ``channels`` has a level 1 to 5 a channel, 0 for one that cannot be believed. A decoder that knows more
+            than five levels gives ``closure``, 0 to 1: the hand is then told that, and ``level`` is set to the nearest.
+        """
+
+    @property
+    def held_samples(self) -> Sequence[int]:
+        """Samples of each channel that were not numbers and were replaced so far; empty where it does not count."""
+        return ()
+
+    @property
+    def full_scale(self) -> Sequence[float]:
+        """Value of each channel that counts as full, in the unit of the samples, for display; may be empty."""
+        return ()
+
+
+class Mapping(_Stage, ABC):
+    """Turns what the fingertips feel into motor levels: entry-point group ``tega.mappings``.
+
+    The class is called with a :class:`VestSetup` and its options, once a run. What is shown stays limited by the
+    wearer's thresholds, the device's limit and the watchdog, whatever a mapping returns.
+
+    Attributes:
+        wants_events: Whether events are to be looked for.
+    """
+
+    wants_events: ClassVar[bool] = False
+
+    def columns(self, finger: str, contact: Contact) -> tuple[float, float]:  # noqa: ARG002
+        """Return what a finger's own columns show for a contact, percent (front, back), for display and tables.
+
+        (0, 0) where the mapping does not show touch as a column a finger.
+        """
+        return 0.0, 0.0
+
+    @abstractmethod
+    def levels(
+        self,
+        t_ns: int,
+        contacts: collections.abc.Mapping[str, Contact],
+        events: Sequence[TouchEvent],
+    ) -> NDArray[np.float64]:
+        """Return the level of every motor at a time.
+
+        Args:
+            t_ns: The time, nanoseconds since the start of the session.
+            contacts: The newest contact of every finger whose frame is fresh (100 ms or younger).
+            events: Events since the call before, oldest first; empty unless ``wants_events``.
+
+        Returns:
+            float64 (motors,), percent, in the order of the layout; held within 0 to 100 and rounded half to even.
+        """

@@ -1,0 +1,153 @@
+"""Make the stages that settings ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import msgspec
+
+from tega.config_errors import explain
+from tega.config_sections import DEFAULT_STAGES, StageConfig
+from tega.errors import ConfigError, TegaError
+from tega.stages.base import Decoder, FingerSetup, Metric, MuscleSetup, VestSetup
+from tega.stages.registry import stage_class
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.calibration import EmgMaxima, TouchMaxima
+    from tega.config_sections import SessionConfig, StagesSection
+    from tega.stages.base import Mapping as MappingStage
+
+__all__ = [
+    "Chosen",
+    "block_s",
+    "chosen_stage",
+    "finger_metric",
+    "muscle_decoder",
+    "muscle_setup",
+    "preset_metric",
+    "vest_mapping",
+]
+
+Preset = Literal["paper", "live"]
+
+
+class Chosen:
+    """A stage of the settings: its class and its options.
+
+    Args:
+        group: metric, decoder or mapping.
+        section: Its table in the settings.
+        preset: The session's preset, whose stage it is where the table names none.
+
+    Attributes:
+        name: Its name.
+        kind: Its class.
+        options: Its options.
+
+    Raises:
+        ConfigError: No installed package brings it, or its options do not fit.
+    """
+
+    def __init__(
+        self, group: Literal["metric", "decoder", "mapping"], section: StageConfig, preset: Preset
+    ) -> None:
+        self.group = group
+        self.name = section.name or DEFAULT_STAGES[preset][group]
+        self.kind: Any = stage_class(group, self.name)
+        self.options: Any = _typed(section.options, self.kind.options_type, f"stages.{group}.options")
+
+    def make(self, setup: Any) -> Any:
+        """Make it.
+
+        Raises:
+            TegaError: It refuses what it is given; the message says which stage it was.
+        """
+        try:
+            return self.kind(setup, self.options)
+        except ConfigError:
+            raise
+        except TegaError as error:
+            raise type(error)(f"{self.group} {self.name!r}: {error.message}", error.hint) from error
+
+
+def _typed(options: Any, wanted: type[msgspec.Struct], prefix: str) -> Any:
+    """Return options as their own type; the defaults of another stage count as not given."""
+    if type(options) is wanted:
+        return options
+    if isinstance(options, msgspec.Struct):
+        if options == type(options)():
+            return _typed({}, wanted, prefix)
+        options = msgspec.to_builtins(options)
+    try:
+        return msgspec.convert(options, wanted)
+    except msgspec.ValidationError as error:
+        raise explain(error, options, wanted, prefix=prefix, origins={}) from None
+
+
+def chosen_stage(
+    group: Literal["metric", "decoder", "mapping"], stages: StagesSection, preset: Preset
+) -> Chosen:
+    """Return the stage of a group that the settings ask for."""
+    return Chosen(group, getattr(stages, group), preset)
+
+
+def finger_metric(
+    stages: StagesSection,
+    preset: Preset,
+    finger: str,
+    baseline: NDArray[Any],
+    calibration: TouchMaxima | None = None,
+) -> Metric:
+    """Make the metric of a finger."""
+    maxima: dict[str, float] = {}
+    if calibration is not None:
+        known: Mapping[str, float | None] = {"cci": calibration.cci_max, "eda": calibration.eda_max}
+        maxima = {name: value for name, value in known.items() if value is not None}
+    metric: Metric = chosen_stage("metric", stages, preset).make(FingerSetup(finger, baseline, maxima))
+    return metric
+
+
+def metric_told(stages: StagesSection, preset: Preset) -> str:
+    """Return name and version of the metric, as recordings say it."""
+    chosen = chosen_stage("metric", stages, preset)
+    return f"{chosen.name} {chosen.kind.version}"
+
+
+def preset_metric(preset: Preset, baseline: NDArray[Any], finger: str = "thumb") -> Metric:
+    """Make the metric of a preset with its default options."""
+    from tega.config_sections import StagesSection
+
+    return finger_metric(StagesSection(), preset, finger, baseline)
+
+
+def muscle_setup(calibration: EmgMaxima, preset: Preset) -> MuscleSetup:
+    """Return what a decoder is made with."""
+    return MuscleSetup(
+        calibration.kind,
+        calibration.rate_hz,
+        calibration.tau,
+        calibration.channels,
+        calibration.maxima,
+        preset,
+    )
+
+
+def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima) -> Decoder:
+    """Make the decoder of the muscles."""
+    decoder: Decoder = chosen_stage("decoder", stages, preset).make(muscle_setup(calibration, preset))
+    return decoder
+
+
+def block_s(config: SessionConfig) -> float:
+    """Return the length of the EMG blocks that the decoder's maxima are calibrated with, seconds."""
+    chosen = chosen_stage("decoder", config.stages, config.session.preset)
+    seconds: float = chosen.kind.block_s(chosen.options)
+    return seconds
+
+
+def vest_mapping(stages: StagesSection, preset: Preset) -> Callable[[VestSetup], MappingStage]:
+    """Return what makes the mapping of the vest."""
+    return chosen_stage("mapping", stages, preset).make

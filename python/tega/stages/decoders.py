@@ -1,0 +1,98 @@
+"""Decode EMG by the paper's rules (Eq 10 to 13)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import msgspec
+import numpy as np
+
+from tega.emg import Fusion, GraspIntent
+from tega.errors import InvalidValueError
+from tega.records import Intent
+from tega.stages.base import Decoder, MuscleSetup, StageOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["RulesDecoder", "RulesOptions"]
+
+
+class RulesOptions(StageOptions, frozen=True):
+    """Options of the decoder ``rules``.
+
+    Attributes:
+        tau_s: τ of Eq 10, the length of a block; a calibration holds for its own τ.
+        cutoff_hz: Cutoff of Eq 10's low-pass; the maxima stay those found behind the printed 50 Hz.
+        order: Order of that low-pass.
+        intervals: Equal intervals of Eq 11: 4 as printed, or 5, with level 5 from four fifths of the maximum on.
+        fusion: ``floor``: Eq 12 and 13 as printed; ``round``: the mean to the nearest level; ``median``: no vote.
+        channel_weights: What each channel counts in that, in the source's order; none means all alike.
+        preset: ``paper``: nothing but the equations; ``live``: maxima times 0.8, steadied; none means the session's.
+    """
+
+    tau_s: Annotated[float, msgspec.Meta(ge=0.005, le=2)] = 0.1
+    cutoff_hz: Annotated[float, msgspec.Meta(gt=0, le=2000)] = 50.0
+    order: Annotated[int, msgspec.Meta(ge=1, le=8)] = 4
+    intervals: Literal[4, 5] = 4
+    fusion: Fusion = "floor"
+    channel_weights: tuple[Annotated[float, msgspec.Meta(ge=0, le=1000)], ...] = ()
+    preset: Literal["paper", "live"] | None = None
+
+
+class RulesDecoder(Decoder):
+    """Low-pass, block mean, a level a channel, vote: :class:`tega.emg.GraspIntent`.
+
+    Raises:
+        InvalidValueError: The rules do not fit the source: its rate, or its number of channels.
+        CalibrationError: A maximum cannot be used.
+    """
+
+    summary: ClassVar[str] = "levels by the paper's rules (Eq 10 to 13)"
+    options_type: ClassVar[type[StageOptions]] = RulesOptions
+
+    def __init__(self, setup: MuscleSetup, options: RulesOptions) -> None:
+        if options.channel_weights and len(options.channel_weights) != len(setup.channels):
+            raise InvalidValueError(
+                f"channel_weights has {len(options.channel_weights)} numbers for {len(setup.channels)} channels",
+                f"give one for each of {', '.join(setup.channels)}",
+            )
+        self._intent = GraspIntent(
+            setup.rate_hz,
+            setup.maxima,
+            tau=setup.block,
+            kind=setup.kind,
+            preset=options.preset or setup.preset,
+            cutoff_hz=options.cutoff_hz,
+            order=options.order,
+            intervals=options.intervals,
+            fusion=options.fusion,
+            weights=options.channel_weights or None,
+        )
+        self._tau = setup.block
+        self._n_waiting = 0
+
+    @classmethod
+    def block_s(cls, options: StageOptions) -> float:
+        """Return τ, seconds."""
+        assert isinstance(options, RulesOptions)
+        return options.tau_s
+
+    def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:
+        """Take the next samples; one intent a block."""
+        fused = self._intent.process(samples)
+        ends = np.arange(len(fused)) * self._tau + self._tau - self._n_waiting - 1
+        self._n_waiting = (self._n_waiting + len(samples)) % self._tau
+        rows = zip(times_ns[ends].tolist(), self._intent.levels.tolist(), fused.tolist(), strict=True)
+        return [Intent(t_ns=t_ns, level=level, channels=tuple(channels)) for t_ns, channels, level in rows]
+
+    @property
+    def held_samples(self) -> Sequence[int]:
+        """Samples replaced so far, by channel."""
+        return [int(n) for n in self._intent.held_samples]
+
+    @property
+    def full_scale(self) -> Sequence[float]:
+        """Maxima in use, by channel; ``live`` has scaled them."""
+        return [float(maximum) for maximum in self._intent.maxima]

@@ -1,0 +1,104 @@
+"""Show touch by its events: pulses when a finger touches, lets go, or the object slips, and rest in between.
+
+The policy is that of event-driven feedback (Cipriani and others 2014, "Humans can integrate feedback of discrete
+events in their sensorimotor control of a robotic hand"): what divides the phases of a task is told, nothing else.
+Which event it was is told by place: contact in front, release at the back, slip on both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as AnyMapping
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega.stages.base import Mapping, StageOptions, TouchEvent, VestSetup
+from tega.stages.columns import finger_columns
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.records import Contact
+
+__all__ = ["PulsesMapping", "PulsesOptions"]
+
+_Percent = Annotated[float, msgspec.Meta(ge=0, le=100)]
+
+
+class PulsesOptions(StageOptions, frozen=True):
+    """Options of the mapping ``pulses``.
+
+    Attributes:
+        contact: A finger begins to touch: intensity of its front column, percent; 0 leaves it out.
+        release: It has let go: likewise of its back column.
+        slip: The object slips: likewise of the columns of all fingers in use, on both faces.
+        duration_s: How long a pulse lasts: a small coin motor needs about 0.18 s to reach its full vibration.
+        gap_s: So soon after a pulse has ended the same event of the same finger is not told again.
+    """
+
+    contact: _Percent = 70.0
+    release: _Percent = 70.0
+    slip: _Percent = 100.0
+    duration_s: Annotated[float, msgspec.Meta(ge=0.05, le=1)] = 0.2
+    gap_s: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.3
+
+
+class _Pulse(NamedTuple):
+    end_ns: int
+    front: dict[str, float]
+    back: dict[str, float]
+
+
+class PulsesMapping(Mapping):
+    """Pulses of the events of touch.
+
+    A finger without a fresh frame tells nothing: its pulses end, and what it shows when it is back is taken for what it
+    was, not for an event.
+
+    Attributes:
+        n_told: How many pulses were begun, by what they tell.
+    """
+
+    summary: ClassVar[str] = "pulses at contact, slip and release, rest in between"
+    options_type: ClassVar[type[StageOptions]] = PulsesOptions
+    wants_events: ClassVar[bool] = True
+
+    def __init__(self, setup: VestSetup, options: PulsesOptions) -> None:
+        self._options = options
+        self._columns = finger_columns(setup)
+        self._motors = [(motor.face, self._columns.get(motor.column, "")) for motor in setup.layout.motors]
+        self._shown: list[_Pulse] = []
+        self._free_ns: dict[tuple[str, str], int] = {}
+        self.n_told = dict.fromkeys(("contact", "slip", "release"), 0)
+
+    def levels(
+        self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[TouchEvent]
+    ) -> NDArray[np.float64]:
+        """Return every motor's level."""
+        for event in events:
+            self._tell(event)
+        self._shown = [pulse for pulse in self._shown if t_ns < pulse.end_ns]
+        levels = np.zeros(len(self._motors))
+        for pulse in self._shown:
+            for index, (face, finger) in enumerate(self._motors):
+                if finger in contacts:
+                    shown = (pulse.front if face == "front" else pulse.back).get(finger, 0.0)
+                    levels[index] = max(levels[index], shown)
+        return levels
+
+    def _tell(self, event: TouchEvent) -> None:
+        """Begin an event's pulse, unless the same has just been told."""
+        o = self._options
+        level = {"contact": o.contact, "release": o.release, "slip": o.slip}.get(event.kind, 0.0)
+        key = event.kind, event.finger
+        if not level or event.t_ns < self._free_ns.get(key, event.t_ns):
+            return
+        end_ns = event.t_ns + round(o.duration_s * 1e9)
+        self._free_ns[key] = end_ns + round(o.gap_s * 1e9)
+        told = {finger: level for finger in self._columns.values() if event.finger in {"", finger}}
+        front = {} if event.kind == "release" else told
+        back = {} if event.kind == "contact" else told
+        self._shown.append(_Pulse(end_ns, front, back))
+        self.n_told[event.kind] += 1

@@ -1,0 +1,205 @@
+"""Measure fingertip frames by any reading of Eq 1 to 6: every unclear place of the equations is an option.
+
+D1 and D2 are the equations as printed, on the signed and on the rectified difference. D3 to D8 first blur the
+difference (5 × 5 box) and set what is under the noise floor to 0, then differ in the threshold T that the area is
+counted above:
+
+====  =========================================================================
+D3    I(µ) - factor · σ as printed, σ in pixels, not below the noise floor
+D4    I(µ) - factor · σ, σ the standard deviation of the grey values in contact
+D5    0.44 · I(µ), what the printed law gives for a Gaussian press at 1.28 σ
+D6    the noise floor
+D7    10 % of the largest value
+D8    half of the largest value
+====  =========================================================================
+
+``docs/readings.md`` compares them on real presses.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import InvalidValueError, ShapeError
+from tega.stages.base import FingerSetup, Metric, StageOptions
+from tega.stages.metrics import contact_record
+from tega.tactile import ContactGate, ContactMetrics, contact_metrics
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tega.records import Contact
+
+__all__ = ["ReadingMetric", "ReadingOptions"]
+
+Threshold: TypeAlias = Literal["D1", "D2", "D3", "D4", "D5", "D6", "D7", "D8"]
+
+_Weight = Annotated[float, msgspec.Meta(ge=-10, le=10)]
+
+# Of a Gaussian press the value at 1.28 standard deviations is this share of its peak: exp(-1.28² / 2).
+GAUSSIAN_SHARE = 0.44
+
+
+class ReadingOptions(StageOptions, frozen=True):
+    """Options of the metric ``reading``.
+
+    Attributes:
+        threshold: Reading of Eq 4 and 5, D1 to D8: see :mod:`tega.stages.readings`.
+        weights: ω of Eq 1 for red, green, blue; their sum is 1.
+        difference: How frame and baseline are subtracted; none means signed for D1, rectified for D2, else absolute.
+        spread: σ of D1 and D2: ``spatial`` in pixels as printed, or ``intensity`` of the whole map.
+        factor: The 1.28 of Eq 4.
+        centroid_value: I(µ): the ``nearest`` pixel, or ``bilinear`` between four.
+        noise_floor: Values under this are noise, grey values; D1 and D2 know no noise where ``gate`` is false.
+        min_pixels: Fewer pixels than this above the noise floor are no contact.
+        gate: Whether D1 and D2 report no contact below ``min_pixels``; as printed they always report one.
+        cci: ``area``: peak / EDA as printed; ``root``: peak / √EDA, which rises with the press.
+    """
+
+    threshold: Threshold = "D3"
+    weights: tuple[_Weight, _Weight, _Weight] = (0.299, 0.587, 0.114)
+    difference: Literal["signed", "rectified", "absolute"] | None = None
+    spread: Literal["spatial", "intensity"] = "spatial"
+    factor: Annotated[float, msgspec.Meta(ge=0, le=10)] = 1.28
+    centroid_value: Literal["nearest", "bilinear"] = "nearest"
+    noise_floor: Annotated[float, msgspec.Meta(ge=0, le=255)] = 6.0
+    min_pixels: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 30
+    gate: bool = False
+    cci: Literal["area", "root"] = "area"
+
+
+class ReadingMetric(Metric):
+    """Eq 1 to 6 with every reading an option.
+
+    Raises:
+        InvalidValueError: The weights do not add up to 1, or an option does not go with the threshold.
+    """
+
+    summary: ClassVar[str] = "Eq 1 to 6 with every unclear place an option (D1 to D8)"
+    options_type: ClassVar[type[StageOptions]] = ReadingOptions
+
+    def __init__(self, setup: FingerSetup, options: ReadingOptions) -> None:
+        self._finger, self._baseline, self._options = setup.finger, setup.baseline, options
+        self._read: Callable[[NDArray[np.uint8]], ContactMetrics] = self._masked
+        if options.threshold in {"D1", "D2"}:
+            self._read = self._printed
+        elif options.spread != "spatial":
+            raise InvalidValueError(
+                f"spread = {options.spread!r} does not go with threshold {options.threshold}",
+                "take D4 for the spread of the grey values in contact",
+            )
+        if abs(sum(options.weights) - 1) > 1e-9:
+            raise InvalidValueError(f"weights = {options.weights} add up to {sum(options.weights):g}, not 1")
+        # As decimals they are whole numbers of millionths, so that the map's sums are exact.
+        parts = [Fraction(str(weight)) * 1_000_000 for weight in options.weights]
+        self._millionths = np.array([float(part) for part in parts[::-1]])
+
+    def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
+        """Measure a frame."""
+        if frame.shape != self._baseline.shape:
+            raise ShapeError(f"the frame is {frame.shape}, its baseline {self._baseline.shape}")
+        metrics = self._read(frame)
+        if self._options.cci == "root" and metrics.eda:
+            metrics = metrics._replace(cci=metrics.peak / math.sqrt(metrics.eda))
+        return contact_record(self._finger, t_ns, metrics)
+
+    def _printed(self, frame: NDArray[np.uint8]) -> ContactMetrics:
+        o = self._options
+        return contact_metrics(
+            frame,
+            self._baseline,
+            weights=o.weights,
+            difference=o.difference or ("signed" if o.threshold == "D1" else "rectified"),
+            spread=o.spread,
+            factor=o.factor,
+            centroid_value=o.centroid_value,
+            gate=ContactGate(o.noise_floor, o.min_pixels) if o.gate else None,
+        )
+
+    def _masked(self, frame: NDArray[np.uint8]) -> ContactMetrics:
+        o = self._options
+        grey, counted = self._map(frame)
+        peak_at = int(grey.argmax())
+        peak, peak_xy = float(grey.flat[peak_at]), (peak_at % grey.shape[1], peak_at // grey.shape[1])
+        mass = float(grey.sum())
+        if counted < o.min_pixels or mass <= 0:
+            return ContactMetrics(mass=mass, peak=peak, peak_xy=peak_xy)
+        columns, rows = np.arange(grey.shape[1]), np.arange(grey.shape[0])
+        by_column, by_row = grey.sum(axis=0), grey.sum(axis=1)
+        x, y = float(by_column @ columns) / mass, float(by_row @ rows) / mass
+        if o.threshold == "D4":
+            spread = float(grey[grey > 0].std())
+        else:
+            variance = (by_column @ (columns - x) ** 2 + by_row @ (rows - y) ** 2) / mass
+            spread = math.sqrt(max(float(variance), 0.0))
+        threshold = max(self._threshold(_value_at(grey, x, y, o.centroid_value), spread, peak), o.noise_floor)
+        eda = int(np.count_nonzero(grey > threshold))
+        return ContactMetrics(
+            mass=mass,
+            centroid_xy=(x, y),
+            spread=spread,
+            threshold=threshold,
+            eda=eda,
+            cci=peak / eda if eda else 0.0,
+            peak=peak,
+            peak_xy=peak_xy,
+            in_contact=True,
+        )
+
+    def _threshold(self, value: float, spread: float, peak: float) -> float:
+        match self._options.threshold:
+            case "D5":
+                return GAUSSIAN_SHARE * value
+            case "D6":
+                return self._options.noise_floor
+            case "D7":
+                return 0.1 * peak
+            case "D8":
+                return 0.5 * peak
+            case _:
+                return value - self._options.factor * spread
+
+    def _map(self, frame: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
+        """Return the grey map after blur and noise floor, and how many of its pixels are above the floor."""
+        o = self._options
+        difference = frame.astype(np.int32) - self._baseline
+        if o.difference is None or o.difference == "absolute":
+            difference = np.abs(difference)
+        elif o.difference == "rectified":
+            difference = np.maximum(difference, 0)
+        # Sums of whole numbers below 2⁵³: exact in float64 where the weights are millionths.
+        grey = _box_sums(difference) @ self._millionths / 25e6
+        counted = int(np.count_nonzero(grey > o.noise_floor))
+        grey[grey < o.noise_floor] = 0.0
+        return grey, counted
+
+
+def _box_sums(image: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Sums over 5 × 5 pixels of each channel, the border mirrored without repeating it."""
+    sums = image
+    for axis in (0, 1):
+        pad = [(2, 2) if a == axis else (0, 0) for a in range(3)]
+        mode = "reflect" if image.shape[axis] > 1 else "edge"
+        padded = np.pad(sums, pad, mode=mode)  # type: ignore[call-overload]
+        n = image.shape[axis]
+        sums = np.sum([np.take(padded, range(k, k + n), axis=axis) for k in range(5)], axis=0)
+    return sums.astype(np.float64)
+
+
+def _value_at(grey: NDArray[np.float64], x: float, y: float, how: str) -> float:
+    height, width = grey.shape
+    x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
+    if how == "nearest":
+        return float(grey[min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)])
+    left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
+    dx, dy = x - left, y - top
+    right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+    above = (1 - dx) * grey[top, left] + dx * grey[top, right]
+    below = (1 - dx) * grey[bottom, left] + dx * grey[bottom, right]
+    return float((1 - dy) * above + dy * below)

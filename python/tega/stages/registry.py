@@ -1,0 +1,228 @@
+"""Stages by name, through the entry points of four groups.
+
+A package that declares ::
+
+    [project.entry-points."tega.metrics"]
+    my-metric = "my_package.metric:MyMetric"
+
+is found by that name as soon as it is installed. The stages that come with TEGA use the same door.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from inspect import getdoc
+from typing import Any, Final, Literal, get_args, get_type_hints
+
+import msgspec
+
+from tega.errors import ConfigError, DeviceUnavailableError, TegaError
+from tega.motor_layout import MotorLayout, find_layout
+from tega.plugins import find_plugin, load_plugin, plugin_package, plugins
+from tega.stages.base import Decoder, Mapping, Metric, StageOptions
+
+__all__ = [
+    "GROUPS",
+    "Group",
+    "OptionRecord",
+    "StageRecord",
+    "find_stages",
+    "list_stages",
+    "stage_class",
+    "stage_names",
+]
+
+Group = Literal["metric", "decoder", "mapping", "layout"]
+
+GROUPS: Final[dict[Group, tuple[str, type]]] = {
+    "metric": ("tega.metrics", Metric),
+    "decoder": ("tega.decoders", Decoder),
+    "mapping": ("tega.mappings", Mapping),
+    "layout": ("tega.layouts", MotorLayout),
+}
+"""Entry-point group and base class of each kind of stage."""
+
+
+class OptionRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One option of a stage.
+
+    Attributes:
+        name: Its key.
+        default: Its default.
+        unit: Its unit; ``""`` where it has none.
+        choices: What it may be, where that is a choice.
+        summary: What it does, in one line.
+    """
+
+    name: str
+    default: Any
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    summary: str = ""
+
+
+class StageRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One line of ``tega-teleop stages``.
+
+    Attributes:
+        group: metric, decoder, mapping or layout.
+        name: Name to use in a settings file.
+        summary: What it is, in one line.
+        package: The distribution that brings it.
+        ready: Whether it loads and the packages it needs are installed.
+        problem: What is missing, when it is not ready.
+        options: Its options.
+        values: Named values that a metric measures under its default options, with their units.
+    """
+
+    group: Group
+    name: str
+    summary: str
+    package: str
+    ready: bool
+    problem: str = ""
+    options: tuple[OptionRecord, ...] = ()
+    values: dict[str, str] = {}
+
+
+def stage_names(group: Group) -> list[str]:
+    """Return the names of all installed stages of a group, sorted; imports none of them."""
+    return sorted(plugins(GROUPS[group][0]))
+
+
+def find_stages(name: str) -> list[Group]:
+    """Return the groups in which a stage of this name is installed."""
+    return [group for group in GROUPS if name in plugins(GROUPS[group][0])]
+
+
+def stage_class(group: Literal["metric", "decoder", "mapping"], name: str) -> Any:
+    """Return the class of a metric, decoder or mapping.
+
+    Args:
+        group: Which kind of stage.
+        name: Its name, such as ``"paper"``.
+
+    Raises:
+        ConfigError: No stage of the group has that name.
+        MissingExtraError: Its module needs a package that is not installed.
+        DeviceUnavailableError: Its module does not hold what its entry point says.
+    """
+    where, base = GROUPS[group]
+    entry = find_plugin(where, group, name)
+    loaded: Any = load_plugin(entry, group)
+    kind: Any = loaded
+    if not (isinstance(loaded, type) and issubclass(loaded, base)):
+        raise DeviceUnavailableError(
+            f"{group} {name!r} is registered as {entry.value!r}, which is no subclass of tega.stages."
+            f"{base.__name__}",
+            "see docs/own-stage.md",
+        )
+    if not (isinstance(kind.options_type, type) and issubclass(kind.options_type, StageOptions)):
+        raise DeviceUnavailableError(
+            f"{group} {name!r}: options_type is no subclass of tega.stages.StageOptions",
+            "see docs/own-stage.md",
+        )
+    return kind
+
+
+def list_stages() -> list[StageRecord]:
+    """Describe every installed stage, by group and name; one whose module does not load is listed as not ready."""
+    records = []
+    for group, (where, _) in GROUPS.items():
+        for name, entry in sorted(plugins(where).items()):
+            told: dict[str, Any] = {"group": group, "name": name, "package": plugin_package(entry)}
+            try:
+                records.append(_described(group, name, told))
+            except (TegaError, msgspec.ValidationError, TypeError) as error:
+                records.append(StageRecord(**told, summary="", ready=False, problem=str(error)))
+    return records
+
+
+def _described(group: Group, name: str, told: dict[str, Any]) -> StageRecord:
+    if group == "layout":
+        layout = find_layout(name)
+        return StageRecord(
+            **told, summary=f"{layout.summary} ({len(layout.motors)} motors)", ready=True, problem=""
+        )
+    stage = stage_class(group, name)
+    missing = [module for module in stage.requires if importlib.util.find_spec(module) is None]
+    problem = ""
+    if missing:
+        problem = f"needs {', '.join(missing)}: pip install '{told['package']}[{stage.extra}]'"
+    values = {}
+    if group == "metric" and not _required(stage.options_type):
+        values = stage.units(stage.options_type())
+    return StageRecord(
+        **told,
+        summary=stage.summary,
+        ready=not missing,
+        problem=problem,
+        options=_options(stage.options_type),
+        values=values,
+    )
+
+
+def _required(options_type: type[StageOptions]) -> bool:
+    return any(field.required for field in msgspec.structs.fields(options_type))
+
+
+def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
+    from tega.config_units import unit_of
+
+    said = _attributes(options_type)
+    hints = get_type_hints(options_type)
+    records = []
+    for field in msgspec.structs.fields(options_type):
+        default = None
+        if field.default is not msgspec.NODEFAULT:
+            default = field.default
+        elif field.default_factory is not msgspec.NODEFAULT:
+            default = field.default_factory()
+        records.append(
+            OptionRecord(
+                name=field.name,
+                default=msgspec.to_builtins(default, enc_hook=str),
+                unit=unit_of(field.name),
+                choices=tuple(map(str, _literals(hints[field.name]))),
+                summary=said.get(field.name, ""),
+            )
+        )
+    return tuple(records)
+
+
+def _literals(kind: Any) -> tuple[Any, ...]:
+    if getattr(kind, "__origin__", None) is Literal:
+        return get_args(kind)
+    return tuple(value for part in get_args(kind) for value in _literals(part))
+
+
+def _attributes(kind: type) -> dict[str, str]:
+    """Return what the ``Attributes`` section of a docstring says of each name, on one line."""
+    _, _, section = (getdoc(kind) or "").partition("Attributes:\n")
+    found: dict[str, str] = {}
+    name = ""
+    for line in section.splitlines():
+        if (begin := re.match(r" {4}(\w+): (.*)", line)) is not None:
+            name = begin.group(1)
+            found[name] = begin.group(2).strip()
+        elif name and line.startswith(" " * 8):
+            found[name] += f" {line.strip()}"
+        else:
+            break
+    return {name: re.sub(r":\w+:`|`", "", text) for name, text in found.items()}
+
+
+def checked_name(group: Group, name: str) -> None:
+    """Refuse a name that no installed stage of a group has.
+
+    Raises:
+        ConfigError: There is none; the hint is the nearest one.
+    """
+    if group == "layout":
+        try:
+            find_layout(name)
+        except ValueError as error:
+            raise ConfigError(str(getattr(error, "message", error)), getattr(error, "hint", "")) from None
+    else:
+        stage_class(group, name)

@@ -1,0 +1,122 @@
+"""Run further metrics and decoders on the pictures and samples of a run, recorded beside the connected ones.
+
+They subscribe to what the sources deliver and publish what they would have said. Nothing of it reaches vest or hand.
+In a run with real time they work in threads of their own; what they are too slow for is dropped and counted.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+from tega.bus import Backlog
+from tega.devices.base import EmgChunk
+from tega.priority import ahead_of_others
+from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
+from tega.stages.choose import finger_metric, muscle_decoder
+from tega.teleop.sources import BlockMeter, SourceReport
+
+if TYPE_CHECKING:
+    from tega.bus import Bus
+    from tega.config import SessionConfig
+    from tega.config_sections import BesideConfig
+    from tega.stages.base import Metric
+    from tega.teleop.prepare import Prepared
+
+__all__ = ["open_beside"]
+
+# Pictures that may wait: a second of four fingers at 60 Hz would be 55 MB.
+_MOST_PICTURES = 60
+_MOST_CHUNKS = 4096
+
+
+def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> None:
+    """Have the stages of ``stages.beside`` look on.
+
+    Args:
+        stack: Ends their threads.
+        config: The settings.
+        prepared: Baselines, maxima and sources of the run.
+        bus: Tells pictures and samples, and is told what they say.
+
+    Raises:
+        TegaError: A stage refuses what it is given.
+    """
+    real = config.session.pace == "real"
+    used: dict[str, int] = {}
+    for wanted in config.stages.beside:
+        n = used[wanted.name] = used.get(wanted.name, 0) + 1
+        stage = wanted.name if n == 1 else f"{wanted.name}-{n}"
+        how: dict[str, Any] = {"name": f"beside {stage}", "vital": not real}
+        if real:
+            most = _MOST_PICTURES if wanted.group == "metric" else _MOST_CHUNKS
+            how["backlog"] = Backlog(f"beside-{stage}", most=most, rank=ahead_of_others("beside"))
+            stack.callback(how["backlog"].close)
+        if wanted.group == "metric":
+            bus.subscribe(Picture, _Measuring(stage, wanted, config, prepared, bus), **how)
+        elif prepared.muscles is not None:
+            bus.subscribe(EmgSamples, _Decoding(stage, wanted, config, prepared, bus), **how)
+
+
+class _Measuring:
+    """A metric of every finger, made with its first picture."""
+
+    def __init__(
+        self, stage: str, wanted: BesideConfig, config: SessionConfig, prepared: Prepared, bus: Bus
+    ) -> None:
+        self._stage, self._bus, self._calibration = stage, bus, prepared.calibration
+        preset = config.session.preset
+        self._metrics: dict[str, Metric] = {
+            name: finger_metric(
+                wanted.stages, preset, name, finger.baseline, prepared.calibration.touch(name)
+            )
+            for name, finger in prepared.fingers.items()
+        }
+
+    def __call__(self, picture: Picture) -> None:
+        """Measure a picture."""
+        metric = self._metrics.get(picture.finger)
+        if metric is None:
+            return
+        contact = metric.update(picture.image, picture.t_ns)
+        self._bus.publish(
+            BesideContact(
+                stage=self._stage,
+                finger=picture.finger,
+                t_ns=picture.t_ns,
+                in_contact=contact.in_contact,
+                eda=contact.eda,
+                cci=contact.cci,
+                peak=contact.peak,
+                centroid_xy=contact.centroid_xy,
+                more=contact.more,
+            )
+        )
+
+
+class _Decoding:
+    """A decoder of the muscles."""
+
+    def __init__(
+        self, stage: str, wanted: BesideConfig, config: SessionConfig, prepared: Prepared, bus: Bus
+    ) -> None:
+        assert prepared.muscles is not None
+        self._stage, self._bus = stage, bus
+        maxima, live = prepared.muscles.maxima, prepared.muscles.source.info.live
+        decoder = muscle_decoder(wanted.stages, config.session.preset, maxima)
+        self._meter = BlockMeter(decoder, SourceReport(), rate_hz=maxima.rate_hz, live=live)
+
+    def __call__(self, given: EmgSamples) -> None:
+        """Decode samples."""
+        samples = given.samples.reshape(-1, given.n_channels)
+        for block in self._meter.take(EmgChunk(given.t_ns, given.first_index, samples)):
+            self._bus.publish(
+                BesideIntent(
+                    stage=self._stage,
+                    t_ns=block.t_ns,
+                    channels=block.channels,
+                    level=block.level,
+                    closure=block.closure,
+                    confidence=block.confidence,
+                )
+            )

@@ -1,0 +1,164 @@
+"""The bus delivers what is published, in order; who fails or is slow costs nobody else anything."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reference.sessions import tree
+from tega.bus import Backlog, Bus
+from tega.config import check_tree
+from tega.records import Alert, Contact, Intent, Marker, Record, RunState, VestFrame
+from tega.replay import replay_file
+from tega.teleop import run_session
+
+
+def session(folder: Path) -> dict[str, Any]:
+    """Return the settings of a short recorded run."""
+    settings = tree(folder / "session")
+    del settings["tactile"]["ring"]
+    settings["tactile"]["thumb"]["options"]["duration_s"] = settings["emg"]["options"]["duration_s"] = 0.3
+    return settings
+
+
+def state(t_ns: int) -> RunState:
+    return RunState(t_ns=t_ns, state="active", reason="")
+
+
+def test_records_come_in_the_order_they_are_published_to_subscribers_in_theirs() -> None:
+    bus, told = Bus(), list[tuple[str, str, int]]()
+    bus.subscribe(Record, lambda r: told.append(("first", r.where, r.log_ns)))
+    bus.subscribe(Record, lambda r: told.append(("second", r.where, r.log_ns)))
+    bus.subscribe(Alert, lambda r: told.append(("alerts", r.where, r.t_ns)))
+    bus.publish(state(1))
+    bus.publish(Alert(t_ns=2, name="x", said="y"))
+    assert told == [
+        ("first", "/run/state", 1),
+        ("second", "/run/state", 1),
+        ("first", "/run/alert", 2),
+        ("second", "/run/alert", 2),
+        ("alerts", "/run/alert", 2),
+    ]
+
+
+def test_nobody_makes_a_record_that_nobody_wants() -> None:
+    bus = Bus()
+    assert not bus.wants(Contact)
+    bus.subscribe(Intent, lambda _intent: None)
+    assert (bus.wants(Contact), bus.wants(Intent)) == (False, True)
+    bus.subscribe(Record, lambda _record: None)
+    assert bus.wants(Contact)
+
+
+def test_who_fails_is_told_of_once_and_left_out_and_the_others_go_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    bus, told = Bus(), list[int]()
+
+    def fails(record: RunState) -> None:
+        if record.t_ns == 2:
+            raise OSError(28, "No space left on device")
+        told.append(-record.t_ns)
+
+    bus.subscribe(RunState, fails, name="disk")
+    bus.subscribe(RunState, lambda record: told.append(record.t_ns), name="page")
+    for t_ns in (1, 2, 3):
+        bus.publish(state(t_ns))
+    assert told == [-1, 1, 2, 3]
+    assert bus.problem() == "disk: No space left on device"
+    assert [record.getMessage() for record in caplog.records] == [
+        "disk: No space left on device; the run goes on"
+    ]
+
+
+def test_a_vital_subscriber_s_failure_is_the_publisher_s() -> None:
+    bus = Bus()
+
+    def fails(_record: RunState) -> None:
+        raise OSError(28, "No space left on device")
+
+    bus.subscribe(RunState, fails, vital=True)
+    with pytest.raises(OSError, match="No space"):
+        bus.publish(state(1))
+
+
+def test_a_slow_subscriber_keeps_nobody_waiting_and_what_is_dropped_is_counted_and_told() -> None:
+    bus, told, go = Bus(), list[int](), threading.Event()
+    backlog = Backlog("table", most=10)
+
+    def slow(record: RunState) -> None:
+        go.wait(30)
+        told.append(record.t_ns)
+
+    bus.subscribe(RunState, slow, name="table", backlog=backlog)
+    for t_ns in range(50):
+        bus.publish(state(t_ns))  # returns, though nothing is taken
+    assert told == []
+    n_dropped = backlog.n_dropped
+    assert n_dropped in {39, 40}  # one may be in its hands
+    assert bus.problem() == f"table: {n_dropped} records dropped, it does not keep up"
+    go.set()
+    backlog.close()
+    assert told == list(range(50 - n_dropped))
+
+
+def test_one_that_fails_behind_a_backlog_is_left_out_too() -> None:
+    bus, calls = Bus(), list[int]()
+    backlog = Backlog("table")
+
+    def fails(record: RunState) -> None:
+        calls.append(record.t_ns)
+        raise ValueError("no such column")
+
+    bus.subscribe(RunState, fails, name="table", backlog=backlog)
+    for t_ns in range(5):
+        bus.publish(state(t_ns))
+    backlog.close()
+    assert calls == [0]
+    assert bus.problem() == "table: ValueError: no such column"
+
+
+def test_a_run_whose_onlookers_fail_does_and_records_the_same(tmp_path: Path) -> None:
+    bus, seen = Bus(), list[str]()
+
+    def fails(_record: Any) -> None:
+        raise ValueError("a mistake in a display")
+
+    bus.subscribe(Contact, fails, name="display")
+    bus.subscribe(VestFrame, lambda record: seen.append(record.where))
+    summary = run_session(check_tree(session(tmp_path), {}, base=tmp_path).config, bus=bus)
+    assert summary["ended"] == "complete"
+    assert set(seen) == {"/vest/frame"}
+    assert summary["safety"]["alerts"] == ["display: ValueError: a mistake in a display"]
+    assert replay_file(tmp_path / "session" / summary["recording"]["file"]).same
+
+
+def test_a_recorder_that_fails_is_told_and_ends_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tega.recording.mcap_file import McapFile
+
+    original, files = McapFile.write, set[McapFile]()
+
+    def write(file: McapFile, record: Record, t_ns: int) -> None:
+        files.add(file)
+        if isinstance(record, Contact) and record.t_ns > 0:
+            raise ValueError("a mistake in the recorder")
+        original(file, record, t_ns)
+
+    monkeypatch.setattr(McapFile, "write", write)
+    summary = run_session(check_tree(session(tmp_path), {}, base=tmp_path).config)
+    assert summary["ended"] == "complete"
+    assert summary["recording"]["state"] == "stopped"
+    assert "a mistake in the recorder" in summary["recording"]["reason"]
+    for file in files:
+        file.close()  # a stopped recorder leaves it to the next start
+
+
+def test_markers_of_two_kinds_are_told_apart_by_their_topic() -> None:
+    assert Marker(t_ns=0, text="x").where == "/run/marker"
+    contact = Contact(finger="ring", t_ns=5, taken_ns=7, in_contact=False)
+    assert (contact.where, contact.log_ns) == ("/tactile/ring/contact", 7)

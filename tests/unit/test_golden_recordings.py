@@ -1,0 +1,189 @@
+"""Recordings made before records had one spelling: they still open, say what made them, and compute to the same bits.
+
+``tests/golden/paper.mcap.xz``: two fingertips with the printed equations and EMG, lossless, on recorded time.
+``tests/golden/live.mcap.xz``: a fingertip, EMG, a vest, a hand and an arm, all emulated, in real time, JPEG pictures.
+"""
+
+from __future__ import annotations
+
+import lzma
+from pathlib import Path
+from typing import Any
+
+import pytest
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap.reader import make_reader
+
+from reference.sessions import messages, told
+from tega.config import StagesSection, check_tree
+from tega.devices.base import DeviceInfo
+from tega.errors import RecordingError
+from tega.recording.inspection import inspect_file
+from tega.recording.mcap_copy import McapCopy, McapRecords
+from tega.recording.mcap_reader import McapReader
+from tega.recording.mcap_schemas import VERSIONS, encoded, schema_bytes
+from tega.records import RECORDS
+from tega.records.schema import own_schema, read, schema_name
+from tega.replay import replay_file
+from tega.replay.recorded import read_recorded
+from tega.stages.choose import muscle_decoder
+from tega.teleop import run_session
+from tega.teleop.prepare import Finger, Muscles, Prepared
+from tega.teleop.sources import SourceReport
+
+GOLDEN = Path(__file__).parent.parent / "golden"
+
+
+@pytest.fixture(scope="module", params=["paper", "live"])
+def golden(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of the first version."""
+    path = tmp_path_factory.mktemp("golden") / f"{request.param}.mcap"
+    path.write_bytes(lzma.decompress((GOLDEN / f"{request.param}.mcap.xz").read_bytes()))
+    return path
+
+
+def test_a_recording_of_the_first_version_is_computed_again_bit_for_bit(golden: Path) -> None:
+    replay = replay_file(golden)
+    assert replay.complete
+    rows = {s.stream: (s.recorded, s.differ) for s in replay.streams}
+    assert all(recorded > 0 for recorded, _ in rows.values())
+    assert {stream: differ for stream, (_, differ) in rows.items() if differ} == {}
+    expected = {"/tactile/thumb/contact", "/emg/levels", "/vest/frame", "/hand/frames"}
+    if golden.stem == "paper":
+        expected |= {"/tactile/ring/contact", "/tactile/ring/image", "/tactile/thumb/image"}
+    else:
+        expected |= {"/vest/sent", "/hand/bus", "/arm/turn"}
+    assert set(rows) == expected
+
+
+def test_a_recording_of_the_first_version_says_what_made_it(golden: Path) -> None:
+    found = inspect_file(golden)
+    assert (found.complete, found.cut) == (True, "")
+    assert (found.versions["recording"], found.versions["tega"]) == ("1", "0.1.0")
+    assert told(golden)["tega"]["version"] == "1"
+    counted = {stream.topic: stream.messages for stream in found.streams}
+    assert sum(counted.values()) == len(messages(golden))
+
+
+def test_a_recording_of_a_later_version_is_refused_by_the_name_of_its_record(
+    golden: Path, tmp_path: Path
+) -> None:
+    later = _with_table(golden, tmp_path / "newer.mcap", "records", {"Contact": "99"})
+    with pytest.raises(
+        RecordingError, match=r"newer.mcap: its record Contact has version 99, this TEGA knows 2"
+    ):
+        replay_file(later)
+
+
+def _with_table(source: Path, target: Path, name: str, table: dict[str, str]) -> Path:
+    """Copy a recording and give it one more table of names and texts before its first message."""
+    with source.open("rb") as old, target.open("wb") as new:
+        copy = McapCopy(new)
+        begun = False
+        for item in McapRecords(old):
+            if item.kind == "Message" and not begun:
+                begun = True
+                copy.table(name, table)
+            copy.take(item)
+        copy.finish()
+    return target
+
+
+def _old_messages(path: Path) -> dict[str, list[Any]]:
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    old: dict[str, Any] = {}
+    for schema in summary.schemas.values():
+        if schema.name.startswith("tega."):
+            for message in FileDescriptorSet.FromString(schema.data).file[0].message_type:
+                old[message.name] = list(message.field)
+    return old
+
+
+def test_every_message_of_the_first_version_is_the_beginning_of_todays(golden: Path) -> None:
+    (today,) = FileDescriptorSet.FromString(schema_bytes()).file
+    fields = {message.name: list(message.field) for message in today.message_type}
+    old = _old_messages(golden)
+    assert len(old) > 15
+    for name, before in old.items():
+        assert [f.SerializeToString() for f in fields[name][: len(before)]] == [
+            f.SerializeToString() for f in before
+        ]
+        assert (VERSIONS.get(name, 1) > 1) == (len(fields[name]) > len(before)), name
+
+
+def test_records_read_from_the_first_version_are_written_as_the_same_bytes(golden: Path) -> None:
+    kinds = {schema_name(kind): kind for kind in RECORDS if own_schema(kind)}
+    seen = set()
+    raw = {(topic, k): data for k, (topic, _, _, data) in enumerate(messages(golden))}
+    for k, message in enumerate(McapReader(golden).messages()):
+        if message.schema.startswith("tega."):
+            kind = kinds[message.schema.removeprefix("tega.")]
+            named = dict.fromkeys(kind.unwritten)
+            record = read(kind, message.value, **named)
+            assert encoded(record) == raw[message.topic, k]
+            seen.add(kind)
+    assert len(seen) >= (10 if golden.stem == "paper" else 18)
+
+
+class _Given:
+    """A source that gives what a recording holds."""
+
+    ended = False
+
+    def __init__(self, info: DeviceInfo, items: list[Any]) -> None:
+        self.info, self._items = info, items
+
+    def read(self, _timeout_s: float) -> Any:
+        item = self._items.pop(0)
+        self.ended = not self._items
+        return item
+
+
+def test_the_same_input_is_recorded_as_the_same_bytes_as_by_the_first_version(tmp_path: Path) -> None:
+    golden = tmp_path / "paper.mcap"
+    golden.write_bytes(lzma.decompress((GOLDEN / "paper.mcap.xz").read_bytes()))
+    frames: dict[str, list[Any]] = {}
+    chunks: list[Any] = []
+    recorded = read_recorded(
+        golden,
+        frame=lambda finger, frame, _crc32: frames.setdefault(finger, []).append(frame),
+        chunk=chunks.append,
+    )
+    head = recorded.head
+    fingers: dict[str, Finger] = {}
+    for name in head.baselines:
+        given: Any = _Given(head.sources[name], frames[name])
+        fingers[name] = Finger(given, head.baselines[name], "recording", SourceReport())
+    emg = head.calibration.emg
+    assert emg is not None
+    decoder = muscle_decoder(StagesSection(), "paper", emg)
+    amplifier: Any = _Given(head.sources["emg"], chunks)
+    prepared = Prepared(fingers, Muscles(amplifier, emg, decoder, SourceReport()), head.calibration, "")
+    looks = 0
+
+    def haptics() -> bool:
+        nonlocal looks
+        looks += 1
+        return not 12 < looks < 16
+
+    tree = {
+        "session": {"preset": "paper", "pace": "fast"},
+        "recording": {"dir": str(tmp_path / "again"), "lossless": True, "stop_free_mib": 0.0},
+    }
+    summary = run_session(check_tree(tree, {}, base=tmp_path).config, prepared=prepared, haptics=haptics)
+    again = tmp_path / "again" / summary["recording"]["file"]
+    assert _by_topic(again) == _by_topic(golden)
+
+
+def _by_topic(path: Path) -> dict[str, list[tuple[int, bytes]]]:
+    """Return time and bytes of all messages that do not tell of the machine's own time, by topic."""
+    epoch_ns = int(told(path)["tega"]["epoch_ns"])
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    for topic, log_ns, _, data in messages(path):
+        # Viewers' own messages hold a time of day.
+        viewers = topic == "/hand/joints" or topic.endswith("/image")
+        if topic != "/recorder/status":
+            found.setdefault(topic, []).append((log_ns - epoch_ns, b"" if viewers else data))
+    return found

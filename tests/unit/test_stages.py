@@ -1,0 +1,429 @@
+"""Stages: found by name, options checked with their line, and every reading a choice of a run."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.calibration import TouchMaxima
+from tega.cli.main import main
+from tega.config import SessionConfig, StageConfig, StagesSection, load_config
+from tega.errors import ConfigError, InvalidValueError
+from tega.haptics import FeltMap, VestFrame, intensity, vest_frame
+from tega.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
+from tega.stages import FingerSetup, MuscleSetup, NamedValue, VestSetup, list_stages, stage_names
+from tega.stages.choose import Chosen
+from tega.stages.columns import ColumnsMapping, ColumnsOptions
+from tega.stages.decoders import RulesDecoder, RulesOptions
+from tega.stages.metrics import contact_metrics_of, contact_record
+from tega.stages.readings import ReadingMetric, ReadingOptions
+from tega.tactile import ContactMetrics, contact_metrics, read_contact
+from tega.teleop.touch import TouchLoop
+from tega.testing.contract import check_stage
+
+
+def pressed(seed: int, depth: float) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Return a frame of a noisy gel under a ball, and its baseline."""
+    rng = np.random.default_rng(seed)
+    baseline = np.full((120, 160, 3), 90, np.uint8)
+    rows, columns = np.mgrid[:120, :160]
+    dent = depth * np.exp(-((columns - 70 - seed) ** 2 + (rows - 55) ** 2) / (2 * 15.0**2))
+    noise = rng.normal(0, 1.5, baseline.shape)
+    return np.clip(baseline + dent[:, :, None] * [1.0, 0.7, 0.4] + noise, 0, 255).astype(np.uint8), baseline
+
+
+def reading(baseline: Any, **options: Any) -> ReadingMetric:
+    return ReadingMetric(FingerSetup("index", baseline), ReadingOptions(**options))
+
+
+# Registry and settings.
+
+
+def test_the_stages_of_the_package_are_found_and_described() -> None:
+    assert {"live", "paper", "reading"} <= set(stage_names("metric"))
+    found = {(stage.group, stage.name): stage for stage in list_stages()}
+    assert all(stage.ready and stage.summary for stage in found.values())
+    factor = {option.name: option for option in found["metric", "reading"].options}["factor"]
+    assert (factor.default, factor.summary) == (1.28, "The 1.28 of Eq 4.")
+    cutoff = {option.name: option for option in found["decoder", "rules"].options}["cutoff_hz"]
+    assert (cutoff.default, cutoff.unit) == (50.0, "Hz")
+    for stage in found.values():
+        assert all(option.summary for option in stage.options), stage.name
+
+
+@pytest.mark.parametrize("stage", [s for s in list_stages() if s.package == "tega"], ids=lambda s: s.name)
+def test_the_stages_of_the_package_keep_the_contract(stage: Any) -> None:
+    if stage.group == "layout":
+        check_stage(find_layout(stage.name))
+    else:
+        check_stage(Chosen(stage.group, StageConfig(name=stage.name), "live").kind)
+
+
+def test_every_stage_and_option_can_be_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["stages", "--json"])
+    assert ended.value.code == 0
+    told = json.loads(capsys.readouterr().out)
+    names = {stage["name"]: [option["name"] for option in stage["options"]] for stage in told}
+    assert {"columns", "x16"} <= set(names)
+    with pytest.raises(SystemExit):
+        main(["stages"])
+    out = capsys.readouterr().out
+    for name, options in names.items():
+        assert all(word in out for word in (name, *options))
+
+
+WRONG = [
+    ("[stages.metric]\nname = 'papr'", r"lab\.toml:2: stages\.metric\.name: no metric .* 'papr'; did you mean 'paper'"),
+    (
+        "[stages.metric]\nname = 'reading'\n[stages.metric.options]\nfacto = 1",
+        r"lab\.toml:4: stages\.metric\.options\.facto: unknown key; did you mean 'factor'",
+    ),
+    (
+        "[stages.metric]\nname = 'reading'\n[stages.metric.options]\nfactor = -1",
+        r"lab\.toml:4: stages\.metric\.options\.factor = -1: expected .* >= 0",
+    ),
+    (
+        "[stages.decoder.options]\nfusion = 'mean'",
+        r"lab\.toml:2: stages\.decoder\.options\.fusion = 'mean': not one of the choices; one of: floor, round, median",
+    ),
+    ("[vest]\nlayout = 'x41'", r'lab\.toml:2: vest\.layout = "x41" is not known'),
+    ("[stages.metrics]\nname = 'paper'", r"stages\.metrics: unknown key; did you mean 'metric'"),
+    ("[vest]\npulses = { contact = 40 }", r"lab\.toml:2: vest\.pulses: unknown key; it is stages\.mapping\.options"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "told"), WRONG)
+def test_a_wrong_stage_is_refused_with_its_line_and_the_nearest_name(
+    tmp_path: Path, text: str, told: str
+) -> None:
+    file = tmp_path / "lab.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=told):
+        load_config(file, environ={})
+
+
+def test_options_show_their_origin(tmp_path: Path) -> None:
+    file = tmp_path / "lab.toml"
+    file.write_text("[stages.metric]\nname = 'reading'\n[stages.metric.options]\nfactor = 2.0\n")
+    environ = {"TEGA_STAGES__DECODER__OPTIONS__ORDER": "2"}
+    values = load_config(file, environ=environ, sets=["stages.mapping.options.law=linear"]).values
+    assert values["stages.metric.options.factor"] == (2.0, "lab.toml:4")
+    assert values["stages.metric.options.threshold"] == ("D3", "default")
+    assert values["stages.decoder.options.order"] == (2, "TEGA_STAGES__DECODER__OPTIONS__ORDER")
+    assert values["stages.mapping.options.law"] == ("linear", "--set")
+    assert values["stages.mapping.name"] == ("columns", "preset live")
+
+
+def test_a_stage_of_no_name_is_the_presets() -> None:
+    for preset in ("paper", "live"):
+        config = load_config(None, environ={}, sets=[f"session.preset={preset}"]).config
+        assert Chosen("metric", config.stages.metric, preset).name == preset
+    # Another preset takes its own stage, whose options are others.
+    stages = load_config(None, environ={}).config.stages
+    assert (
+        Chosen("metric", stages.metric, "paper").options == Chosen("metric", StageConfig(), "paper").options
+    )
+    given = load_config(None, environ={}, sets=["stages.metric.options.outline=contact"]).config.stages
+    with pytest.raises(ConfigError, match=r"stages\.metric\.options\.outline: unknown key"):
+        Chosen("metric", given.metric, "paper")
+    assert SessionConfig().stages == StagesSection()
+
+
+# Metrics.
+
+
+@pytest.mark.parametrize("depth", [0.0, 3.0, 12.0, 60.0, 150.0])
+def test_the_reading_of_the_preset_is_one_of_the_readings(depth: float) -> None:
+    for seed in range(4):
+        frame, baseline = pressed(seed, depth)
+        want, got = read_contact(frame, baseline, reading="paper"), reading(baseline).update(frame, 7)
+        assert (got.finger, got.t_ns) == ("index", 7)
+        assert (got.in_contact, got.eda, got.peak_xy) == (want.in_contact, want.eda, want.peak_xy)
+        for name in ("mass", "spread", "threshold", "cci", "peak", "centroid_xy"):
+            assert getattr(got, name) == pytest.approx(getattr(want, name), rel=1e-9, nan_ok=True), name
+
+
+def test_the_printed_readings_are_the_kernels() -> None:
+    frame, baseline = pressed(1, 80.0)
+    for options, kernel in (
+        ({"threshold": "D1"}, {}),
+        ({"threshold": "D2", "factor": 0.7}, {"difference": "rectified", "factor": 0.7}),
+        ({"spread": "intensity", "threshold": "D1"}, {"spread": "intensity"}),
+        ({"threshold": "D2", "weights": (0.2, 0.5, 0.3)}, {"difference": "rectified", "weights": (0.2, 0.5, 0.3)}),
+    ):  # fmt: skip
+        want: ContactMetrics = contact_metrics(frame, baseline, **kernel)
+        got = contact_metrics_of(reading(baseline, **options).update(frame, 0))
+        assert repr(got) == repr(want)
+
+
+def test_every_threshold_is_what_its_name_says() -> None:
+    frame, baseline = pressed(2, 100.0)
+    area = {
+        name: reading(baseline, threshold=name).update(frame, 0)
+        for name in ("D3", "D4", "D5", "D6", "D7", "D8")
+    }
+    peak = area["D6"].peak
+    assert area["D6"].threshold == 6.0
+    assert area["D7"].threshold == max(0.1 * peak, 6.0)
+    assert area["D8"].threshold == 0.5 * peak
+    assert area["D5"].threshold == pytest.approx(0.44 * peak, rel=0.05)
+    value, spread = area["D5"].threshold / 0.44, area["D3"].spread
+    assert area["D3"].threshold == pytest.approx(value - 1.28 * spread)
+    assert area["D8"].eda < area["D5"].eda < area["D7"].eda <= area["D6"].eda
+    narrow = reading(baseline, threshold="D4", factor=0.5).update(frame, 0)
+    assert narrow.eda < area["D4"].eda
+    root = reading(baseline, cci="root").update(frame, 0)
+    assert root.cci == pytest.approx(peak / math.sqrt(root.eda))
+    assert reading(baseline, noise_floor=200.0).update(frame, 0).in_contact is False
+
+
+def test_a_reading_that_cannot_be_is_refused() -> None:
+    _, baseline = pressed(1, 0.0)
+    with pytest.raises(InvalidValueError, match="add up to"):
+        reading(baseline, weights=(0.3, 0.3, 0.3))
+    with pytest.raises(InvalidValueError, match="take D4"):
+        reading(baseline, spread="intensity")
+
+
+# Decoder.
+
+
+def test_the_rules_are_options() -> None:
+    setup = MuscleSetup("envelope", 200.0, 20, ("a", "b", "c"), (1.0, 1.0, 1.0), "paper")
+    samples, times = np.tile([0.85, 0.1, 0.3], (40, 1)), np.arange(1, 41) * 5_000_000
+
+    def levels(**options: Any) -> list[tuple[int, tuple[int, ...], int]]:
+        found = RulesDecoder(setup, RulesOptions(**options)).decode(samples, times)
+        return [(intent.t_ns, intent.channels, intent.level) for intent in found]
+
+    assert levels() == [(100_000_000, (4, 1, 2), 2), (200_000_000, (4, 1, 2), 2)]
+    assert levels(intervals=5)[0][1:] == ((5, 1, 2), 2)
+    assert levels(intervals=5, fusion="round")[0][2] == 3
+    assert levels(fusion="median")[0][2] == 2
+    assert levels(channel_weights=(1.0, 0.0, 0.0))[0][2] == 4
+    with pytest.raises(InvalidValueError, match="2 numbers for 3 channels"):
+        levels(channel_weights=(1.0, 0.0))
+    assert RulesDecoder.block_s(RulesOptions(tau_s=0.2)) == 0.2
+    lazy = RulesDecoder(setup, RulesOptions(cutoff_hz=0.5, order=1))
+    jump = np.concatenate([np.zeros((20, 3)), np.ones((20, 3))])
+    assert (
+        lazy.decode(jump, times)[-1].level < RulesDecoder(setup, RulesOptions()).decode(jump, times)[-1].level
+    )
+
+
+# Mapping and layouts.
+
+
+def contact(**values: Any) -> Any:
+    given = {"cci": 0.04, "eda": 4000, "peak": 60.0, "in_contact": True} | values
+    return ContactMetrics(**given)
+
+
+def shown(metrics: Any, layout: str = "x16", mirror: Any = "none", **options: Any) -> list[list[int]]:
+    """Return the upper row of front and back that an index finger's contact lights."""
+
+    def make(setup: VestSetup) -> ColumnsMapping:
+        return ColumnsMapping(setup, ColumnsOptions(**options))
+
+    loop = TouchLoop(
+        {"index": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout=layout, mirror=mirror, mapping=make
+    )
+    loop.update("index", 0, metrics)
+    frame = loop.frame(0)
+    half = len(frame.intensities) // 2
+    return [frame.intensities[:4].tolist(), frame.intensities[half : half + 4].tolist()]
+
+
+def test_law_routing_fingers_and_mirror_are_options() -> None:
+    assert shown(contact()) == [[0, 50, 0, 0], [0, 50, 0, 0]]
+    assert shown(contact(eda=8000), law="linear") == [[0, 50, 0, 0], [0, 100, 0, 0]]
+    assert shown(contact(cci=0.0), end_value=0.1) == [[0, 10, 0, 0], [0, 50, 0, 0]]
+    high = round(intensity(0.1, 0.08))
+    assert shown(contact(cci=0.1)) == [[0, high, 0, 0], [0, 50, 0, 0]]
+    assert shown(contact(cci=0.1), saturate=True) == [[0, 99, 0, 0], [0, 50, 0, 0]]
+    assert shown(contact(), front="eda", back="cci", law="linear", front_max=40_000.0)[0] == [0, 10, 0, 0]
+    assert shown(contact(), mirror="back") == [[0, 50, 0, 0], [0, 0, 50, 0]]
+    order = ("ring", "middle", "thumb", "index")
+    assert shown(contact(), mirror="all", fingers=order) == [[50, 0, 0, 0], [50, 0, 0, 0]]
+    own = contact(more=(NamedValue("pc1", 3.0, "1"),))
+    assert shown(own, front="pc1", front_max=6.0, law="linear")[0] == [0, 50, 0, 0]
+    with pytest.raises(ConfigError, match=r"front_max: missing: .* no maximum of 'peak'"):
+        shown(contact(), front="peak")
+    with pytest.raises(ConfigError, match="no value 'pc2'; it measures cci, eda"):
+        shown(own, front="pc2", front_max=6.0)
+    with pytest.raises(ConfigError, match="named twice"):
+        shown(contact(), fingers=("ring", "ring", "thumb", "index"))
+
+
+@pytest.mark.parametrize("layout", list(SHIPPED))
+@pytest.mark.parametrize("mirror", ["none", "back", "all"])
+def test_the_tables_of_the_layouts_say_what_the_kernel_does(layout: str, mirror: Any) -> None:
+    front, back = [80.4, 60.5, 40.0, 20.0], [10.0, 0.0, 100.0, 55.5]
+    table, frame = SHIPPED[layout].mirrored(mirror), vest_frame(front, back, layout=layout, mirror=mirror)
+    want = [(front if m.face == "front" else back)[m.column] for m in table.motors]
+    assert frame.intensities.tolist() == np.rint(want).astype(int).tolist()
+    assert frame.motors.tolist() == table.numbers.tolist() == [m.number for m in table.motors]
+
+
+def test_a_layout_that_cannot_be_is_refused() -> None:
+    for motors, said in (
+        ([], "has 0 motors"),
+        ([Motor("front", 0, 0, 0), Motor("front", 0, 0, 1)], "one place"),
+        ([Motor("front", 0, 0, 0), Motor("front", 0, 1, 0)], "one number"),
+        ([Motor("side", 0, 0, 0)], "neither front nor back"),  # type: ignore[arg-type]
+        ([Motor("front", 0, 0, 40)], "0 to 39"),
+    ):
+        with pytest.raises(InvalidValueError, match=said):
+            MotorLayout("mine", "made here", motors)
+    with pytest.raises(InvalidValueError, match="is not known"):
+        find_layout("mine")
+    assert PAPER32.mirrored("all").motors[0] == Motor("front", 0, 3, 0)
+
+
+def test_a_mapping_that_goes_wrong_moves_nothing() -> None:
+    class Broken(ColumnsMapping):
+        def levels(self, t_ns: int, contacts: Any, events: Any) -> Any:  # noqa: ARG002
+            return np.full(len(X16.motors), math.nan)
+
+    loop = TouchLoop(
+        {"index": TouchMaxima()}, layout="x16", mapping=lambda setup: Broken(setup, ColumnsOptions())
+    )
+    with pytest.raises(InvalidValueError, match="not finite"):
+        loop.frame(0)
+    assert not loop.silence().intensities.any()
+
+
+def test_a_contact_goes_through_the_loop_with_all_its_values() -> None:
+    metrics = contact(more=(NamedValue("pc1", 3.0, "1"),))
+    record = contact_record("index", 5, metrics)
+    assert repr(contact_metrics_of(record)) == repr(metrics)
+    assert FeltMap(threshold=20).apply(VestFrame("x16", np.full(16, 50, np.uint8))).intensities[0] == 60
+
+
+# Beside the connected stages.
+
+BESIDE = """
+[session]
+preset = "live"
+pace = "fast"
+duration_s = 0.5
+[tactile.index]
+driver = "synthetic-touch"
+[emg]
+driver = "synthetic-emg"
+kind = "raw"
+[recording]
+dir = "recorded"
+lossless = true
+[[stages.beside]]
+group = "decoder"
+name = "rules"
+options = { fusion = "median", tau_s = 0.1 }
+[[stages.beside]]
+group = "metric"
+name = "reading"
+options = { threshold = "D7" }
+[[stages.beside]]
+group = "metric"
+name = "reading"
+options = { noise_floor = 0.2 }
+"""
+
+
+def test_stages_beside_are_recorded_and_change_nothing(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    from tega.recording.mcap_reader import McapReader
+    from tega.replay import replay_file
+    from tega.teleop import run_session
+
+    def run(name: str, text: str) -> dict[str, list[Any]]:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "lab.toml").write_text(text)
+        summary = run_session(load_config(tmp_path / name / "lab.toml", environ={}).config)
+        file = tmp_path / name / "recorded" / summary["recording"]["file"]
+        assert replay_file(file).same
+        found: dict[str, list[Any]] = {}
+        for message in McapReader(file).messages():
+            found.setdefault(message.topic, []).append(message.value)
+        return found
+
+    alone = run("alone", BESIDE.partition("[[")[0])
+    both = run("both", BESIDE)
+    assert {topic for topic in both if topic.startswith("/beside/")} == {
+        "/beside/rules/emg", "/beside/reading/index", "/beside/reading-2/index"
+    }  # fmt: skip
+    for topic in ("/emg/levels", "/vest/frame", "/hand/frames"):
+        assert [str(value) for value in both[topic]] == [str(value) for value in alone[topic]], topic
+    # The set time ends the loop before what is complete at that moment is taken in; who looks on has seen it.
+    stamps = [value.t_ns for value in both["/emg/levels"]]
+    assert [value.t_ns for value in both["/beside/rules/emg"]][: len(stamps)] == stamps
+    tenth, printed = both["/beside/reading/index"], both["/beside/reading-2/index"]
+    stamps = [value.t_ns for value in both["/tactile/index/contact"]]
+    assert [value.t_ns for value in tenth][: len(stamps)] == stamps
+    assert len(tenth) == len(printed)
+    assert max(value.eda for value in printed) > 0  # noise counts as contact there
+    assert [value.eda for value in tenth] != [value.eda for value in printed]
+
+
+def test_a_stage_beside_is_checked_and_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "lab.toml"
+    file.write_text('[[stages.beside]]\ngroup = "metric"\nname = "reding"\n')
+    with pytest.raises(ConfigError, match=r"stages\.beside\[0\]\.name: no metric .* did you mean 'reading'"):
+        load_config(file, environ={})
+    file.write_text('[[stages.beside]]\ngroup = "metric"\nname = "reading"\noptions = { factr = 1 }\n')
+    with pytest.raises(ConfigError, match=r"stages\.beside\[0\]\.options\.factr: unknown key.*'factor'"):
+        load_config(file, environ={})
+    file.write_text('[[stages.beside]]\ngroup = "metric"\nname = "reading"\n')
+    for words in (["config", "show", str(file)], ["config", "show", str(file), "--json"]):
+        with pytest.raises(SystemExit):
+            main(words)
+        assert "reading" in capsys.readouterr().out
+
+
+# The hand.
+
+
+def test_the_hand_goes_to_a_place_between_two_levels() -> None:
+    from tega.hand import CLOSURE_POSES_RAD, ModelledHand, closure_level, joined_level, split_level
+
+    level = closure_level(0.6)
+    hand, whole = ModelledHand(), ModelledHand()
+    for _ in range(1500):
+        hand.step(level)
+        whole.step(3)
+    low, high = CLOSURE_POSES_RAD[2], CLOSURE_POSES_RAD[3]
+    reached = hand.controller.target_rad
+    assert reached is not None
+    np.testing.assert_allclose(reached, low + 0.4 * (high - low), atol=1e-7)
+    np.testing.assert_array_equal(whole.controller.target_rad, low)
+    with pytest.raises(InvalidValueError, match=r"level = 5\.01 is out of range"):
+        hand.step(5.01)
+    for asked in (0, 1, 3, 5, 3.4, 1.0001, closure_level(1 / 3)):
+        assert joined_level(*split_level(asked)) == asked
+
+
+def test_the_guard_limits_a_closure_as_it_does_a_level() -> None:
+    from tega.safety.guard import Guard
+
+    guard = Guard()
+    guard.look(0, late_ns=0, stamps={}, counts={})
+    assert guard.state == "active"
+    assert [guard.level(wanted) for wanted in (3.4, 2, 9.0, -1.0, math.nan)] == [3.4, 2, 5, 1, 1]
+    guard.stop(1, "over")
+    assert guard.level(4.2) == 1
+
+
+def test_a_simulated_trial_refuses_settings_that_it_does_not_have() -> None:
+    pytest.importorskip("mujoco")
+    from tega.sim.plan import TrialPlan
+
+    given = {"object": "bag", "settings": ["stages.mapping.options.law=linear"]}
+    assert TrialPlan.checked(given).settings == ("stages.mapping.options.law=linear",)
+    with pytest.raises(ConfigError, match="has no such setting"):
+        TrialPlan.checked({"object": "bag", "settings": ["vest.driver=hid-vest"]})
