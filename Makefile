@@ -1,9 +1,10 @@
-# Every developer verb; `make help` lists them. The gates of .ci/run are `make test` and `make lint`.
+# Every developer verb; `make help` lists them. .ci/run runs `make test` and `make lint`; .ci/extras what needs
+# environments of its own.
 VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test lint fmt deep fuzz bench counts arm64 wheel clean
+.PHONY: help setup build test slow deep lint fmt fuzz bench counts arm64 wheel clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -18,10 +19,17 @@ setup: $(BIN)/python ## virtual environment with everything a developer needs
 build: ## release build of the extension into the virtual environment, editable
 	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
 
-test: ## pytest, Rust tests included
+test: ## everything that needs no waiting, Rust tests included, on all cores
 	$(BIN)/python -m pytest
 
-lint: ## formatting, clippy, ruff, mypy, stub against extension
+slow: ## what waits in true time: emulated devices, sessions, kills, soaks
+	$(BIN)/python -m pytest -m 'slow and not deep'
+
+deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
+	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
+	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/property
+
+lint: ## formatting, clippy, ruff, mypy, stub against extension, packages that import each other
 	cargo fmt --all --check
 	cargo fmt --check --manifest-path fuzz/Cargo.toml
 	cargo fmt --check --manifest-path benches/Cargo.toml
@@ -33,14 +41,12 @@ lint: ## formatting, clippy, ruff, mypy, stub against extension
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest tega._native
+	$(BIN)/python -m pytest -q tests/unit/test_packages.py
 
 fmt: ## rustfmt, ruff format, ruff --fix
 	cargo fmt --all
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
-
-deep: ## the long-running properties
-	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'deep or not deep' tests/property
 
 # Stable with the nightly switches let through; the code is built as it ships, without `cfg(fuzzing)`.
 fuzz: ## one fuzz target for five minutes: make fuzz T=name (needs cargo-fuzz)

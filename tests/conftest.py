@@ -1,20 +1,25 @@
-"""Hypothesis profiles, signals, a sure end, and the folder of real recordings."""
+"""Hypothesis profiles, workers, what may be asked again, what may not be skipped, and the folder of recordings."""
 
 from __future__ import annotations
 
 import faulthandler
 import os
 import signal
-import subprocess
+from collections.abc import Generator
 from pathlib import Path
+from typing import Final
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-settings.register_profile("dev", deadline=None, max_examples=60)
-settings.register_profile("ci", deadline=None, max_examples=100, derandomize=True)
+settings.register_profile("dev", deadline=None, max_examples=40, print_blob=True)
+settings.register_profile("ci", deadline=None, max_examples=60, print_blob=True, derandomize=True)
 settings.register_profile(
-    "deep", deadline=None, max_examples=2000, suppress_health_check=[HealthCheck.too_slow]
+    "deep",
+    deadline=None,
+    max_examples=2000,
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.get("CI") else "dev"))
 
@@ -22,33 +27,104 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.ge
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# What plays devices, stations and the person at a wizard.
-PLAYERS = ("tega.testing", "reference.held", "reference.wizard")
+PROJECT: Final = Path(__file__).resolve().parent.parent
+# The addopts of pyproject.toml leave out what has these marks.
+LEFT_OUT: Final = "not slow and not deep"
+MOST_ASKED_AGAIN: Final = 20
+MOST_RERUNS_IN_CI: Final = 2
+# One worker runs a file. The workers begin with those that take longest, so that they end together.
+FIRST: Final = (
+    "test_rust.py",
+    "test_soak.py",
+    "test_view_page.py",
+    "test_net_stations.py",
+    "test_study_simulate.py",
+    "test_world_flex.py",
+    "test_study_report.py",
+    "test_sim_trial.py",
+)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let a run say that everything it collects has to run."""
+    parser.addoption(
+        "--no-skip",
+        action="store_true",
+        help="a test that is skipped fails: what it needs has to be installed",
+    )
+
+
+def _files_are_named(config: pytest.Config) -> bool:
+    """Whether files or single tests were asked for, and not the suite or a folder of it."""
+    return not all(Path(named).is_dir() for named in config.args)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Run a named file, or a named test, whatever its marks: only a folder leaves out what is slow or deep."""
+    if _files_are_named(config) and config.option.markexpr == LEFT_OUT:
+        config.option.markexpr = ""
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Share out folders among the cores; run named files, and everything on one core, in this process."""
+    if _files_are_named(config):
+        return 0
+    n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return n_cores if n_cores > 1 else 0
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Ask a test with programs beside it once more where it fails, and say so (RERUN).
+    """Let a test be asked once more where it fails and a marker says why; few may be."""
+    again = [item for item in items if item.get_closest_marker("asked_again")]
+    for item in again:
+        marker = item.get_closest_marker("asked_again")
+        if marker is None or len(marker.args) != 1 or not isinstance(marker.args[0], str):
+            raise pytest.UsageError(f"{item.nodeid}: asked_again takes one argument, the reason")
+        item.add_marker(pytest.mark.flaky(reruns=1))
+    if len(again) > MOST_ASKED_AGAIN:
+        raise pytest.UsageError(f"{len(again)} tests are asked again, and at most {MOST_ASKED_AGAIN} may be")
+    items.sort(key=lambda item: FIRST.index(item.path.name) if item.path.name in FIRST else len(FIRST))
 
-    Emulated devices keep true time. On a machine that stands still for seconds a device rightly takes the run for
-    dead, or the run the device. Tests that compute in this program alone are never repeated.
-    """
-    for item in items:
-        if item.path.parent.name in {"contract", "hazards"} or _has_programs(getattr(item, "module", None)):
-            item.add_marker(pytest.mark.flaky(reruns=1))
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Count a skipped test as failed where nothing may be skipped."""
+    report = yield
+    if report.skipped and not hasattr(report, "wasxfail") and item.config.getoption("no_skip"):
+        report.outcome, report.longrepr = "failed", f"--no-skip: {report.longrepr}"
+    return report
 
 
-def _has_programs(module: object) -> bool:
-    """Whether a test module starts programs, itself or through what plays devices and stations."""
-    used = vars(module).values() if module is not None else ()
-    return any(one is subprocess or str(getattr(one, "__module__", "")).startswith(PLAYERS) for one in used)
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Count a skipped file as failed where nothing may be skipped."""
+    report = yield
+    if report.skipped and collector.config.getoption("no_skip"):
+        report.outcome, report.longrepr = "failed", f"--no-skip: {report.longrepr}"
+    return report
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> Generator[None]:
+    """Fail in CI where more tests than a few had to be asked again."""
+    yield
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None:  # a worker
+        return
+    n_reruns = len(reporter.stats.get("rerun", []))
+    if os.environ.get("CI") and n_reruns > MOST_RERUNS_IN_CI:
+        reporter.write_line(
+            f"{n_reruns} tests were asked again, and at most {MOST_RERUNS_IN_CI} may be in CI", red=True
+        )
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_unconfigure() -> None:
     """Say which thread keeps the tests from ending, and end: a run of them never hangs after its last line."""
     faulthandler.dump_traceback_later(120, exit=True)
-
-
-PROJECT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="session")

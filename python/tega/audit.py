@@ -7,6 +7,7 @@ meanings; each way of reading it is a line of the table here, applied to the sam
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,9 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
+from tega.foreign_file import read_words
 from tega.tactile import contact_mask, contact_metrics, pressure_map, read_contact
 
-__all__ = ["READINGS", "Mark", "ReadingScore", "audit_frames", "far_field", "mean_difference", "read_marks"]
+__all__ = [
+    "READINGS",
+    "Mark",
+    "ReadingScore",
+    "audit_frames",
+    "far_field",
+    "mean_difference",
+    "read_forces",
+    "read_marks",
+]
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -62,10 +73,15 @@ class ReadingScore(msgspec.Struct, frozen=True):
         eda: EDA of every frame, pixels.
         cci: CCI of every frame.
         eda_at_rest: EDA of the no-contact frame, pixels; ``None`` without one.
-        area_ratio: Median of EDA over marked area; ``None`` without marks.
-        iou: Median overlap of its pixels with the marked circle (intersection over union); likewise.
+        area_ratio: Median of EDA over marked area; ``None`` without marks and masks.
+        iou: Median overlap of its pixels with the marked circle or mask (intersection over union); likewise.
         iou_low: The tenth of the presses that overlap least lie below this.
         area_correlation: Of EDA with marked area over the presses; likewise.
+        n_false: Frames with a contact area among those whose force is 0 or whose mask is empty; ``None`` without
+        such frames.
+        n_touched: Frames whose force is over 0 or whose mask or mark is not empty; likewise.
+        n_felt: Those of them with a contact area.
+        force_rank: Rank correlation of EDA with force over the frames with a force over 0; ``None`` without.
     """
 
     reading: str
@@ -78,6 +94,10 @@ class ReadingScore(msgspec.Struct, frozen=True):
     iou: float | None = None
     iou_low: float | None = None
     area_correlation: float | None = None
+    n_false: int | None = None
+    n_touched: int | None = None
+    n_felt: int | None = None
+    force_rank: float | None = None
 
 
 def _printed(**options: str) -> Callable[[Image, Image], Outcome]:
@@ -140,6 +160,8 @@ def audit_frames(
     baseline: Image,
     *,
     marks: Sequence[Mark | None] = (),
+    masks: Sequence[Mask | None] = (),
+    forces_n: Sequence[float | None] = (),
     at_rest: Image | None = None,
     readings: Sequence[str] = tuple(READINGS),
 ) -> list[ReadingScore]:
@@ -149,14 +171,23 @@ def audit_frames(
         frames: uint8 (H, W, 3), BGR.
         baseline: The untouched gel, same shape.
         marks: The marked circle of each frame, ``None`` where there is none; empty without marks.
+        masks: The touched pixels of each frame, bool (H, W), likewise; they count before a mark.
+        forces_n: Normal force of each frame, newtons, likewise; 0 where nothing touches.
         at_rest: A frame without contact.
         readings: Which readings; all by default.
 
     Returns:
         One score a reading.
     """
-    marks = marks or [None] * len(frames)
-    return [_score(name, frames, baseline, marks, at_rest) for name in readings]
+    n = len(frames)
+    drawn = [
+        mask if mask is not None else None if mark is None else mark.distance(baseline.shape) <= 1
+        for mark, mask in zip(marks or [None] * n, masks or [None] * n, strict=True)
+    ]
+    return [
+        _score(name, frames, baseline, drawn, forces_n=forces_n or [None] * n, at_rest=at_rest)
+        for name in readings
+    ]
 
 
 def mean_difference(frames: Sequence[Image], baseline: Image) -> NDArray[np.float64]:
@@ -166,7 +197,13 @@ def mean_difference(frames: Sequence[Image], baseline: Image) -> NDArray[np.floa
 
 
 def _score(
-    name: str, frames: Sequence[Image], baseline: Image, marks: Sequence[Mark | None], at_rest: Image | None
+    name: str,
+    frames: Sequence[Image],
+    baseline: Image,
+    drawn: Sequence[Mask | None],
+    *,
+    forces_n: Sequence[float | None],
+    at_rest: Image | None,
 ) -> ReadingScore:
     read = READINGS[name]
     outcomes = [read(frame, baseline) for frame in frames]
@@ -178,10 +215,27 @@ def _score(
         cci=[o.cci for o in outcomes],
         eda_at_rest=None if at_rest is None else read(at_rest, baseline).eda,
     )
-    marked = [(o, mark) for o, mark in zip(outcomes, marks, strict=True) if mark is not None]
+    # None: not known; a force says more than a drawing.
+    touched = [
+        force > 0 if force is not None else None if mask is None else bool(mask.any())
+        for force, mask in zip(forces_n, drawn, strict=True)
+    ]
+    found_in = {
+        truth: [o.eda > 0 for o, t in zip(outcomes, touched, strict=True) if t is truth]
+        for truth in (True, False)
+    }
+    pressed = [(f, o.eda) for f, o in zip(forces_n, outcomes, strict=True) if f]
+    score = msgspec.structs.replace(
+        score,
+        n_false=sum(found_in[False]) if found_in[False] else None,
+        n_touched=len(found_in[True]) or None,
+        n_felt=sum(found_in[True]) if found_in[True] else None,
+        force_rank=_rank_correlation(pressed),
+    )
+    marked = [(o, mask) for o, mask in zip(outcomes, drawn, strict=True) if mask is not None and mask.any()]
     if not marked:
         return score
-    discs = [mark.distance(o.mask.shape) <= 1 for o, mark in marked]
+    discs = [mask for _, mask in marked]
     areas = np.array([disc.sum() for disc in discs], np.float64)
     found = np.array([o.eda for o, _ in marked], np.float64)
     overlap = [
@@ -195,6 +249,19 @@ def _score(
         iou_low=float(np.percentile(overlap, 10)),
         area_correlation=float(np.corrcoef(found, areas)[0, 1]) if varied else None,
     )
+
+
+def _rank_correlation(pairs: Sequence[tuple[float, float]]) -> float | None:
+    """Spearman's, equal values sharing their mean rank; ``None`` under three pairs or where one side does not vary."""
+    if len(pairs) < 3:
+        return None
+    ranks = []
+    for values in zip(*pairs, strict=True):
+        _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+        ranks.append((np.cumsum(counts) - (counts - 1) / 2)[place])
+    if not all(np.ptp(side) for side in ranks):
+        return None
+    return float(np.corrcoef(ranks[0], ranks[1])[0, 1])
 
 
 def far_field(frames: Sequence[Image], marks: Sequence[Mark | None], baseline: Image) -> Image:
@@ -229,7 +296,7 @@ def read_marks(path: Path) -> dict[str, Mark]:
     marks: dict[str, Mark] = {}
     twice: set[str] = set()
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with io.StringIO(read_words(path, most_mib=64), newline="") as file:
             for number, row in enumerate(csv.DictReader(file), start=2):
                 try:
                     name = re.split(r"[/\\]", row["img_name"])[-1]
@@ -243,4 +310,42 @@ def read_marks(path: Path) -> dict[str, Mark]:
                 marks[name] = mark
     except OSError as error:
         raise RecordingError(f"{path.name}: cannot be read: {error.strerror}", "check the path") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(
+            f"{path.name}: is no table of text: {error}", "export the marks as CSV"
+        ) from error
     return {name: mark for name, mark in marks.items() if name not in twice}
+
+
+def read_forces(path: Path) -> dict[str, float]:
+    """Read forces: a table with the columns img_name and force_n (newtons).
+
+    A video's frames are named by their number from 0.
+
+    Args:
+        path: The CSV file.
+
+    Returns:
+        Forces by the base name of the picture, or the number as text.
+
+    Raises:
+        RecordingError: The file cannot be read, or a line is not what it should be.
+    """
+    forces: dict[str, float] = {}
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            for number, row in enumerate(csv.DictReader(file), start=2):
+                try:
+                    name, force_n = re.split(r"[/\\]", row["img_name"])[-1], float(row["force_n"])
+                except (KeyError, TypeError, ValueError) as error:
+                    raise RecordingError(
+                        f"{path.name}:{number}: not a force ({error})", "wanted: img_name,force_n"
+                    ) from error
+                if not 0 <= force_n < 1e4:
+                    raise RecordingError(
+                        f"{path.name}:{number}: force_n = {force_n}, wanted 0 to 10,000 N", "mend the line"
+                    )
+                forces[name] = force_n
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"{path.name}: cannot be read: {error}", "check the path") from error
+    return forces

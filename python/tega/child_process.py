@@ -1,11 +1,69 @@
-"""How a program that TEGA has started is ended: by its input's end, and by force only when it stays."""
+"""Starts programs of TEGA's own beside this one, and ends them: by their input's end, and by force only when they stay.
+
+``python -m`` would put the working folder first on the import path, where a file ``can.py`` or ``select.py`` would be
+run instead of the package. A program that is started here finds the packages that this one finds, and nothing in the
+working folder, however TEGA was installed.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
-__all__ = ["end_child"]
+__all__ = ["end_child", "isolated_workers", "python_command", "python_environment"]
+
+# The package's folder goes last: where it is the working folder itself, as in a checkout, nothing else there is
+# found before the standard library and the installed packages.
+_BEGIN = (
+    "import sys; root, module = sys.argv[1:3]; root in sys.path or sys.path.append(root); sys.argv[:3] = [module]; "
+    "import runpy; runpy.run_module(module, run_name='__main__', alter_sys=True)"
+)
+
+
+def python_command(module: str, *arguments: str) -> list[str]:
+    """Return the words that run a module of TEGA as a program of its own, isolated from the working folder.
+
+    Start it with :func:`python_environment`, since ``PYTHONPATH`` may name the working folder as well.
+
+    Args:
+        module: Its full name.
+        arguments: Words for it.
+    """
+    root = str(Path(__file__).resolve().parents[1])
+    return [sys.executable, "-P", "-c", _BEGIN, root, module, *arguments]
+
+
+def python_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Return the environment for such a program: without entries of ``PYTHONPATH`` that mean the working folder.
+
+    Args:
+        environment: What to start from; this program's when ``None``.
+    """
+    clean = dict(os.environ if environment is None else environment)
+    entries = clean.pop("PYTHONPATH", "").split(os.pathsep)
+    here = Path.cwd().resolve()
+    kept = [entry for entry in entries if Path(entry).is_absolute() and Path(entry).resolve() != here]
+    if kept:
+        clean["PYTHONPATH"] = os.pathsep.join(kept)
+    return clean
+
+
+@contextlib.contextmanager
+def isolated_workers() -> Iterator[None]:
+    """Keep the working folder off the import path of the workers that a pool of processes starts in this block."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
 
 
 def end_child(child: subprocess.Popen[bytes] | subprocess.Popen[str], patience_s: float) -> int:

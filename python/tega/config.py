@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 
@@ -26,7 +26,9 @@ from tega.config_lines import value_lines
 from tega.config_sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,
+    DEFAULT_STAGES,
     FINGERS,
+    STAGE_GROUPS,
     ArmConfig,
     CalibrationConfig,
     EmgConfig,
@@ -35,10 +37,11 @@ from tega.config_sections import (
     InputSection,
     MarkersSection,
     Pace,
-    PulsesConfig,
     RecordingSection,
     SessionConfig,
     SessionSection,
+    StageConfig,
+    StagesSection,
     TactileConfig,
     TactileSection,
     TrackerConfig,
@@ -46,13 +49,18 @@ from tega.config_sections import (
 )
 from tega.devices.base import Kind, Options
 from tega.devices.registry import driver_class
-from tega.errors import ConfigError
+from tega.errors import ConfigError, InvalidValueError
+from tega.foreign_file import parse_toml, read_words
+from tega.motor_layout import find_layout
 from tega.net.settings import checked_net
+from tega.stages.registry import stage_class
 
 __all__ = [
     "DEFAULT_LAYOUT",
     "DEFAULT_PACE",
+    "DEFAULT_STAGES",
     "FINGERS",
+    "STAGE_GROUPS",
     "ArmConfig",
     "CalibrationConfig",
     "EmgConfig",
@@ -62,10 +70,11 @@ __all__ = [
     "LoadedConfig",
     "MarkersSection",
     "Pace",
-    "PulsesConfig",
     "RecordingSection",
     "SessionConfig",
     "SessionSection",
+    "StageConfig",
+    "StagesSection",
     "TactileConfig",
     "TactileSection",
     "TrackerConfig",
@@ -74,6 +83,7 @@ __all__ = [
     "check_tree",
     "driver_options",
     "load_config",
+    "stage_options",
 ]
 
 ENVIRONMENT_PREFIX = "TEGA_"
@@ -123,12 +133,7 @@ def load_config(
             key = name.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", ".")
             _override(tree, origins, key, text, name)
     for item in sets:
-        key, equals, text = item.partition("=")
-        if not equals or not key.strip():
-            raise ConfigError(
-                f"--set {item!r}: not of the form key=value", "for example --set session.preset=paper"
-            )
-        _override(tree, origins, key.strip(), text.strip(), "--set")
+        _override(tree, origins, *_key_and_value(item, "session.preset=paper"), "--set")
     base = path.absolute().parent if path is not None else Path.cwd()
     return check_tree(tree, origins, base=base)
 
@@ -176,6 +181,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         options = convert(section.options, wanted, f"{key}.options")
         return msgspec.structs.replace(section, options=options)
 
+    _check_moved(tree, origins)
     config: SessionConfig = convert(tree, SessionConfig, "")
     tactile = TactileSection(
         **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}
@@ -191,6 +197,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         net = msgspec.structs.replace(net, tracker=with_options(net.tracker, "tracker", "net.tracker"))
     config = msgspec.structs.replace(
         config,
+        stages=_typed_stages(config, origins, convert),
         tactile=tactile,
         arm=arm,
         net=net,
@@ -209,6 +216,9 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         config = msgspec.structs.replace(config, calibration=beside)
     values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
     preset = config.session.preset
+    for group in STAGE_GROUPS:
+        if getattr(config.stages, group).name is None:
+            values[f"stages.{group}.name"] = Value(DEFAULT_STAGES[preset][group], f"preset {preset}")
     if config.vest.layout is None:
         values["vest.layout"] = Value(DEFAULT_LAYOUT[preset], f"preset {preset}")
     if config.vest.pace is None:
@@ -218,6 +228,56 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     from tega.calibration.person import with_person
 
     return with_person(LoadedConfig(config, values), given=set(origins))
+
+
+def _typed_stages(
+    config: SessionConfig, origins: Mapping[str, str], convert: Callable[[Any, Any, str], Any]
+) -> StagesSection:
+    """Return the stages with the options that each of them has, and refuse names that nothing has."""
+    sections: dict[str, StageConfig] = {}
+    for group in STAGE_GROUPS:
+        section: StageConfig = getattr(config.stages, group)
+        key = f"stages.{group}"
+        try:
+            wanted = stage_class(group, section.name or DEFAULT_STAGES[config.session.preset][group])
+        except ConfigError as error:
+            where = f"{_where(origins, f'{key}.name')}: {key}.name"
+            raise ConfigError(f"{where}: {error.message}", error.hint) from None
+        options = convert(section.options, wanted.options_type, f"{key}.options")
+        sections[group] = msgspec.structs.replace(section, options=options)
+    if config.vest.layout is not None:
+        try:
+            find_layout(config.vest.layout)
+        except InvalidValueError as error:
+            where = _where(origins, "vest.layout")
+            raise ConfigError(f"{where}: vest.{error.message}", error.hint) from None
+    beside = []
+    for number, one in enumerate(config.stages.beside):
+        key = f"stages.beside[{number}]"
+        try:
+            wanted = stage_class(one.group, one.name)
+        except ConfigError as error:
+            where = f"{_where(origins, 'stages.beside')}: {key}.name"
+            raise ConfigError(f"{where}: {error.message}", error.hint) from None
+        typed = convert(one.options, wanted.options_type, f"{key}.options")
+        beside.append(msgspec.structs.replace(one, options=typed))
+    return StagesSection(**sections, beside=tuple(beside))
+
+
+# Settings that have another name now.
+_MOVED = {
+    "vest.feedback": "stages.mapping.name: columns for continuous, pulses for events",
+    "vest.pulses": "stages.mapping.options, with stages.mapping.name = pulses",
+}
+
+
+def _check_moved(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
+    """Refuse a setting under the name it had in an earlier version, and say the one it has now."""
+    vest = tree.get("vest", {})
+    for key, now in _MOVED.items():
+        if isinstance(vest, dict) and key.removeprefix("vest.") in vest:
+            where = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), "settings")
+            raise ConfigError(f"{where}: {key}: unknown key", f"it is {now}")
 
 
 def _check_dead_man(seat: InputConfig | None) -> None:
@@ -246,22 +306,52 @@ def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = 
         ConfigError: No such driver, or an option is unknown, missing, of a wrong type or out of range.
         MissingExtraError: The driver needs a package that is not installed.
     """
+    typed: Options = _checked_options(driver_class(name).options_type, tree, sets)
+    return typed
+
+
+def stage_options(
+    group: Literal["metric", "decoder", "mapping"], name: str, *, sets: Sequence[str] = ()
+) -> Any:
+    """Check a stage's options outside a session, as its ``options`` table would be.
+
+    Args:
+        group: Which kind of stage.
+        name: Its name.
+        sets: Options as ``key=value``; paths are relative to the working directory.
+
+    Returns:
+        The typed options.
+
+    Raises:
+        ConfigError: No such stage, or an option is unknown, missing, of a wrong type or out of range.
+        MissingExtraError: The stage needs a package that is not installed.
+    """
+    return _checked_options(stage_class(group, name).options_type, {}, sets)
+
+
+def _checked_options(wanted: Any, tree: Mapping[str, Any], sets: Sequence[str]) -> Any:
     options: dict[str, Any] = dict(tree)
     origins: dict[str, str] = {}
     for item in sets:
-        key, _, text = item.partition("=")
-        _override(options, origins, key.strip(), text.strip(), "--set")
+        _override(options, origins, *_key_and_value(item, "rate_hz=30"), "--set")
 
-    def place(wanted: type, value: Any) -> Any:
-        if wanted is Path and isinstance(value, str | Path):
+    def place(kind: type, value: Any) -> Any:
+        if kind is Path and isinstance(value, str | Path):
             return Path.cwd() / Path(value).expanduser()
-        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
+        raise TypeError(f"expected {'a path' if kind is Path else kind.__name__}")
 
-    wanted = driver_class(name).options_type
     try:
         return msgspec.convert(options, wanted, dec_hook=place)
     except msgspec.ValidationError as error:
         raise explain(error, options, wanted, prefix="options", origins=origins) from None
+
+
+def _key_and_value(item: str, example: str) -> tuple[str, str]:
+    key, equals, text = item.partition("=")
+    if not equals or not key.strip():
+        raise ConfigError(f"--set {item!r}: not of the form key=value", f"for example --set {example}")
+    return key.strip(), text.strip()
 
 
 def _where(origins: Mapping[str, str], key: str) -> str:
@@ -271,8 +361,8 @@ def _where(origins: Mapping[str, str], key: str) -> str:
 def _read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
     """Return a file's tree, and the line of each value."""
     try:
-        text = path.read_text(encoding="utf-8")
-        return tomllib.loads(text), value_lines(text)
+        text = read_words(path, error=ConfigError)
+        return parse_toml(text), value_lines(text)
     except OSError as error:
         raise ConfigError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
@@ -308,5 +398,5 @@ def _fields(struct: msgspec.Struct, prefix: str = "") -> Iterator[tuple[str, Any
         value = getattr(struct, name)
         if isinstance(value, msgspec.Struct):
             yield from _fields(value, f"{prefix}{name}.")
-        elif not (name == "options" and not isinstance(value, Options)):
+        elif name != "options":
             yield f"{prefix}{name}", value

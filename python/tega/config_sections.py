@@ -27,8 +27,11 @@ if TYPE_CHECKING:
 __all__ = [
     "DEFAULT_LAYOUT",
     "DEFAULT_PACE",
+    "DEFAULT_STAGES",
     "FINGERS",
+    "STAGE_GROUPS",
     "ArmConfig",
+    "BesideConfig",
     "CalibrationConfig",
     "EmgConfig",
     "HandConfig",
@@ -36,10 +39,11 @@ __all__ = [
     "InputSection",
     "MarkersSection",
     "Pace",
-    "PulsesConfig",
     "RecordingSection",
     "SessionConfig",
     "SessionSection",
+    "StageConfig",
+    "StagesSection",
     "TactileConfig",
     "TactileSection",
     "TrackerConfig",
@@ -52,6 +56,15 @@ FINGERS = ("thumb", "index", "middle", "ring")
 
 DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
 """The vest's layout where the settings name none, by preset."""
+
+STAGE_GROUPS: tuple[Literal["metric", "decoder", "mapping"], ...] = ("metric", "decoder", "mapping")
+"""Kinds of stages of which one is connected."""
+
+DEFAULT_STAGES: dict[str, dict[str, str]] = {
+    "paper": {"metric": "paper", "decoder": "rules", "mapping": "columns"},
+    "live": {"metric": "live", "decoder": "rules", "mapping": "columns"},
+}
+"""Name of the stage of each kind where the settings name none, by preset."""
 
 DEFAULT_PACE: dict[str, Pace] = {"paper": "steady", "live": "by-frame"}
 """The vest's pace where the settings name none, by preset."""
@@ -156,55 +169,30 @@ _Step = Annotated[float, msgspec.Meta(gt=0, le=100)]
 _EachStep = Annotated[tuple[_Step, ...], msgspec.Meta(min_length=40, max_length=40)]
 
 
-_Percent = Annotated[float, msgspec.Meta(ge=0, le=100)]
-
-
-class PulsesConfig(_Section, frozen=True):
-    """What the vest does at an event where ``vest.feedback`` is ``events``; it rests in between.
-
-    Attributes:
-        contact: A finger begins to touch: intensity of its front column, percent; 0 leaves it out.
-        release: It has let go: likewise of its back column.
-        slip: The object slips: likewise of the columns of all fingers in use, on both faces.
-        duration_s: How long a pulse lasts: a small coin motor needs about 0.18 s to reach its full vibration.
-        gap_s: So soon after a pulse has ended the same event of the same finger is not told again.
-    """
-
-    contact: _Percent = 70.0
-    release: _Percent = 70.0
-    slip: _Percent = 100.0
-    duration_s: Annotated[float, msgspec.Meta(ge=0.05, le=1)] = 0.2
-    gap_s: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.3
-
-
 class VestConfig(_Section, frozen=True):
     """The vest.
 
     Attributes:
         driver: Name of a vest driver; none means the frames are only recorded.
-        layout: Which motors: ``paper32``, ``x40`` or ``x16``; none means the preset's own.
+        layout: Where the motors are: ``paper32``, ``x40``, ``x16`` or another of the stages' group ``tega.layouts``;
+            none means the preset's own.
         rate_hz: Refreshes per second.
         pace: ``steady`` makes frames at the refreshes only, ``by-frame`` also whenever a picture of a live fingertip
             changes what is felt; none means the preset's own.
         keep_alive_s: A frame equal to the last one sent is sent to a real vest again after this long at the latest;
             0 sends every frame. It stays well below the 200 ms after which a vest has to fall silent by itself.
         mirror: ``back`` reverses the back's columns, ``all`` both faces' (a left hand, or a mirrored vest).
-        feedback: ``continuous`` shows touch as long as it lasts (the paper's), ``events`` pulses at contact, slip and
-            release only.
-        pulses: What those are like.
         threshold: The lowest intensity that this person feels, percent: one number, or 40 in the wearer's order.
         step: The smallest increase that this person notices, percent; likewise. See ``tega.haptics.FeltMap``.
         options: The driver's own settings.
     """
 
     driver: str | None = None
-    layout: Literal["paper32", "x40", "x16"] | None = None
+    layout: str | None = None
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 30.0
     pace: Pace | None = None
     keep_alive_s: Annotated[float, msgspec.Meta(ge=0, le=0.15)] = 0.1
     mirror: Literal["none", "back", "all"] = "none"
-    feedback: Literal["continuous", "events"] = "continuous"
-    pulses: PulsesConfig = PulsesConfig()
     threshold: _Threshold | _EachThreshold = 0.0
     step: _Step | _EachStep = 1.0
     options: Any = msgspec.field(default_factory=dict)
@@ -342,6 +330,54 @@ class MarkersSection(_Section, frozen=True):
     lsl_in: str | None = None
 
 
+class StageConfig(_Section, frozen=True):
+    """One stage.
+
+    Attributes:
+        name: Its name, as ``tega-teleop stages`` lists it; none means the preset's own.
+        options: Its own settings.
+    """
+
+    name: str | None = None
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class BesideConfig(_Section, frozen=True):
+    """One stage that looks on.
+
+    Attributes:
+        group: ``metric`` or ``decoder``.
+        name: Its name, as ``tega-teleop stages`` lists it.
+        options: Its own settings.
+    """
+
+    group: Literal["metric", "decoder"]
+    name: str
+    options: Any = msgspec.field(default_factory=dict)
+
+    @property
+    def stages(self) -> StagesSection:
+        """The stages with it in its place."""
+        chosen = StageConfig(name=self.name, options=self.options)
+        return StagesSection(metric=chosen) if self.group == "metric" else StagesSection(decoder=chosen)
+
+
+class StagesSection(_Section, frozen=True):
+    """What turns pictures into contacts, EMG into intent, and contacts into motor levels.
+
+    Attributes:
+        metric: Measures the fingertips' pictures.
+        decoder: Turns EMG into the operator's intent.
+        mapping: Turns contacts into motor levels.
+        beside: Further metrics and decoders that look on and are recorded; they move nothing.
+    """
+
+    metric: StageConfig = StageConfig()
+    decoder: StageConfig = StageConfig()
+    mapping: StageConfig = StageConfig()
+    beside: tuple[BesideConfig, ...] = ()
+
+
 class SessionConfig(_Section, frozen=True):
     """Everything a session needs to know, checked, with absolute paths and typed driver options."""
 
@@ -351,6 +387,7 @@ class SessionConfig(_Section, frozen=True):
     emg: EmgConfig | None = None
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()
+    stages: StagesSection = StagesSection()
     input: InputSection = InputSection()
     arm: ArmConfig | None = None
     recording: RecordingSection = RecordingSection()

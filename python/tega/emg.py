@@ -35,6 +35,7 @@ from tega.errors import DtypeError, ShapeError
 __all__ = [
     "BlockMean",
     "ButterworthLowpass",
+    "Fusion",
     "GraspIntent",
     "InputKind",
     "Preset",
@@ -48,6 +49,9 @@ InputKind = Literal["raw", "rectified", "envelope"]
 
 Preset = Literal["paper", "live"]
 """The printed law, or the reading made for people."""
+
+Fusion = Literal["floor", "round", "median"]
+"""How the channels' levels become one: Eq 12 and 13, the same with the mean rounded, or the median without a vote."""
 
 
 def _rows(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
@@ -194,9 +198,16 @@ class GraspIntent:
         tau: Samples per block.
         kind: "raw", "rectified" or "envelope".
         preset: "paper" or "live".
+        cutoff_hz: Cutoff of Eq 10's low-pass, Hz.
+        order: Its order, 1 to 8.
+        intervals: Into how many equal parts Eq 11 cuts the range up to the maximum: 4 as printed, or 5, with level 5
+            from four fifths of it on.
+        fusion: What Eq 12 and 13 do: "floor" as printed, "round" with the mean rounded to the nearest level (a half
+            upward), "median" of the levels (the lower of two) without a vote.
+        weights: What each channel counts in that, 0 or more, ``(channels,)``; ``None`` where all count alike.
 
     Raises:
-        InvalidValueError: The rate, ``tau``, ``kind`` or ``preset`` cannot be used.
+        InvalidValueError: The rate, ``tau``, ``kind``, ``preset`` or a rule cannot be used.
         CalibrationError: A maximum is not finite or not greater than 0.
         ShapeError: ``maxima`` is not one-dimensional.
 
@@ -218,11 +229,27 @@ class GraspIntent:
         tau: int,
         kind: InputKind = "raw",
         preset: Preset = "live",
+        cutoff_hz: float = 50.0,
+        order: int = 4,
+        intervals: Literal[4, 5] = 4,
+        fusion: Fusion = "floor",
+        weights: Sequence[float] | None = None,
     ) -> None:
         values = np.atleast_1d(np.asarray(maxima, np.float64))
         if values.ndim != 1:
             raise ShapeError(f"maxima have shape {values.shape}, expected (channels,)")
-        self._core = _native.GraspIntent(rate_hz, values, tau, kind, preset)
+        self._core = _native.GraspIntent(
+            rate_hz,
+            values,
+            tau,
+            kind,
+            preset,
+            cutoff_hz=cutoff_hz,
+            order=order,
+            intervals=intervals,
+            fusion=fusion,
+            weights=[] if weights is None else [float(w) for w in weights],
+        )
         self._channels = len(values)
 
     def process(self, samples: ArrayLike) -> NDArray[np.int64]:

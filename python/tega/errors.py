@@ -4,6 +4,7 @@
 
     TegaError
     ├── InvalidValueError (ValueError)      a number out of range, not finite, or a bad choice
+    │   └── UnsafeNameError             a name from a file or a message that must not become part of a path
     ├── ShapeError (ValueError)             an array of the wrong shape or size
     ├── DtypeError (TypeError)              an array of the wrong element type
     ├── CalibrationError (ValueError)       maxima or baselines that cannot be used
@@ -31,6 +32,7 @@ __all__ = [
     "SampleRateError",
     "ShapeError",
     "TegaError",
+    "UnsafeNameError",
     "WireError",
     "WrongDeviceError",
 ]
@@ -76,6 +78,10 @@ class ConfigError(TegaError, ValueError):
 
 class RecordingError(TegaError, ValueError):
     """A recording is missing, cut short, or cannot be parsed."""
+
+
+class UnsafeNameError(InvalidValueError):
+    """A name that stands in a file or a message must not become part of a path."""
 
 
 class WireError(TegaError, ValueError):

@@ -36,6 +36,10 @@ __all__ = [
     "HandController",
     "JointModel",
     "ModelledHand",
+    "closure_level",
+    "joined_level",
+    "nearest_level",
+    "split_level",
 ]
 
 
@@ -61,6 +65,51 @@ LEVEL_TORQUE_FACTORS: Final = _constant(_native.DEFAULT_LEVEL_FACTORS)
 
 TICK_S: Final[float] = _native.TICK_S
 """One control cycle, 3 ms: 333 1/3 a second."""
+
+
+def closure_level(closure: float) -> float:
+    """Return the place of a closure among the levels: ``1 + 4 · closure``, from 1 (open) to 5 (full closure).
+
+    Args:
+        closure: 0 (open) to 1 (full closure).
+
+    Example:
+        >>> closure_level(0.6)
+        3.4
+    """
+    return 1.0 + 4.0 * closure
+
+
+def nearest_level(closure: float) -> int:
+    """Return the closure level, 1 to 5, that is nearest to a closure; the higher of two.
+
+    Args:
+        closure: 0 (open) to 1 (full closure).
+
+    Example:
+        >>> nearest_level(0.6)
+        3
+    """
+    return int(closure_level(closure) + 0.5)
+
+
+def split_level(level: float) -> tuple[int, float | None]:
+    """Return the nearest whole level, and the closure where the level lies between two.
+
+    Args:
+        level: 1 to 5, or 0 for a hand that is let go.
+
+    Example:
+        >>> split_level(3), split_level(3.5)
+        ((3, None), (4, 0.625))
+    """
+    whole = int(level + 0.5)
+    return whole, None if whole == level else (level - 1.0) / 4.0
+
+
+def joined_level(level: int, closure: float | None) -> float:
+    """Return what :func:`split_level` was given."""
+    return level if closure is None else closure_level(closure)
 
 
 class HandController:
@@ -122,7 +171,7 @@ class HandController:
     def step(
         self,
         angles_rad: ArrayLike,
-        level: int,
+        level: float,
         *,
         velocities_rad_s: ArrayLike | None = None,
         out: NDArray[np.float64] | None = None,
@@ -131,7 +180,7 @@ class HandController:
 
         Args:
             angles_rad: Measured joint angles, (16,).
-            level: Closure level asked for, 1 to 5.
+            level: Closure level asked for, 1 to 5 with fractions between two poses.
             velocities_rad_s: Measured joint velocities, (16,); None: estimated from the angles.
             out: Where to write the torques, float64 (16,); may be the array of the angles.
 
@@ -139,7 +188,7 @@ class HandController:
             Torques, float64 (16,), in torque units; ``out`` where it is given.
 
         Raises:
-            InvalidValueError: The level is none of the five, a number is not finite, or no encoder can report
+            InvalidValueError: The level is not from 1 to 5, a number is not finite, or no encoder can report
                 it. There is no torque then (``out`` holds zeros): send zero. The next torque starts from
                 zero.
             ShapeError: An array is not (16,).
@@ -152,7 +201,7 @@ class HandController:
                 velocities_rad_s = _array("velocities_rad_s", velocities_rad_s, (16,))
             angles_rad = _array("angles_rad", angles_rad, (16,))
             return self._native.step(angles_rad, level, velocities_rad_s=velocities_rad_s, out=out)
-        except Exception:
+        except BaseException:  # Ctrl-C and a panic of native code are no Exception
             if out is not None:
                 out.fill(0.0)
             raise
@@ -177,7 +226,7 @@ class HandController:
         return self._native.target_rad
 
     @property
-    def level(self) -> int | None:
+    def level(self) -> float | None:
         """The level asked for last; None before the first cycle and after :meth:`reset`."""
         return self._native.level
 
@@ -258,20 +307,20 @@ class ModelledHand:
         self.controller = HandController() if controller is None else controller
         self.model = JointModel() if model is None else model
 
-    def step(self, level: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def step(self, level: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Run one cycle of 3 ms: torques from the angles before it, and the angles they lead to.
 
         The same as ``torques = controller.step(model.angles_rad, level)`` and ``angles =
         model.step(torques)``.
 
         Args:
-            level: Closure level asked for, 1 to 5.
+            level: Closure level asked for, 1 to 5 with fractions between two poses.
 
         Returns:
             Joint angles after the cycle (rad) and the torques applied in it, float64 (16,) each.
 
         Raises:
-            InvalidValueError: The level is none of the five.
+            InvalidValueError: The level is not from 1 to 5.
         """
         return _native.step_modelled(self.controller._native, self.model._native, level)  # noqa: SLF001
 

@@ -6,7 +6,6 @@ between closure levels and encodes the torques, in one native call. A driver add
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -152,18 +151,18 @@ class HandLink:
             reconnects=reconnects,
         )
 
-    def exchange(self, frames: Sequence[Received], t_ns: int, level: int) -> list[CanFrame]:
+    def exchange(self, frames: Sequence[Received], t_ns: int, level: float) -> list[CanFrame]:
         """Take what was received and return what is to be sent, in order.
 
         Args:
             frames: Since the last call; may be none.
             t_ns: Time of a clock that never goes back, ns.
-            level: Closure level asked for, 1 to 5.
+            level: Closure level asked for, 1 to 5 with fractions between two poses.
 
         Raises:
-            InvalidValueError: The level is none of the five; nothing has changed then.
+            InvalidValueError: The level is not from 1 to 5; nothing has changed then.
         """
-        return [CanFrame(*sent) for sent in self._link.exchange(list(frames), t_ns, operator.index(level))]
+        return [CanFrame(*sent) for sent in self._link.exchange(list(frames), t_ns, float(level))]
 
     def release(self, t_ns: int) -> None:
         """Let go: the torque limits go to zero within 0.2 s, then motors and reports go off. Go on exchanging."""

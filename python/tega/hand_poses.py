@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tega.errors import ConfigError, TegaError
+from tega.foreign_file import parse_toml, read_words
 from tega.hand import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD, JOINT_NAMES, HandController
 from tega.wire import FINGERS
 
@@ -48,7 +49,7 @@ def load_poses(file: Path) -> NDArray[np.float64]:
         ConfigError: The file is missing, is no TOML, or a level, finger or angle is missing, odd or out of range.
     """
     try:
-        tables = tomllib.loads(file.read_text(encoding="utf-8"))
+        tables = parse_toml(read_words(file, error=ConfigError))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigError(
             f"{file.name}: the poses cannot be read: {error}", "tega-teleop hand teach writes such a file"

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from tega import _native
 from tega.errors import DtypeError, InvalidValueError, ShapeError
+from tega.motor_layout import SHIPPED, Mirror, find_layout
 
 __all__ = [
     "CONTACT_RULES",
@@ -42,15 +43,16 @@ __all__ = [
     "vest_frame",
 ]
 
-Layout: TypeAlias = Literal["paper32", "x40", "x16"]
-Mirror: TypeAlias = Literal["none", "back", "all"]
+Layout: TypeAlias = str
+"""Name of a layout: one of :data:`LAYOUTS`, or of an installed package's (:mod:`tega.motor_layout`)."""
+
 ContactType: TypeAlias = Literal["none", "focal", "broad", "mixed"]
 
 FINGERS: Final[tuple[str, ...]] = tuple(_native.FINGERS)
 """The four columns, from the wearer's left."""
 
-LAYOUTS: Final[tuple[Layout, ...]] = ("paper32", "x40", "x16")
-"""Names that :func:`vest_frame` takes."""
+LAYOUTS: Final[tuple[Layout, ...]] = tuple(SHIPPED)
+"""Names of the layouts that come with TEGA."""
 
 HIGH_SHARE: Final[float] = _native.HIGH_SHARE
 """Share of the maximum from which CCI or EDA counts as high: where the vest motor is at 50 %."""
@@ -109,9 +111,10 @@ class VestFrame:
     """What the motors of one layout are told at one moment.
 
     Attributes:
-        layout: ``"paper32"`` (rows 0 to 3 of each face), ``"x40"`` or ``"x16"``.
-        intensities: uint8, shape (32,), (40,) or (16,), percent: front row by row from the top, each row from
-            the wearer's left, then the back likewise. Made by :func:`vest_frame` it is read-only.
+        layout: ``"paper32"`` (rows 0 to 3 of each face), ``"x40"``, ``"x16"``, or the name of an installed one.
+        intensities: uint8, (n,), percent, in the order of the layout's table: with the three, front row by row from
+            the top, each row from the wearer's left, then the back likewise. Made by :func:`vest_frame` it is
+            read-only.
 
     Raises:
         DtypeError: ``intensities`` is not a uint8 array.
@@ -128,7 +131,14 @@ class VestFrame:
             raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
         if self.intensities.ndim != 1:
             raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
-        _native.vest_levels(self.layout, self.intensities)
+        if self.layout in SHIPPED:
+            _native.vest_levels(self.layout, self.intensities)
+            return
+        n = len(find_layout(self.layout).motors)
+        if len(self.intensities) != n:
+            raise ShapeError(f"{len(self.intensities)} intensities for the {n} motors of {self.layout!r}")
+        if self.intensities.max() > 100:
+            raise InvalidValueError(f"motor {int(self.intensities.argmax())} is above 100 percent")
 
     def __eq__(self, other: object) -> bool:
         """Compare layout and every motor."""
@@ -144,10 +154,10 @@ class VestFrame:
     def motors(self) -> NDArray[np.uint8]:
         """Index of each motor in the vendor's numbering, uint8 (n,), read-only.
 
-        The front is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is addressed
-        through the rows 0 and 2.
+        Of a 40-motor vest the front is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is
+        addressed through the rows 0 and 2.
         """
-        return _MOTORS[self.layout]
+        return find_layout(self.layout).numbers
 
     @property
     def levels(self) -> NDArray[np.uint8]:
@@ -155,14 +165,21 @@ class VestFrame:
 
         ``(15 * percent + 50) // 100`` in integers.
         """
-        return _native.vest_levels(self.layout, self.intensities)
+        if self.layout in SHIPPED:
+            return _native.vest_levels(self.layout, self.intensities)
+        return ((15 * self.intensities.astype(np.uint16) + 50) // 100).astype(np.uint8)
 
     def x40(self) -> NDArray[np.uint8]:
         """Return the frame of a 40-motor vest, uint8 (40,), percent, in wearer order (front, then back).
 
         ``paper32`` leaves the bottom row of each face at 0. ``x16`` writes its upper motors into rows 0 and 1
-        and its lower ones into rows 2 to 4: the rows a 16-motor vest combines into each.
+        and its lower ones into rows 2 to 4: the rows a 16-motor vest combines into each. Of another layout each
+        motor is at its number.
         """
+        if self.layout not in SHIPPED:
+            all_motors = np.zeros(40, np.uint8)
+            all_motors[self.motors] = self.intensities
+            return all_motors
         return _native.vest_x40(self.layout, self.intensities)
 
 
@@ -181,7 +198,7 @@ def vest_frame(
         front: Thumb, index, middle, ring in percent (CCI in the paper).
         back: The same fingers in percent (EDA in the paper).
         layout: ``"paper32"``: 4 × 4 on each face; ``"x40"``: the fifth row repeats the fourth; ``"x16"``: two
-            rows.
+            rows; or the name of an installed one, whose columns beyond the fourth rest.
         mirror: ``"none"``: thumb at the wearer's left on both faces; ``"back"``: the back reversed;
             ``"all"``: both reversed, as for a left hand.
 
@@ -197,11 +214,15 @@ def vest_frame(
         >>> vest_frame([80, 60, 40, 20], [10, 0, 100, 55]).levels[:4]
         array([12,  9,  6,  3], dtype=uint8)
     """
-    intensities = _native.vest_intensities(
-        _four("front", front), _four("back", back), layout=layout, mirror=mirror
-    )
-    intensities.flags.writeable = False
-    return VestFrame(layout, intensities)
+    faces = _four("front", front), _four("back", back)
+    if layout in SHIPPED:
+        return VestFrame(layout, _read_only(_native.vest_intensities(*faces, layout=layout, mirror=mirror)))
+    table = find_layout(layout).mirrored(mirror)
+    percents = dict(zip(("front", "back"), faces, strict=True))
+    shown = [percents[m.face][m.column] if m.column < 4 else 0.0 for m in table.motors]
+    if not np.isfinite(shown).all():
+        raise InvalidValueError(f"front = {faces[0]}, back = {faces[1]}: a number is not finite")
+    return VestFrame(layout, _read_only(np.clip(np.rint(shown), 0, 100).astype(np.uint8)))
 
 
 class FeltMap:
@@ -296,6 +317,3 @@ def _kind(value: object) -> str:
 def _read_only(array: NDArray[np.uint8]) -> NDArray[np.uint8]:
     array.flags.writeable = False
     return array
-
-
-_MOTORS: Final = {layout: _read_only(_native.layout_motors(layout)) for layout in LAYOUTS}

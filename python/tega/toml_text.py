@@ -41,7 +41,9 @@ def toml_value(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml_value, value))}]"
     if isinstance(value, Mapping):
-        inside = ", ".join(f"{toml_key(key)} = {toml_value(item)}" for key, item in value.items())
+        inside = ", ".join(
+            f"{toml_key(key)} = {toml_value(item)}" for key, item in value.items() if item is not None
+        )
         return f"{{ {inside} }}" if inside else "{}"
     return repr(float(value)) if isinstance(value, float) else repr(value)
 

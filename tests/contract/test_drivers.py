@@ -35,6 +35,7 @@ def test_contract(name: str, tmp_path: Path) -> None:
         check_driver(driver, make(**options))
 
 
+@pytest.mark.slow
 def test_the_contract_from_a_shell(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["emg-file", "vest-recorder", "synthetic-emg"]) == 0
     said = capsys.readouterr().out

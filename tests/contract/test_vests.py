@@ -33,7 +33,10 @@ from tega.testing.faults.vests import trouble
 from tega.testing.vest_bench import LIVE_VESTS, vest_bench
 from tega.wire import vest_levels
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux"),
+]
 
 TOUCH = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
 OTHER = vest_frame([7, 20, 33, 47], [60, 67, 73, 87], layout="x40")

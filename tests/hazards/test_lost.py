@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 import threading
 import time
@@ -14,9 +16,12 @@ import pytest
 from hazards.bench import LONGEST_S, Lab, lab
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD
+from tega.recording.inspection import inspect_file
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by
+
+pytestmark = pytest.mark.slow
 
 OPEN, TIGHT = CLOSURE_POSES_RAD[0], CLOSURE_POSES_RAD[4]
 
@@ -219,6 +224,41 @@ def test_a_silent_hand_ends_the_run(tmp_path: Path) -> None:
         with pytest.raises(DeviceUnavailableError, match="silent"):
             made.run(script)
         made.until(made.at_rest)
+
+
+def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, hand=True, recording={"dir": str(tmp_path / "recorded")}) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made))
+            for pid in guards():
+                os.kill(pid, signal.SIGKILL)
+            made.until(
+                lambda: any("lets go of the hand was lost" in change.reason for change in made.changes)
+            )
+            made.until(lambda: made.state == "active")
+            assert len(guards()) == 1
+            made.until(lambda: closed(made))
+
+        made.run(script)
+        assert made.limp()
+        assert not guards()
+    held = next(k for k, change in enumerate(made.changes) if "lets go of the hand was lost" in change.reason)
+    assert made.changes[held].state == "hold"
+    assert "active" in states(made)[held:]
+    assert any("lets go of the hand was lost" in said for said in made.summary["safety"]["alerts"])
+    found = inspect_file(tmp_path / "recorded" / made.summary["recording"]["file"])
+    assert any("lets go of the hand was lost" in event.text for event in found.states)
+
+
+def guards() -> list[int]:
+    """The processes of this test that guard a hand."""
+    children = " ".join((task / "children").read_text() for task in Path("/proc/self/task").iterdir()).split()
+    return [
+        int(pid)
+        for pid in children
+        if b"tega.devices.hand_guard" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]
 
 
 def test_a_lost_vest_is_told_and_the_run_goes_on(tmp_path: Path) -> None:

@@ -18,6 +18,8 @@ import pytest
 from hazards.bench import Lab, lab
 from hazards.test_lost import closed, column
 
+pytestmark = pytest.mark.slow
+
 RUN = [sys.executable, "-m", "tega.cli", "run"]
 
 

@@ -219,7 +219,7 @@ def test_an_emg_record_is_read_as_written(
         assert read_record(path, EmgRecord) == record
 
 
-@given(st.floats(10, 120), st.integers(0, 1000), st.integers(0, 9))
+@given(st.floats(10, 40), st.integers(0, 1000), st.integers(0, 9))
 def test_a_perfect_follower_scores_full_and_a_late_one_is_as_late_as_they_were(
     duration_s: float, seed: int, late: int
 ) -> None:

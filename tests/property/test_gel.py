@@ -11,6 +11,9 @@ from tega.sim.seams import Indenter
 
 # One unit for all examples: what it shows depends on no earlier press, as test_gel.py says.
 GEL = Gel(11)
+AREA_MM2 = GEL.surface_mm()[..., 3]
+
+EVEN = {form: Gel(0, spread=0.0, shape=form) for form in ("digit", "flat")}
 
 forces_n = st.floats(0.05, 15.0)
 places = st.tuples(st.floats(60.0, 180.0), st.floats(60.0, 260.0))
@@ -76,7 +79,7 @@ def test_more_force_goes_deeper_and_touches_no_less(force_n, times, place, radiu
 @given(st.floats(0.3, 15.0), st.floats(2.0, 40.0), places)
 def test_the_springs_carry_a_ball_s_force(force_n, radius_mm, place):
     GEL.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=place)])
-    carried = STIFFNESS_N_MM3 * GEL.displacement_mm().sum() * (4 / PX_PER_MM) ** 2
+    carried = STIFFNESS_N_MM3 * (GEL.displacement_mm() * AREA_MM2).sum()
     # Beside the picture lies what is missing.
     assert 0.5 * force_n < carried < 1.06 * force_n
 
@@ -88,3 +91,17 @@ def test_a_shape_upside_down_or_lifted_presses_alike(force_n, place, radius_mm):
     turned[:, :3] = rotation((0.3, 0.7, -0.2, 0.5))
     turned[2, 3] += 55.0
     assert GEL.press([press]) == GEL.press([press._replace(pose_mm=turned)])
+
+
+@given(st.sampled_from(["digit", "flat"]), forces_n, places, st.floats(1.0, 30.0))
+def test_a_gel_is_alike_on_both_sides(form, force_n, place, radius_mm):
+    gel = EVEN[form]
+    x, y = place
+    gel.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=(x, y))])
+    here = gel.displacement_mm()
+    gel.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=(239 - x, y))])
+    assert np.abs(here - gel.displacement_mm()[:, ::-1]).max() < 0.02 * here.max()
+    if form == "flat":
+        gel.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=(x, 319 - y))])
+        # Even rows are relaxed before odd ones.
+        assert np.abs(here - gel.displacement_mm()[::-1]).max() < 0.05 * here.max()

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tega.bus import Bus
 from tega.config import check_tree
 from tega.devices.base import EmgChunk
 from tega.net.clock import ClockEstimate, Offset
@@ -17,6 +19,7 @@ from tega.net.ends import FarMuscles, FarTracker
 from tega.net.gate import REFUSALS, Gate
 from tega.net.messages import (
     ArmCommand,
+    Feature,
     ForearmPose,
     HandCommand,
     Join,
@@ -30,6 +33,9 @@ from tega.net.messages import (
 )
 from tega.net.robot import RobotStation
 from tega.net.samples import SampleReceiver, SampleSender
+from tega.net.touch import FarTouch
+from tega.records import Contact
+from tega.teleop.sources import metrics_of, samples_of
 
 TTL_NS = 100_000_000
 _ns = st.integers(-(10**10), 10**10)
@@ -222,7 +228,7 @@ def test_samples_arrive_as_they_were_and_what_is_lost_shows_in_their_numbers(chu
         n, t_ns = n + gap, t_ns + (size + gap) * 10**6
         samples = np.arange(n, n + size)[:, None] + np.array([[0.0, 0.1, 1 / 3]])
         given |= {n + k: row.tolist() for k, row in enumerate(samples)}
-        sender._see(EmgChunk(t_ns + offset_ns, n, samples))
+        sender.take(samples_of(EmgChunk(t_ns + offset_ns, n, samples), live=False, start_ns=0))
         n += size
     came: dict[int, list[float]] = {}
     for message in [m for m in messages if not next(lost)]:
@@ -280,7 +286,7 @@ def _damaged(draw: st.DrawFn) -> bytes:
     st.lists(st.tuples(st.sampled_from(_KEYS), _message | _damaged() | st.binary(max_size=60)), max_size=30)
 )
 def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> None:
-    station = RobotStation(check_tree(_TREE, {}, base=Path()).config, lambda _said: None)
+    station = RobotStation(check_tree(_TREE, {}, base=Path()).config, Bus(), lambda _said: None)
     station._reception.welcome = Welcome(station=1, fingers={}, hand=True, arm=True)
     station._commands.start(time.monotonic_ns(), None)
     join = Join(5, "alice", frame="openxr", dead_man=True, muscles=True)
@@ -292,3 +298,33 @@ def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> 
     assert station._commands.blocks.next_until(2**62) is None
     assert not any(station._commands.switch(name)[2] for name in ("dead_man", "clutch", "recover"))
     assert "no command from 'alice' yet" in station.missing()
+
+
+@given(
+    st.builds(
+        Contact,
+        finger=st.text(max_size=5),
+        t_ns=_number,
+        in_contact=st.booleans(),
+        mass=_real,
+        cci=_real,
+        peak=_real,
+        eda=st.integers(0, 80_000) | st.integers(-(2**63), 2**64 - 1),
+        force_n=st.none() | _real,
+    )
+)
+def test_a_contact_comes_over_the_link_as_it_was_or_not_at_all(contact) -> None:
+    touch = FarTouch("robot", ttl_ns=2**62)
+    welcome = Welcome(station=1, fingers={"thumb": 60.0}, hand=False, arm=False)
+    touch.welcome(welcome)
+    stream = touch.fingers(welcome)["thumb"].stream
+    touch._start_ns = 0
+    data = encode(Feature(session=1, sequence=0, sent_ns=10, t_ns=5, contact=contact))
+    touch.feature("thumb", data, 10, Offset(0, 0))
+    assert stream is not None
+    item = stream.next_until(10)
+    numbers = (contact.mass, contact.cci, contact.peak)
+    whole = all(map(math.isfinite, numbers)) and 0 <= contact.eda <= 4096 * 4096
+    # By their text, in which one NaN is like another.
+    assert repr(item) == (repr((5, metrics_of(contact))) if whole else "None")
+    assert touch.summary()["refused_features"] == ({} if whole else {"malformed": 1})

@@ -29,6 +29,8 @@ from tega.testing.emulators.allegro import FAULTS, AllegroNode
 from tega.testing.emulators.allegro_port import BusPort
 from tega.testing.emulators.process import Emulator
 
+pytestmark = pytest.mark.slow
+
 PATIENT: dict[str, Any] = {"silent_after_ms": 1000.0, "lowest_rate_hz": 50.0}
 
 

@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from tega.config import check_tree
-from tega.devices.poses_file import PosesFile, PosesFileOptions
 from tega.errors import RecordingError
 from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
@@ -21,6 +20,7 @@ from tega.recording.mcap_reader import McapReader
 from tega.recording.trim import trim_session
 from tega.replay import replay_file
 from tega.replay.arm import forearm
+from tega.replay.poses_file import PosesFile, PosesFileOptions
 from tega.sim.check_arm import hand_of
 from tega.teleop import LoopView, run_session
 from tega.testing.lab import emulated_lab
@@ -97,6 +97,7 @@ def _values(found: dict[str, list[Any]], topic: str) -> list[Any]:
     return [message.value for message in found[topic]]
 
 
+@pytest.mark.slow
 def test_what_led_the_arm_computes_again_to_the_same_bits(session: Path) -> None:
     replay = replay_file(session / "trial-001.mcap")
     (turns,) = (s for s in replay.streams if s.stream == "/arm/turn")
@@ -191,6 +192,7 @@ def test_a_recorded_forearm_is_a_path_for_the_simulated_arm(session: Path) -> No
     assert list(first.position_m) == [-z, -x, y]  # from the headset's axes to the base's
 
 
+@pytest.mark.slow
 def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) -> None:
     tracker = {"driver": "poses-file", "options": {"file": str(session)}}
     tree = {

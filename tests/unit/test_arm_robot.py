@@ -222,6 +222,7 @@ def test_the_arm_goes_where_the_forearm_goes(arm: SimulatedArm) -> None:
     assert arm.problem == ""
 
 
+@pytest.mark.slow
 def test_a_run_that_says_nothing_leaves_the_arm_at_rest(arm: SimulatedArm) -> None:
     led = Led(arm)
     led.hold()
@@ -240,6 +241,7 @@ def test_a_run_that_says_nothing_leaves_the_arm_at_rest(arm: SimulatedArm) -> No
     led.hold()
 
 
+@pytest.mark.slow
 def test_a_frozen_arm_s_process_is_noticed_and_does_nothing_old_afterwards(arm: SimulatedArm) -> None:
     led = Led(arm)
     led.hold()
@@ -257,6 +259,7 @@ def test_a_frozen_arm_s_process_is_noticed_and_does_nothing_old_afterwards(arm: 
     assert arm.health.refused > 0
 
 
+@pytest.mark.slow
 def test_an_arm_s_process_that_is_killed_is_told(arm: SimulatedArm) -> None:
     led = Led(arm)
     led.hold()
@@ -299,6 +302,7 @@ def _runs(pid: int) -> bool:
         return False
 
 
+@pytest.mark.slow
 def test_whatever_the_run_asks_the_arm_goes_no_faster_than_its_own_limit(arm: SimulatedArm) -> None:
     arm.close()
     with SimulatedArm(SimulatedArmOptions(speed_m_s=0.1)) as slow:

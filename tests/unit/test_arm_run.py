@@ -145,6 +145,7 @@ def places(rows: list[dict[str, str]], what: str) -> list[tuple[float, tuple[flo
     return [(float(r["t_s"]), tuple(float(r[n]) for n in named)) for r in rows if r[named[0]]]
 
 
+@pytest.mark.slow
 def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -> None:
     with running(tmp_path) as run:
         run.hold()
@@ -179,6 +180,7 @@ def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -
     assert "arm   idle: the clutch is open" in console.export_text()
 
 
+@pytest.mark.slow
 def test_taking_hold_and_letting_go_moves_nothing(tmp_path: Path) -> None:
     with running(tmp_path) as run:
         for _ in range(3):
@@ -188,6 +190,7 @@ def test_taking_hold_and_letting_go_moves_nothing(tmp_path: Path) -> None:
     assert max(math.dist(targets[0], place) for place in targets) < 2e-3
 
 
+@pytest.mark.slow
 def test_after_a_stop_a_person_says_with_the_dead_man_let_go_that_it_goes_on(tmp_path: Path) -> None:
     with running(tmp_path) as run:
         run.hold()
@@ -207,6 +210,7 @@ def test_after_a_stop_a_person_says_with_the_dead_man_let_go_that_it_goes_on(tmp
     assert run.summary["arm"]["state_s"]["stopped"] > 0
 
 
+@pytest.mark.slow
 def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -229,6 +233,7 @@ def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(
     assert "has ended (-9)" in run.summary["arm"]["ended"]
 
 
+@pytest.mark.slow
 def test_muscles_that_are_lost_hold_the_arm(tmp_path: Path) -> None:
     with emulated_lab(tmp_path, arm=True, emg_hz=250.0) as lab, Run(lab, tmp_path) as run:
         run.starts("idle")
@@ -241,6 +246,7 @@ def test_muscles_that_are_lost_hold_the_arm(tmp_path: Path) -> None:
         run.starts("holding: the run is not active")
 
 
+@pytest.mark.slow
 def test_a_spacemouse_leads_the_arm_and_its_dead_man_is_its_clutch(tmp_path: Path) -> None:
     def by_cap(tree: dict[str, Any]) -> None:
         del tree["arm"]["tracker"], tree["input"]["clutch"]
@@ -262,6 +268,7 @@ def test_a_spacemouse_leads_the_arm_and_its_dead_man_is_its_clutch(tmp_path: Pat
     assert went[-1] - went[0] > 0.02
 
 
+@pytest.mark.slow
 def test_a_recorded_path_moves_the_arm_as_it_was_recorded(tmp_path: Path) -> None:
     # Up by 10 cm and aside by 5, in two seconds of a minimum-jerk move; then still.
     poses = []

@@ -92,6 +92,58 @@ def test_the_verb_prints_draws_and_speaks_json(tmp_path: Path, capsys: pytest.Ca
     assert [s["n_frames"] for s in scores] == [3] * len(READINGS)
 
 
+def test_a_lab_s_own_masks_and_forces_are_held_against_the_readings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cv2 = pytest.importorskip("cv2", reason="needs the extra tega[lab]")
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    forces = ["img_name,force_n"]
+    for number, force_n in enumerate((0.0, *FORCES_N)):
+        frame = FRAMES[number - 1] if number else GEL.frame([], 9)
+        touching = (
+            Mark((120.0, 150.0), 55.0).distance(frame.shape) <= 1
+            if number
+            else np.zeros((320, 240), np.bool_)
+        )
+        cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
+        cv2.imwrite(str(masks / f"{number}.png"), 255 * touching.astype(np.uint8))
+        forces.append(f"{number}.png,{force_n}")
+    cv2.imwrite(str(tmp_path / "still.png"), BASELINE)
+    table = tmp_path / "forces.csv"
+    table.write_text("\n".join(forces))
+    words = ["audit", str(tmp_path), "--baseline", str(tmp_path / "still.png"), "--masks", str(masks)]
+    words += ["--forces", str(table)]
+    with pytest.raises(SystemExit) as done:
+        main([*words, "--json"])
+    assert done.value.code == 0
+    live = next(s for s in json.loads(capsys.readouterr().out) if s["reading"] == "live")
+    assert (live["n_frames"], live["n_touched"], live["n_felt"], live["n_false"]) == (4, 3, 3, 0)
+    assert live["force_rank"] == pytest.approx(1.0)
+    assert live["iou"] > 0.5
+    with pytest.raises(SystemExit):
+        main(words)
+    printed = capsys.readouterr().out
+    assert "3 of 3" in printed
+    assert "false" in printed
+
+    cv2.imwrite(str(masks / "1.png"), np.zeros((10, 10), np.uint8))
+    with pytest.raises(SystemExit) as done:
+        main(words)
+    assert done.value.code != 0
+    assert "a mask of 10 x 10 pixels" in capsys.readouterr().err
+    for line, said in (
+        ("1.png,much", "not a force"),
+        ("1.png,-3", "wanted 0 to"),
+        ("other.png,1", "no picture has"),
+    ):
+        table.write_text(f"img_name,force_n\n{line}\n")
+        with pytest.raises(SystemExit) as done:
+            main(words)
+        assert done.value.code != 0
+        assert said in capsys.readouterr().err
+
+
 def test_live_finds_the_marked_circles_of_real_presses(recordings: Path) -> None:
     cv2 = pytest.importorskip("cv2", reason="needs the extra tega[lab]")
     folder = recordings / "digit" / "digit_ball_D20641"

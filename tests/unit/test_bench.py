@@ -258,6 +258,7 @@ def test_counts_are_committed_for_both_paths():
         assert committed[kernel]["avx2"] < committed[kernel]["baseline"]
 
 
+@pytest.mark.slow
 def test_the_time_of_a_simulated_lift_adds_up():
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     from tega.sim.world import World

@@ -12,6 +12,8 @@ from tega.devices import driver_class
 from tega.devices.brainflow_emg import BrainFlowEmg, BrainFlowOptions
 from tega.errors import DeviceUnavailableError
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def _with_brainflow() -> None:

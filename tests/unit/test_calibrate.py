@@ -25,6 +25,8 @@ from tega.cli.main import main
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by
 
+pytestmark = pytest.mark.slow
+
 RESTING, WORKING = 0.04, 1.0
 
 

@@ -138,8 +138,8 @@ def test_records_that_must_not_be_used(tmp_path: Path) -> None:
 
 
 def test_a_person_s_code_cannot_leave_the_folder(tmp_path: Path) -> None:
-    for code in ("../p01", "", "a b", ".hidden", "x" * 65):
-        with pytest.raises(InvalidValueError, match="only letters"):
+    for code in ("../p01", "", "a b", ".hidden", "x" * 129):
+        with pytest.raises(InvalidValueError, match="cannot be the name of a file"):
             CalibrationFolder(tmp_path).person(code)
     info = DeviceInfo(driver="d", kind="vest", label="../../etc: x", live=True)
     assert "/" not in device_name(info)

@@ -180,6 +180,7 @@ def test_a_session_without_input_is_refused(capsys: pytest.CaptureFixture[str], 
     assert err.startswith("error: no input: neither a tactile source nor EMG is set")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to a process")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_leaves_hand_and_vest_silent(session: Path, number: signal.Signals) -> None:

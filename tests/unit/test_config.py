@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tega.config import FINGERS, load_config
+from tega.config import FINGERS, driver_options, load_config
 from tega.config_lines import leaves, value_lines
 from tega.devices import driver_names
 from tega.devices.images import ImageFolderOptions
@@ -42,9 +42,9 @@ def test_defaults_need_no_file() -> None:
     loaded = load_config(None, environ={})
     assert loaded.config.session.preset == "live"
     assert loaded.config.tactile.in_use() == {}
-    assert {v.origin for k, v in loaded.values.items() if k not in {"vest.layout", "vest.pace"}} == {
-        "default"
-    }
+    of_preset = {"vest.layout", "vest.pace", *(f"stages.{s}.name" for s in ("metric", "decoder", "mapping"))}
+    assert {v.origin for k, v in loaded.values.items() if k not in of_preset} == {"default"}
+    assert {loaded.values[key].origin for key in of_preset} == {"preset live"}
     assert loaded.values["vest.layout"] == ("x40", "preset live")
 
 
@@ -201,3 +201,9 @@ def test_the_docs_list_every_key_and_driver() -> None:
         assert f"`{option or section}`" in text, key
     for name in driver_names():
         assert f"`{name}`" in text, name
+
+
+@pytest.mark.parametrize("item", ["rate_hz", "=3", " = 3"])
+def test_an_override_without_key_or_value_is_refused_for_a_driver_alone_too(item: str) -> None:
+    with pytest.raises(ConfigError, match="not of the form key=value"):
+        driver_options("synthetic-touch", {}, sets=[item])

@@ -29,6 +29,7 @@ from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.score import Event
 from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.loop import LoopView
+from tega.teleop.sources import Block
 from tega.teleop.touch import Felt
 from tega.view.terminal import TerminalView, render
 
@@ -164,7 +165,7 @@ def view(t_ns: int = 2_500_000_000) -> LoopView:
     vest = vest_frame([f.front for f in felt], [f.back for f in felt], layout="x40")
     contacts = {"thumb": (t_ns, contact), "index": (t_ns, contact)}
     counts = {"touch": 150, "vest": 75}
-    return LoopView(t_ns, contacts, felt, vest, (t_ns, (2, 3, 3), 3), [0.5] * 16, counts)
+    return LoopView(t_ns, contacts, felt, vest, Block(t_ns, (2, 3, 3), 3), [0.5] * 16, counts)
 
 
 def text_of(shown: object) -> str:

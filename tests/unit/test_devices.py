@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import struct
 import sys
+import zlib
 from pathlib import Path
 
 import can
@@ -12,6 +15,7 @@ import pytest
 
 from reference.recordings import pressed, write_folder, write_video
 from tega.devices import driver_class, list_drivers
+from tega.devices.digit import Digit, DigitOptions
 from tega.devices.images import ImageFolder, ImageFolderOptions
 from tega.devices.python_can import PythonCan, PythonCanOptions
 from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
@@ -64,6 +68,39 @@ def test_a_picture_cut_short_is_refused_and_named(tmp_path: Path, suffix: str, c
     path.write_bytes(data[: int(len(data) * cut)])
     with pytest.raises(RecordingError, match=rf"frame_3\{suffix}: {said}"):
         names_read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [((20_000, 20_000), "20000x20000 pixels"), ((8000, 8000), "bytes cannot hold 8000x8000 pixels")],
+)
+def test_a_forged_size_asks_for_no_memory(tmp_path: Path, size: tuple[int, int], said: str) -> None:
+    path = write_folder(tmp_path, 1) / "frame_0.png"
+    data = bytearray(path.read_bytes())
+    data[16:24] = struct.pack(">II", *size)
+    data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=said):
+        names_read(tmp_path)
+
+
+def test_a_stray_picture_among_the_frames_is_no_frame_and_told(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, 12)
+    shutil.copy(folder / "frame_3.png", folder / "IMG_2041 copy.png")
+    with ImageFolder(ImageFolderOptions(folder=folder)) as source:
+        (note,) = source.info.notes
+        assert source.info.n_items == 12
+    assert note.startswith("IMG_2041 copy.png: not named as the 12 other pictures (frame_#)")
+    assert "IMG_2041 copy.png" not in names_read(folder)
+    (folder / "IMG_2041 copy.png").rename(folder / "frame_12.png")
+    assert len(names_read(folder)) == 13
+
+
+def test_a_camera_that_cannot_be_reached_is_not_blamed_on_permissions() -> None:
+    with pytest.raises(DeviceUnavailableError, match="does not open") as caught:
+        Digit(DigitOptions(source="http://127.0.0.1:9/stream")).open()
+    assert "is the address right" in caught.value.hint
+    assert "udev" not in caught.value.hint
 
 
 def test_a_damaged_png_is_refused(tmp_path: Path) -> None:

@@ -124,6 +124,23 @@ def test_mat_files_name_what_they_have(tmp_path: Path) -> None:
         read_emg_file(path)
 
 
+def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tega.devices.emg_formats._MOST_MIB", 1)
+    path = tmp_path / "e.mat"
+    scipy.io.savemat(path, {"emg": ROWS, "big": np.zeros(200_000)}, do_compression=True)
+    with pytest.raises(RecordingError, match="more than 1 MiB"):
+        read_emg_file(path)
+
+
+def test_a_mat_file_with_an_object_beside_the_samples_is_read(recordings: Path) -> None:
+    path = recordings / "emg" / "my_thesis" / "recording_force_v1.mat"
+    assert read_emg_file(path)[0].shape == (8803, 8)
+    with pytest.raises(RecordingError, match="has no variable 'other'; it has: none that can be listed"):
+        read_emg_file(path, variable="other")
+
+
 @pytest.mark.parametrize(
     ("channels", "said"), [((4,), "has no channel 4; it has 3"), ((1, 1), "asked for twice")]
 )

@@ -37,6 +37,7 @@ def _until(done: Callable[[], bool], *, seconds: float = 60.0) -> bool:
     return False
 
 
+@pytest.mark.slow
 def test_it_gives_the_newest_picture_once_and_turned() -> None:
     with Emulator("digit") as sensor, _driver(sensor) as digit:
         first = digit.read(5.0)
@@ -56,6 +57,7 @@ def test_it_gives_the_newest_picture_once_and_turned() -> None:
     assert digit.counts.lost == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("terminated", [False, True])
 def test_a_program_that_does_not_close_it_still_ends_in_order(terminated: bool) -> None:
     with Emulator("digit") as sensor:
@@ -100,6 +102,7 @@ def test_every_fault_of_the_emulated_sensor_is_tried() -> None:
     assert set(COUNTED) | {"small", "slow", "other", "strip"} == set(FAULTS)
 
 
+@pytest.mark.slow
 def test_an_unknown_fault_is_refused() -> None:
     with Emulator("digit") as sensor:
         with pytest.raises(ValueError, match="'frozen' means nothing here: there are freeze"):
@@ -107,6 +110,7 @@ def test_an_unknown_fault_is_refused() -> None:
         sensor.say("freeze")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", sorted(COUNTED))
 def test_a_fault_is_counted_silences_and_is_survived(fault: str) -> None:
     with Emulator("digit") as sensor, _driver(sensor) as digit:
@@ -121,6 +125,7 @@ def test_a_fault_is_counted_silences_and_is_survived(fault: str) -> None:
         assert _until(lambda: digit.read(0.1) is not None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("orientation", ["upright", "as-sent"])
 def test_another_sensor_s_lines_are_named_and_withheld(orientation: str) -> None:
     with Emulator("digit") as one, Emulator("digit", "--look", "1") as two:
@@ -149,6 +154,7 @@ def test_another_sensor_s_lines_are_named_and_withheld(orientation: str) -> None
             assert "unlike the baseline" in digit.info.notes[-1]
 
 
+@pytest.mark.slow
 def test_as_sent_and_another_size() -> None:
     with Emulator("digit") as sensor:
         with _driver(sensor, orientation="as-sent") as digit:
@@ -236,6 +242,7 @@ def test_lines_of_another_real_sensor_are_found_and_no_press_is_taken_for_one(re
     assert origin.judge(other).share == 1.0
 
 
+@pytest.mark.slow
 def test_a_sensor_that_sends_too_few_pictures_is_told() -> None:
     with Emulator("digit") as sensor, _driver(sensor) as digit:
         sensor.say("slow")

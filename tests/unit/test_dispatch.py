@@ -28,6 +28,7 @@ def test_a_lower_instruction_set_gives_the_same_bits(simd):
     assert digest == answers()[1]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="needs qemu-x86_64 (Debian: qemu-user)")
 def test_a_processor_without_avx_gives_the_same_bits():
     used, digest = answers("qemu-x86_64", "-cpu", "Nehalem")

@@ -50,6 +50,7 @@ def doctor_alone(folder: Path, *words: str) -> tuple[int, str, str]:
     return ran.returncode, ran.stdout, ran.stderr
 
 
+@pytest.mark.slow
 def test_an_empty_bench_is_told_kindly_and_ends_with_3(tmp_path: Path) -> None:
     code, out, _ = doctor_alone(tmp_path, "--json")
     said = json.loads(out)
@@ -96,6 +97,7 @@ def bench() -> Iterator[EmulatedBench]:
         yield up
 
 
+@pytest.mark.slow
 def test_a_bench_with_every_emulator_up_is_fine(
     bench: EmulatedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,6 +17,7 @@ from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by
 
 
+@pytest.mark.slow
 def test_a_hand_of_another_version(tmp_path: Path) -> None:
     with Emulator("allegro_port", "--hardware", "0x0500") as hand:
         options = json.dumps({"interface": "slcan", "channel": hand.address["channel"]})
@@ -30,6 +31,7 @@ def test_a_hand_of_another_version(tmp_path: Path) -> None:
     assert finding.todo
 
 
+@pytest.mark.slow
 def test_an_amplifier_that_is_too_slow(tmp_path: Path) -> None:
     with Emulator("ascii_board", "--rate", "500", "--fault", "slow=0.2") as board:
         finding = only(
@@ -44,6 +46,7 @@ def test_an_amplifier_that_is_too_slow(tmp_path: Path) -> None:
     assert any("delay()" in step for step in finding.todo)
 
 
+@pytest.mark.slow
 def test_an_amplifier_that_hums(tmp_path: Path) -> None:
     with Emulator("cyton", "--signal", "hum") as board:
         examination = told(
@@ -71,6 +74,7 @@ def test_a_player_without_a_vest(tmp_path: Path) -> None:
     assert "has no vest connected" in finding.finding
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "status", "said"), [("black", "wrong", "black"), ("cut", "missing", "does not open")]
 )
@@ -87,6 +91,7 @@ def test_a_camera_in_trouble(tmp_path: Path, fault: str, status: str, said: str)
     assert said in finding.finding
 
 
+@pytest.mark.slow
 def test_a_camera_slower_than_agreed_and_a_baseline_of_another_size(tmp_path: Path) -> None:
     import numpy as np
 
@@ -161,6 +166,7 @@ def test_four_sensors_on_one_bus_are_too_many() -> None:
     assert bench_of(30.0, "1111") == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("dbus-daemon") is None, reason="dbus-daemon is not installed")
 def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from tega.devices.vest_ble import BleVest

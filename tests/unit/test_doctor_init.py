@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -60,3 +64,21 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     text = path.read_text()
     assert 'also found: /dev/ttyACM0: driver = "serial-emg"' in text
     assert "# Not usable yet: down" in text
+
+
+@pytest.mark.skipif(os.name != "posix", reason="emulated serial devices need pseudo-terminals")
+def test_ctrl_c_ends_emulated_devices_without_a_traceback(tmp_path: Path) -> None:
+    """A terminal sends Ctrl-C to every program of its foreground: command and emulators alike."""
+    command = [sys.executable, "-m", "tega.cli", "init", "--emulated", "--out", str(tmp_path / "lab.toml")]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        while "Ctrl-C" not in process.stdout.readline():
+            assert process.poll() is None
+        os.killpg(process.pid, signal.SIGINT)
+        said = process.stderr.read()
+        code = process.wait(60)
+    assert "Traceback" not in said, said
+    assert code in {0, 130}

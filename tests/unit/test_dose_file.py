@@ -79,6 +79,7 @@ def test_a_file_that_cannot_be_read_is_no_clean_slate(tmp_path: Path) -> None:
         KeptDose(file, MotorBudget())
 
 
+@pytest.mark.slow
 def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
     with emulated_lab(tmp_path, vest=True, fingers=("thumb",)) as lab:
         kept = CalibrationFolder(tmp_path / "calibrations").person("p01") / "vest-dose.json"

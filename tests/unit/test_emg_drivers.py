@@ -23,6 +23,8 @@ from tega.devices.serial_emg import SerialEmg, SerialEmgOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError, SampleRateError
 from tega.testing.emulators.process import Emulator
 
+pytestmark = pytest.mark.slow
+
 # Nothing here waits that long unless it fails.
 PATIENCE_S = 60.0
 QUICK = {"measure_s": 0.25, "silence_s": 20.0, "start_s": 10.0}

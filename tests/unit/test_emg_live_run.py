@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.config import check_tree
 from tega.devices.base import DeviceInfo, EmgChunk
-from tega.emg import GraspIntent
+from tega.stages.base import MuscleSetup
+from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega.teleop.session import run_session
 from tega.teleop.sources import SourceReport, grasp_blocks
 from tega.testing.emulators.process import Emulator
@@ -35,17 +38,18 @@ def test_missing_samples_take_their_time() -> None:
     # 100 samples, 350 missing, 100 samples, at 500 Hz in blocks of 50: eleven blocks of time.
     ones = np.ones((100, 1))
     source: Any = Gappy([EmgChunk(200_000_000, 0, ones), EmgChunk(1_100_000_000, 450, ones)])
-    intent = GraspIntent(500.0, [1.0], tau=50, kind="envelope", preset="paper")
+    setup = MuscleSetup("envelope", 500.0, 50, ("a",), (1.0,), "paper")
     report = SourceReport()
-    blocks = list(grasp_blocks(source, intent, report, rate_hz=500.0, tau=50))
+    blocks = list(grasp_blocks(source, RulesDecoder(setup, RulesOptions()), report, rate_hz=500.0))
     assert (report.n_items, report.n_missing) == (200, 350)
     assert len(blocks) == 11
-    assert [level for _, (level,), _ in blocks][:2] == [5, 5]
+    assert [block.channels[0] for block in blocks][:2] == [5, 5]
     # Bad from the first block that lies in the gap, until 100 ms of good samples have come.
-    assert 0 in [level for _, (level,), _ in blocks]
-    assert [fused for _, _, fused in blocks] == [5] * 11
+    assert 0 in [block.channels[0] for block in blocks]
+    assert [block.level for block in blocks] == [5] * 11
 
 
+@pytest.mark.slow
 def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> None:
     maxima = EmgMaxima(
         kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
@@ -75,3 +79,48 @@ def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> Non
     assert "Cyton firmware v3.1.2, gain 24" in notes
     assert summary["emg"]["samples"] > 100
     assert (tmp_path / "out" / "can.csv").read_text().splitlines()[-1].endswith("104,")
+
+
+def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Path) -> None:
+    """Another thread asks the source for its notes as fast as it can, as the page's painter once did."""
+    maxima = EmgMaxima(
+        kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
+    )
+    save_calibration(
+        Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima), tmp_path / "c.toml"
+    )
+    over, failed, asked = threading.Event(), list[BaseException](), [0]
+
+    def ask(source: Any, intent: Any) -> None:
+        try:
+            while not over.is_set():
+                assert source.info.unit == "µV"
+                assert len(intent.full_scale) == 3
+                asked[0] += 1
+        except BaseException as error:
+            failed.append(error)
+
+    with Emulator("cyton", "--signal", "emg", "--fault", "loss=0.02") as device:
+        tree: dict[str, Any] = {
+            "session": {"duration_s": 3.0, "out_dir": str(tmp_path / "out")},
+            "calibration": {"file": str(tmp_path / "c.toml")},
+            "emg": {"driver": "cyton", "kind": "raw", "options": {"port": device.port, "measure_s": 0.25}},
+        }
+        askers: list[threading.Thread] = []
+
+        def prepared(prepared: Any) -> Any:
+            muscles = prepared.muscles
+            askers.append(threading.Thread(target=ask, args=(muscles.source, muscles.decoder)))
+            askers[0].start()
+            return prepared
+
+        try:
+            summary = run_session(check_tree(tree, {}, base=tmp_path).config, on_prepared=prepared)
+        finally:
+            over.set()
+            for asker in askers:
+                asker.join()
+    assert not failed
+    assert asked[0] > 100
+    assert summary["ended"] == "duration"
+    assert "emg: lost" not in str(summary)

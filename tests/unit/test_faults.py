@@ -56,6 +56,7 @@ CELLS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("driver", "fault", "effect", "said"), CELLS)
 def test_a_cell_is_made_by_running_into_the_fault(driver: str, fault: str, effect: str, said: str) -> None:
     outcome = run("--only", driver, "--fault", fault)

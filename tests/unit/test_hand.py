@@ -171,6 +171,8 @@ def test_poses_of_ones_own_are_checked_and_used() -> None:
     ("settings", "message"),
     [
         ({"kp": -1}, "kp of index_j0"),
+        ({"kp": np.finfo(np.float64).max}, r"kp of index_j0 = .* out of range: 0.0 to 1000.0"),
+        ({"kd": 1000.1}, r"kd of index_j0 = 1000.1 .* out of range: 0.0 to 1000.0"),
         ({"kd": [0.1] * 15 + [math.inf]}, "kd of thumb_j3"),
         ({"error_limit_rad": 0.0}, "error_limit_rad"),
         ({"torque_limits": 1.1}, "torque_limits of index_j0"),
@@ -181,6 +183,26 @@ def test_poses_of_ones_own_are_checked_and_used() -> None:
 def test_gains_no_hand_should_get_are_refused(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(InvalidValueError, match=message):
         HandController(**settings)
+
+
+class Interrupted:
+    """An array that Ctrl-C interrupts the reading of; no Exception, as a panic of native code is none."""
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+
+def test_whatever_is_raised_no_torque_is_left_to_be_sent() -> None:
+    controller, torques = HandController(), np.full(16, 0.7)
+    with pytest.raises(KeyboardInterrupt):
+        controller.step(Interrupted(), 3, out=torques)
+    assert not torques.any()
+
+
+def test_the_model_refuses_what_its_numbers_cannot_hold() -> None:
+    for wrong in ({"time_constant_s": 1e-320}, {"full_duty_speed_rad_s": 1e308}):
+        with pytest.raises(InvalidValueError, match="1e-6 to 1e6"):
+            JointModel(np.zeros(16), **wrong)
 
 
 def test_a_lower_torque_limit_holds() -> None:

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
 from reference.waiting import until
+from tega.child_process import python_command, python_environment
+from tega.devices.allegro import Allegro, AllegroOptions
+from tega.devices.guard_process import GuardProcess
+from tega.errors import DeviceUnavailableError
 from tega.testing.emulators.process import Emulator
+
+pytestmark = pytest.mark.slow
 
 
 @contextmanager
-def steering(hand: Emulator) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a program that closes the hand and never lets go of it by itself."""
+def steering(hand: Emulator, folder: Path | None = None) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a program that closes the hand and never lets go of it by itself, in a working folder."""
     program = (
         "import signal, time\n"
         "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # tests may themselves run under nohup
@@ -24,11 +32,16 @@ def steering(hand: Emulator) -> Iterator[subprocess.Popen[bytes]]:
         f"options = dict({hand.address!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0)\n"
         "hand = Allegro(AllegroOptions(**options))\n"
         "hand.open()\n"
+        "lost = 0\n"
         "while True:\n"
         "    hand.step(5)\n"
         "    time.sleep(0.003)\n"
+        "    if hand._guard.n_lost > lost and not hand.guard_problem:\n"
+        "        lost = hand._guard.n_lost\n"
+        "        print('replaced', flush=True)\n"
     )
-    with subprocess.Popen([sys.executable, "-c", program]) as running:
+    words = [sys.executable, "-P", "-c", program]
+    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE) as running:
         until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
         try:
             yield running
@@ -55,3 +68,114 @@ def test_a_closed_terminal_lets_go_of_the_hand() -> None:
         running.send_signal(signal.SIGHUP)
         assert running.wait() == 128 + signal.SIGHUP
         until(lambda: limp(hand))
+
+
+def test_files_in_the_working_folder_do_not_take_the_guard_s_place(tmp_path: Path) -> None:
+    for name in ("can", "select", "json", "msgspec", "numpy", "tega"):
+        (tmp_path / f"{name}.py").write_text("open('was_run', 'w').close()\n")
+    with Emulator("allegro_port") as hand, steering(hand, tmp_path) as running:
+        running.kill()
+        until(lambda: limp(hand))
+    assert not (tmp_path / "was_run").exists()
+
+
+def test_a_program_that_is_started_finds_nothing_in_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "can.py").write_text("raise SystemExit('the wrong one')\n")
+    monkeypatch.chdir(tmp_path)
+    kept = str(tmp_path / "elsewhere")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(["", ".", str(tmp_path), kept]))
+    assert python_environment()["PYTHONPATH"] == kept
+    words = python_command("tega.cli", "--version")
+    done = subprocess.run(words, env=python_environment(), capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("tega ")
+    look = [*words[:3], words[3].partition("import runpy")[0] + "import can; print(can.__file__)", *words[4:]]
+    found = subprocess.run(look, env=python_environment(), capture_output=True, text=True, check=True)
+    assert tmp_path not in Path(found.stdout.strip()).parents
+
+
+def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(_bus: object, _frames: object, *, device_id: int) -> GuardProcess:  # noqa: ARG001
+        return GuardProcess("lets go of the hand", "tega.no_such_program")
+
+    monkeypatch.setattr("tega.devices.allegro.guard_hand", absent)
+    with Emulator("allegro_port") as hand:
+        allegro = Allegro(AllegroOptions(**hand.address))
+        with pytest.raises(
+            DeviceUnavailableError, match="the process that lets go of the hand did not start"
+        ):
+            allegro.open()
+        assert hand.say("look")["torques"] == 0
+        assert not hand.say("look")["servo_on"]
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_guard_that_is_lost_is_replaced(how: signal.Signals) -> None:
+    with Emulator("allegro_port") as hand:
+        options = AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0)
+        with Allegro(options) as allegro:
+            guard = allegro._guard
+            assert guard is not None
+            assert allegro.guard_problem == ""
+            first = guard.pid
+            os.kill(first, how)
+            until(lambda: (allegro.step(5), "was lost; another is being started" in allegro.guard_problem)[1])
+            until(lambda: (allegro.step(5), not allegro.guard_problem)[1])
+            assert guard.pid != first
+            assert guard.n_lost == 1
+        assert limp(hand)
+    assert not Path(f"/proc/{guard.pid}").exists()
+
+
+def test_the_guard_that_took_the_lost_one_s_place_lets_go_of_the_hand() -> None:
+    with Emulator("allegro_port") as hand, steering(hand) as running:
+        for task in Path(f"/proc/{running.pid}/task").iterdir():
+            for pid in (task / "children").read_text().split():
+                os.kill(int(pid), signal.SIGKILL)
+        assert running.stdout is not None
+        assert running.stdout.readline() == b"replaced\n"
+        assert any(hand.say("look")["duties"])
+        running.kill()
+        until(lambda: limp(hand))
+
+
+def test_a_deaf_hand_is_not_left_alone(capfd: pytest.CaptureFixture[str]) -> None:
+    with Emulator("allegro_port") as hand:
+        program = (
+            "from tega.devices.allegro import Allegro, AllegroOptions\n"
+            f"options = dict({hand.address!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0, reconnects=50)\n"
+            "with Allegro(AllegroOptions(**options)) as hand:\n"
+            "    try:\n"
+            "        while True:\n"
+            "            hand.step(5)\n"
+            "            __import__('time').sleep(0.003)\n"
+            "    except KeyboardInterrupt:\n"
+            "        pass\n"
+            "print('stopped')\n"
+        )
+        with subprocess.Popen(
+            [sys.executable, "-P", "-c", program], stderr=subprocess.PIPE, text=True
+        ) as running:
+            until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
+            hand.say("silence")
+            running.send_signal(signal.SIGINT)
+            _, said = running.communicate(timeout=60)
+        assert not limp(hand)
+        last = said.strip().splitlines()[-1]
+        assert last.startswith("USE THE HAND'S EMERGENCY SWITCH: ")
+        assert "has not confirmed that its motors are off" in last
+        hand.say("clear")
+        until(lambda: limp(hand))
+    assert "stopped" in capfd.readouterr().out
+
+
+def test_a_hand_that_confirms_ends_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
+    with Emulator("allegro_port") as hand:
+        with Allegro(AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0)) as allegro:
+            guard = allegro._guard
+            until(lambda: (allegro.step(5), any(hand.say("look")["duties"]))[1])
+        assert limp(hand)
+    assert guard is not None
+    assert not Path(f"/proc/{guard.pid}").exists()
+    assert "SWITCH" not in caplog.text

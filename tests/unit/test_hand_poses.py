@@ -56,6 +56,7 @@ def test_taught_angles_are_moved_inside_the_limits(tmp_path: Path) -> None:
     assert (load_poses(tmp_path / "p.toml")[0] >= JOINT_LIMITS_RAD[:, 0] + POSE_MARGIN_RAD).all()
 
 
+@pytest.mark.slow
 def test_teaching_reads_the_hand(tmp_path: Path) -> None:
     file = tmp_path / "poses.toml"
     said = CliRunner().invoke(hand, ["teach", str(file), "--level", "3", "--emulated", "--seconds", "0.3"])
@@ -66,6 +67,7 @@ def test_teaching_reads_the_hand(tmp_path: Path) -> None:
     assert np.array_equal(poses[0], CLOSURE_POSES_RAD[0].round(4))
 
 
+@pytest.mark.slow
 def test_show_and_measure_print_json() -> None:
     said = CliRunner().invoke(hand, ["show", "--emulated", "--side", "left", "--json"])
     assert said.exit_code == 0, said.output

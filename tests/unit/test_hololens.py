@@ -65,6 +65,7 @@ def test_a_wrist_that_is_guessed_counts_only_if_that_is_wanted(headset: Emulator
         some(lens)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["same", "old-time"])
 def test_a_pose_that_is_not_new_is_none(headset: Emulator, fault: str) -> None:
     with opened(headset) as lens:
@@ -81,6 +82,7 @@ def test_a_pose_that_is_not_new_is_none(headset: Emulator, fault: str) -> None:
         assert lens.problem == ""
 
 
+@pytest.mark.slow
 def test_an_origin_that_is_elsewhere_after_a_restart_does_not_move_the_arm(headset: Emulator) -> None:
     with opened(headset) as lens:
         steered = Steered(lens)
@@ -99,6 +101,7 @@ def test_an_origin_that_is_elsewhere_after_a_restart_does_not_move_the_arm(heads
         assert lens.counts.connections == 2
 
 
+@pytest.mark.slow
 def test_what_was_held_up_by_the_network_is_as_old_as_it_is(headset: Emulator) -> None:
     with opened(headset) as lens:
         steered = Steered(lens)
@@ -138,6 +141,7 @@ def test_a_wrist_that_jumps_does_not_move_the_arm(headset: Emulator) -> None:
         assert steered.way_m(before) < 0.005
 
 
+@pytest.mark.slow
 def test_the_arm_follows_the_wrist(headset: Emulator) -> None:
     with opened(headset) as lens:
         steered = Steered(lens)
@@ -154,6 +158,7 @@ def test_the_arm_follows_the_wrist(headset: Emulator) -> None:
         assert abs(moved.target.position_m[1] - before.position_m[1]) < 0.01
 
 
+@pytest.mark.slow
 def test_a_connection_that_says_nothing_is_dropped_and_made_anew(headset: Emulator) -> None:
     with opened(headset, silent_s=0.3) as lens:
         some(lens)
@@ -165,6 +170,7 @@ def test_a_connection_that_says_nothing_is_dropped_and_made_anew(headset: Emulat
         assert lens.problem == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["cut", "odd-size"])
 def test_a_stream_out_of_step_is_dropped_and_made_anew(headset: Emulator, fault: str) -> None:
     with opened(headset) as lens:
@@ -175,6 +181,7 @@ def test_a_stream_out_of_step_is_dropped_and_made_anew(headset: Emulator, fault:
         some(lens)
 
 
+@pytest.mark.slow
 def test_a_headset_that_goes_and_comes_is_found_again(headset: Emulator) -> None:
     with opened(headset) as lens:
         some(lens)

@@ -20,7 +20,10 @@ from tega.testing.emulators.process import Emulator
 from tega.view.state import ViewState
 from tega.view.terminal import render
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux"),
+]
 
 
 def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tega.bus import Bus
 from tega.config import check_tree
-from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, FrameLatency, LatencyTrace
+from tega.records import Latency
+from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, LatencyTrace
 from tega.teleop.session import run_session
 from tega.teleop.spread import Spread
 from tega.testing.lab import PRESSED, emulated_lab, pressing
@@ -49,12 +51,13 @@ class _Link:
         return handed
 
 
-def _made(budget_ms: float = 5.0) -> tuple[LatencyTrace, _Now, _Link, list[FrameLatency]]:
+def _made(budget_ms: float = 5.0) -> tuple[LatencyTrace, _Now, _Link, list[Latency]]:
     now, link = _Now(), _Link()
-    told: list[FrameLatency] = []
+    told: list[Latency] = []
+    bus = Bus()
+    bus.subscribe(Latency, told.append)
     # The session began when the monotonic clock showed 1000 ms.
-    trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=budget_ms, vests=[link])
-    trace.observers.append(told.append)
+    trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=budget_ms, vests=[link], bus=bus)
     return trace, now, link, told
 
 
@@ -125,6 +128,7 @@ def test_memory_stays_the_same_however_long_it_runs() -> None:
     assert len(trace._ticks) < 100
 
 
+@pytest.mark.slow
 def test_a_run_traces_both_ways(tmp_path: Path) -> None:
     fingers = ("thumb",)
     with emulated_lab(tmp_path, emg_hz=250.0, hand=True, vest=True, fingers=fingers, touch=PRESSED) as lab:

@@ -36,7 +36,7 @@ def fitted_surface(image: NDArray[np.uint8], degree: int) -> NDArray[np.uint8]:
     return fitted
 
 
-@pytest.mark.parametrize(("outline", "overlap"), [("dent", 0.55), ("contact", 0.60)])
+@pytest.mark.parametrize(("outline", "overlap"), [("dent", 0.58), ("contact", 0.53)])
 def test_a_grasp_without_a_frame_at_rest(recordings, outline, overlap):
     folder = recordings / "digit" / "digit_grasp"
     raw, drawn = picture(folder / "raw.png"), picture(folder / "mask_256x320.png")
@@ -45,9 +45,14 @@ def test_a_grasp_without_a_frame_at_rest(recordings, outline, overlap):
     assert (mask & drawn).sum() / (mask | drawn).sum() == pytest.approx(overlap, abs=0.01)
 
 
-def test_the_two_edges_of_a_calliper_are_two_patches(recordings):
+def test_the_long_edge_of_a_calliper_is_outlined_and_the_faint_one_is_not(recordings):
     folder = recordings / "digit" / "digit_ball_D20641"
     pressed, baseline = (picture(folder / name) for name in ("caliper.png", "background.png"))
     mask = contact_mask(pressed, baseline, reading="live")
     n, _, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    assert sorted(stats[1:n, cv2.CC_STAT_AREA].tolist()) == [5_484, 20_760]
+    # One level for the whole picture, and the lower edge's change is a third of the upper one's.
+    assert n == 2
+    left, top, width, height, area = stats[1].tolist()
+    assert (left, top, left + width) == (17, 0, 226)
+    assert 100 < height < 130
+    assert area == pytest.approx(20_050, rel=0.02)

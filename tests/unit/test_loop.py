@@ -12,16 +12,19 @@ import pytest
 
 from reference.recordings import baseline
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from tega.bus import Bus
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock, SystemClock
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import VestFrame, intensity
+from tega.records import Contact
+from tega.stages.choose import preset_metric
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop, LoopView
 from tega.teleop.pacing import Pacer
-from tega.teleop.sources import SourceReport, measured_contacts
+from tega.teleop.sources import Block, SourceReport, measured_contacts
 from tega.teleop.streams import PulledStream, ThreadedStream
 from tega.teleop.touch import TouchLoop
 
@@ -48,7 +51,6 @@ def run_loop(
         hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
-        recorder=None,
         observer=observer,
     )
     loop.run(**how)
@@ -62,7 +64,7 @@ def is_silent(frame: VestFrame) -> bool:
 def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
     vest, hand = Sink(), Sink()
     thumb = PulledStream([(0, touching(50)), (50 * MS, touching(50))], end_ns=100 * MS)
-    levels = PulledStream([(10 * MS, (1, 1, 1), 1)], end_ns=40 * MS)
+    levels = PulledStream([Block(10 * MS, (1, 1, 1), 1)], end_ns=40 * MS)
     report = run_loop(contacts={"thumb": thumb}, levels=levels, vest=vest, hand=hand).report
     assert [t for t, _ in vest.sent] == [0, 33_333_333, 66_666_667, 100 * MS]
     assert [t for t, _ in hand.sent] == [*range(0, 100 * MS, 3 * MS), 100 * MS]
@@ -78,7 +80,7 @@ def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
 
 def test_a_level_steers_from_its_stamp_on() -> None:
     hand = Sink()
-    levels = PulledStream([(30 * MS, (4,), 4)], end_ns=600 * MS)
+    levels = PulledStream([Block(30 * MS, (4,), 4)], end_ns=600 * MS)
     views: list[LoopView] = []
     report = run_loop(levels=levels, vest=Sink(), hand=hand, observer=views.append).report
     assert report.level_ticks == {1: 10, 2: 0, 3: 0, 4: 190, 5: 0}
@@ -111,13 +113,8 @@ def test_without_contact_or_maximum_nothing_is_felt() -> None:
 def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
     order: list[tuple[int, str]] = []
 
-    class Recorder:
-        def contact(self, t_ns: int, finger: str, _metrics: Any, _felt: Any) -> None:
-            order.append((t_ns, finger))
-
-        def levels(self, *_block: Any) -> None:
-            pass
-
+    bus = Bus()
+    bus.subscribe(Contact, lambda contact: order.append((contact.t_ns, contact.finger)))
     streams = {
         "thumb": PulledStream([(t * MS, touching(1)) for t in (0, 20, 21, 40)]),
         "ring": PulledStream([(t * MS, touching(1)) for t in (0, 10, 21, 39)]),
@@ -130,7 +127,7 @@ def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
         hand=ModelledAllegro(),
         vests=[],
         hands=[],
-        recorder=Recorder(),
+        bus=bus,
     )
     loop.run()
     assert order == [
@@ -142,7 +139,7 @@ def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
 def test_when_one_sink_fails_the_others_are_still_left_silent() -> None:
     broken, hand = Sink(fail_at_ns=50 * MS), Sink()
     thumb = PulledStream([(k * 10 * MS, touching(100)) for k in range(30)])
-    levels = PulledStream([(k * 10 * MS, (3,), 3) for k in range(30)])
+    levels = PulledStream([Block(k * 10 * MS, (3,), 3) for k in range(30)])
     with pytest.raises(DeviceUnavailableError, match="cable") as caught:
         run_loop(contacts={"thumb": thumb}, levels=levels, vest=broken, hand=hand)
     assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
@@ -162,6 +159,25 @@ def test_every_exception_takes_the_way_out(error: type[BaseException]) -> None:
     assert not is_silent(vest.sent[0][1])
     assert is_silent(vest.sent[-1][1])
     assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit])
+def test_what_is_no_exception_on_the_way_out_keeps_nobody_from_it(error: type[BaseException]) -> None:
+    """A panic of native code passes ``except Exception``: the vest is silenced all the same."""
+
+    class Panics(Sink):
+        def write(self, t_ns: int, sent: Any) -> None:
+            super().write(t_ns, sent)
+            if [(frame.id, frame.data) for frame in sent] == LIMP:
+                raise error("on purpose")
+
+    vest = Sink()
+    thumb = PulledStream([(k * 10 * MS, touching(100)) for k in range(10)])
+    levels = PulledStream([Block(0, (3,), 3)], end_ns=100 * MS)
+    with pytest.raises(error, match="on purpose"):
+        run_loop(contacts={"thumb": thumb}, levels=levels, vest=vest, hand=Panics())
+    assert not is_silent(vest.sent[-2][1])
+    assert is_silent(vest.sent[-1][1])
 
 
 def test_a_problem_only_on_the_way_out_is_raised() -> None:
@@ -201,7 +217,9 @@ class Jumpy(ManualClock):
 def test_a_late_tick_is_made_up_for_and_counted() -> None:
     hand = Sink()
     clock = Jumpy({9 * MS: 20 * MS})
-    loop = run_loop(levels=PulledStream([(0, (1,), 1)], end_ns=60 * MS), vest=Sink(), hand=hand, clock=clock)
+    loop = run_loop(
+        levels=PulledStream([Block(0, (1,), 1)], end_ns=60 * MS), vest=Sink(), hand=hand, clock=clock
+    )
     assert loop.report.n_hand_ticks == 20
     pacing = loop._pacer.report()
     assert (pacing.n_skipped, pacing.worst_late_ms) == (0, 20.0)
@@ -211,7 +229,9 @@ def test_a_late_tick_is_made_up_for_and_counted() -> None:
 def test_after_a_long_stall_old_commands_are_left_out() -> None:
     hand = Sink()
     clock = Jumpy({30 * MS: 500 * MS})
-    loop = run_loop(levels=PulledStream([(0, (1,), 1)], end_ns=900 * MS), vest=Sink(), hand=hand, clock=clock)
+    loop = run_loop(
+        levels=PulledStream([Block(0, (1,), 1)], end_ns=900 * MS), vest=Sink(), hand=hand, clock=clock
+    )
     times = [t // MS for t, _ in hand.sent]
     assert times[:11] == [*range(0, 30, 3), 432]
     assert loop._pacer.report().n_skipped > 0
@@ -293,7 +313,9 @@ def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
     report = SourceReport()
     script = [live_frame(0), None, live_frame(1, image=SMALL), RecordingError("torn"), live_frame(4)]
     camera: Any = ScriptedCamera(script)
-    got = list(measured_contacts(camera, baseline(), "paper", report, start_ns=STARTED_NS))
+    got = list(
+        measured_contacts(camera, baseline(), preset_metric("paper", baseline()), report, start_ns=STARTED_NS)
+    )
     assert [t // MS for t, _ in got] == [0, 64]
     assert all(m.in_contact for _, m in got)
     assert (report.n_items, report.n_dropped, report.n_missing, report.lost) == (2, 2, 3, "")
@@ -302,7 +324,9 @@ def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
 def test_a_live_sensor_that_goes_away_ends_its_stream_and_says_why() -> None:
     report = SourceReport()
     camera: Any = ScriptedCamera([live_frame(0), DeviceUnavailableError("unplugged"), live_frame(2)])
-    got = list(measured_contacts(camera, baseline(), "paper", report, start_ns=STARTED_NS))
+    got = list(
+        measured_contacts(camera, baseline(), preset_metric("paper", baseline()), report, start_ns=STARTED_NS)
+    )
     assert len(got) == 1
     assert report.lost == "unplugged"
 
@@ -310,11 +334,12 @@ def test_a_live_sensor_that_goes_away_ends_its_stream_and_says_why() -> None:
 def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> None:
     camera: Any = ScriptedCamera([live_frame(0, image=SMALL)], live=False)
     with pytest.raises(RecordingError, match=r"frame 0: 9×9×3 pixels, its baseline has 80×60×3"):
-        list(measured_contacts(camera, baseline(), "paper", SourceReport()))
+        list(measured_contacts(camera, baseline(), preset_metric("paper", baseline()), SourceReport()))
 
 
 def test_chunk_size_does_not_change_levels_or_stamps() -> None:
-    from tega.emg import GraspIntent
+    from tega.stages.base import MuscleSetup
+    from tega.stages.decoders import RulesDecoder, RulesOptions
     from tega.teleop.sources import grasp_blocks
 
     samples = np.random.default_rng(3).standard_normal((1000, 2)) * np.linspace(0, 3, 1000)[:, None]
@@ -336,8 +361,9 @@ def test_chunk_size_does_not_change_levels_or_stamps() -> None:
 
     def blocks(size: int) -> list[Any]:
         source: Any = Chunks(size)
-        intent = GraspIntent(200.0, [2.0, 2.0], tau=20, kind="raw", preset="live")
-        return list(grasp_blocks(source, intent, SourceReport(), rate_hz=200.0, tau=20))
+        setup = MuscleSetup("raw", 200.0, 20, ("a", "b"), (2.0, 2.0), "live")
+        decoder = RulesDecoder(setup, RulesOptions())
+        return list(grasp_blocks(source, decoder, SourceReport(), rate_hz=200.0))
 
     whole = blocks(1000)
     assert [t for t, *_ in whole] == [k * 100 * MS for k in range(1, 51)]

@@ -22,6 +22,8 @@ from tega.teleop import run_session
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 
+pytestmark = pytest.mark.slow
+
 pylsl = pytest.importorskip("pylsl")
 
 CLOCK_AHEAD_S = 1000

@@ -244,6 +244,7 @@ def test_what_is_no_recording_or_no_log_is_told(tmp_path: Path) -> None:
 # With a microphone here; the vest, its driver's link and the sound are in other processes.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("driver", "sync"), [("bhaptics-player", "speaker"), ("bhaptics-ble", "none")])
 def test_through_driver_and_microphone(
     driver: str, sync: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -277,6 +278,7 @@ def test_through_driver_and_microphone(
     assert float(np.median(again.onsets.delays_s)) * 1e3 == pytest.approx(record["onset_ms"], abs=1.0)
 
 
+@pytest.mark.slow
 def test_a_microphone_that_is_not_there_goes_away_or_loses_samples() -> None:
     with Emulator("bhaptics_player", "--port", "0") as peer:
         port = SoundPort(peer)
@@ -297,6 +299,7 @@ def test_a_microphone_that_is_not_there_goes_away_or_loses_samples() -> None:
                     ear.heard()
 
 
+@pytest.mark.slow
 def test_a_vest_that_goes_away_gives_no_number_and_one_that_limits_does_not_count() -> None:
     with vest_bench("bhaptics-player", limit=30) as bench, bench.vest as opened:
         vest: Any = opened
@@ -319,6 +322,7 @@ def test_a_vest_that_does_not_tell_when_a_frame_leaves_is_refused(tmp_path: Path
 # What a run makes of it.
 
 
+@pytest.mark.slow
 def test_a_run_adds_what_was_measured_and_says_when(tmp_path: Path) -> None:
     pytest.importorskip("mcap")
     with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=("thumb",), touch=PRESSED) as lab:

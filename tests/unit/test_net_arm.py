@@ -24,7 +24,7 @@ from tega.teleop import LoopView, run_session
 from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.testing.stations import Program, free_port
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")]
 
 _DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
 _ROBOT = """

@@ -18,6 +18,8 @@ from tega.testing.station_faults.page import put_table, table
 from tega.testing.station_faults.scene import until
 from tega.testing.station_faults.trials import Outcome
 
+pytestmark = pytest.mark.slow
+
 needs_posix = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 
 # Ten times what the stations state, for a machine that does much else.

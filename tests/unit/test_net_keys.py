@@ -65,6 +65,7 @@ def test_the_right_certificates_pass_everything(keys) -> None:
     assert min(passed(keys / "panda", keys / "alice")) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "operator", "name"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import msgspec
@@ -14,6 +15,7 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
 from reference.waiting import until
+from tega.bus import Bus
 from tega.calibration import (
     Calibration,
     FingerMaxima,
@@ -22,17 +24,20 @@ from tega.calibration import (
     save_calibration,
 )
 from tega.config import load_config
-from tega.devices.base import TactileFrame
-from tega.devices.watched import Watched
 from tega.errors import CalibrationError, ConfigError
+from tega.net.link import Channel, Link
 from tega.net.messages import Refused, Welcome
+from tega.net.settings import NetSection
 from tega.net.station import open_station
 from tega.net.touch import with_touch
 from tega.recording.mcap_reader import McapReader
+from tega.records import Picture
 from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.teleop.prepare import Prepared
 from tega.testing.stations import Program, free_port, split, write_stations, write_trees
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -69,21 +74,23 @@ def test_muscles_close_the_robot_s_hand_and_its_touch_comes_back(robot, files) -
 
 @pytest.mark.usefixtures("robot")
 def test_pictures_come_for_the_page_with_the_gel_they_are_compared_with(files) -> None:
-    seen: list[TactileFrame] = []
+    seen: list[Picture] = []
     baselines: list[tuple[int, ...]] = []
+    bus = Bus()
+    bus.subscribe(Picture, seen.append)
 
     def watch(prepared: Prepared) -> Prepared:
-        thumb = prepared.fingers["thumb"]
-        baselines.append(thumb.baseline.shape)
-        watched: Any = Watched(thumb.source, seen.append)
-        return prepared._replace(fingers={"thumb": thumb._replace(source=watched)})
+        baselines.append(prepared.fingers["thumb"].baseline.shape)
+        return prepared
 
     config = load_config(files[1], environ={}).config
     until_s = time.monotonic() + 60
-    summary = run_session(config, on_prepared=watch, stop=lambda: len(seen) > 4 or time.monotonic() > until_s)
+    summary = run_session(
+        config, on_prepared=watch, stop=lambda: len(seen) > 4 or time.monotonic() > until_s, bus=bus
+    )
     assert {frame.image.shape for frame in seen} == set(baselines)
     # A recording is read a second ahead, so its pictures are early; by our clock they are of about now.
-    assert all(abs(time.monotonic_ns() - frame.t_ns) < 60e9 for frame in seen)
+    assert all(abs(frame.t_ns) < 60e9 for frame in seen)
     numbers = [frame.seq for frame in seen]
     assert numbers == sorted(set(numbers))
     assert summary["net"]["features"]["thumb"] > len(seen)
@@ -250,8 +257,50 @@ def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
     assert robot.session.preset == operator.session.preset == "paper"
     assert robot.session.out_dir != operator.session.out_dir
     for config in (robot, operator):
-        open_station(config, tell=print, stop=lambda: True)  # nothing stands where it does not belong
+        open_station(config, Bus(), tell=print, stop=lambda: True)  # nothing stands where it does not belong
     with pytest.raises(ConfigError, match="belongs to the operator"):
-        open_station(msgspec.structs.replace(robot, emg=operator.emg), tell=print, stop=lambda: True)
+        open_station(msgspec.structs.replace(robot, emg=operator.emg), Bus(), tell=print, stop=lambda: True)
     with pytest.raises(ConfigError, match="belongs to the robot"):
-        open_station(msgspec.structs.replace(operator, arm=robot.arm), tell=print, stop=lambda: True)
+        open_station(msgspec.structs.replace(operator, arm=robot.arm), Bus(), tell=print, stop=lambda: True)
+
+
+def test_a_message_that_the_transport_refuses_does_not_end_the_sending(monkeypatch) -> None:
+    heard: list[bytes] = []
+    with Link(NetSection(station="robot", name="r", listen=f"tcp/127.0.0.1:{free_port()}")) as link:
+        link.hears("state", lambda _key, message: heard.append(message))
+        send = link.sends("state", Channel.COMMAND)
+        assert link.problem == ""
+
+        def refuse(_publisher: Any, _message: bytes) -> None:
+            raise RuntimeError("the transport is gone\nand more")
+
+        with monkeypatch.context() as broken:
+            broken.setattr(link, "_put", refuse)
+            send(b"lost")
+            until(lambda: link.n_unsent == 1)
+            assert link.problem == "link: 1 messages were not sent: the transport is gone"
+        send(b"sent")
+        until(lambda: heard == [b"sent"])
+
+
+def test_what_waits_for_a_sender_that_stands_still_is_bounded(monkeypatch) -> None:
+    stands, go_on, sent = Event(), Event(), list[bytes]()
+
+    def stand(_publisher: Any, message: bytes) -> None:
+        stands.set()
+        go_on.wait(60)
+        sent.append(message)
+
+    with Link(NetSection(station="robot", name="r", listen=f"tcp/127.0.0.1:{free_port()}")) as link:
+        monkeypatch.setattr(link, "_put", stand)
+        send = link.sends("state", Channel.COMMAND)
+        send(b"first")
+        assert stands.wait(60)
+        for number in range(3000):
+            send(b"%d" % number)
+        assert link._queue.qsize() <= 1000
+        assert link.n_unsent == 2000
+        assert "the sender does not keep up" in link.problem
+        go_on.set()
+        until(lambda: len(sent) == 1001)
+    assert sent[-1] == b"2999"

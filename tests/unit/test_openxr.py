@@ -21,6 +21,8 @@ from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.testing.emulators.process import Emulator
 from tega.testing.openxr_runtime import openxr_runtime, why_no_runtime
 
+pytestmark = pytest.mark.slow
+
 needs_xr = pytest.mark.skipif(
     importlib.util.find_spec("xr") is None, reason="needs pyopenxr: pip install 'tega[openxr]'"
 )

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from reference.waiting import until
+from tega.calibration.folder import CalibrationFolder
 from tega.cli.main import main
 from tega.config import SessionConfig, check_tree
 from tega.errors import ConfigError
@@ -134,12 +135,13 @@ def told(file: Path) -> list[list[int]]:
     """The frames of a recording, in the wearer's order, without those that are equal to the one before."""
     frames: list[list[int]] = [[0] * 40]
     for _, layout, levels in read_recorded(file).vest:
-        frame = VestFrame(layout, np.frombuffer(levels, np.uint8)).x40().tolist()  # type: ignore[arg-type]
+        frame = VestFrame(layout, np.frombuffer(levels, np.uint8)).x40().tolist()
         if frame != frames[-1]:
             frames.append(frame)
     return frames[1:]
 
 
+@pytest.mark.slow
 def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(session: Session) -> None:
     lab, to, file = session
     before = len(seen_by(lab.vest).history)
@@ -181,6 +183,7 @@ def playing_at_twice_the_speed(session: Session, folder: Path) -> Iterator[subpr
         yield process
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
     lab = session.lab
     with playing_at_twice_the_speed(session, tmp_path) as process:
@@ -195,6 +198,7 @@ def test_ctrl_c_in_the_middle_leaves_both_without_force(session: Session, tmp_pa
     assert lab.at_rest()
 
 
+@pytest.mark.slow
 def test_a_kill_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
     with playing_at_twice_the_speed(session, tmp_path) as process:
         process.kill()
@@ -247,3 +251,33 @@ def test_of_a_session_with_several_recordings_one_has_to_be_named(
         main(["play", str(tmp_path), "--speed", "max"])
     assert left.value.code == 1
     assert "trial-002.mcap" in capsys.readouterr().err
+
+
+def test_a_played_session_is_held_to_the_day_of_who_wears_the_vest(session: Session, tmp_path: Path) -> None:
+    file = CalibrationFolder(tmp_path).person("p01") / "vest-dose.json"
+    calibration = {"person": "p01", "folder": str(tmp_path)}
+    to = checked({"vest": session.to["vest"], "calibration": calibration})
+
+    def strongest() -> int:
+        before = len(seen_by(session.lab.vest).history)
+        play_file(session.file, to)
+        return max((max(levels) for _, levels in seen_by(session.lab.vest).history[before:]), default=0)
+
+    assert strongest() > 20
+    (first,) = json.loads(file.read_bytes())
+    assert sum(first["dose_s"]) > 0
+    file.write_text(json.dumps([{"ended_s": time.time(), "dose_s": [1800.0] * 40, "heat": [0.0] * 40}]))
+    assert strongest() <= 10
+
+
+def test_a_motor_that_is_identified_counts_to_the_day_too(session: Session, tmp_path: Path) -> None:
+    file = CalibrationFolder(tmp_path).person("p01") / "vest-dose.json"
+    settings = tmp_path / "vest.toml"
+    tree = {"vest": session.to["vest"], "calibration": {"folder": str(tmp_path)}}
+    settings.write_text(tree_text(tree))
+    with pytest.raises(SystemExit) as ended:
+        main(["identify", str(settings), "--person", "p01", "--motor", "3", "--seconds", "0.5"])
+    assert ended.value.code == 0
+    (run,) = json.loads(file.read_bytes())
+    assert run["dose_s"][3] > 0.05
+    assert sum(run["dose_s"]) == pytest.approx(run["dose_s"][3])

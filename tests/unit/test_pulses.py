@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,17 +16,18 @@ import pytest
 from reference.scripted import MS, Sink
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock
-from tega.config import PulsesConfig, check_tree, load_config
+from tega.config import check_tree, load_config
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.haptics import FeltMap, VestFrame
 from tega.replay import replay_file
+from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop, LoopView
 from tega.teleop.pacing import Pacer
-from tega.teleop.pulses import PulseLoop
 from tega.teleop.session import run_session
 from tega.teleop.streams import PulledStream
+from tega.teleop.touch import TouchLoop
 from tega.testing.emulators.vests import seen_by
 from tega.testing.lab import emulated_lab
 
@@ -49,21 +51,23 @@ def touch(mass: float, y: float = 100.0) -> ContactMetrics:
     )
 
 
+def pulsing(maxima: TouchMaxima, *, felt: FeltMap | None = None, **pulses: float) -> TouchLoop:
+    """Return a back loop whose mapping is the pulses."""
+    options = PulsesOptions(**pulses)
+    mapping = partial(PulsesMapping, options=options)
+    return TouchLoop({"index": maxima}, layout="x40", felt=felt, mapping=mapping)
+
+
 def told(
     script: list[ContactMetrics],
     *,
     fail_at_ns: int | None = None,
     felt: FeltMap | None = None,
     **pulses: float,
-) -> tuple[list[tuple[float, int, int]], list[tuple[int, VestFrame]], PulseLoop]:
+) -> tuple[list[tuple[float, int, int]], list[tuple[int, VestFrame]], PulsesMapping]:
     """Run the loop over an index finger's frames; return changes of (time, front, back), all frames, and the loop."""
     vest = Sink(fail_at_ns)
-    loop = PulseLoop(
-        {"index": TouchMaxima(cci_max=1.0, eda_max=3000.0)},
-        pulses=PulsesConfig(**pulses),
-        layout="x40",
-        felt=felt,
-    )
+    loop = pulsing(TouchMaxima(cci_max=1.0, eda_max=3000.0), felt=felt, **pulses)
     items = [(n * FRAME_MS * MS, metrics) for n, metrics in enumerate(script)]
     run = DualLoop(
         pacer=Pacer(ManualClock()),
@@ -73,7 +77,6 @@ def told(
         hand=ModelledAllegro(),
         vests=[vest],
         hands=[],
-        recorder=None,
         by_frame=True,
     )
     try:
@@ -86,7 +89,8 @@ def told(
         now = (int(face[0].max()), int(face[1].max()))
         if not changes or changes[-1][1:] != now:
             changes.append((t_ns / 1e9, *now))
-    return changes, vest.sent, loop
+    assert isinstance(loop.mapping, PulsesMapping)
+    return changes, vest.sent, loop.mapping
 
 
 def test_pulses_come_at_contact_slip_and_release_and_silence_is_between() -> None:
@@ -120,11 +124,14 @@ def test_a_lost_finger_ends_its_pulse_and_its_return_is_no_event() -> None:
     assert loop.n_told["contact"] == 1
     began, ended = changes[1][0], changes[2][0]
     assert ended - began < 0.19  # the source ended within the pulse, and with it the run
-    detector_only = PulseLoop({"index": TouchMaxima()}, pulses=PulsesConfig(), layout="x40")
+    detector_only = pulsing(TouchMaxima())
+    mapping = detector_only.mapping
+    assert isinstance(mapping, PulsesMapping)
     detector_only.update("index", 0, touch(0))
     for n in range(20):  # back after a second, pressed
         detector_only.update("index", 10**9 + n * FRAME_MS * MS, touch(60_000))
-    assert detector_only.n_told["contact"] == 0
+    detector_only.frame(10**9 + 20 * FRAME_MS * MS)
+    assert mapping.n_told["contact"] == 0
     detector_only.update("index", 2 * 10**9, touch(60_000))
     assert not detector_only.frame(3 * 10**9).intensities.any()
 
@@ -144,15 +151,19 @@ def test_levels_are_settings_and_go_through_the_wearers_thresholds() -> None:
     assert [c[1:] for c in changes] == [(0, 0), (52, 0), (0, 0)]
     long = told(script, duration_s=0.5)[0]
     assert long[2][0] - long[1][0] == pytest.approx(0.5, abs=0.034)
+    sets = ["stages.mapping.name=pulses", "stages.mapping.options.contact=120"]
     with pytest.raises(ConfigError, match="contact"):
-        load_config(None, environ={}, sets=["vest.pulses.contact=120"])
+        load_config(None, environ={}, sets=sets)
+    with pytest.raises(ConfigError, match=r"vest\.feedback: unknown key; it is stages\.mapping\.name"):
+        load_config(None, environ={}, sets=["vest.feedback=events"])
 
 
+@pytest.mark.slow
 def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
     viewed, over = threading.Event(), threading.Event()
     with emulated_lab(tmp_path, vest=True, fingers=("thumb",)) as lab:
-        lab.tree["vest"] |= {"feedback": "events"}
+        lab.tree["stages"] = {"mapping": {"name": "pulses"}}
         lab.tree["recording"] = {"dir": str(tmp_path / "recorded"), "lossless": True}
         sensor = lab.sensors["thumb"]
         sensor.say("press 0")

@@ -61,6 +61,7 @@ def test_settings_survive_being_written_down(tmp_path: Path) -> None:
     assert check_tree(tomllib.loads(config_text(config)), {}, base=Path("/")).config == config
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
 def test_a_pedal_marks_the_recording_and_a_watched_run_that_is_stopped_replays(tmp_path: Path) -> None:
     session = tree(tmp_path / "session") | {"session": {"pace": "real"}}

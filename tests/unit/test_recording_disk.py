@@ -6,8 +6,10 @@ import io
 import json
 import os
 import random
+import shutil
 import subprocess
 import sys
+import tempfile
 import threading
 from collections import Counter
 from contextlib import suppress
@@ -23,16 +25,19 @@ from mcap.stream_reader import StreamReader
 
 from reference.sessions import SECONDS, messages, record, stream, tree
 from tega.config import RecordingSection, check_tree
+from tega.recording.disk import open_disk, rescue_tails
 from tega.recording.inspection import inspect_file
-from tega.recording.mcap_folder import SessionFolder
+from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_queue import BoundedQueue, Item
 from tega.recording.mcap_recorder import McapRecorder
+from tega.records import Marker, Picture
 from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.testing.kills import kill_one, settings
 from tega.toml_text import config_text
 
 
+@pytest.mark.slow
 def test_kills_at_random_instants_cost_at_most_half_a_second(tmp_path: Path) -> None:
     instants = random.Random(11)
     for k in range(3):
@@ -96,10 +101,10 @@ def test_a_file_with_hardly_anything_is_finished_too(lossless: Path, tmp_path: P
         assert list(make_reader(file).iter_messages()) == []
 
 
-def image_item(k: int) -> tuple[str, int, str, Any, int]:
+def picture(k: int) -> Picture:
     image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
-    numbers = {"t_ns": k * 1000, "received_ns": k * 1000, "seq": k, "name": f"frame {k}"}
-    return "/tactile/thumb/image", k * 1000, "image", ("thumb", image, numbers), image.nbytes
+    t_ns = k * 1000
+    return Picture(finger="thumb", image=image, t_ns=t_ns, received_ns=t_ns, seq=k, name=f"frame {k}")
 
 
 def test_a_disk_that_does_not_keep_up_costs_pictures_which_are_counted(tmp_path: Path) -> None:
@@ -125,7 +130,7 @@ def test_a_disk_that_does_not_keep_up_costs_pictures_which_are_counted(tmp_path:
     recorder.begin(0, 0)
     try:
         for k in range(100):  # 23 MB for a disk that takes nothing: every call returns all the same
-            recorder.put(*image_item(k))
+            recorder.put(picture(k))
             recorder.marker(k * 1000, f"after {k}")
         lost = recorder.dropped
     finally:
@@ -174,6 +179,7 @@ def check_full(summary: dict[str, Any], said: str, folder: Path, reason: str) ->
     assert replay_file(recovered.path).same
 
 
+@pytest.mark.slow
 def test_a_file_that_may_not_grow_stops_the_recording_and_not_the_run(tmp_path: Path) -> None:
     path = tmp_path / "settings.toml"
     config = check_tree(tree(tmp_path / "session"), {}, base=tmp_path).config
@@ -182,6 +188,7 @@ def test_a_file_that_may_not_grow_stops_the_recording_and_not_the_run(tmp_path: 
     check_full(summary, said, tmp_path / "session", "File too large")
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_recording_and_not_the_run(tmp_path: Path) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()
@@ -217,11 +224,12 @@ def test_too_little_room_finishes_the_file_in_time(tmp_path: Path) -> None:
 def test_what_is_left_out_of_a_queue_is_counted_and_small_things_go_on() -> None:
     queue = BoundedQueue(most_bytes=1000)
     for k in range(5):
-        queue.put(Item("/image", k, "image", None, 400))
-        queue.put(Item("/small", k, "Marker", None, 100))
-    assert dict(queue.dropped) == {"/image": 3}
+        queue.put(Item(picture(k), k, 400))
+        queue.put(Item(Marker(t_ns=k, text=""), k, 100))
+    assert dict(queue.dropped) == {"/tactile/thumb/image": 3}
     taken = [queue.take() for _ in range(len(queue))]
-    assert [item.topic for item in taken if item] == ["/image", "/small"] * 2 + ["/small"] * 3
+    kinds = [type(item.record) for item in taken if item]
+    assert kinds == [Picture, Marker] * 2 + [Marker] * 3
     for item in taken:
         assert item is not None
         queue.done(item)
@@ -235,6 +243,7 @@ from pathlib import Path
 from tega.config import RecordingSection
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
+from tega.records import Picture
 
 class Disk(io.FileIO):
     def write(self, data):
@@ -252,8 +261,7 @@ recorder.head({"tega": {"format": "test"}}, {})
 recorder.begin(0, 0)
 for k in range(40):
     image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
-    numbers = {"t_ns": k, "received_ns": k, "seq": k, "name": ""}
-    recorder.put("/tactile/thumb/image", k, "image", ("thumb", image, numbers), image.nbytes)
+    recorder.put(Picture(finger="thumb", image=image, t_ns=k, received_ns=k, seq=k, name=""))
     recorder.marker(k, f"after {k}")
 while recorder.facts()["written"].get("/run/marker", 0) < 40 or recorder.facts()["bytes"] < 40 * 230_400:
     time.sleep(0.05)
@@ -262,6 +270,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="the system keeps no files in memory")
 def test_what_a_standing_disk_has_not_taken_outlives_a_kill(tmp_path: Path) -> None:
     done = subprocess.run(
@@ -286,3 +295,62 @@ def test_a_note_of_memory_that_is_gone_or_not_ours_is_taken_away_alone(tmp_path:
         SessionFolder(tmp_path)
         assert sorted(p.name for p in tmp_path.iterdir()) == ["session.json", "trial-001.mcap"]
         (tmp_path / "trial-001.mcap").unlink()
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="the system keeps no files in memory")
+def test_looking_into_a_copy_takes_nothing_from_a_recording_that_goes_on(tmp_path: Path) -> None:
+    live, copy = tmp_path / "live", tmp_path / "copy"
+    live.mkdir()
+    goes_on = STUCK.replace(
+        "os.kill(os.getpid(), signal.SIGKILL)", "print('filled', flush=True); time.sleep(600)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", goes_on, str(live)], stdout=subprocess.PIPE, text=True
+    ) as running:
+        try:
+            assert running.stdout is not None
+            assert {running.stdout.readline(), running.stdout.readline()} == {"stuck\n", "filled\n"}
+            memory = Path("/dev/shm") / (live / "trial-001.mcap.part.tail").read_text()
+            before = sorted(path.name for path in memory.iterdir())
+            shutil.copytree(live, copy)
+            (found,) = [inspect_file(path) for path in session_files(copy)]
+            assert 0 < next(s.messages for s in found.streams if s.topic == "/run/marker") < 40
+            rescue_tails()
+            assert sorted(path.name for path in memory.iterdir()) == before
+        finally:
+            running.kill()
+    (recovered,) = SessionFolder(live).recovered
+    counted = {s.topic: s.messages for s in inspect_file(recovered.path).streams}
+    assert counted["/tactile/thumb/image"] == counted["/run/marker"] == 40
+    assert not memory.exists()
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="the system keeps no files in memory")
+def test_what_a_killed_recording_left_in_memory_goes_to_its_file_when_the_next_one_begins(
+    tmp_path: Path,
+) -> None:
+    subprocess.run(
+        [sys.executable, "-c", STUCK, str(tmp_path)], capture_output=True, check=False, timeout=120
+    )
+    part = tmp_path / "trial-001.mcap.part"
+    memory = Path("/dev/shm") / (tmp_path / "trial-001.mcap.part.tail").read_text()
+    assert memory.is_dir()
+    with (tmp_path / "other").open("xb", buffering=0) as raw:
+        open_disk(raw, tmp_path / "other", most_bytes=1000).close()
+    assert not memory.exists()
+    assert part.stat().st_size > 9_000_000
+    (recovered,) = SessionFolder(tmp_path).recovered
+    counted = {s.topic: s.messages for s in inspect_file(recovered.path).streams}
+    assert counted["/tactile/thumb/image"] == counted["/run/marker"] == 40
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="the system keeps no files in memory")
+def test_a_folder_in_memory_that_names_another_file_is_left_alone(tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"untouched")
+    with tempfile.TemporaryDirectory(prefix="tega-", dir="/dev/shm") as name:
+        Path(name, "owner").write_text(json.dumps({"path": str(victim), "file": [1, 2]}))
+        Path(name, "0000").write_bytes(b"overwritten")
+        rescue_tails()
+        assert Path(name).is_dir()
+    assert victim.read_bytes() == b"untouched"

@@ -14,9 +14,11 @@ import pytest
 
 from tega.config import check_tree
 from tega.recording.mcap_file import McapFile
-from tega.recording.mcap_queue import Item
+from tega.records import Value
 from tega.teleop.loop import LoopView
 from tega.teleop.session import run_session
+
+pytestmark = pytest.mark.slow
 
 TOPICS = 14
 # The SDK keeps the index of every chunk, and a flush ends one: some 180 bytes and 38 for each topic in it.
@@ -62,8 +64,7 @@ def grown(path: Path) -> tuple[int, int]:
     for k in range(2501):
         for n in range(2 * TOPICS):
             t_ns += 3_000_000
-            value = {"t_ns": t_ns, "name": "x", "value": 1.0}
-            file.write(Item(f"/value/{n % TOPICS}", t_ns, "Value", value, 0))
+            file.write(Value(t_ns=t_ns, name=str(n % TOPICS), value=1.0), t_ns)
         file.flush()
         if k % 2000 > 480 and k % 2000 <= 500:  # pools and buffers are full by then
             time.sleep(0.02)  # the thread that writes to the disk comes to rest

@@ -114,6 +114,7 @@ def test_a_part_of_a_part_tells_every_step(lossless: Path, tmp_path: Path) -> No
         trim_session(first, from_s=0.1, to_s=None, out=tmp_path / "third")
 
 
+@pytest.mark.slow
 def test_a_conversation_with_a_hand_is_held_from_its_beginning(tmp_path: Path) -> None:
     with Emulator("allegro_port") as hand:
         session = tree(tmp_path / "session") | {"session": {"pace": "real"}}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,9 +16,11 @@ import numpy as np
 import pytest
 
 from reference.recordings import baseline, squeezes, write_emg_csv, write_folder, write_video
+from reference.waiting import until
+from tega.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.cli.main import main
 from tega.haptics import intensity
-from tega.tactile import read_contact
+from tega.stages.choose import preset_metric
 
 OUTPUTS = ["calibration.toml", "can.csv", "contacts.csv", "levels.csv", "summary.json", "vest.csv"]
 
@@ -74,9 +78,11 @@ def test_the_tables_say_what_the_functions_say(
     assert times == sorted(times)
     maxima = summary["tactile"]["thumb"]
     measured = []
+    metric = preset_metric(preset, baseline())
     for k, row in enumerate(thumb):
         image = cv2.imread(str(tmp_path / "thumb" / f"frame_{k}.png"))
-        m = read_contact(image, baseline(), reading=preset)  # type: ignore[arg-type]
+        assert image is not None
+        m = metric.update(np.asarray(image, np.uint8), round(k * 1e9 / 60))
         measured.append(m)
         assert (float(row["cci"]), int(row["eda"]), float(row["peak"])) == (m.cci, m.eda, m.peak)
         assert row["in_contact"] == str(int(m.in_contact))
@@ -291,6 +297,32 @@ def test_a_folder_that_is_not_ours_is_left_alone(replay: Replay, press: list[obj
     assert sorted(p.name for p in out.iterdir()) == ["summary.json", "thesis.txt"]
     failed = replay(*press[8:], "--out", out / "thesis.txt", code=1)
     assert "output folder 'thesis.txt' is a file" in failed["stderr"]
+
+
+def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(tmp_path: Path) -> None:
+    settings = tmp_path / "s.toml"
+    settings.write_text(
+        '[session]\npace = "real"\nout_dir = "out"\n'
+        '[tactile.thumb]\ndriver = "synthetic-touch"\noptions = {duration_s = 600.0}\n'
+        '[calibration]\nfile = "calibration.toml"\n'
+    )
+    save_calibration(
+        Calibration(
+            preset="live",
+            origin="made up",
+            tactile=FingerMaxima(thumb=TouchMaxima(cci_max=1.0, eda_max=100.0)),
+        ),
+        tmp_path / "calibration.toml",
+    )
+    words = [sys.executable, "-m", "tega.cli", "run", str(settings)]
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL) as running:
+        until(lambda: (tmp_path / "out" / "vest.csv").exists() or running.poll() is not None)
+        running.kill()
+    begun = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert begun["ended"] == "not yet, or it was killed"
+    again = [*words, "--set", "session.duration_s=0.2"]
+    subprocess.run(again, stdout=subprocess.DEVNULL, check=True, timeout=120)
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["ended"] == "duration"
 
 
 def test_a_file_of_the_users_beside_an_earlier_run_is_kept(

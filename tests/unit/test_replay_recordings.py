@@ -39,9 +39,9 @@ def test_ball_presses_with_each_kind_of_emg(
         "--emg", recordings / "emg" / file, "--emg-rate-hz", rate_hz, "--emg-kind", kind,
         "--emg-channels", channels, "--preset", preset, "--out", tmp_path,
     )  # fmt: skip
-    assert (
-        summary["tactile"]["thumb"]["frames"] == 32
-    )  # 31 presses and the calliper; the baseline is no frame
+    # 31 presses; the baseline is no frame, nor is the picture of a calliper beside them.
+    assert summary["tactile"]["thumb"]["frames"] == 31
+    assert any("caliper.png: not named as the 31 other pictures" in note for note in summary["notes"])
     rows = (tmp_path / "contacts.csv").read_text().splitlines()[1:]
     assert all(row.split(",")[7] == "1" for row in rows)
     seconds_at = {int(k): v for k, v in summary["hand"]["level_s"].items()}

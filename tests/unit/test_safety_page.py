@@ -13,13 +13,13 @@ from tega.safety.states import STATES
 from tega.teleop.loop import LoopView
 from tega.teleop.touch import Felt
 from tega.view.run_state import MEANINGS
-from tega.view.terminal import _STATE_STYLES, render
+from tega.view.terminal import _STATE_STYLES, TerminalView, render
 
 
-def screen(view: LoopView) -> str:
+def screen(view: LoopView, *, age_s: float = 0.0) -> str:
     """Draw it on 80 columns without colours."""
     console = Console(file=io.StringIO(), width=80, color_system=None)
-    console.print(render(view, title="test", rates_hz={}))
+    console.print(render(view, title="test", rates_hz={}, age_s=age_s))
     file = console.file
     assert isinstance(file, io.StringIO)
     return file.getvalue()
@@ -60,3 +60,22 @@ def test_state_reason_and_alerts_stand_first() -> None:
     going_on = screen(held._replace(state="active", reason="all is there"))
     assert "all is there" not in going_on
     assert "! emg: no signal" in going_on
+
+
+def test_a_moment_that_has_grown_old_is_told_to_be_unless_it_is_the_last() -> None:
+    active = VIEW._replace(state="active")
+    assert "no news" not in screen(active, age_s=1.0)
+    assert "no news from the run for 7 s" in screen(active, age_s=7.2).splitlines()[1]
+    assert "no news" not in screen(VIEW._replace(state="stopped", reason="asked to"), age_s=7.2)
+
+
+def test_a_moment_that_cannot_be_drawn_is_told_and_the_next_one_is_drawn() -> None:
+    now_s = 0.0
+    console = Console(width=90, height=40, force_terminal=True)
+    with console.capture() as capture, TerminalView("test", console=console, now_s=lambda: now_s) as show:
+        show(VIEW._replace(state="hold", felt=NOTHING[:2]))
+        now_s = 1.0
+        show(VIEW._replace(state="active"))
+    said = capture.get()
+    assert "HOLD  not drawn: ValueError" in said
+    assert "ACTIVE" in said

@@ -16,8 +16,8 @@ from reference.sessions import SECONDS, record, rewritten, stream, tree
 from tega.cli.main import main
 from tega.config import check_tree
 from tega.recording.inspection import inspect_file
-from tega.recording.tap import SessionTap
 from tega.replay import replay_file
+from tega.safety.guard import Guard
 from tega.teleop import run_session
 from tega.teleop.loop import LoopView
 from tega.testing.emulators.process import Emulator
@@ -108,6 +108,7 @@ def test_jpeg_replays_what_was_computed_exactly_and_tells_the_error_of_the_pictu
     assert names == {"foxglove.CompressedImage"}
 
 
+@pytest.mark.slow
 def test_a_hand_that_closes_its_own_loop_is_held_the_same_conversation(tmp_path: Path) -> None:
     with Emulator("allegro_port") as hand:
         session = tree(tmp_path / "session")
@@ -158,28 +159,44 @@ def test_a_loop_that_was_late_and_muted_motors_are_replayed_as_they_were(tmp_pat
 
 
 def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -> None:
-    class Careful:
-        """A hand that is asked for less than the muscles say, as a policy would."""
+    asked = 0
+    original = Guard.level
 
-        def __init__(self, hand: Any) -> None:
-            self._hand = hand
-            self.n = 0
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self._hand, name)
-
-        def step(self, level: int) -> Any:
-            self.n += 1
-            return self._hand.step(min(level, 2) if 100 < self.n < 400 else level)
-
-    original = SessionTap.hand
-
-    def careful(tap: SessionTap, hand: Any) -> Any:
-        return Careful(original(tap, hand))
+    def careful(guard: Guard, wanted: float) -> float:
+        """Ask the hand for less than the muscles say, as a policy would."""
+        nonlocal asked
+        asked += 1
+        return original(guard, min(wanted, 2) if 100 < asked < 400 else wanted)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SessionTap, "hand", careful)
+        patch.setattr(Guard, "level", careful)
         path = record(tmp_path)
     found = {s.topic: s for s in inspect_file(path).streams}
     assert found["/hand/imposed"].messages >= 2
     assert replay_file(path).same
+
+
+@pytest.mark.parametrize(
+    "flag",
+    [
+        ("--preset", "paper"),
+        ("--preset", "live"),
+        ("--tactile-rate-hz", "60"),
+        ("--allow-truncated",),
+        ("--emg-rate-hz", "1000"),
+        ("--emg-kind", "raw"),
+        ("--emg-channels", "1,2"),
+        ("--emg-variable", "emg"),
+        ("--view-port", "8090"),
+        ("--view",),
+        ("--out", "results"),
+    ],
+    ids=" ".join,
+)
+def test_no_flag_of_loose_files_is_left_out_beside_a_session(
+    flag: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["replay", str(tmp_path / "monday"), *flag])
+    assert left.value.code == 2
+    assert f"{flag[0]} is for loose files, not for a session" in capsys.readouterr().err

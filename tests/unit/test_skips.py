@@ -27,7 +27,7 @@ from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop, LoopView
 from tega.teleop.pacing import Pacer
-from tega.teleop.sources import Contact
+from tega.teleop.sources import Block, Contact
 from tega.teleop.streams import PulledStream
 from tega.teleop.touch import TouchLoop
 
@@ -84,7 +84,6 @@ def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int
         hand=ModelledAllegro(),
         vests=[recorder],
         hands=[],
-        recorder=None,
         kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
     )
     loop.run()
@@ -138,7 +137,7 @@ class Waits(ManualClock):
 def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, Sink, Sink]:
     clock, vest, hand = Waits(), Sink(), Sink()
     contacts = [(k * 16 * MS, touching(50)) for k in range(61)] if touch else []
-    levels = [(k * 100 * MS, (2,), 2) for k in range(1, 10)]
+    levels = [Block(k * 100 * MS, (2,), 2) for k in range(1, 10)]
     streams = {"thumb": PulledStream(contacts, end_ns=1000 * MS)} if touch else {}
     loop = DualLoop(
         pacer=Pacer(clock),
@@ -148,7 +147,6 @@ def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, S
         hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
-        recorder=None,
         kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
     )
     loop.run(**how)
@@ -280,7 +278,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
 def test_the_back_loop_holds_nothing_of_fingers_not_in_use() -> None:
     touch = TouchLoop({"ring": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32")
     touch.update("ring", 0, touching(100, 1.0))
-    assert {len(held) for held in (touch._maxima, touch._column, touch._newest)} == {1}
+    assert {len(held) for held in (touch._maxima, touch._newest)} == {1}
     assert touch.frame(0).intensities[:4].tolist() == [0, 0, 0, 99]
 
 

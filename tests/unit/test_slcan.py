@@ -92,10 +92,12 @@ def test_an_adapter_that_is_gone_is_an_error_and_no_silence(line: tuple[int, Any
 
 def test_a_frame_is_on_its_way_whether_or_not_the_adapter_reads(line: tuple[int, Any]) -> None:
     ours, bus = line
-    os.read(ours, 4096)  # what it was told when it was opened
     message = can.Message(arbitration_id=0x081, data=bytes(7) + b"\x01", is_extended_id=False)
     bus.send(message, timeout=0.05)
-    assert os.read(ours, 4096) == FRAMES[1]
+    told = b""
+    while not told.endswith(FRAMES[1]):  # after what it was told when it was opened, in any pieces
+        told += os.read(ours, 4096)
+    assert told.count(b"t") == 1
 
     def fill() -> None:
         for _ in range(10_000):  # more than a system keeps for one that reads nothing

@@ -44,13 +44,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Lead a session with a trial in each of three conditions."""
     folder = tmp_path_factory.mktemp("detect") / "study"
     conditions = ["haptic", "non-haptic", "event-gated"]
-    plan = make_plan(participants=1, seed=3, objects=["bag"], conditions=conditions, trials=1, rest_s=0.1)
+    plan = make_plan(
+        participants=1, seed=3, objects=["bag"], conditions=conditions, trials=1, rest_s=0.1, simulated=True
+    )
     write_plan(plan, folder)
     bench = SimulatedBench(plan, "p01", real_time=False)
     lead_session(folder, "p01", bench, Nobody(), time_scale=0.01, auto=True)
     return folder
 
 
+@pytest.mark.slow
 def test_the_third_condition_takes_place_and_is_counted(folder: Path) -> None:
     trials = study_trials(folder)[1]
     assert sorted(trial.condition for trial in trials) == ["event-gated", "haptic", "non-haptic"]

@@ -16,20 +16,25 @@ from typing import Any
 
 import pytest
 
+from reference.waiting import until
+from tega.clock import SystemClock
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.coupling import read_course
 from tega.study.finger_rows import finger_rows
-from tega.study.journal import Event, read_events
+from tega.study.journal import Event, Journal, read_events
 from tega.study.lead import lead_session
 from tega.study.lead.benches import LabBench, SimulatedBench
 from tega.study.lead.board import board_path, read_board
 from tega.study.lead.desk import ENTER, LineDesk, Screen
+from tega.study.lead.going import Going
 from tega.study.lead.lift_rule import LiftRule
 from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
+from tega.study.lead.trial import LedTrial
 from tega.study.observe.recorded import recorded_trials
 from tega.study.observe.reel import read_reel
-from tega.study.state import derive, events_path
+from tega.study.plan import PlannedTrial
+from tega.study.state import Where, derive, events_path, rehearsed, resume
 from tega.study.touch_picture import pictures_of
 from tega.study.trials import course_path, study_trials
 
@@ -116,7 +121,7 @@ class Experimenter:
 
 
 def study(folder: Path, **settings: Any) -> Path:
-    quick = {"participants": 1, "seed": 3, "objects": ["bag"], "trials": 1, "rest_s": 0.1}
+    quick = {"participants": 1, "seed": 3, "objects": ["bag"], "trials": 1, "rest_s": 0.1, "simulated": True}
     plan = make_plan(**{**quick, "change_rest_s": 0.3, "long_rest_s": 0.3, **settings})
     write_plan(plan, folder / "study")
     return folder / "study"
@@ -130,6 +135,7 @@ def kinds(events: Sequence[Event]) -> list[str]:
     return [event.kind for event in events]
 
 
+@pytest.mark.slow
 def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     folder = study(tmp_path)
@@ -180,6 +186,66 @@ def test_what_the_bench_cannot_do_is_refused_before_anything_is_written(tmp_path
     assert not events_path(folder, "p01").exists()
 
 
+def test_a_rehearsal_in_a_plan_of_people_and_people_in_one_of_rehearsals_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    people, rehearsals = study(tmp_path / "a", simulated=False), study(tmp_path / "b")
+    bench = SimulatedBench(read_plan(people), "p01", real_time=False)
+    with pytest.raises(InvalidValueError, match="simulated sessions do not belong into a plan of people"):
+        lead_session(people, "p01", bench, Experimenter())
+    assert not events_path(people, "p01").exists()
+    with pytest.raises(InvalidValueError, match="people in it would pass for simulated"):
+        resume(rehearsals, read_plan(rehearsals), "p01", t_ns=0, where="lab")
+    assert not events_path(rehearsals, "p01").exists()
+    for folder, where in ((people, "lab"), (rehearsals, "emulated"), (rehearsals, "simulated")):
+        journal, _state = resume(folder, read_plan(folder), "p01", t_ns=0, where=where)  # type: ignore[arg-type]
+        journal.close()
+        assert events_of(folder)[-1].item == where
+    assert not rehearsed(events_of(people))
+    assert rehearsed(events_of(rehearsals))
+
+
+class _Standing:
+    """Devices that stand ready, and where nothing happens."""
+
+    where: Where = "simulated"
+    sees_height = False
+    own_time = True
+    closure: Any = None
+
+    def felt(self, condition: str) -> bool:
+        return condition == "haptic"
+
+    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
+        going.tell("armed", "stands ready")
+        while not going.over() and not going.may_go():
+            time.sleep(0.001)
+        going.begin(0)
+        while not going.over():
+            time.sleep(0.001)
+
+
+@pytest.mark.parametrize(
+    ("key", "at_s", "ends"),
+    [(ENTER, 0.5, False), (ENTER, 5.0, False), ("e", 0.5, False), ("x", 0.9, False), ("e", 1.5, True), ("x", 1.5, True),
+     ("z", 0.1, True), ("a", 0.1, True)],
+)  # fmt: skip
+def test_the_key_that_begins_a_trial_does_not_end_it_and_its_first_second_is_quiet(
+    key: str, at_s: float, ends: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = study(tmp_path)
+    plan = read_plan(folder)
+    with Journal(events_path(folder, "p01")) as journal:
+        led = LedTrial(
+            folder, plan.of("p01")[0], 1, bench=_Standing(), journal=journal, clock=SystemClock(), task="lift",
+            window_s=15.0, time_scale=0.001,
+        )  # fmt: skip
+        until(lambda: (led.step([]), led.phase == "trial")[1])
+        monkeypatch.setattr(led.going, "elapsed_s", lambda: at_s)
+        assert led.step([key]) == ends
+        led.break_off("the test is over")
+    assert [event.kind for event in events_of(folder)][-1] == "trial_end"
+
+
 def test_broken_off_trials_come_once_more_and_safety_stops_do_not(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     folder = study(tmp_path)
@@ -222,6 +288,7 @@ def run_and_kill(folder: Path, when: Callable[[list[Event], float], bool]) -> bo
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
 def test_a_session_that_is_killed_in_a_trial_goes_on(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
@@ -259,6 +326,7 @@ def test_a_session_killed_ten_times_loses_nothing(tmp_path: Path) -> None:
     assert state.n_over == 12
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
 def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
@@ -272,7 +340,7 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     lab_folder = tmp_path / "lab"
     lab_folder.mkdir()
     with emulated_lab(lab_folder, emg_hz=250.0, vest=True, fingers=("thumb",)) as lab:
-        bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config)
+        bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config, where="emulated")
         # Off the table, a slip, at the mark; then it is held.
         desk = Experimenter({"trial": " s "})
         state = lead_session(folder, "p01", bench, desk, time_scale=0.1)
@@ -283,8 +351,8 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     assert [(trial.success, trial.slips, trial.slips_before) for trial in trials] == [(True, 1, 0)] * 3
     for trial, planned in zip(trials, plan.of("p01"), strict=True):
         where = folder / "recordings" / "p01" / f"{planned.id}-a1"
-        told = read_recorded(next(where.glob("*.mcap"))).head.config.vest.feedback
-        assert told == ("events" if trial.condition == "event-gated" else "continuous")
+        told = read_recorded(next(where.glob("*.mcap"))).head.config.stages.mapping.name
+        assert told == ("pulses" if trial.condition == "event-gated" else None)
         facts = json.loads((where / "trial.json").read_text())
         strongest = touched = 0.0
         first_ns = None
@@ -308,6 +376,7 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     assert row.cci > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
 def test_devices_that_do_not_come_begin_no_trial(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
@@ -318,7 +387,7 @@ def test_devices_that_do_not_come_begin_no_trial(tmp_path: Path) -> None:
     lab_folder = tmp_path / "lab"
     lab_folder.mkdir()
     with emulated_lab(lab_folder, emg_hz=250.0, fingers=("thumb",)) as lab:
-        bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config)
+        bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config, where="emulated")
     with pytest.raises(DeviceUnavailableError, match="cannot begin"):
         lead_session(folder, "p01", bench, Experimenter(), time_scale=0.1, auto=True)
     assert kinds(events_of(folder))[-1] == "session_stop"

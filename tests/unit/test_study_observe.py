@@ -225,6 +225,7 @@ def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Pat
     main.close()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a pseudo terminal")
 def test_it_works_in_a_real_terminal(folder: Path) -> None:
     pytest.importorskip("textual")

@@ -380,7 +380,7 @@ def test_two_studies_that_differ_in_the_condition_alone_look_the_same(
         (
             "b",
             tuple(flipped),
-            {"change": silent, "files": {"session.toml": b"[vest]\nfeedback = 'events'\n"}},
+            {"change": silent, "files": {"session.toml": b"[stages.mapping]\nname = 'pulses'\n"}},
         ),
     ):
         texts: list[str] = []

@@ -15,7 +15,8 @@ import pytest
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.journal import Journal, read_events
-from tega.study.privacy import export, withdraw, withdrawn
+from tega.study.privacy import export, note_elsewhere, withdraw, withdrawn
+from tega.study.score.boris import export_boris
 from tega.study.state import derive, events_path, resume
 from tega.study.trials import study_trials, trials_of_events
 
@@ -164,7 +165,7 @@ def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> N
     (folder / "report.html").write_text("p01")
     other = events_path(folder, "p02").read_bytes()
     gone = withdraw(folder, "p01")
-    assert {path.relative_to(folder).as_posix() for path in gone} == {
+    assert {path.relative_to(folder).as_posix() for path in gone.deleted} == {
         "sessions/p01",
         "courses/p01",
         "report",
@@ -180,11 +181,62 @@ def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> N
         withdraw(folder, "p99")
 
 
-def test_a_withdrawal_that_was_cut_short_is_finished(folder: Path) -> None:
+def test_a_withdrawal_that_was_cut_short_is_told_and_finished_by_asking_again(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     run_all(folder, "p01")
     (folder / "withdrawn.txt").write_text("p01\n")
     assert study_trials(folder)[1] == []
+    assert (folder / "sessions" / "p01").exists()  # nobody deletes by reading
+    assert "p01 has withdrawn, but something of theirs is left" in caplog.text
+    assert withdraw(folder, "p01").deleted == [folder / "sessions" / "p01"]
     assert not (folder / "sessions" / "p01").exists()
+
+
+def test_withdrawal_works_through_links_without_following_them(folder: Path, tmp_path: Path) -> None:
+    run_all(folder, "p01")
+    elsewhere, disk = tmp_path / "elsewhere", tmp_path / "disk"
+    for place in (elsewhere, disk / "p01", disk / "p02"):
+        place.mkdir(parents=True)
+        (place / "kept.mcap").write_text("of somebody")
+    (folder / "courses").mkdir(exist_ok=True)
+    (folder / "courses" / "p01").symlink_to(elsewhere)
+    (folder / "pictures").mkdir()
+    (folder / "pictures" / "p01").symlink_to(tmp_path / "nowhere")
+    (folder / "recordings").symlink_to(disk)
+    deleted, changed, left = withdraw(folder, "p01")
+    assert {path.relative_to(folder).as_posix() for path in deleted} == {
+        "sessions/p01",
+        "courses/p01",
+        "pictures/p01",
+    }
+    assert not changed
+    assert set(left) == {elsewhere.resolve(), (disk / "p01").resolve()}
+    assert sorted(path.name for path in tmp_path.rglob("kept.mcap")) == ["kept.mcap"] * 3
+    assert not os.path.lexists(folder / "courses" / "p01")
+
+
+def test_withdrawal_tells_of_every_trace_that_it_does_not_delete(folder: Path, tmp_path: Path) -> None:
+    for person in ("p01", "p02"):
+        run_all(folder, person)
+    maxima = tmp_path / "calibrations" / "people" / "p01"
+    maxima.mkdir(parents=True)
+    note_elsewhere(folder, "p01", maxima)
+    note_elsewhere(folder, "p01", maxima)
+    for place in (tmp_path, folder):
+        export_boris(folder, place / "coded.boris")
+    (folder / "notes on p01.txt").write_text("she was tired")
+    (folder / "p011.txt").write_text("of nobody")
+    (folder / "exports").mkdir()
+    (folder / "exports" / "p01-t01.csv").write_text("t_s")
+    deleted, changed, left = withdraw(folder, "p01")
+    assert set(deleted) == {folder / "sessions" / "p01", folder / "exports" / "p01-t01.csv"}
+    assert changed == [folder / "coded.boris"]
+    assert "p01_" not in (folder / "coded.boris").read_text()
+    assert "p02_" in (folder / "coded.boris").read_text()
+    assert set(left) == {maxima, tmp_path / "coded.boris", folder / "notes on p01.txt"}
+    assert maxima.is_dir()
+    assert (folder / "p011.txt").exists()
 
 
 def test_the_anonymised_copy_has_the_numbers_but_no_names_texts_dates_or_seed(
@@ -228,6 +280,7 @@ def test_what_is_kept_is_on_the_disk_before_the_call_returns(
         assert synced[-1] == (tmp_path / "events.jsonl").stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_a_study_killed_ten_times_keeps_its_plan_and_every_event_that_was_acknowledged(folder: Path) -> None:
     """A program does trials and says each event's number once it is kept; it is killed ten times, anywhere."""
     code = f"""

@@ -27,10 +27,12 @@ from tega.study.state import events_path
 from tega.study.trials import course_path
 
 
-def fill(folder: Path, *, people: int, layout: Any = "abba", courses: bool = True) -> None:
+def fill(
+    folder: Path, *, people: int, layout: Any = "abba", courses: bool = True, simulated: bool = True
+) -> None:
     """Write a study of made-up trials: haptic ones have fewer slips and take a little less time."""
     plan = make_plan(
-        participants=people, seed=3, objects=["bottle", "bag"], trials=3, layout=layout, simulated=True
+        participants=people, seed=3, objects=["bottle", "bag"], trials=3, layout=layout, simulated=simulated
     )
     write_plan(plan, folder)
     random = np.random.default_rng(8)
@@ -73,6 +75,7 @@ def content(folder: Path) -> dict[str, bytes]:
     }
 
 
+@pytest.mark.slow
 def test_the_folder_alone_gives_the_same_bytes_again(study: Path, report: Report, tmp_path: Path) -> None:
     first = content(report.page.parent)
     shutil.copytree(study, tmp_path / "elsewhere")
@@ -86,6 +89,24 @@ def test_the_folder_alone_gives_the_same_bytes_again(study: Path, report: Report
         "report/fig8.csv",
     } <= set(first)
     assert not list(tmp_path.rglob(".report-*"))
+
+
+def test_what_others_put_beside_a_report_s_tables_is_kept(study: Path, tmp_path: Path) -> None:
+    tables = write_report(study, tmp_path).tables
+    (tables / "slides").mkdir()
+    (tables / "slides" / "talk.txt").write_text("a week of work")
+    (tables / "my.csv").write_text("mine")
+    (tables / "trials.csv").write_text("stale")
+    assert write_report(study, tmp_path).tables == tables
+    assert (tables / "slides" / "talk.txt").read_text() == "a week of work"
+    assert (tables / "my.csv").read_text() == "mine"
+    assert (tables / "trials.csv").read_text() != "stale"
+    other = tmp_path / "elsewhere"
+    tables.rename(other)
+    tables.symlink_to(other)
+    with pytest.raises(InvalidValueError, match="is no report"):
+        write_report(study, tmp_path)
+    assert (other / "my.csv").exists()
 
 
 def test_table_1_is_what_the_events_say_counted_by_hand(study: Path, report: Report) -> None:
@@ -173,6 +194,21 @@ def test_the_page_needs_nothing_else(report: Report) -> None:
     for target in set(re.findall(r'href="#([^"]+)"', page)):
         assert page.count(f'id="{target}"') == 1
     assert str(report.page.parent) not in page
+
+
+def test_a_rehearsal_among_people_is_shown_and_cannot_pass_for_data(tmp_path: Path) -> None:
+    fill(tmp_path / "study", people=2, simulated=False)
+    assert "Not data of people" not in write_report(tmp_path / "study").page.read_text()
+    with Journal(events_path(tmp_path / "study", "p02")) as journal:
+        journal.add(
+            "session_start", t_ns=0, text=read_plan(tmp_path / "study").settings.plan_sha256, item="emulated"
+        )
+    report = write_report(tmp_path / "study")
+    assert report.analysis.rehearsed == ("p02",)
+    assert (
+        "Not data of people: the sessions of p02 ran on simulated or emulated devices"
+        in report.page.read_text()
+    )
 
 
 def test_p_values_wait_until_the_plan_is_done(tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def folder(tmp_path: Path) -> Path:
     """Make a study in which r1 sees everything half a second late, r2 misses every second slip."""
     folder = tmp_path / "study"
     write_plan(make_plan(participants=1, seed=5, objects=["bag"], trials=2, simulated=True), folder)
-    journal, _state = resume(folder, read_plan(folder), "p01", t_ns=0)
+    journal, _state = resume(folder, read_plan(folder), "p01", t_ns=0, where="simulated")
     with (
         journal as main,
         Observing(folder, "p01", "r1", t_ns=0) as first,

@@ -65,6 +65,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path) -> None:
     plan = simulate(small, operators=1, objects=["bag"], trials=1, jobs=1)
     whole = content(small)
@@ -136,6 +137,7 @@ def test_everybody_gets_a_value_and_nobody_changes_in_anything_else() -> None:
         usual.of_everyone({"vision.moon": 1})
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_study(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra tega[dask]")
     simulate(tmp_path / "here", operators=2, objects=["bag"], trials=1, jobs=1)
@@ -170,6 +172,7 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pyte
         simulate(tmp_path / "s", operators=1, objects=["bag"], trials=1, dask="tcp://127.0.0.1:9")
 
 
+@pytest.mark.slow
 def test_changes_are_small_studies_of_their_own(small: Path) -> None:
     left = run_sensitivity(small, operators=2, trials=1, varied=["vest.weber"], jobs=1, shard=(8, 8))
     assert len(left) == 7, "8 changes, of which the 8th part has one"
@@ -243,6 +246,7 @@ def workers_of(pid: int) -> list[int]:
     return [child for child in found if b"popen_loky" in Path(f"/proc/{child}/cmdline").read_bytes()]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
 def test_workers_end_with_the_program_that_started_them(tmp_path: Path, how: signal.Signals) -> None:

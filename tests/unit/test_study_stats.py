@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("statsmodels")
 
+from tega.study.compare import compare as study_compare
 from tega.study.counts import adjusted_ratio, clopper_pearson, dispersion, poisson_rates, shares
 from tega.study.coupling import correlate, effective_n, fisher_mean, lag_sweep, partial, response_slope
 from tega.study.figures import p_text
@@ -18,6 +19,7 @@ from tega.study.paper import PAPER_P
 from tega.study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
 from tega.study.power import SPREADS, count_power, people_for, time_power
 from tega.study.rank import holm, mann_whitney, shift
+from tega.study.trials import Trial
 
 close: Any = pytest.approx
 
@@ -240,3 +242,36 @@ def test_power_as_worked_out_before() -> None:
     assert found is not None
     assert found[0] == 3
     assert people_for(0.3, 0.5, most=12, runs=400) is None
+
+
+def test_an_interval_from_two_people_is_not_shown_as_one() -> None:
+    counts = {
+        ("a", "haptic"): (1, 2),
+        ("a", "non-haptic"): (9, 8),
+        ("b", "haptic"): (7, 9),
+        ("b", "non-haptic"): (1, 1),
+    }
+    trials = [
+        Trial(
+            id=f"{person}{k}{condition}",
+            participant=person,
+            trial=k + 1,
+            repeat=k + 1,
+            object="bag",
+            condition=condition,
+            success=True,
+            slips=slips,
+            deformations=0,
+            duration_s=10.0 + slips,
+        )
+        for (person, condition), some in counts.items()
+        for k, slips in enumerate(some)
+    ]
+    tests = study_compare(trials, ["bag"], ("haptic", "non-haptic"), family=["slips:bag"])
+    (people,) = (t for t in tests if t.metric == "slips" and t.level == "people")
+    assert people.effect is not None
+    assert (people.low, people.high) == (None, None)
+    assert people.note.endswith("its interval is not estimable from so few")
+    for test in tests:
+        if test.low and test.high and test.effect_name == "ratio":
+            assert test.high / test.low < 1e4

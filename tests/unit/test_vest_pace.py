@@ -12,17 +12,19 @@ import pytest
 
 from reference.scripted import MS, Sink, touching
 from reference.vests import KeptVest
+from tega.bus import Bus
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock, SystemClock
 from tega.config import check_tree
 from tega.devices.vest_stream import VestOptions
 from tega.haptics import vest_frame
+from tega.records import Latency
 from tega.replay import replay_file
 from tega.replay.recorded import read_recorded
 from tega.teleop.bell import Bell
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.keepalive import KeepAlive
-from tega.teleop.latency import FrameLatency, LatencyTrace
+from tega.teleop.latency import LatencyTrace
 from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
 from tega.teleop.session import run_session
@@ -46,7 +48,6 @@ def loop_of(
         hand=ModelledAllegro(),
         vests=[vest],
         hands=[],
-        recorder=None,
         by_frame=by_frame,
         **how,
     )
@@ -137,6 +138,7 @@ def test_what_is_taken_in_at_a_tick_of_the_hand_does_not_wait_for_one_of_the_ves
     assert scripted(by_frame=True) == [0, 12, 33, 42, 66, 90]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pace", ["by-frame", "steady"])
 def test_a_run_by_frame_is_recorded_and_computed_again_bit_for_bit(tmp_path: Path, pace: str) -> None:
     fingers = ("thumb", "index")
@@ -220,9 +222,10 @@ class _Link:
 def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_offered() -> None:
     now = [0]
     link = _Link()
-    told: list[FrameLatency] = []
-    trace = LatencyTrace(now_ns=lambda: now[0], start_ns=0, budget_ms=5.0, vests=[link])
-    trace.observers.append(told.append)
+    told: list[Latency] = []
+    bus = Bus()
+    bus.subscribe(Latency, told.append)
+    trace = LatencyTrace(now_ns=lambda: now[0], start_ns=0, budget_ms=5.0, vests=[link], bus=bus)
     for finger, measured_ms in (("ring", 0), ("thumb", 1), ("ring", 4), ("index", 5)):
         source = trace.source(finger)
         now[0] = measured_ms * MS

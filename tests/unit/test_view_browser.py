@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import cast
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import msgspec
 import numpy as np
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from reference.moments import SHAPES, Moments
 from reference.waiting import until
-from tega.errors import InvalidValueError, ShapeError
+from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
 from tega.tactile import read_contact
 from tega.view.browser import BrowserView, Controls
@@ -72,7 +75,7 @@ def test_the_run_s_state_stands_first_with_the_reason_of_a_hold(moments):
     with BrowserView(port=0) as view:
         view.offer(moment)
         until(lambda: "1.0 s" in view.page.status.content)
-        assert view.page.run_state.content == ""  # nobody guards it, so it has no state
+        assert "border-radius" not in view.page.run_state.content  # nobody guards it, so it has no state
         held = shown(view, state="hold", reason="emg: no signal for <0.5 s", alerts=("index: no picture",))
         assert "the hand keeps its level" in held
         assert "<b>emg: no signal for &lt;0.5 s</b>" in held
@@ -96,13 +99,46 @@ def test_paints_what_there_is(moments, left_out):
     assert view.n_painted == 1
 
 
-def test_a_moment_that_cannot_be_painted_is_told_at_the_end(moments):
-    view, state = BrowserView(port=0), moments.at(1.0)
-    view.__enter__()
-    view.offer(state._replace(poses=state.poses[:4]))
-    until(lambda: not view.painting)
-    with pytest.raises(ShapeError, match=r"poses have shape \(4, 7\)"):
-        view.__exit__(None, None, None)
+def test_a_moment_that_cannot_be_painted_is_told_and_the_next_one_is_painted(moments):
+    state = moments.at(1.0)
+    guarded = state._replace(loop=state.loop._replace(state="hold", reason="emg: silent"))
+    with BrowserView(port=0) as view:
+        view.offer(guarded._replace(poses=state.poses[:4]))
+        until(lambda: bool(view.problem))
+        assert "poses have shape (4, 7)" in view.problem
+        until(lambda: "could not be shown" in view.page.run_state.content)
+        assert "HOLD" in view.page.run_state.content  # which needs no scene
+        view.offer(moments.at(2.0))
+        until(lambda: "2.0 s" in view.page.status.content)
+        assert view.painting
+    assert view.problem.startswith("1 moments could not be shown, at last: ShapeError: ")
+
+
+def test_a_run_that_stands_still_is_told_to_be_until_it_ends(moments):
+    moment = moments.at(1.0, images=False)
+    moment = moment._replace(loop=moment.loop._replace(state="active"))
+    with BrowserView(port=0) as view:
+        view.offer(moment)
+        until(lambda: "ACTIVE" in view.page.run_state.content)
+        # What the browser does alone: unless it is painted afresh the words appear, and the state's colour goes.
+        assert '<b class="tega-late">no news from the run for <span>' in view.page.run_state.content
+        assert 'class="tega-badge"' in view.page.run_state.content
+        until(lambda: "no news from the run for 2 s" in view.page.run_state.content)
+        view.offer(moment)
+        until(lambda: "2 s" not in view.page.run_state.content)
+        view.offer(moment._replace(loop=moment.loop._replace(state="stopped", reason="stopped: Ctrl-C")))
+        until(lambda: "STOPPED" in view.page.run_state.content)
+        assert "no news" not in view.page.run_state.content
+        assert "tega-badge" not in view.page.run_state.content
+
+
+def test_a_pause_by_the_button_is_told_as_one(moments):
+    controls = Controls(can_pause=True)
+    with BrowserView(port=0, controls=controls) as view:
+        view.offer(moments.at(1.0, images=False))
+        controls.paused = True
+        until(lambda: "paused by the page" in view.page.run_state.content)
+        assert "no news" not in view.page.run_state.content
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.7", "::", "example.org"])
@@ -121,21 +157,67 @@ def test_refuses_what_makes_no_sense(wrong):
 def websocket(view: BrowserView, **options):
     import viser
 
+    path = options.pop("path", view.url)
     return connect(
-        view.url.replace("http", "ws"),
+        path.replace("http", "ws"),
         subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
         max_size=None,
         **options,
     )
 
 
-def test_pages_of_other_sites_cannot_connect():
+def test_only_pages_of_this_server_with_its_token_can_connect():
     with BrowserView(port=0) as view:
-        with websocket(view, origin=view.url) as own:
-            assert own.recv()
-        for origin in ("http://example.org", "http://127.0.0.1.example.org", f"{view.url}.example.org"):
+        own = view.url.rpartition("/")[0].rpartition("/")[0]
+        port = own.rpartition(":")[2]
+        with websocket(view, origin=own) as page:
+            assert page.recv()
+        for origin in (
+            "http://example.org", "http://127.0.0.1.example.org", f"{own}.example.org", "http://localhost:9999",
+            "http://127.0.0.1:9999", f"http://localhost:{port}", "null",
+        ):  # fmt: skip
             with pytest.raises(InvalidStatus, match="403"), websocket(view, origin=origin):
                 pass
+        for path in ("", "/", "/guess/", view.url[-24:-2], "//"):
+            with pytest.raises(InvalidStatus, match="403"), websocket(view, path=f"{own}{path}"):
+                pass
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(Request(view.url, headers={"Host": f"rebound.example.org:{port}"}))
+        with urlopen(view.url) as got:
+            assert got.status == 200
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(f"{own}/")
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"\xff\xfe", "text", b"", msgspec.msgpack.encode([1]), msgspec.msgpack.encode({"type": "Nope"}),
+        msgspec.msgpack.encode({"type": "GuiUpdateMessage"}),
+        msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": 7, "updates": 3}),
+        msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "nobody", "updates": {"value": 1}}),
+        msgspec.msgpack.encode({"type": "ViewerCameraMessage", "wxyz": "a"}),
+        ("object", "no such thing"), ("object", 7), ("haptics", "x"), ("pause", [1]), ("stop", {}),
+    ],
+)  # fmt: skip
+def test_a_malformed_message_prints_nothing_and_harms_nobody(said, capfd, recwarn):
+    controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "bag"))
+    with BrowserView(port=0, controls=controls) as view:
+        with websocket(view) as socket:
+            look(socket)
+            if isinstance(said, tuple):
+                press(socket, view.page.inputs[said[0]], said[1])
+            else:
+                socket.send(said)
+            with suppress(ConnectionClosed):
+                tell(socket, "ShareUrlRequest")
+        with websocket(view) as socket:
+            look(socket)
+            press(socket, view.page.inputs["stop"], True)
+            until(lambda: controls.stopped)
+        assert view.painting
+    assert capfd.readouterr() == ("", "")
+    assert not recwarn.list
 
 
 def tell(socket, kind: str, **fields) -> None:

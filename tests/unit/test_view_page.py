@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -20,7 +23,10 @@ from tega.view.state import ViewState
 # As the page's light shows them.
 OBJECT_COLOURS = {"bottle": (120, 160, 180), "bag": (190, 165, 130)}
 
-pytestmark = pytest.mark.timeout(180)
+# Of the state's badge: of a run that steers, and of one that nothing is heard of.
+GREEN, GREY = "rgb(43, 138, 62)", "rgb(134, 142, 150)"
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +120,51 @@ def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
         view.__exit__(None, None, None)
         page.get_by_text("STOPPED", exact=True).wait_for(timeout=60_000)
         assert page.get_by_text("ACTIVE", exact=True).count() == 0
+
+
+def test_a_program_that_is_stopped_leaves_no_page_that_says_active(browser):
+    """The browser says it alone: a stopped process holds its connection open and sends nothing."""
+    serve = (
+        "import sys, time\n"
+        "from reference.moments import Moments\n"
+        "from tega.view.browser import BrowserView\n"
+        "moment = Moments().at(2.0, images=False, scene=False, emg=False)\n"
+        "moment = moment._replace(loop=moment.loop._replace(state='active'))\n"
+        "with BrowserView('TEGA', port=0) as view:\n"
+        "    print(view.url, flush=True)\n"
+        "    while True:\n"
+        "        view.offer(moment)\n"
+        "        time.sleep(0.4)\n"
+    )
+    tests = Path(__file__).parents[1]
+    program = subprocess.Popen(
+        [sys.executable, "-c", serve],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(tests)},
+    )
+    try:
+        assert program.stdout is not None
+        with opened(browser, program.stdout.readline().strip()) as page:
+            late = page.get_by_text("no news from the run for")
+            page.get_by_text("ACTIVE", exact=True).wait_for(timeout=60_000)
+            until(lambda: badge_colour(page) == GREEN and not late.is_visible())
+            program.send_signal(signal.SIGSTOP)
+            late.wait_for(state="visible", timeout=60_000)
+            until(lambda: badge_colour(page) == GREY)
+            program.send_signal(signal.SIGCONT)
+            until(lambda: badge_colour(page) == GREEN and not late.is_visible())
+            program.kill()
+            late.wait_for(state="visible", timeout=60_000)
+    finally:
+        program.kill()
+        program.communicate()
+
+
+def badge_colour(page) -> str:
+    badge = page.get_by_text("ACTIVE", exact=True)
+    colour: str = badge.evaluate("badge => getComputedStyle(badge).backgroundColor")
+    return colour
 
 
 @pytest.mark.parametrize("name", ["bottle", "bag"])

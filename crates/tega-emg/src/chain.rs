@@ -9,8 +9,8 @@ use crate::guard::Guard;
 const VALUES: usize = 512;
 /// Rows handled at a time at least.
 const FEWEST_ROWS: usize = 16;
-/// Order of the low-pass and of the offset filter.
-const ORDER: usize = 4;
+/// Order of Eq 10's low-pass and of the offset filter.
+pub const ORDER: usize = 4;
 /// Cutoff of Eq 10's low-pass.
 pub const LOWPASS_HZ: f64 = 50.0;
 /// Corner of the offset filter of raw input, where movement artefacts end and EMG begins.
@@ -73,7 +73,18 @@ pub(crate) struct Chain {
 impl Chain {
     /// The chain of Eq 10 for an input kind.
     pub(crate) fn new(rate_hz: f64, channels: usize, kind: Kind) -> Result<Self, EmgError> {
-        let mut chain = Self::filter_only(rate_hz, channels, &Sos::lowpass(rate_hz, LOWPASS_HZ, ORDER)?)?;
+        Self::with_lowpass(rate_hz, channels, kind, LOWPASS_HZ, ORDER)
+    }
+
+    /// The same chain with another low-pass.
+    pub(crate) fn with_lowpass(
+        rate_hz: f64,
+        channels: usize,
+        kind: Kind,
+        cutoff_hz: f64,
+        order: usize,
+    ) -> Result<Self, EmgError> {
+        let mut chain = Self::filter_only(rate_hz, channels, &Sos::lowpass(rate_hz, cutoff_hz, order)?)?;
         if kind == Kind::Raw {
             chain.offset = Some(BiquadBank::new(&Sos::highpass(rate_hz, OFFSET_HZ, ORDER)?, channels));
         }

@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EmgError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {value}{} is out of range: {wanted}", spaced(unit))]
+    #[error("{name} = {}{} is out of range: {wanted}", brief(*value), spaced(unit))]
     OutOfRange {
         /// The argument.
         name: &'static str,
@@ -17,7 +17,8 @@ pub enum EmgError {
     },
     /// No filter with this cutoff exists at this sample rate, or rounding alone would spoil it.
     #[error(
-        "cutoff_hz = {cutoff_hz} Hz cannot be filtered at rate_hz = {rate_hz} Hz: it must lie between {low_hz} and {high_hz} Hz"
+        "cutoff_hz = {} Hz cannot be filtered at rate_hz = {} Hz: it must lie between {} and {} Hz",
+        brief(*cutoff_hz), brief(*rate_hz), brief(*low_hz), brief(*high_hz)
     )]
     Cutoff {
         /// The cutoff asked for.
@@ -59,7 +60,7 @@ pub enum EmgError {
     #[error("levels is empty: nothing to fuse")]
     NoLevels,
     /// A calibration recording holds a sample that is not a finite number.
-    #[error("calibration sample {row} of channel {channel} (counted from 1) is {value}, not a finite number")]
+    #[error("calibration sample {row} of channel {channel} (counted from 1) is {}, not a finite number", brief(*value))]
     BadCalibrationSample {
         /// Row of the sample, from 0.
         row: usize,
@@ -77,7 +78,7 @@ pub enum EmgError {
         tau: usize,
     },
     /// A channel maximum is zero, negative or not finite.
-    #[error("maximum of channel {channel} (counted from 1) is {value}: it must be finite and greater than 0")]
+    #[error("maximum of channel {channel} (counted from 1) is {}: it must be finite and greater than 0", brief(*value))]
     UnusableMaximum {
         /// Channel, from 1.
         channel: usize,
@@ -90,7 +91,7 @@ impl EmgError {
     /// The next step for the person who reads the message; empty where the message says it all.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::Cutoff { .. } => "use a faster sample rate or another cutoff",
+            Self::Cutoff { .. } => "sample faster: the 50 Hz of the grasp chain needs 125 samples/s or more",
             Self::Channels { .. } => "pick the channels before the call, one column each",
             Self::BadCalibrationSample { .. } => {
                 "cut the gap out of the recording or record the contraction again"
@@ -105,4 +106,25 @@ impl EmgError {
 /// A unit set off from its number.
 fn spaced(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }
+}
+
+/// A number as it is written by hand: a very large or very small one with an exponent, not with 300 digits.
+fn brief(value: f64) -> String {
+    if value == 0.0 || (1e-5..1e16).contains(&value.abs()) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
+#[cfg(test)]
+mod brief_numbers {
+    use super::*;
+
+    #[test]
+    fn are_short() {
+        let shown = [0.0, 3.0, -0.25, 1e300, f64::MAX, -5e-324, f64::NAN, f64::INFINITY].map(brief);
+        let wanted = ["0", "3", "-0.25", "1e300", "1.7976931348623157e308", "-5e-324", "NaN", "inf"];
+        assert_eq!(shown, wanted);
+    }
 }

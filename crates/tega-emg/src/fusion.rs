@@ -26,25 +26,68 @@ pub fn fuse_levels(levels: &[u8]) -> Result<u8, EmgError> {
             wanted: "1 to 5",
         });
     }
-    vote(levels.iter().copied()).ok_or(EmgError::NoLevels)
+    fuse(levels.iter().map(|level| (*level, 1.0)), Fusion::Floor).ok_or(EmgError::NoLevels)
 }
 
-/// The vote of levels known to be 1 to 5; nobody voting gives nothing.
-pub(crate) fn vote(levels: impl Iterator<Item = u8>) -> Option<u8> {
-    let mut votes = [0usize; LEVELS as usize + 1];
-    let (mut sum, mut count) = (0, 0);
-    for level in levels {
-        votes[usize::from(level)] += 1;
-        sum += usize::from(level);
-        count += 1;
+/// How the channels' levels become one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Fusion {
+    /// The level with the most votes (Eq 12); where several have as many, the mean rounded down (Eq 13).
+    #[default]
+    Floor,
+    /// The same with the mean rounded to the nearest level, a half upward.
+    Round,
+    /// The median of the levels, the lower of two; no vote.
+    Median,
+}
+
+impl Fusion {
+    /// Read a rule from its name.
+    ///
+    /// # Errors
+    /// [`EmgError::UnknownChoice`] unless it is `floor`, `round` or `median`.
+    pub fn parse(name: &str) -> Result<Self, EmgError> {
+        match name {
+            "floor" => Ok(Self::Floor),
+            "round" => Ok(Self::Round),
+            "median" => Ok(Self::Median),
+            _ => Err(EmgError::UnknownChoice {
+                name: "fusion",
+                got: name.to_owned(),
+                wanted: "\"floor\", \"round\", \"median\"",
+            }),
+        }
     }
-    let most = votes.into_iter().max().unwrap_or(0);
-    let mut winners = (1..=LEVELS).filter(|l| votes[usize::from(*l)] == most);
-    match (count, winners.next(), winners.next()) {
-        (0, _, _) => None,
-        (_, Some(winner), None) => Some(winner),
-        _ => Some((sum / count) as u8),
+}
+
+/// Of a mean that is a whole number but for rounding, this much is forgiven.
+const ROUNDING: f64 = 1e-9;
+
+/// Fuse levels known to be 1 to 5, each with its channel's weight; no weight at all gives nothing.
+pub(crate) fn fuse(levels: impl Iterator<Item = (u8, f64)>, fusion: Fusion) -> Option<u8> {
+    let mut votes = [0.0; LEVELS as usize + 1];
+    for (level, weight) in levels {
+        votes[usize::from(level)] += weight;
     }
+    let all: f64 = votes.iter().sum();
+    if all <= 0.0 {
+        return None;
+    }
+    if fusion == Fusion::Median {
+        let mut below = 0.0;
+        return (1..=LEVELS).find(|level| {
+            below += votes[usize::from(*level)];
+            below >= all / 2.0
+        });
+    }
+    let most = votes.iter().copied().fold(0.0, f64::max);
+    let mut winners = (1..=LEVELS).filter(|level| votes[usize::from(*level)] >= most);
+    if let (Some(winner), None) = (winners.next(), winners.next()) {
+        return Some(winner);
+    }
+    let sum: f64 = (1..=LEVELS).map(|level| f64::from(level) * votes[usize::from(level)]).sum();
+    let half = if fusion == Fusion::Round { 0.5 } else { 0.0 };
+    Some(((sum / all + half + ROUNDING).floor() as u8).clamp(1, LEVELS))
 }
 
 #[cfg(test)]
@@ -75,5 +118,26 @@ mod tests {
         for level in [0, 6, 255] {
             assert!(matches!(fuse_levels(&[1, level]), Err(EmgError::OutOfRange { name: "level", .. })));
         }
+    }
+
+    #[test]
+    fn a_half_is_rounded_up_and_the_median_needs_no_vote() {
+        let fused = |levels: &[u8], fusion| fuse(levels.iter().map(|l| (*l, 1.0)), fusion);
+        assert_eq!(fused(&[1, 4, 5], Fusion::Floor), Some(3));
+        assert_eq!(fused(&[1, 2, 5], Fusion::Round), Some(3));
+        assert_eq!(fused(&[2, 5], Fusion::Round), Some(4));
+        assert_eq!(fused(&[1, 1, 5], Fusion::Median), Some(1));
+        assert_eq!(fused(&[1, 4, 5], Fusion::Median), Some(4));
+        assert_eq!(fused(&[2, 5], Fusion::Median), Some(2));
+        assert_eq!(fused(&[], Fusion::Median), None);
+    }
+
+    #[test]
+    fn a_channel_counts_by_its_weight() {
+        let fused = |fusion| fuse([(1, 1.0), (1, 1.0), (5, 3.0)].into_iter(), fusion);
+        assert_eq!([Fusion::Floor, Fusion::Round, Fusion::Median].map(fused), [Some(5); 3]);
+        assert_eq!(fuse([(1, 0.0), (4, 1.0)].into_iter(), Fusion::Floor), Some(4));
+        assert_eq!(fuse([(3, 0.0)].into_iter(), Fusion::Floor), None);
+        assert_eq!(fuse([(2, 0.1), (3, 0.1), (4, 0.1)].into_iter(), Fusion::Floor), Some(3));
     }
 }

@@ -1,10 +1,10 @@
 //! The whole forward chain: samples in, one fused closure level out per block.
 
 use crate::block_mean::BlockSum;
-use crate::chain::{Chain, Kind, check_rows};
+use crate::chain::{Chain, Kind, LOWPASS_HZ, ORDER, check_rows};
 use crate::error::EmgError;
-use crate::fusion::vote;
-use crate::level::level_of;
+use crate::fusion::{Fusion, fuse};
+use crate::level::{Intervals, level_of};
 use crate::steady::{Confirm, Steady};
 
 /// What `live` takes of a channel's maximum, so that full closure is within comfortable reach.
@@ -43,6 +43,33 @@ impl Preset {
     }
 }
 
+/// How Eq 10 to 13 are read; the default is as printed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rules {
+    /// Cutoff of Eq 10's low-pass.
+    pub cutoff_hz: f64,
+    /// Its order, 1 to 8.
+    pub order: usize,
+    /// Intervals of Eq 11.
+    pub intervals: Intervals,
+    /// What Eq 12 and 13 do with the channels' levels.
+    pub fusion: Fusion,
+    /// What each channel counts in that, 0 or more; empty where all count alike.
+    pub weights: Vec<f64>,
+}
+
+impl Default for Rules {
+    fn default() -> Self {
+        Self {
+            cutoff_hz: LOWPASS_HZ,
+            order: ORDER,
+            intervals: Intervals::Four,
+            fusion: Fusion::Floor,
+            weights: Vec::new(),
+        }
+    }
+}
+
 /// What one call gave: one entry a block.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Blocks {
@@ -71,6 +98,7 @@ pub struct GraspIntent {
     chain: Chain,
     sum: BlockSum,
     maxima: Vec<f64>,
+    rules: Rules,
     live: Option<(Steady, Confirm)>,
     means: Vec<f64>,
     votes: Vec<bool>,
@@ -92,8 +120,25 @@ impl GraspIntent {
         kind: Kind,
         preset: Preset,
     ) -> Result<Self, EmgError> {
+        Self::with_rules(rate_hz, maxima, tau, kind, preset, Rules::default())
+    }
+
+    /// A chain that reads Eq 10 to 13 by other rules than the printed ones.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and [`EmgError::OutOfRange`] for weights that are negative, not finite, all 0, or not
+    /// one a channel.
+    pub fn with_rules(
+        rate_hz: f64,
+        maxima: &[f64],
+        tau: usize,
+        kind: Kind,
+        preset: Preset,
+        mut rules: Rules,
+    ) -> Result<Self, EmgError> {
         let channels = maxima.len();
-        let chain = Chain::new(rate_hz, channels, kind)?;
+        let chain = Chain::with_lowpass(rate_hz, channels, kind, rules.cutoff_hz, rules.order)?;
+        rules.weights = check_weights(rules.weights, channels)?;
         let sum = BlockSum::new(tau, channels)?;
         let share = if preset == Preset::Live { LIVE_SHARE } else { 1.0 };
         let maxima = maxima
@@ -102,9 +147,9 @@ impl GraspIntent {
             .map(|(i, &value)| check_maximum(i, value).map(|()| value * share))
             .collect::<Result<Vec<_>, _>>()?;
         let live = (preset == Preset::Live)
-            .then(|| (Steady::new(tau as f64 / rate_hz, channels), Confirm::default()));
+            .then(|| (Steady::new(tau as f64 / rate_hz, channels, rules.intervals), Confirm::default()));
         let (means, votes) = (Vec::with_capacity(channels), vec![true; channels]);
-        Ok(Self { chain, sum, maxima, live, means, votes, fused: 1, holding: false })
+        Ok(Self { chain, sum, maxima, rules, live, means, votes, fused: 1, holding: false })
     }
 
     /// Take rows of samples, one column a channel; samples left over wait for the next call.
@@ -142,10 +187,11 @@ impl GraspIntent {
             for (((level, mean), maximum), vote) in
                 levels.iter_mut().zip(&self.means).zip(&self.maxima).zip(&self.votes)
             {
-                *level = if *vote { level_of(*mean, *maximum) } else { 0 };
+                *level = if *vote { level_of(*mean, *maximum, self.rules.intervals) } else { 0 };
             }
         }
-        let voted = vote(levels.iter().copied().filter(|l| *l > 0));
+        let weighted = levels.iter().copied().zip(self.rules.weights.iter().copied());
+        let voted = fuse(weighted.filter(|(level, _)| *level > 0), self.rules.fusion);
         self.holding = voted.is_none();
         self.fused = match (voted, &mut self.live) {
             (Some(level), None) => level,
@@ -182,6 +228,27 @@ impl GraspIntent {
     /// Whether the last block only repeated the level before it because no channel had a vote.
     pub fn holding(&self) -> bool {
         self.holding
+    }
+}
+
+/// One weight a channel, all 1 where none is given.
+fn check_weights(weights: Vec<f64>, channels: usize) -> Result<Vec<f64>, EmgError> {
+    if weights.is_empty() {
+        return Ok(vec![1.0; channels]);
+    }
+    let (name, unit) = ("weights", "");
+    if weights.len() != channels {
+        let wanted = "one for each channel";
+        return Err(EmgError::OutOfRange { name, value: weights.len() as f64, unit, wanted });
+    }
+    let bad = weights.iter().find(|weight| !(weight.is_finite() && **weight >= 0.0));
+    let none = weights.iter().sum::<f64>() <= 0.0;
+    match bad.copied().or(none.then_some(0.0)) {
+        None => Ok(weights),
+        Some(value) => {
+            let wanted = "finite numbers of 0 or more, one of them above 0";
+            Err(EmgError::OutOfRange { name, value, unit, wanted })
+        }
     }
 }
 
@@ -255,5 +322,27 @@ mod tests {
         assert!(matches!(got, Err(EmgError::Cutoff { cutoff_hz: 50.0, .. })));
         let got = GraspIntent::new(200.0, &[1.0, 0.0], 10, Kind::Envelope, Preset::Paper);
         assert!(matches!(got, Err(EmgError::UnusableMaximum { channel: 2, .. })));
+    }
+
+    #[test]
+    fn the_rules_change_what_they_name() -> Result<(), EmgError> {
+        let fused = |rules: Rules, maxima: &[f64], samples: &[f64]| {
+            GraspIntent::with_rules(200.0, maxima, 20, Kind::Envelope, Preset::Paper, rules)?
+                .process(samples)
+                .map(|blocks| blocks.fused)
+        };
+        let five = Rules { intervals: Intervals::Five, ..Rules::default() };
+        assert_eq!(fused(Rules::default(), &[1.0], &[0.85; 20])?, [4]);
+        assert_eq!(fused(five, &[1.0], &[0.85; 20])?, [5]);
+        let rows = [0.1, 0.1, 0.9].repeat(20);
+        let third = Rules { weights: vec![0.0, 0.0, 1.0], ..Rules::default() };
+        assert_eq!(fused(Rules::default(), &[1.0; 3], &rows)?, [1]);
+        assert_eq!(fused(third, &[1.0; 3], &rows)?, [4]);
+        for weights in [vec![1.0], vec![0.0; 3], vec![-1.0, 1.0, 1.0], vec![f64::NAN, 1.0, 1.0]] {
+            let rules = Rules { weights, ..Rules::default() };
+            let got = fused(rules, &[1.0; 3], &rows);
+            assert!(matches!(got, Err(EmgError::OutOfRange { name: "weights", .. })), "{got:?}");
+        }
+        Ok(())
     }
 }

@@ -7,8 +7,43 @@ pub const LEVELS: u8 = 5;
 
 /// Parts a value may miss a border by and still count as on it: 1 of 10⁹.
 const TOLERANCE_PARTS: u128 = 1_000_000_000;
-/// Tenths of a level up to `maximum`: four intervals of ten.
-const TENTHS: u128 = 40;
+
+/// Into how many equal intervals the range up to a maximum is cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Intervals {
+    /// Four, as Eq 11 is printed: level 5 is reached at the maximum only.
+    #[default]
+    Four,
+    /// Five, as the text beside Eq 11 says: level 5 begins at four fifths of the maximum.
+    Five,
+}
+
+impl Intervals {
+    /// Read the number of intervals, 4 or 5.
+    ///
+    /// # Errors
+    /// [`EmgError::OutOfRange`] for any other number.
+    pub fn from_count(count: usize) -> Result<Self, EmgError> {
+        match count {
+            4 => Ok(Self::Four),
+            5 => Ok(Self::Five),
+            _ => Err(EmgError::OutOfRange {
+                name: "intervals",
+                value: count as f64,
+                unit: "",
+                wanted: "4 (as printed) or 5",
+            }),
+        }
+    }
+
+    /// Tenths of an interval up to the maximum.
+    const fn tenths(self) -> u128 {
+        match self {
+            Self::Four => 40,
+            Self::Five => 50,
+        }
+    }
+}
 
 /// The level of a block mean: `⌊4 value / maximum + 1⌋`, clamped to 1..=5 (Eq 11).
 ///
@@ -33,31 +68,31 @@ pub fn grasp_level(value: f64, maximum: f64) -> Result<u8, EmgError> {
             wanted,
         });
     }
-    Ok(level_of(value, maximum))
+    Ok(level_of(value, maximum, Intervals::Four))
 }
 
-/// [`grasp_level`] for a maximum that has been checked.
-pub(crate) fn level_of(value: f64, maximum: f64) -> u8 {
-    (1..LEVELS).fold(1, |level, k| level + u8::from(reaches(value, 10 * u32::from(k), maximum)))
+/// [`grasp_level`] for a maximum that has been checked, with a choice of intervals.
+pub(crate) fn level_of(value: f64, maximum: f64, cut: Intervals) -> u8 {
+    (1..LEVELS).fold(1, |level, k| level + u8::from(reaches(value, 10 * u32::from(k), maximum, cut)))
 }
 
 /// [`level_of`] with a dead zone of a tenth of a level on either side of each border around the present level.
-pub(crate) fn level_with_hysteresis(value: f64, maximum: f64, present: u8) -> u8 {
+pub(crate) fn level_with_hysteresis(value: f64, maximum: f64, present: u8, cut: Intervals) -> u8 {
     let mut level = present;
-    while level < LEVELS && reaches(value, 10 * u32::from(level) + 1, maximum) {
+    while level < LEVELS && reaches(value, 10 * u32::from(level) + 1, maximum, cut) {
         level += 1;
     }
     if level == present {
-        while level > 1 && !reaches(value, 10 * u32::from(level - 1) - 1, maximum) {
+        while level > 1 && !reaches(value, 10 * u32::from(level - 1) - 1, maximum, cut) {
             level -= 1;
         }
     }
     level
 }
 
-/// Whether `value ≥ (tenths / 40) · maximum · (1 − 10⁻⁹)`, in integers: both sides are a whole number times a power
-/// of two, of less than 90 bits.
-fn reaches(value: f64, tenths: u32, maximum: f64) -> bool {
+/// Whether `value ≥ (tenths / all tenths) · maximum · (1 − 10⁻⁹)`, in integers: both sides are a whole number times a
+/// power of two, of less than 90 bits.
+fn reaches(value: f64, tenths: u32, maximum: f64, cut: Intervals) -> bool {
     if !value.is_finite() {
         return value == f64::INFINITY;
     }
@@ -65,7 +100,7 @@ fn reaches(value: f64, tenths: u32, maximum: f64) -> bool {
         return false;
     }
     let ((v, v_exp), (m, m_exp)) = (decompose(value), decompose(maximum));
-    let left = v * TENTHS * TOLERANCE_PARTS;
+    let left = v * cut.tenths() * TOLERANCE_PARTS;
     let right = m * u128::from(tenths) * (TOLERANCE_PARTS - 1);
     // A shift that does not fit makes that side larger than the other can be.
     let shift = v_exp.abs_diff(m_exp);
@@ -97,8 +132,12 @@ mod tests {
             let maximum = f64::from(thousandths) / 1000.0;
             for k in 1..=4u8 {
                 let value = f64::from(thousandths) * f64::from(k) / 4.0 / 1000.0;
-                assert_eq!(level_of(value, maximum), k + 1, "{value} of {maximum}");
-                assert_eq!(level_of(value * (1.0 - 2e-9), maximum), k, "{value} of {maximum}");
+                assert_eq!(level_of(value, maximum, Intervals::Four), k + 1, "{value} of {maximum}");
+                assert_eq!(
+                    level_of(value * (1.0 - 2e-9), maximum, Intervals::Four),
+                    k,
+                    "{value} of {maximum}"
+                );
             }
         }
     }
@@ -114,29 +153,29 @@ mod tests {
             (f64::INFINITY, 5),
             (7.5, 5),
         ] {
-            assert_eq!(level_of(value, 1.0), level, "{value}");
+            assert_eq!(level_of(value, 1.0, Intervals::Four), level, "{value}");
         }
     }
 
     #[test]
     fn the_whole_range_of_numbers_works() {
         let smallest = f64::from_bits(1);
-        assert_eq!(level_of(f64::MAX, f64::MAX), 5);
-        assert_eq!(level_of(f64::MAX, smallest), 5);
-        assert_eq!(level_of(smallest, f64::MAX), 1);
-        assert_eq!(level_of(smallest, smallest), 5);
-        assert_eq!(level_of(f64::MIN_POSITIVE / 2.0, f64::MIN_POSITIVE), 3);
-        assert_eq!(level_of(0.5e300, 1e300), 3);
+        assert_eq!(level_of(f64::MAX, f64::MAX, Intervals::Four), 5);
+        assert_eq!(level_of(f64::MAX, smallest, Intervals::Four), 5);
+        assert_eq!(level_of(smallest, f64::MAX, Intervals::Four), 1);
+        assert_eq!(level_of(smallest, smallest, Intervals::Four), 5);
+        assert_eq!(level_of(f64::MIN_POSITIVE / 2.0, f64::MIN_POSITIVE, Intervals::Four), 3);
+        assert_eq!(level_of(0.5e300, 1e300, Intervals::Four), 3);
     }
 
     #[test]
     fn the_dead_zone_is_a_tenth_of_a_level() {
-        assert_eq!(level_with_hysteresis(0.27, 1.0, 1), 1);
-        assert_eq!(level_with_hysteresis(0.275, 1.0, 1), 2);
-        assert_eq!(level_with_hysteresis(0.23, 1.0, 2), 2);
-        assert_eq!(level_with_hysteresis(0.2249, 1.0, 2), 1);
-        assert_eq!(level_with_hysteresis(1.1, 1.0, 1), 5);
-        assert_eq!(level_with_hysteresis(0.0, 1.0, 5), 1);
+        assert_eq!(level_with_hysteresis(0.27, 1.0, 1, Intervals::Four), 1);
+        assert_eq!(level_with_hysteresis(0.275, 1.0, 1, Intervals::Four), 2);
+        assert_eq!(level_with_hysteresis(0.23, 1.0, 2, Intervals::Four), 2);
+        assert_eq!(level_with_hysteresis(0.2249, 1.0, 2, Intervals::Four), 1);
+        assert_eq!(level_with_hysteresis(1.1, 1.0, 1, Intervals::Four), 5);
+        assert_eq!(level_with_hysteresis(0.0, 1.0, 5, Intervals::Four), 1);
     }
 
     #[test]
@@ -144,5 +183,15 @@ mod tests {
         for maximum in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(matches!(grasp_level(1.0, maximum), Err(EmgError::OutOfRange { name: "maximum", .. })));
         }
+    }
+
+    #[test]
+    fn five_equal_intervals_reach_level_five_below_the_maximum() {
+        for (value, level) in [(0.199, 1), (0.2, 2), (0.4, 3), (0.6, 4), (0.799, 4), (0.8, 5), (1.0, 5)] {
+            assert_eq!(level_of(value, 1.0, Intervals::Five), level, "{value}");
+        }
+        assert_eq!(level_with_hysteresis(0.81, 1.0, 4, Intervals::Five), 4);
+        assert_eq!(level_with_hysteresis(0.82, 1.0, 4, Intervals::Five), 5);
+        assert!(matches!(Intervals::from_count(3), Err(EmgError::OutOfRange { name: "intervals", .. })));
     }
 }

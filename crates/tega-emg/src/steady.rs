@@ -13,7 +13,7 @@
 
 use std::cmp::Ordering;
 
-use crate::level::{level_of, level_with_hysteresis};
+use crate::level::{Intervals, level_of, level_with_hysteresis};
 
 /// Scatter of a block mean at constant effort, as a share of the mean: 0.25 to 0.34 for blocks of 20 to 200 ms,
 /// because most of it is slow.
@@ -33,6 +33,7 @@ const DRIVE_LIMIT: f64 = 1e3;
 #[derive(Debug, Clone)]
 pub(crate) struct Steady {
     rest_gain: f64,
+    cut: Intervals,
     channels: Vec<Option<Channel>>,
     drives: Vec<f64>,
     deviations: Vec<f64>,
@@ -45,8 +46,9 @@ struct Channel {
 }
 
 impl Steady {
-    pub(crate) fn new(block_s: f64, channels: usize) -> Self {
+    pub(crate) fn new(block_s: f64, channels: usize, cut: Intervals) -> Self {
         Self {
+            cut,
             rest_gain: block_s / (block_s + SMOOTHING_S),
             channels: vec![None; channels],
             drives: vec![0.0; channels],
@@ -59,13 +61,14 @@ impl Steady {
         for ((drive, mean), maximum) in self.drives.iter_mut().zip(means).zip(maxima) {
             *drive = (mean / maximum).clamp(-DRIVE_LIMIT, DRIVE_LIMIT);
         }
+        let cut = self.cut;
         let joint = response(self.joint_deviation(votes), JOINT_SIGMA).max(self.rest_gain);
         for (((channel, drive), vote), level) in
             self.channels.iter_mut().zip(&self.drives).zip(votes).zip(levels)
         {
             *channel = vote.then(|| match *channel {
-                None => Channel { drive: *drive, level: level_of(*drive, 1.0) },
-                Some(past) => past.next(*drive, joint),
+                None => Channel { drive: *drive, level: level_of(*drive, 1.0, cut) },
+                Some(past) => past.next(*drive, joint, cut),
             });
             *level = channel.map_or(0, |c| c.level);
         }
@@ -90,10 +93,10 @@ impl Channel {
         (drive - self.drive) / (SCATTER * self.drive.max(0.0) + SCATTER_AT_REST)
     }
 
-    fn next(self, drive: f64, joint: f64) -> Self {
+    fn next(self, drive: f64, joint: f64, cut: Intervals) -> Self {
         let gain = joint.max(response(self.deviation(drive), SINGLE_SIGMA));
         let drive = self.drive + gain * (drive - self.drive);
-        Self { drive, level: level_with_hysteresis(drive, 1.0, self.level) }
+        Self { drive, level: level_with_hysteresis(drive, 1.0, self.level, cut) }
     }
 }
 
@@ -152,7 +155,7 @@ mod tests {
 
     #[test]
     fn scatter_about_a_border_leaves_the_level_alone() {
-        let mut steady = Steady::new(0.1, 3);
+        let mut steady = Steady::new(0.1, 3, Intervals::Four);
         let mut levels = [0; 3];
         for block in 0..200usize {
             // Three channels at half effort, ± a quarter of it, out of step with each other.
@@ -165,7 +168,7 @@ mod tests {
 
     #[test]
     fn a_grip_of_all_channels_is_followed_at_once() {
-        let mut steady = Steady::new(0.1, 3);
+        let mut steady = Steady::new(0.1, 3, Intervals::Four);
         let mut levels = [0; 3];
         steady.levels(&[0.05; 3], &[1.0; 3], &[true; 3], &mut levels);
         steady.levels(&[0.9; 3], &[1.0; 3], &[true; 3], &mut levels);
@@ -176,7 +179,7 @@ mod tests {
 
     #[test]
     fn one_channel_alone_is_followed_too() {
-        let mut steady = Steady::new(0.1, 3);
+        let mut steady = Steady::new(0.1, 3, Intervals::Four);
         let mut levels = [0; 3];
         steady.levels(&[0.05; 3], &[1.0; 3], &[true; 3], &mut levels);
         steady.levels(&[0.9, 0.05, 0.05], &[1.0; 3], &[true; 3], &mut levels);
@@ -185,7 +188,7 @@ mod tests {
 
     #[test]
     fn opposite_changes_of_two_channels_do_not_hide_each_other() {
-        let mut steady = Steady::new(0.1, 2);
+        let mut steady = Steady::new(0.1, 2, Intervals::Four);
         let mut levels = [0; 2];
         steady.levels(&[0.5; 2], &[1.0; 2], &[true; 2], &mut levels);
         steady.levels(&[1.1, 0.0], &[1.0; 2], &[true; 2], &mut levels);
@@ -221,7 +224,7 @@ mod tests {
 
     #[test]
     fn huge_and_negative_drives_are_survived() {
-        let mut steady = Steady::new(0.1, 2);
+        let mut steady = Steady::new(0.1, 2, Intervals::Four);
         let mut levels = [0; 2];
         for means in [[1e300, -1e300], [-1e300, 1e300], [0.0, 0.0], [0.0, 0.0]] {
             steady.levels(&means, &[1e-300; 2], &[true; 2], &mut levels);

@@ -16,7 +16,7 @@ use crate::trajectory::Trajectory;
 /// use tega_hand::{CLOSURE_POSES_RAD, HandController};
 ///
 /// let mut controller = HandController::default();
-/// let torques = controller.step(&CLOSURE_POSES_RAD[0], 3, None)?;
+/// let torques = controller.step(&CLOSURE_POSES_RAD[0], 3.0, None)?;
 /// assert_eq!(torques, [0.0; 16]); // the target starts where the hand is
 /// # Ok::<(), tega_hand::HandError>(())
 /// ```
@@ -27,7 +27,7 @@ pub struct HandController {
     trajectory: Option<Trajectory>,
     velocity: Velocity,
     torques: Joints,
-    level: Option<usize>,
+    level: Option<f64>,
 }
 
 impl HandController {
@@ -40,7 +40,7 @@ impl HandController {
         Ok(Self { poses, gains, ..Self::default() })
     }
 
-    /// One cycle. Velocities are estimated from the angles where they are not given (rad/s).
+    /// One cycle towards a closure level, 1 to 5 with fractions between two poses. Velocities are estimated from the angles where they are not given (rad/s).
     ///
     /// # Errors
     /// A level outside 1 to 5; an angle or velocity that is not finite, or an angle no encoder can report. There is
@@ -48,7 +48,7 @@ impl HandController {
     pub fn step(
         &mut self,
         angles_rad: &Joints,
-        level: i64,
+        level: f64,
         velocities_rad_s: Option<&Joints>,
     ) -> Result<Joints, HandError> {
         self.step_within(1.0, angles_rad, level, velocities_rad_s)
@@ -62,7 +62,7 @@ impl HandController {
         &mut self,
         share: f64,
         angles_rad: &Joints,
-        level: i64,
+        level: f64,
         velocities_rad_s: Option<&Joints>,
     ) -> Result<Joints, HandError> {
         let checked = check_level(level).and_then(|level| {
@@ -106,8 +106,8 @@ impl HandController {
         self.trajectory.as_ref().map(Trajectory::target_rad)
     }
 
-    /// The level asked for last, 1 to 5; none before the first cycle and after [`reset`](Self::reset).
-    pub const fn level(&self) -> Option<usize> {
+    /// The place among the levels asked for last, 1 to 5; none before the first cycle and after [`reset`](Self::reset).
+    pub const fn level(&self) -> Option<f64> {
         self.level
     }
 
@@ -117,11 +117,8 @@ impl HandController {
     }
 }
 
-pub(crate) fn check_level(level: i64) -> Result<usize, HandError> {
-    match usize::try_from(level) {
-        Ok(known @ 1..=LEVELS) => Ok(known),
-        _ => Err(HandError::Level { value: level }),
-    }
+pub(crate) fn check_level(level: f64) -> Result<f64, HandError> {
+    if (1.0..=LEVELS as f64).contains(&level) { Ok(level) } else { Err(HandError::Level { value: level }) }
 }
 
 pub(crate) fn check_angles(angles_rad: &Joints) -> Result<(), HandError> {
@@ -141,27 +138,27 @@ mod tests {
         let mut controller = HandController::default();
         let open = CLOSURE_POSES_RAD[0];
         for _ in 0..100 {
-            controller.step(&open, 5, None).unwrap();
+            controller.step(&open, 5.0, None).unwrap();
         }
         let target = controller.target_rad();
         let mut broken = open;
         broken[7] = f64::NAN;
-        let error = controller.step(&broken, 5, None).unwrap_err();
+        let error = controller.step(&broken, 5.0, None).unwrap_err();
         assert!(error.to_string().starts_with("angles_rad of middle_j3 = NaN"), "{error}");
         assert_eq!(controller.target_rad(), target);
-        assert!(controller.step(&open, 5, None).unwrap().iter().all(|tau| tau.abs() <= 0.05));
-        for level in [0, 6, -1, i64::MAX, i64::MIN] {
+        assert!(controller.step(&open, 5.0, None).unwrap().iter().all(|tau| tau.abs() <= 0.05));
+        for level in [0.0, 6.0, -1.0, f64::MAX, 0.999, 5.001] {
             assert_eq!(controller.step(&open, level, None), Err(HandError::Level { value: level }));
         }
-        assert!(controller.step(&[2.92; 16], 1, None).is_err());
-        assert!(controller.step(&open, 1, Some(&[f64::INFINITY; 16])).is_err());
+        assert!(controller.step(&[2.92; 16], 1.0, None).is_err());
+        assert!(controller.step(&open, 1.0, Some(&[f64::INFINITY; 16])).is_err());
     }
 
     #[test]
     fn a_limp_hand_is_adopted_where_it_lies() {
         let mut controller = HandController::default();
         let limp = [0.3; JOINTS];
-        assert_eq!(controller.step(&limp, 5, None).unwrap(), [0.0; JOINTS]);
+        assert_eq!(controller.step(&limp, 5.0, None).unwrap(), [0.0; JOINTS]);
         assert_eq!(controller.target_rad(), Some(limp));
         controller.reset(&[0.5; JOINTS]).unwrap();
         // Abduction goes no further than its limit of 0.47 rad.
@@ -174,7 +171,7 @@ mod tests {
 
         #[test]
         fn torque_never_exceeds_a_joints_limit(
-            cycles in prop::collection::vec((prop::array::uniform16(-2.9..2.9f64), 1..=5i64), 1..200),
+            cycles in prop::collection::vec((prop::array::uniform16(-2.9..2.9f64), 1.0..=5.0f64), 1..200),
         ) {
             let mut controller = HandController::default();
             let mut last = [0.0; JOINTS];

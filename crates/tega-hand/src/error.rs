@@ -19,7 +19,7 @@ pub enum HandError {
     #[error("level = {value} is out of range: 1 (open) to 5 (tight)")]
     Level {
         /// The value given.
-        value: i64,
+        value: f64,
     },
     /// One joint's number is out of its range or not finite.
     #[error("{name} of {joint} = {value:?} {unit} is out of range: {low:?} to {high:?}")]

@@ -13,7 +13,7 @@
 //!
 //! let (mut controller, mut model) = (HandController::default(), JointModel::default());
 //! for _ in 0..700 {
-//!     let torques = controller.step(model.angles_rad(), 3, None)?;
+//!     let torques = controller.step(model.angles_rad(), 3.0, None)?;
 //!     model.step(&torques)?;
 //! }
 //! assert!((model.angles_rad()[1] - CLOSURE_POSES_RAD[2][1]).abs() < 0.005);
@@ -41,6 +41,6 @@ pub use joints::{
 };
 pub use link::{Counts, HandLink, LinkSettings, Phase};
 pub use model::{FULL_DUTY_SPEED_RAD_S, JointModel, TIME_CONSTANT_S};
-pub use pd::Gains;
+pub use pd::{Gains, LARGEST_GAIN};
 pub use poses::{CLOSURE_POSES_RAD, LEVELS, POSE_MARGIN_RAD, PoseSet};
 pub use trajectory::{MAX_SPEED_RAD_S, MOVE_S, Trajectory};

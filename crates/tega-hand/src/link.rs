@@ -174,7 +174,7 @@ impl HandLink {
         &mut self,
         frames: &[Received<'_>],
         t_ns: i64,
-        level: i64,
+        level: f64,
     ) -> Result<Vec<CanFrame>, HandError> {
         check_level(level)?;
         self.since_ns.get_or_insert(t_ns);

@@ -67,8 +67,8 @@ impl JointModel {
             ("time_constant_s", time_constant_s, "s"),
         ];
         for (name, value, unit) in positive {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(HandError::OutOfRange { name, value, unit, wanted: "a finite number above 0" });
+            if !(1e-6..=1e6).contains(&value) {
+                return Err(HandError::OutOfRange { name, value, unit, wanted: "1e-6 to 1e6" });
             }
         }
         Ok(Self {
@@ -129,7 +129,7 @@ mod tests {
         let mut model = JointModel::new(&start, FULL_DUTY_SPEED_RAD_S, TIME_CONSTANT_S).unwrap();
         let (mut last_outside, mut overshoot) = (0, 0f64);
         for tick in 1..=1500 {
-            let torques = controller.step(model.angles_rad(), to as i64 + 1, None).unwrap();
+            let torques = controller.step(model.angles_rad(), to as f64 + 1.0, None).unwrap();
             let angles = model.step(&torques).unwrap();
             for j in 0..JOINTS {
                 if (angles[j] - goal[j]).abs() > 0.005 {

@@ -21,6 +21,10 @@ pub struct Gains {
     pub slew_per_tick: f64,
 }
 
+/// Largest gain of either kind, in its unit: a controller as stiff goes from no torque to full duty within a
+/// milliradian, so whatever is larger is a mistake, and the law's numbers stay far from overflow.
+pub const LARGEST_GAIN: f64 = 1e3;
+
 impl Default for Gains {
     fn default() -> Self {
         Self {
@@ -38,10 +42,11 @@ impl Gains {
     /// Refuse gains and limits no hand should get.
     ///
     /// # Errors
-    /// A number that is not finite or negative, a torque limit or level factor above 1, an error limit or slew of 0.
+    /// A number that is not finite or negative, a gain above [`LARGEST_GAIN`], a torque limit or level factor above 1,
+    /// an error limit or slew of 0.
     pub fn check(&self) -> Result<(), HandError> {
-        check_joints("kp", "torque units per rad", &self.kp, 0.0, f64::MAX)?;
-        check_joints("kd", "torque units per rad/s", &self.kd, 0.0, f64::MAX)?;
+        check_joints("kp", "torque units per rad", &self.kp, 0.0, LARGEST_GAIN)?;
+        check_joints("kd", "torque units per rad/s", &self.kd, 0.0, LARGEST_GAIN)?;
         check_joints("torque_limits", "torque units", &self.torque_limits, 0.0, 1.0)?;
         let positive = [
             ("error_limit_rad", self.error_limit_rad, "rad"),
@@ -153,9 +158,34 @@ mod tests {
         assert!(gains.check().unwrap_err().to_string().starts_with("slew_per_tick = 0.0"));
         let gains = Gains { torque_limits: [1.01; 16], ..Gains::default() };
         assert!(gains.check().is_err());
+        for largest in [f64::MAX, 1e300, 1000.1] {
+            let error = Gains { kp: [largest; 16], ..Gains::default() }.check().unwrap_err().to_string();
+            assert!(error.starts_with("kp of ") && error.contains("0.0 to 1000.0"), "{error}");
+            assert!(Gains { kd: [largest; 16], ..Gains::default() }.check().is_err());
+        }
     }
 
     proptest! {
+        #[test]
+        fn whatever_gains_pass_give_torques_that_are_numbers(
+            kp in 0.0..f64::MAX,
+            kd in 0.0..f64::MAX,
+            error_limit_rad in 0.0..f64::MAX,
+            slew_per_tick in 0.0..f64::MAX,
+            speed in prop::array::uniform16(-f64::MAX..f64::MAX),
+        ) {
+            // Half of the gains as drawn, which no hand should get, half within what is taken.
+            for scale in [1.0, LARGEST_GAIN / f64::MAX] {
+                let gains = Gains {
+                    kp: [kp * scale; 16], kd: [kd * scale; 16], error_limit_rad, slew_per_tick, ..Gains::default()
+                };
+                if gains.check().is_ok() {
+                    let torques = gains.torques(&[2.9; 16], &[-2.9; 16], &speed, 1.0, &[0.0; 16]);
+                    prop_assert!(torques.iter().zip(TORQUE_LIMITS).all(|(torque, limit)| torque.abs() <= limit));
+                }
+            }
+        }
+
         #[test]
         fn torque_is_within_its_limit_and_slew(
             target in prop::array::uniform16(-3.0..3.0f64),

@@ -1,6 +1,6 @@
 //! Where the joints should be: minimum-jerk moves between closure levels.
 //!
-//! A level asked for is approached one neighbour at a time. Each step to a neighbour is a minimum-jerk move; the next
+//! A place among the closure levels, 1 to 5 with fractions between, is approached by one level at a time. Each step to a neighbour is a minimum-jerk move; the next
 //! step may start once a third of it is over, and the moves add up. Every target is therefore a mixture of the poses
 //! with shares that are never negative and sum to 1, whatever levels are asked for and when: the joints stay within
 //! the range of the poses, position, velocity and acceleration have no jump, and the peak speed has a bound that
@@ -34,13 +34,31 @@ fn minimum_jerk(age: u32, duration: u32) -> f64 {
     (s * s * s * (10.0 - s * (15.0 - 6.0 * s))).clamp(0.0, 1.0)
 }
 
+/// Places closer than this are the same.
+const SAME_PLACE: f64 = 1e-9;
+
+fn differ(a: f64, b: f64) -> bool {
+    (a - b).abs() > SAME_PLACE
+}
+
+/// Add a share of a place, which lies on a pose or between two.
+fn add_place(shares: &mut [f64; LEVELS], place: f64, share: f64) {
+    let below = (place.max(0.0) as usize).min(LEVELS - 1);
+    let above = place - below as f64;
+    shares[below] += share * (1.0 - above);
+    if let Some(next) = shares.get_mut(below + 1) {
+        *next += share * above;
+    }
+}
+
 fn ticks(duration_s: f64) -> u32 {
     (duration_s / TICK_S).ceil() as u32
 }
 
+/// A step to a place on the way through the poses, counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Move {
-    to: usize,
+    to: f64,
     age: u32,
 }
 
@@ -52,15 +70,15 @@ struct Move {
 ///
 /// let mut trajectory = Trajectory::new(PoseSet::default(), &CLOSURE_POSES_RAD[0]);
 /// for _ in 0..=100 {
-///     trajectory.advance(2);
+///     trajectory.advance(2.0);
 /// }
 /// assert!((trajectory.target_rad()[1] - 0.2).abs() < 1e-12); // halfway to pose 2 after 0.3 s
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     poses: PoseSet,
-    /// Pose (from 0) at which the oldest move starts.
-    settled: usize,
+    /// Place (from 0) at which the oldest move starts.
+    settled: f64,
     /// Moves under way, the oldest first; at most three.
     moves: VecDeque<Move>,
     move_ticks: u32,
@@ -76,16 +94,16 @@ impl Trajectory {
     /// Start at a measured pose, put inside the joint limits.
     pub fn new(poses: PoseSet, angles_rad: &Joints) -> Self {
         let start_rad = clamp_to_limits(*angles_rad, 0.0);
-        let settled = poses.nearest(&start_rad);
+        let nearest = poses.nearest(&start_rad);
         let move_s = (OVERLAPPING_PEAK * poses.largest_step_rad() / POSES_SPEED_RAD_S).max(MOVE_S);
         let move_ticks = ticks(move_s);
         let spacing_ticks = move_ticks.div_ceil(3);
         let away = poses.angles_rad().iter().map(|pose| distance_rad(pose, &start_rad)).fold(0.0, f64::max);
-        let on_a_pose = poses.angles_rad().get(settled) == Some(&start_rad);
+        let on_a_pose = poses.angles_rad().get(nearest) == Some(&start_rad);
         let takeover_ticks = if on_a_pose { 0 } else { ticks(PEAK * away / TAKEOVER_SPEED_RAD_S) };
         Self {
             poses,
-            settled,
+            settled: nearest as f64,
             moves: VecDeque::with_capacity(3),
             move_ticks,
             spacing_ticks,
@@ -96,8 +114,8 @@ impl Trajectory {
         }
     }
 
-    /// One tick passes with `level` (1 to 5, held within) asked for.
-    pub fn advance(&mut self, level: usize) {
+    /// One tick passes with `level` asked for: 1 to 5, held within, with fractions between two poses.
+    pub fn advance(&mut self, level: f64) {
         for step in &mut self.moves {
             step.age += 1;
         }
@@ -108,9 +126,9 @@ impl Trajectory {
         self.takeover_age = Some(self.takeover_age.map_or(0, |age| age.saturating_add(1)));
         self.since_last_move = self.since_last_move.saturating_add(1).min(self.spacing_ticks);
         let head = self.moves.back().map_or(self.settled, |newest| newest.to);
-        let wanted = level.clamp(1, LEVELS) - 1;
-        if head != wanted && self.since_last_move >= self.spacing_ticks {
-            let to = if wanted > head { head + 1 } else { head - 1 };
+        let wanted = if level.is_nan() { head } else { level.clamp(1.0, LEVELS as f64) - 1.0 };
+        if differ(head, wanted) && self.since_last_move >= self.spacing_ticks {
+            let to = head + (wanted - head).clamp(-1.0, 1.0);
             self.moves.push_back(Move { to, age: 0 });
             self.since_last_move = 0;
         }
@@ -120,14 +138,15 @@ impl Trajectory {
     pub fn shares(&self) -> [f64; LEVELS] {
         let mut shares = [0.0; LEVELS];
         let mut from = self.settled;
-        shares[from] = 1.0;
+        add_place(&mut shares, from, 1.0);
         for step in &self.moves {
             let moved = minimum_jerk(step.age, self.move_ticks);
-            shares[from] -= moved;
-            shares[step.to] += moved;
+            add_place(&mut shares, from, -moved);
+            add_place(&mut shares, step.to, moved);
             from = step.to;
         }
-        shares
+        // Between two poses a difference of nothing may be a rounding error below it.
+        shares.map(|share| share.max(0.0))
     }
 
     /// Joint targets of this tick.
@@ -162,10 +181,10 @@ mod tests {
 
     fn ticks_to_settle(from: usize, to: usize) -> usize {
         let mut trajectory = Trajectory::new(PoseSet::default(), &CLOSURE_POSES_RAD[from - 1]);
-        trajectory.advance(to);
+        trajectory.advance(to as f64);
         (1..2000)
             .find(|_| {
-                trajectory.advance(to);
+                trajectory.advance(to as f64);
                 trajectory.target_rad() == CLOSURE_POSES_RAD[to - 1]
             })
             .unwrap()
@@ -199,8 +218,11 @@ mod tests {
         prop_oneof![Just(PoseSet::default()), any.prop_map(|poses| PoseSet::new(poses).unwrap())]
     }
 
-    fn levels() -> impl Strategy<Value = Vec<(usize, usize)>> {
-        prop::collection::vec((1..=5usize, prop_oneof![1..8usize, 1..400usize]), 1..30)
+    fn levels() -> impl Strategy<Value = Vec<(f64, usize)>> {
+        prop::collection::vec(
+            (prop_oneof![(1..=5u8).prop_map(f64::from), 1.0..5.0f64], prop_oneof![1..8usize, 1..400usize]),
+            1..30,
+        )
     }
 
     proptest! {
@@ -246,8 +268,21 @@ mod tests {
                 (0..n).for_each(|_| trajectory.advance(level));
             }
             let enough = 4 * trajectory.move_ticks;
-            (0..enough).for_each(|_| trajectory.advance(last));
+            (0..enough).for_each(|_| trajectory.advance(last as f64));
             prop_assert_eq!(trajectory.target_rad(), poses.angles_rad()[last - 1]);
+        }
+
+        #[test]
+        fn every_place_between_two_poses_is_reached(place in 1.0..5.0f64, start in 1..=5usize) {
+            let poses = PoseSet::default();
+            let mut trajectory = Trajectory::new(poses.clone(), &poses.angles_rad()[start - 1]);
+            (0..4 * trajectory.move_ticks).for_each(|_| trajectory.advance(place));
+            let below = place as usize;
+            for (joint, target) in trajectory.target_rad().iter().enumerate() {
+                let (low, high) = (poses.angles_rad()[below - 1][joint], poses.angles_rad()[below][joint]);
+                let wanted = low + (place - below as f64) * (high - low);
+                prop_assert!((target - wanted).abs() < 1e-8, "{target} {wanted}");
+            }
         }
     }
 }

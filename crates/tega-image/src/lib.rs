@@ -8,8 +8,14 @@ use std::io::Cursor;
 
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 
-/// Most pixels decoded: larger than any camera's frame, small enough that a forged header cannot ask for all memory.
-const MAX_PIXELS: usize = 1 << 28;
+/// Most pixels decoded: larger than any camera's frame, small enough that no file asks for all memory.
+const MAX_PIXELS: usize = 1 << 26;
+
+/// Deflate makes at most 1032 bytes of one, so a shorter file than its header's picture needs is cut short or forged.
+const MOST_INFLATION: usize = 1032;
+
+/// What the decoder may take for everything but the picture, bytes.
+const MOST_BESIDE: usize = 1 << 24;
 
 /// Why a file is no frame.
 #[derive(Debug, thiserror::Error)]
@@ -20,6 +26,16 @@ pub enum ImageError {
     /// More pixels than any camera delivers.
     #[error("{height}x{width} pixels (height x width), at most {MAX_PIXELS} in all are read")]
     TooLarge {
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+    },
+    /// Fewer bytes than the header's picture takes at the least.
+    #[error("{bytes} bytes cannot hold {height}x{width} pixels (height x width): cut short or forged")]
+    TooShort {
+        /// Of the file.
+        bytes: usize,
         /// Rows.
         height: usize,
         /// Columns.
@@ -51,16 +67,22 @@ pub struct Bgr {
 /// assert!(tega_image::decode_png(b"not a picture").is_err());
 /// ```
 pub fn decode_png(file: &[u8]) -> Result<Option<Bgr>, ImageError> {
-    let limits = Limits { bytes: 4 * MAX_PIXELS };
+    let limits = Limits { bytes: MOST_BESIDE };
     let mut decoder = Decoder::new_with_limits(Cursor::new(file), limits);
     // Expanding a palette whose length is no multiple of three panics in `png` 0.18, so palettes are not expanded.
-    let indexed = decoder.read_header_info()?.color_type == ColorType::Indexed;
-    decoder.set_transformations(if indexed { Transformations::IDENTITY } else { Transformations::EXPAND });
-    let mut reader = decoder.read_info()?;
-    let (height, width) = (reader.info().height as usize, reader.info().width as usize);
+    let header = decoder.read_header_info()?;
+    let indexed = header.color_type == ColorType::Indexed;
+    // Before anything is allocated by these numbers, which are whatever the file says.
+    let (height, width) = (header.height as usize, header.width as usize);
+    let row_bytes = header.raw_row_length_from_width(header.width).saturating_sub(1);
     if height.saturating_mul(width) > MAX_PIXELS {
         return Err(ImageError::TooLarge { height, width });
     }
+    if height.saturating_mul(row_bytes) / MOST_INFLATION > file.len() {
+        return Err(ImageError::TooShort { bytes: file.len(), height, width });
+    }
+    decoder.set_transformations(if indexed { Transformations::IDENTITY } else { Transformations::EXPAND });
+    let mut reader = decoder.read_info()?;
     let mut decoded = vec![0; reader.output_buffer_size().unwrap_or_default()];
     let frame = reader.next_frame(&mut decoded)?;
     reader.finish()?;
@@ -130,6 +152,32 @@ mod tests {
         for end in 0..file.len() {
             assert!(decode_png(&file[..end]).is_err(), "cut at {end} of {}", file.len());
         }
+    }
+
+    #[test]
+    fn a_forged_size_is_refused_before_memory_is_asked_for() {
+        let forged = |width: u32, height: u32| {
+            let mut file = Vec::new();
+            let mut encoder = png::Encoder::new(&mut file, width, height);
+            encoder.set_color(ColorType::Rgba);
+            encoder.set_depth(BitDepth::Eight);
+            drop(encoder.write_header().unwrap());
+            decode_png(&file).unwrap_err()
+        };
+        assert!(matches!(forged(1 << 14, 1 << 14), ImageError::TooLarge { height: 16384, width: 16384 }));
+        assert!(matches!(forged(u32::MAX >> 1, u32::MAX >> 1), ImageError::TooLarge { .. }));
+        let error = forged(4096, 4096);
+        assert!(matches!(error, ImageError::TooShort { .. }), "{error}");
+        assert!(
+            error.to_string().ends_with("cannot hold 4096x4096 pixels (height x width): cut short or forged")
+        );
+    }
+
+    #[test]
+    fn the_best_packed_picture_is_read() {
+        let file = encode(ColorType::Grayscale, 4000, 4000, &vec![0; 16_000_000]);
+        assert!(file.len() < 40_000, "{}", file.len());
+        assert_eq!(decode_png(&file).unwrap().unwrap().width, 4000);
     }
 
     proptest! {

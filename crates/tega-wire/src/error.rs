@@ -5,7 +5,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {value}{} is out of range: {wanted}", spaced(unit))]
+    #[error("{name} = {}{} is out of range: {wanted}", brief(*value), spaced(unit))]
     OutOfRange {
         /// The argument.
         name: &'static str,
@@ -17,7 +17,7 @@ pub enum WireError {
         wanted: &'static str,
     },
     /// One element of an array is out of its range or not finite.
-    #[error("{name}[{index}] = {value} {unit} is out of range: {wanted}")]
+    #[error("{name}[{index}] = {} {unit} is out of range: {wanted}", brief(*value))]
     Element {
         /// The array.
         name: &'static str,
@@ -31,7 +31,7 @@ pub enum WireError {
         wanted: &'static str,
     },
     /// A decoder was asked for with a setting it does not have.
-    #[error("{name} = {value} is not possible: {wanted}")]
+    #[error("{name} = {} is not possible: {wanted}", brief(*value))]
     Setting {
         /// The setting.
         name: &'static str,
@@ -131,4 +131,25 @@ impl WireError {
 /// A unit set off from its number.
 fn spaced(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }
+}
+
+/// A number as it is written by hand: a very large or very small one with an exponent, not with 300 digits.
+fn brief(value: f64) -> String {
+    if value == 0.0 || (1e-5..1e16).contains(&value.abs()) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
+#[cfg(test)]
+mod brief_numbers {
+    use super::*;
+
+    #[test]
+    fn are_short() {
+        let shown = [0.0, 3.0, -0.25, 1e300, f64::MAX, -5e-324, f64::NAN, f64::INFINITY].map(brief);
+        let wanted = ["0", "3", "-0.25", "1e300", "1.7976931348623157e308", "-5e-324", "NaN", "inf"];
+        assert_eq!(shown, wanted);
+    }
 }

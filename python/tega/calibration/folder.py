@@ -36,7 +36,8 @@ from tega.calibration.records import (
     write_bytes,
     write_record,
 )
-from tega.errors import CalibrationError, InvalidValueError
+from tega.errors import CalibrationError
+from tega.plain_name import plain_name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,14 +65,9 @@ def checked_person(person: str) -> str:
     """Return a person's code, which becomes a folder's name.
 
     Raises:
-        InvalidValueError: It has other signs than letters, digits, dot, dash and underscore.
+        UnsafeNameError: It cannot be one.
     """
-    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}", person):
-        raise InvalidValueError(
-            f"person {person!r}: only letters, digits, '.', '-' and '_' (64 at most)",
-            "use a code such as p01, not a name",
-        )
-    return person
+    return plain_name(person, what="person's code", source="calibration")
 
 
 def device_name(info: DeviceInfo) -> str:

@@ -6,7 +6,6 @@ A record is written whole or not at all, and refused where its format or version
 from __future__ import annotations
 
 import os
-import tomllib
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import ClassVar, Literal, TypeVar
@@ -16,6 +15,7 @@ import msgspec
 from tega.calibration.store import TouchMaxima
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
+from tega.foreign_file import parse_toml, read_words
 from tega.toml_text import toml_value
 
 __all__ = [
@@ -183,7 +183,7 @@ class VestRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="teg
     }
 
     person: str
-    layout: Literal["paper32", "x40", "x16"]
+    layout: str
     ceiling_percent: int
     sites: tuple[str, ...]
     threshold_percent: tuple[float, ...]
@@ -249,7 +249,7 @@ class OnsetRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="te
         "clock_uncertainty_ms": "all delays together may be off by that",
     }
 
-    layout: Literal["paper32", "x40", "x16"]
+    layout: str
     motor: int
     percent: int
     onset_ms: float
@@ -283,11 +283,13 @@ def read_record(path: Path, wanted: type[_Any]) -> _Any:
         CalibrationError: It is missing, damaged, of another kind or of a version that is not known.
     """
     try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        tree = parse_toml(read_words(path, error=CalibrationError))
     except OSError as error:
         raise CalibrationError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
         ) from error
+    except CalibrationError:
+        raise
     except ValueError as error:
         raise CalibrationError(f"{path.name}: damaged: {error}", "calibrate again") from error
     if tree.get("version") != 1:

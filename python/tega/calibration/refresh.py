@@ -17,6 +17,7 @@ from tega.calibration.steps_touch import take_baseline
 from tega.calibration.times import Times
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
+from tega.stages.choose import block_s
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -81,18 +82,25 @@ def refresh(
                     raise _nothing(person, f"finger {finger!r}", device_name(source.info))
                 files.append(take_baseline(finger, source, folder, guide, quick, now=now, is_free=True).file)
         elif part == "emg" and config.emg is not None:
-            files.append(_emg(config.emg, person, folder, guide, times=quick, now=now))
+            files.append(_emg(config, config.emg, person, folder, guide, times=quick, now=now))
     return files
 
 
 def _emg(
-    section: EmgConfig, person: str, folder: CalibrationFolder, guide: Guide, *, times: Times, now: datetime
+    config: SessionConfig,
+    section: EmgConfig,
+    person: str,
+    folder: CalibrationFolder,
+    guide: Guide,
+    *,
+    times: Times,
+    now: datetime,
 ) -> Path:
     with driver_class(section.driver, "emg")(section.options) as source:
         record = folder.record(person, EmgRecord, device_name(source.info))
         if record is None:
             raise _nothing(person, "EMG", device_name(source.info))
-        chain = chain_of(source, section)
+        chain = chain_of(source, section, block_s=block_s(config))
         if record.channels != chain.channels:
             raise CalibrationError(
                 f"EMG: {person} was calibrated with channels {', '.join(record.channels)}",

@@ -16,9 +16,9 @@ from tega.calibration.guide import Bar, Guide
 from tega.calibration.records import EmgRecord
 from tega.calibration.settling import until_good
 from tega.calibration.times import Times
-from tega.devices.live_emg import LiveEmg
+from tega.devices.base import optional
 from tega.errors import CalibrationError
-from tega.teleop.maxima import emg_conditions
+from tega.teleop.maxima import TAU_S, emg_conditions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,9 +79,9 @@ class Maxima(msgspec.Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
 
 
-def chain_of(source: EmgSource, config: EmgConfig) -> Chain:
-    """Return what turns an open source's samples into block means."""
-    conditions = emg_conditions(source, config.kind)
+def chain_of(source: EmgSource, config: EmgConfig, *, block_s: float = TAU_S) -> Chain:
+    """Return what turns an open source's samples into block means of a length."""
+    conditions = emg_conditions(source, config.kind, block_s=block_s)
     return Chain(conditions.rate_hz, conditions.tau, config.kind, conditions.channels)
 
 
@@ -105,10 +105,6 @@ def driver_settings(config: EmgConfig) -> str:
     """Return the driver's options that change the numbers, in one fixed order."""
     options = msgspec.to_builtins(config.options) if isinstance(config.options, msgspec.Struct) else {}
     return ", ".join(f"{k}={v}" for k, v in sorted(options.items()) if k not in _NOT_SETTINGS)
-
-
-def _limits(source: EmgSource) -> tuple[float, float] | None:
-    return source.limits if isinstance(source, LiveEmg) else None
 
 
 def collect(
@@ -188,7 +184,7 @@ def take_rest(source: EmgSource, chain: Chain, guide: Guide, times: Times) -> Qu
         guide.ready("Let the arm lie, hand open, and do nothing")
         _drain(source)
         chunks = collect(source, times.rest_s, guide, "Rest", names=chain.channels)
-        found = judge_quiet(chunks, chain, limits=_limits(source))
+        found = judge_quiet(chunks, chain, limits=optional(source, "limits"))
         return Quiet(offset=_rounded(found.offset), rest=_rounded(found.rest), notes=found.problems)
 
     quiet, notes = until_good(guide, "rest", attempt, lambda q: q.notes)
@@ -216,7 +212,7 @@ def take_squeezes(
             _drain(source)
             squeezes.append(collect(source, times.squeeze_s, guide, "SQUEEZE", names=chain.channels))
             guide.say(f"squeeze {k + 1}: let go")
-        found = judge_squeezes(squeezes, rest, chain, limits=_limits(source))
+        found = judge_squeezes(squeezes, rest, chain, limits=optional(source, "limits"))
         return Maxima(live=_rounded(found.live), paper=_rounded(found.paper), notes=found.problems)
 
     maxima, notes = until_good(

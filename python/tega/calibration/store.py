@@ -22,7 +22,6 @@ Example of a file::
 from __future__ import annotations
 
 import sys
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -31,6 +30,7 @@ import msgspec
 
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
+from tega.foreign_file import parse_toml, read_words
 from tega.toml_text import toml_value
 
 __all__ = [
@@ -158,11 +158,13 @@ def load_calibration(path: Path) -> Calibration:
         CalibrationError: It is missing, is not TOML, or a value in it is unknown, of a wrong type or out of range.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_words(path, error=CalibrationError)
     except OSError as error:
         raise CalibrationError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
         ) from error
+    except CalibrationError:
+        raise
     except ValueError as error:
         raise CalibrationError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
     return parse_calibration(text, path.name)
@@ -179,7 +181,7 @@ def parse_calibration(text: str, name: str) -> Calibration:
         CalibrationError: It is not TOML, or a value in it is unknown, of a wrong type or out of range.
     """
     try:
-        tree = tomllib.loads(text)
+        tree = parse_toml(text)
     except ValueError as error:
         raise CalibrationError(f"{name}: not valid TOML: {error}", "see https://toml.io") from error
     try:

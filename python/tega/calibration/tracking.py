@@ -12,8 +12,8 @@ from tega.calibration.person import person_calibration, whose
 from tega.calibration.practice import Curve, score
 from tega.calibration.records import PracticeRecord, utc_now
 from tega.devices.registry import driver_class
-from tega.emg import GraspIntent
 from tega.errors import CalibrationError, ConfigError
+from tega.stages.choose import block_s, muscle_decoder
 from tega.teleop.maxima import emg_conditions
 from tega.teleop.sources import BlockMeter, SourceReport
 
@@ -53,28 +53,24 @@ def track(
     curve = Curve(duration_s, seed=seed)
     guide.part("Practice", "Follow the upper bar with the lower one: squeeze as far as it is full.")
     with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
-        conditions = emg_conditions(source, config.emg.kind)
+        conditions = emg_conditions(source, config.emg.kind, block_s=block_s(config))
         personal = person_calibration(config, {}, source, conditions, settings=settings, now=utc_now())
         maxima = personal.calibration.emg
         if maxima is None:
             raise CalibrationError(f"{personal.name}: has no EMG maxima", "calibrate")
-        intent = GraspIntent(
-            maxima.rate_hz, maxima.maxima, tau=maxima.tau, kind=maxima.kind, preset=config.session.preset
-        )
+        decoder = muscle_decoder(config.stages, config.session.preset, maxima)
         guide.ready("Arm as in use. The curve begins at rest")
         while source.read(0.0) is not None:
             pass
         start_ns = time.monotonic_ns()
-        meter = BlockMeter(
-            intent, SourceReport(), rate_hz=maxima.rate_hz, tau=maxima.tau, live=True, start_ns=start_ns
-        )
+        meter = BlockMeter(decoder, SourceReport(), rate_hz=maxima.rate_hz, live=True, start_ns=start_ns)
         times: list[float] = []
         levels: list[int] = []
         while (gone_s := (time.monotonic_ns() - start_ns) * 1e-9) < duration_s:
             chunk = source.read(_READ_S)
-            for t_ns, _, level in [] if chunk is None else meter.take(chunk):
-                times.append(t_ns * 1e-9)
-                levels.append(level)
+            for block in [] if chunk is None else meter.take(chunk):
+                times.append(block.t_ns * 1e-9)
+                levels.append(block.level)
             now, asked = levels[-1] if levels else 1, curve.at(gone_s)
             bars = [
                 Bar("target", asked / _TOP_LEVEL, f"{asked:.1f}"),

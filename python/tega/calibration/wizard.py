@@ -32,6 +32,9 @@ from tega.config import DEFAULT_LAYOUT, EmgConfig, SessionConfig, TactileConfig
 from tega.devices.opencv import read_image
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
+from tega.plain_name import path_below
+from tega.stages.choose import block_s
+from tega.worn_vest import worn_vest
 
 if TYPE_CHECKING:
     from tega.devices.base import Device
@@ -214,7 +217,7 @@ class Calibrating:
         kept = self._unfinished.steps.get(step)
         if kept is None:
             return None
-        path = self._folder.path / kept["file"]
+        path = path_below(self._folder.path, kept["file"], what="picture", source="unfinished.json")
         if not path.is_file():
             return None
         picture = read_image(path, driver="calibrate")
@@ -230,7 +233,7 @@ class Calibrating:
         )
         with driver_class(section.driver, "emg")(section.options) as source:
             _check_live(source)
-            chain = chain_of(source, section)
+            chain = chain_of(source, section, block_s=block_s(self._config))
             muscles = muscle_names(section, chain.channels)
             guide, times = self._guide, self._times
             quiet = self._step("emg.rest", Quiet, lambda: take_rest(source, chain, guide, times))
@@ -269,7 +272,7 @@ class Calibrating:
             f"Where columns are felt, from which level on, and which increase is noticed. Nothing above {limit} %.",
         )
         try:
-            with driver_class(section.driver, "vest")(section.options) as vest:
+            with worn_vest(section, self._folder.person(self._person) / "vest-dose.json") as vest:
                 _check_live(vest)
                 pulses = Pulses(vest, layout=layout, ceiling=ceiling, times=self._times)
                 where = self._step("vest.places", _Places, lambda: self._places(pulses))

@@ -17,12 +17,15 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.can_links import can_links, link_trouble
+from tega.devices.guard_process import GuardProcess
 from tega.devices.hand_bus import HandBus
-from tega.devices.hand_guard import Guard
+from tega.devices.hand_guard import LONGEST_S, guard_hand
 from tega.devices.lifecycle import Opened
-from tega.devices.ways_out import closes_on_exit, release
+from tega.devices.ways_out import closes_on_exit, last_words, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.priority import ahead_of_others
+from tega.safety.hand_alert import HandAlert
+from tega.wire import allegro_limp_frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,6 +40,8 @@ _BITRATE = 1_000_000
 _SWITCH_S = 0.0005
 _START_S = 10.0
 _LEAVE_S = 1.0
+# An adapter that was closed is opened again within a second.
+_CONFIRM_S = 3.0
 _KEPT = 16_384
 _REFUSED = frozenset({"wrong-version", "wrong-side"})
 
@@ -86,8 +91,8 @@ class Allegro(Opened):
 
     Opening it checks version and side before any torque, switches the motors on and holds the pose the hand is in
     until :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO
-    OFF are sent three times; a second process sends them if this one is killed. A hand whose bus is gone keeps its
-    last torque as far as is known, so mount a switch.
+    OFF are sent until the hand says that its motors are off; a second process sends them if this one is killed, or if
+    the hand does not say so. A hand whose bus is gone keeps its last torque as far as is known, so mount a switch.
 
     Args:
         options: The settings.
@@ -109,13 +114,16 @@ class Allegro(Opened):
         self._thread: threading.Thread | None = None
         self._ready = threading.Event()
         self._leaving = threading.Event()
-        self._level = 1
+        self._level: float = 1
         self._died = ""
-        self._guard: Guard | None = None
+        self._alert = HandAlert(self)
+        self._guard: GuardProcess | None = None
+        self._off: list[CanFrame] = []
+        self._pushed, self._let_go = False, True
         self._switch_s = 0.0
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
-        self.on_exchange: Callable[[int, int, Sequence[Received], Sequence[CanFrame], str], None] | None = (
+        self.on_exchange: Callable[[int, float, Sequence[Received], Sequence[CanFrame], str], None] | None = (
             None
         )
         """Told in the hand's thread of every exchange: time, level, frames received and to be sent, and ``exchange``,
@@ -154,6 +162,11 @@ class Allegro(Opened):
             notes=notes,
         )
 
+    @property
+    def problem(self) -> str:
+        """What the hand suffers from now, while it can still be steered or may come back; ``""`` for nothing."""
+        return self._alert()
+
     def open(self) -> None:
         """Open the bus, check the hand, and hold it where it is.
 
@@ -166,7 +179,6 @@ class Allegro(Opened):
         from tega.hand import TORQUE_LIMITS, HandController
         from tega.hand_link import HandLink
         from tega.hand_poses import load_poses
-        from tega.teleop.hand import limp_frames
         from tega.wire import allegro_set_period
 
         o = self._options
@@ -179,6 +191,11 @@ class Allegro(Opened):
         )
         self._bus.open()
         self._level, self._died = 1, ""
+        self._pushed, self._let_go = False, True
+        self._off = [
+            *allegro_limp_frames(device_id=o.device_id),
+            allegro_set_period(0, device_id=o.device_id),
+        ]
         self._sent.clear()
         self._cycles.clear()
         self._ready.clear()
@@ -196,8 +213,11 @@ class Allegro(Opened):
         )
         # A bus inside this process ends with it.
         if o.guard and o.torque and o.interface != "virtual" and os.name == "posix":
-            frames = [*limp_frames(o.device_id), allegro_set_period(0, device_id=o.device_id)]
-            self._guard = Guard(self._bus.settings, frames)
+            try:
+                self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
+            except BaseException:
+                self._bus.drop()
+                raise
         self._thread = threading.Thread(target=self._run, args=(self._link,), name="allegro", daemon=True)
         self._thread.start()
         # A program that ends without closing must not leave the fingers pushing.
@@ -217,25 +237,45 @@ class Allegro(Opened):
                 thread.join(_LEAVE_S + _START_S)
             finally:
                 # An impatient Ctrl-C does not cut the letting go short.
-                thread.join(_LEAVE_S)
+                thread.join(_LEAVE_S + _CONFIRM_S)
                 release(self.close)
                 sys.setswitchinterval(self._switch_s)
-                guard, self._guard = self._guard, None
-                if guard is not None:
-                    guard.dismiss()
+                self._dismiss()
         self._link = None
 
-    def step(self, level: int) -> list[CanFrame]:
+    def _dismiss(self) -> None:
+        """Dismiss the process that guards the hand if the hand has confirmed that its motors are off."""
+        guard, self._guard = self._guard, None
+        if self._let_go:
+            if guard is not None:
+                guard.dismiss()
+            return
+        tries = ""
+        if guard is not None:
+            guard.leave_to_it()
+            tries = f"; another process goes on telling it to, for {LONGEST_S / 60:g} minutes"
+        last_words(
+            f"USE THE HAND'S EMERGENCY SWITCH: {self._bus.label}: the hand has not confirmed that its motors are off, "
+            f"so it may still be pushing{tries}"
+        )
+
+    @property
+    def guard_problem(self) -> str:
+        """Why nobody would let go of the hand if this program were killed now; ``""`` if somebody would."""
+        guard = self._guard
+        return "" if guard is None or not guard.problem else f"hand: {guard.problem}"
+
+    def step(self, level: float) -> list[CanFrame]:
         """Ask for a closure level; the hand's own thread moves there.
 
         Args:
-            level: Closure level, 1 to 5.
+            level: Closure level, 1 to 5 with fractions between two poses.
 
         Returns:
             The frames sent to the hand since the last call.
 
         Raises:
-            InvalidValueError: The level is none of the five.
+            InvalidValueError: The level is not from 1 to 5.
             WrongDeviceError: Another hand has answered after a silence.
             DeviceUnavailableError: Not open, or the hand was let go because of a fault; the message says which.
         """
@@ -348,11 +388,14 @@ class Allegro(Opened):
                     # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
                     self._bus.drop()
                 self._tell(t_ns, level, frames, out, "exchange")
+                self._pushed = self._pushed or (link.phase == "running" and self._options.torque)
                 if link.phase in {"running", "faulted"}:
                     self._ready.set()
                 if self._guard is not None and self._ready.is_set():
                     self._guard.beat()
-        except Exception as error:  # told by the next step, in the thread that can act on it
+        except (
+            BaseException
+        ) as error:  # a panic of native code, too; told by the next step, which can act on it
             self._died = f" ({type(error).__name__}: {error})"
         finally:
             # Whatever was sent before: a hand that hears this is without force.
@@ -360,11 +403,16 @@ class Allegro(Opened):
             self._sent.extend(self._bus.send(last))
             self._tell(time.monotonic_ns(), 0, (), last, "abandon")
             self._ready.set()
+            if self._pushed:
+                self._let_go = False
+                with contextlib.suppress(Exception):
+                    device_id = self._options.device_id
+                    self._let_go = self._bus.switch_off(self._off, device_id=device_id, patience_s=_CONFIRM_S)
             with contextlib.suppress(Exception):
                 self._bus.drop()
 
     def _tell(
-        self, t_ns: int, level: int, received: Sequence[Received], sent: Sequence[CanFrame], action: str
+        self, t_ns: int, level: float, received: Sequence[Received], sent: Sequence[CanFrame], action: str
     ) -> None:
         if self.on_exchange is not None:
             self.on_exchange(t_ns, level, received, sent, action)

@@ -11,8 +11,8 @@ gives to a sink is always counted from the start of the session.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, Self, runtime_checkable
+from types import MappingProxyType, TracebackType
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple, Protocol, Self, runtime_checkable
 
 import msgspec
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tega.wire import CanFrame
 
 __all__ = [
+    "OPTIONAL",
     "ArmDriver",
     "ComparingSource",
     "Device",
@@ -49,6 +50,7 @@ __all__ = [
     "TellingArm",
     "Tracker",
     "VestSink",
+    "optional",
 ]
 
 Kind = Literal["tactile", "emg", "vest", "hand", "input", "tracker", "arm"]
@@ -110,6 +112,10 @@ class Found(msgspec.Struct, frozen=True, kw_only=True):
 class TactileFrame(NamedTuple):
     """One picture of a fingertip.
 
+    The picture belongs to whoever reads it: a source never writes into an array that it has given away, since others
+    (measuring, recording, a page) read it in threads of their own and would see half of one picture and half of the
+    next. A driver that has one buffer gives a copy of it.
+
     Attributes:
         t_ns: Time of the picture in nanoseconds.
         seq: Its number, from 0; a gap is a lost frame.
@@ -124,7 +130,7 @@ class TactileFrame(NamedTuple):
 
 
 class EmgChunk(NamedTuple):
-    """Consecutive EMG samples.
+    """Consecutive EMG samples; given away for good, as :class:`TactileFrame` is.
 
     Attributes:
         t_ns: Time at which the last of them was complete, in nanoseconds.
@@ -275,9 +281,33 @@ class ComparingSource(TactileSource, Protocol):
         ...
 
 
+OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
+    {"limits": None, "measured_hz": None, "faults": (), "problem": "", "guard_problem": ""}
+)
+"""What a driver may have beyond its protocol, by name, and what is taken of one that has it not.
+
+An amplifier: ``limits``, the smallest and largest value its converter can give, in the samples' unit, without which
+saturation cannot be told; ``measured_hz``, the samples per second that really come; ``faults``, what is wrong with
+the signal now, one sentence each, which a run shows as an alert. A hand that is steered: ``problem``, what is wrong
+with it now, ``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its
+motors off if this program were killed, which holds a run.
+"""
+
+
+def optional(device: object, name: str) -> Any:
+    """Return what a driver has under a name of :data:`OPTIONAL`, or what is taken where it has not.
+
+    It is asked for by name, since a source that is recorded or shown stands behind another object.
+    """
+    return getattr(device, name, OPTIONAL[name])
+
+
 @runtime_checkable
 class EmgSource(Device, Protocol):
-    """An EMG amplifier, or a recording of one."""
+    """An EMG amplifier, or a recording of one.
+
+    It may have ``limits``, ``measured_hz`` and ``faults`` (:data:`OPTIONAL`).
+    """
 
     @property
     def ended(self) -> bool:
@@ -309,7 +339,10 @@ class HandDriver(Device, Protocol):
 
 @runtime_checkable
 class SteeredHand(Device, Protocol):
-    """A robot hand that closes its own loop: it is told a level and steers on the angles it reads."""
+    """A robot hand that closes its own loop: it is told a level and steers on the angles it reads.
+
+    It may have ``problem`` (:data:`OPTIONAL`).
+    """
 
     label: ClassVar[str]
 
@@ -318,8 +351,8 @@ class SteeredHand(Device, Protocol):
         """The joint angles as last reported, float64 (16,), rad; NaN before the first report."""
         ...
 
-    def step(self, level: int) -> Sequence[CanFrame]:
-        """Ask for a closure level, 1 to 5, and return the frames sent since the last call."""
+    def step(self, level: float) -> Sequence[CanFrame]:
+        """Ask for a closure level, 1 to 5 and fractions between; return the frames sent since the last call."""
         ...
 
     def limp(self) -> Sequence[CanFrame]:

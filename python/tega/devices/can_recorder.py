@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from tega.csv_writer import CsvWriter, time_text
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
-from tega.recording.csv import CsvWriter, time_text
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame

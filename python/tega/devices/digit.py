@@ -217,7 +217,9 @@ class Digit(Opened):
             capture.release()
             raise DeviceUnavailableError(
                 f"digit {self.info.label}: the camera does not open",
-                "another program may use it; your user may not read it (tega-teleop doctor --udev-rules)",
+                "another program may use it; your user may not read it (tega-teleop doctor --udev-rules)"
+                if local
+                else f"nothing sends pictures at {place}: is the address right, its sender on, and the network up?",
             )
         if local:
             try:
@@ -301,7 +303,7 @@ class Digit(Opened):
         notes = [
             f"pictures showed lines of the sensor of {other} (up to {100 * share:.0f} % of a picture): not used; "
             "give the sensors USB controllers of their own or a lower rate"
-            for other, share in self._check.foreign_shares.items()
+            for other, share in list(self._check.foreign_shares.items())  # the camera's thread adds to it
         ]
         if self.counts.unlike:
             notes.append(

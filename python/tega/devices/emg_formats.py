@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import re
+import struct
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,11 +14,25 @@ import numpy as np
 
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
+from tega.foreign_file import MIB, check_file, load_npy
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["read_emg_file"]
+
+# What loggers call columns that are no muscle; a unit may follow in brackets or behind an underscore.
+_OTHER = re.compile(
+    r"(time|times|timestamp|time ?stamp|t|seconds|index|sample|samples|counter|force|forces|torque|load|grip|label|"
+    r"trigger|marker|event|level)[ _]?(\[.*\]|\(.*\)|ms|us|ns|s|n|kg|nm|n\.m)?",
+    re.IGNORECASE,
+)
+
+# An hour of 16 channels at 4 kHz as text has half of it.
+_MOST_MIB = 4096
+
+# The type of a compressed variable in a MATLAB 5 file.
+_MAT_COMPRESSED = 15
 
 # More columns than any amplifier TEGA knows has: such an array is lying on its side.
 _MOST_CHANNELS = 512
@@ -41,8 +59,9 @@ def read_emg_file(
         RecordingError: The file is missing, cannot be parsed, holds no sample or lacks a channel.
         MissingExtraError: A ``.mat`` file needs SciPy.
     """
-    if not path.is_file():
+    if not path.exists() or path.is_dir():
         raise RecordingError(f"{path.name}: no such EMG file", f"looked for {path}")
+    check_file(path, most_mib=_MOST_MIB)
     match path.suffix.lower():
         case ".mat":
             samples = _columns(path, _read_mat(path, variable), channels)
@@ -56,16 +75,15 @@ def read_emg_file(
 
 
 def _read_npy(path: Path) -> Any:
-    try:
-        return np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise RecordingError(f"{path.name}: not an .npy array: {error}", "save it with numpy.save") from error
+    return load_npy(path.read_bytes(), path.name)
 
 
 def _read_mat(path: Path, variable: str) -> Any:
     io = require("scipy.io", driver="emg-file", extra="lab")
     try:
-        content = io.loadmat(path)
+        _check_mat_size(path)
+        content = io.loadmat(path, variable_names=[variable])
+        names = [] if variable in content else _mat_names(io, path)
     except NotImplementedError as error:
         raise RecordingError(
             f"{path.name}: a MATLAB 7.3 file, which is not read", "save it again with: save(file, '-v7')"
@@ -73,12 +91,43 @@ def _read_mat(path: Path, variable: str) -> Any:
     except Exception as error:  # SciPy raises whatever the bytes lead it to
         raise RecordingError(f"{path.name}: not a MATLAB file: {error}", "export it again") from error
     if variable not in content:
-        names = sorted(n for n, v in content.items() if isinstance(v, np.ndarray) and not n.startswith("__"))
         raise RecordingError(
             f"{path.name}: has no variable {variable!r}",
-            f"it has: {', '.join(names) or 'none'} (--emg-variable)",
+            f"it has: {', '.join(names) or 'none that can be listed'}; name one of them as the variable",
         )
     return content[variable]
+
+
+def _mat_names(io: Any, path: Path) -> list[str]:
+    try:
+        return sorted(name for name, _, _ in io.whosmat(path))
+    except (
+        TypeError
+    ):  # SciPy 1.17 lists nothing where a MATLAB object, such as a table, lies beside the arrays
+        return []
+
+
+def _check_mat_size(path: Path) -> None:
+    """Refuse a MATLAB 5 file whose compressed variables grow beyond what is read, whatever sizes its header tells.
+
+    Raises:
+        ValueError: A variable is too large.
+        zlib.error: A variable is damaged.
+    """
+    with path.open("rb") as file:
+        order = {b"IM": "<", b"MI": ">"}.get(file.read(128)[126:])
+        left = _MOST_MIB * MIB
+        while order and len(tag := file.read(8)) == 8:
+            kind, n_bytes = struct.unpack(order + "II", tag)
+            if kind != _MAT_COMPRESSED:
+                file.seek(n_bytes, os.SEEK_CUR)
+                continue
+            packed, inflate = file.read(n_bytes), zlib.decompressobj()
+            while packed and not inflate.eof:
+                left -= len(inflate.decompress(packed, MIB))
+                if left < 0:
+                    raise ValueError(f"a variable of more than {_MOST_MIB} MiB")
+                packed = inflate.unconsumed_tail
 
 
 def _columns(path: Path, array: Any, channels: Sequence[int]) -> NDArray[np.float64]:
@@ -124,7 +173,7 @@ def _check_channels(path: Path, channels: Sequence[int], n_columns: int) -> None
 
 def _read_text(path: Path, channels: Sequence[int]) -> NDArray[np.float64]:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = path.read_text(encoding="utf-8-sig")  # its size has been looked at
     except UnicodeDecodeError as error:
         raise RecordingError(
             f"{path.name}: not text: byte {error.start} is {error.object[error.start]:#04x}",
@@ -144,6 +193,7 @@ def _read_text(path: Path, channels: Sequence[int]) -> NDArray[np.float64]:
         fields = _split(line, delimiter)
         if n_fields == 0 and header_allowed and _is_header(fields, columns):
             header_allowed = False
+            _check_names(path, fields, columns)
             continue
         if n_fields == 0:
             n_fields = len(fields)
@@ -159,7 +209,7 @@ def _read_text(path: Path, channels: Sequence[int]) -> NDArray[np.float64]:
         except ValueError as error:
             raise RecordingError(
                 f"{path.name}:{number}: not a row of numbers: {_shown(line)}",
-                "mend or delete that line, or leave its column out with --emg-channels",
+                "mend or delete that line, or name the channels to read without its column",
             ) from error
     return np.array(values, np.float64).reshape(-1, max(len(columns), 1))
 
@@ -191,6 +241,19 @@ def _is_header(fields: list[str], columns: list[int]) -> bool:
         # A line of names has no number where the samples are; one with some is a damaged row.
         return not any(_is_number(f) for f in wanted)
     return False
+
+
+def _check_names(path: Path, names: list[str], columns: list[int]) -> None:
+    """Refuse to take a column for EMG whose own name says that it is something else, unless it is asked for."""
+    others = [n for n, name in enumerate(names, start=1) if _OTHER.fullmatch(name.strip())]
+    if columns or not others:
+        return
+    named = ", ".join(f"{n} ({names[n - 1].strip()})" for n in others)
+    rest = ",".join(str(n) for n in range(1, len(names) + 1) if n not in others) or "none"
+    raise RecordingError(
+        f"{path.name}: column {named} is no EMG by its name, and all columns would be read as channels",
+        f"name the channels: {rest}",
+    )
 
 
 def _is_number(field: str) -> bool:

@@ -20,6 +20,7 @@ __all__ = ["HandBus", "can_message"]
 
 # Waiting for a frame ends this soon, so that silence is noticed in time.
 _WAIT_S = 0.002
+_ASK_S = 0.05
 # A frame that waits longer is dropped: the next cycle has a newer one.
 _SEND_S = 0.01
 _REOPEN_NS = 1_000_000_000
@@ -139,6 +140,39 @@ class HandBus:
             except (self._can.CanError, OSError):
                 self.n_unsent += 1
         return sent
+
+    def switch_off(self, frames: Sequence[CanFrame], *, device_id: int, patience_s: float) -> bool:
+        """Tell a hand to let go, again and again, until it says that its motors are off.
+
+        A hand does not tell its torques. It is asked behind the frames that take them away, and on a bus what was
+        sent first is heard first: an answer with SERVO OFF in it confirms both.
+
+        Args:
+            frames: What leaves it without force.
+            device_id: Its number on the bus.
+            patience_s: How long to try, seconds.
+
+        Returns:
+            Whether the hand has confirmed it.
+        """
+        from tega.wire import AllegroInfo, CanFrame, allegro_decode, allegro_request_info
+
+        question = allegro_request_info(device_id=device_id)
+        until_s, ask_s = time.monotonic() + patience_s, 0.0
+        while (now_s := time.monotonic()) < until_s:
+            if now_s >= ask_s and self._bus is not None:
+                ask_s = now_s + _ASK_S
+                self.send([*frames, question])
+            for got in self.receive(may_reopen=True):
+                said = allegro_decode(
+                    CanFrame(got.id, bytes(got.data), got.remote),
+                    device_id=device_id,
+                    extended=got.extended,
+                    error=got.error,
+                )
+                if ask_s and isinstance(said, AllegroInfo) and not said.servo_on:
+                    return True
+        return False
 
     def _reopened(self) -> bool:
         t_ns = time.monotonic_ns()

@@ -1,10 +1,11 @@
 """Lets go of a hand whose program was killed or stands still.
 
-A hand is thought to keep its last torque for ever. So a second process waits beside the one that steers it,
-``python -m tega.devices.hand_guard SETTINGS``, and hears from the hand's thread ten times a second. A line ``done``
-ends it. When its input ends without one, or it hears nothing for a second, it opens the bus itself and sends zero
-torque, SERVO OFF and no more reports, three times. Until it first hears something no motor is on, and it does nothing.
-Nothing helps where both are killed, the adapter is pulled out, or the machine loses power: mount a switch.
+A hand is thought to keep its last torque for ever. So a second process waits beside the one that steers it and hears
+from the hand's thread ten times a second (:mod:`tega.devices.guard_process`). When its input ends without a word, or it
+hears nothing for a second, it opens the bus itself and sends zero torque, SERVO OFF and no more reports, until the hand
+says that its motors are off: for ten minutes after the program is gone, or until a program that stood still goes on.
+Until it first hears something no motor is on, and it does nothing. Nothing helps where both are killed, the adapter is
+pulled out, or the machine loses power: mount a switch.
 """
 
 from __future__ import annotations
@@ -12,90 +13,91 @@ from __future__ import annotations
 import json
 import os
 import select
-import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+
+from tega.devices.guard_process import GuardProcess, answer, say_ready, stay_alone
+from tega.devices.hand_bus import HandBus
+from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame
 
-__all__ = ["Guard", "main"]
+__all__ = ["guard_hand", "main"]
 
-BEAT_S: Final = 0.1
 STUCK_S: Final = 1.0
-_TRIES: Final = 10
+LONGEST_S: Final = 600.0
 _REST_S: Final = 0.2
-_AGAIN_S: Final = 0.02
+_TRY_S: Final = 0.5
 
 
-class Guard:
-    """The guard's process, as seen by the program it watches.
+def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id: int) -> GuardProcess:
+    """Start the process, and return it when it is ready.
 
     Args:
         bus: Arguments of ``can.Bus``.
         frames: What leaves the hand without force.
+        device_id: The hand's number on its bus.
+
+    Raises:
+        DeviceUnavailableError: It does not start.
     """
-
-    def __init__(self, bus: Mapping[str, Any], frames: Sequence[CanFrame]) -> None:
-        settings = json.dumps({"bus": bus, "frames": [[f.id, f.data.hex()] for f in frames]})
-        # A session of its own: what is sent to the program's terminal (Ctrl-C, hang-up) is not meant for it.
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tega.devices.hand_guard", settings],
-            stdin=subprocess.PIPE,
-            start_new_session=True,
-        )
-        if self._process.stdin is not None:
-            os.set_blocking(self._process.stdin.fileno(), False)
-        self._next_s = 0.0
-
-    def beat(self) -> None:
-        """Say that the hand's thread is alive; returns at once, and does nothing most of the time."""
-        now_s = time.monotonic()
-        if now_s < self._next_s or self._process.stdin is None:
-            return
-        self._next_s = now_s + BEAT_S
-        try:
-            os.write(self._process.stdin.fileno(), b".\n")
-        except OSError:  # it was killed: nothing more can be done about that here
-            self._next_s = float("inf")
-
-    def dismiss(self) -> None:
-        """Tell it that the hand was let go."""
-        try:
-            self._process.communicate(b"done\n", timeout=5)
-        except (subprocess.TimeoutExpired, OSError):
-            self._process.kill()
-            self._process.wait()
+    settings = {"bus": bus, "frames": [[f.id, f.data.hex()] for f in frames], "device_id": device_id}
+    return GuardProcess("lets go of the hand", "tega.devices.hand_guard", json.dumps(settings))
 
 
-def _let_go(bus: dict[str, Any], frames: list[list[Any]]) -> None:
-    """Send the frames, as often as opening the bus takes."""
-    import can
+class _Hand:
+    """The hand, from here."""
 
-    for _ in range(_TRIES):
-        try:
-            with can.Bus(**bus) as opened:
-                for _ in range(3):
-                    for can_id, data in frames:
-                        opened.send(
-                            can.Message(arbitration_id=can_id, data=bytes.fromhex(data), is_extended_id=False)
-                        )
-                    time.sleep(_AGAIN_S)
-        except (can.CanError, OSError, ValueError):
+    def __init__(self, bus: dict[str, Any], frames: list[list[Any]], device_id: int) -> None:
+        from tega.wire import CanFrame
+
+        more = dict(bus)
+        interface, self._channel = more.pop("interface"), more.pop("channel")
+        self._bus = HandBus(interface, self._channel, bitrate=more.pop("bitrate"), more=more)
+        self._frames = [CanFrame(can_id, bytes.fromhex(data)) for can_id, data in frames]
+        self._device_id = device_id
+        self._node = self._seen()
+
+    def let_go(self, given_up: Callable[[], bool]) -> None:
+        """Tell it to let go until it has confirmed that it did, or nobody needs that any more."""
+        until_s = time.monotonic() + LONGEST_S
+        while time.monotonic() < until_s and not self._replaced():
+            try:
+                self._bus.open()
+                if self._bus.switch_off(self._frames, device_id=self._device_id, patience_s=_TRY_S):
+                    return
+            except DeviceUnavailableError:
+                pass
+            finally:
+                self._bus.drop()
+            if given_up():
+                return
             time.sleep(_REST_S)
-            continue
-        return
+
+    def _replaced(self) -> bool:
+        """Whether another program's terminal has the name now that an emulated adapter had."""
+        return str(self._channel).startswith("/dev/pts/") and self._seen() != self._node
+
+    def _seen(self) -> tuple[int, int] | None:
+        try:
+            seen = Path(str(self._channel)).stat()
+        except OSError:
+            return None
+        return seen.st_ino, seen.st_ctime_ns
 
 
 def main() -> None:
     """Wait, and let go of the hand if its program ends without a word or stands still."""
     import can  # noqa: F401  # there is no time for that later
 
-    settings = json.loads(sys.argv[1])
+    hand = _Hand(**json.loads(sys.argv[1]))
     fd = sys.stdin.fileno()
     heard, stuck, said = False, False, b""
+    say_ready()
     while True:
         ready, _, _ = select.select([fd], [], [], STUCK_S if heard and not stuck else None)
         chunk = os.read(fd, 4096) if ready else b""
@@ -103,13 +105,20 @@ def main() -> None:
         if b"done" in said:
             return
         if chunk:
+            answer(chunk)
             heard, stuck = True, False
             continue
+        if ready:
+            stay_alone()
         if heard:
-            _let_go(settings["bus"], settings["frames"])
+            hand.let_go(_never if ready else lambda: bool(select.select([fd], [], [], 0)[0]))
         if ready:
             return
         stuck = True
+
+
+def _never() -> bool:
+    return False
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -14,6 +15,10 @@ from tega.devices.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 from tega.errors import DeviceUnavailableError, RecordingError
 
 __all__ = ["ImageFolder", "ImageFolderOptions"]
+
+
+# So few pictures with names of another kind are no part of the recording.
+_STRAY_SHARE = 0.1
 
 
 class ImageFolderOptions(Options, frozen=True):
@@ -33,7 +38,8 @@ class ImageFolderOptions(Options, frozen=True):
 class ImageFolder(Opened):
     """The pictures of a folder in natural order (``frame_2`` before ``frame_10``), frame k at k/rate.
 
-    Other files are ignored, hidden ones too. All pictures have to have the size of the first.
+    Other files are ignored, hidden ones too, and so is a picture named unlike nearly all others; a note says which.
+    All pictures have to have the size of the first.
 
     Args:
         options: The settings.
@@ -49,6 +55,7 @@ class ImageFolder(Opened):
         self._options = options
         self._files: list[Path] | None = None
         self._next = 0
+        self._notes: tuple[str, ...] = ()
         self._shape: tuple[int, ...] | None = None
 
     @property
@@ -62,6 +69,7 @@ class ImageFolder(Opened):
             rate_hz=self._options.rate_hz,
             unit="counts of 255",
             n_items=None if self._files is None else len(self._files),
+            notes=self._notes,
         )
 
     def open(self) -> None:
@@ -92,6 +100,7 @@ class ImageFolder(Opened):
                 f"{folder.name}: holds no picture that is a frame",
                 f"frames are files ending in {', '.join(sorted(IMAGE_SUFFIXES))}, the baseline apart",
             )
+        files, self._notes = _without_strays(files)
         self._files = sorted(files, key=lambda path: _natural(path.name))
         self._next = 0
         self._shape = None
@@ -132,6 +141,19 @@ class ImageFolder(Opened):
                 "a recording has one size; take the file out of the folder or name it as the baseline",
             )
         return TactileFrame(round(seq * 1_000_000_000 / self._options.rate_hz), seq, image, path.name)
+
+
+def _without_strays(files: list[Path]) -> tuple[list[Path], tuple[str, ...]]:
+    """Leave out pictures named unlike nearly all others, and say so: as frames they would set the maximum."""
+    shapes = {path: re.sub("[0-9]+", "#", path.stem.casefold()) for path in files}
+    usual, n_usual = Counter(shapes.values()).most_common(1)[0]
+    if n_usual == len(files) or len(files) - n_usual > _STRAY_SHARE * len(files):
+        return files, ()
+    strays = sorted(path.name for path, shape in shapes.items() if shape != usual)
+    return [path for path, shape in shapes.items() if shape == usual], (
+        f"{', '.join(strays[:3])}{' and others' if len(strays) > 3 else ''}: not named as the {n_usual} other pictures "
+        f"({usual}), so no frame and not used; rename what is one",
+    )
 
 
 def _natural(name: str) -> list[tuple[int, int, str]]:

@@ -147,13 +147,15 @@ class LiveEmg(Opened):
     @property
     def info(self) -> DeviceInfo:
         """Name, rate, channels, and in the notes what is wrong with the signal so far."""
+        # Each looked at once: the thread that reads may put another in its place meanwhile.
+        clock, order, health = self._clock, self._order, self._health
         notes = self._own_notes()
-        if self._clock is not None and (said := self._rate_words()):
+        if clock is not None and (said := self._rate_words()):
             notes += (said,)
-        if self._order.n_repeated:
-            notes += (f"{self._order.n_repeated} packets came twice; used once",)
-        if self._health is not None:
-            notes += self._health.words()
+        if order.n_repeated:
+            notes += (f"{order.n_repeated} packets came twice; used once",)
+        if health is not None:
+            notes += health.words()
         return DeviceInfo(
             driver=self.name,
             kind="emg",
@@ -179,6 +181,12 @@ class LiveEmg(Opened):
     def health(self) -> EmgHealth | None:
         """What the signal looks like; ``None`` before the source was opened."""
         return self._health
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with the newest second of the signal, one sentence each."""
+        health = self._health
+        return () if health is None else health.now
 
     @property
     def limits(self) -> tuple[float, float] | None:

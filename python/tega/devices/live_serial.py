@@ -71,4 +71,5 @@ class LiveSerialEmg(LiveEmg):
         return self._port_name.replace("\\", "/").rsplit("/", 1)[-1]
 
     def _own_notes(self) -> tuple[str, ...]:
-        return () if self._port is None else self._port.notes
+        port = self._port  # another thread may close it meanwhile
+        return () if port is None else port.notes

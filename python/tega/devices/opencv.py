@@ -12,6 +12,7 @@ import numpy as np
 from tega import _native
 from tega.devices.lifecycle import require
 from tega.errors import RecordingError
+from tega.foreign_file import load_npy, read_foreign
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["IMAGE_SUFFIXES", "load_cv2", "read_image"]
 
 IMAGE_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
+# Of a file with one picture.
+_MOST_MIB = 256
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _AGAIN = "copy it again from its source, or take it out of the recording"
 
@@ -31,6 +34,8 @@ def load_cv2(driver: str) -> Any:
     """
     # FFmpeg writes what it thinks of a damaged stream to stderr; the driver says it better. Read at first use.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    # A header may state any size; memory for it is asked for before the first pixel is decoded.
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 26))
     cv2 = require("cv2", driver=driver, extra="lab")
     cv2.setNumThreads(1)
     return cv2
@@ -53,13 +58,13 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
         MissingExtraError: OpenCV is not installed.
     """
     try:
-        data = path.read_bytes()
+        data = read_foreign(path, most_mib=_MOST_MIB)
     except OSError as error:
         raise RecordingError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
         ) from error
     if path.suffix.lower() == ".npy":
-        return _npy_image(path)
+        return _npy_image(path, data)
     if data.startswith(_PNG_SIGNATURE) and (image := _png(path, data)) is not None:
         return image
     if (fault := _fault(data)) is not None:
@@ -87,11 +92,8 @@ def _png(path: Path, data: bytes) -> NDArray[np.uint8] | None:
         raise RecordingError(f"{path.name}: PNG cut short or damaged: {error.message}", _AGAIN) from error
 
 
-def _npy_image(path: Path) -> NDArray[np.uint8]:
-    try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise RecordingError(f"{path.name}: not an .npy array: {error}", "save it with numpy.save") from error
+def _npy_image(path: Path, data: bytes) -> NDArray[np.uint8]:
+    array = load_npy(data, path.name)
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3:
         raise RecordingError(
             f"{path.name}: holds {array.dtype} {array.shape}, expected uint8 (height, width, 3) in blue, green, red",

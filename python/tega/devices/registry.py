@@ -11,9 +11,8 @@ when the driver is asked for.
 
 from __future__ import annotations
 
-import difflib
 import importlib.util
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, Literal, overload
 
 import msgspec
@@ -30,7 +29,8 @@ from tega.devices.base import (
     Tracker,
     VestSink,
 )
-from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
+from tega.errors import ConfigError, DeviceUnavailableError
+from tega.plugins import find_plugin, load_plugin, plugin_package, plugins
 
 __all__ = ["DriverRecord", "driver_class", "driver_names", "list_drivers"]
 
@@ -57,13 +57,9 @@ class DriverRecord(msgspec.Struct, frozen=True, kw_only=True):
     problem: str = ""
 
 
-def _entries() -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
-
-
 def driver_names() -> list[str]:
     """Return the names of all installed drivers, sorted; imports none of them."""
-    return sorted(_entries())
+    return sorted(plugins(GROUP))
 
 
 @overload
@@ -97,17 +93,7 @@ def driver_class(name: str, kind: Kind | None = None) -> type[Device]:
         MissingExtraError: Its module needs a package that is not installed.
         DeviceUnavailableError: Its module does not hold what its entry point says.
     """
-    entries = _entries()
-    entry = entries.get(name)
-    if entry is None:
-        near = difflib.get_close_matches(name, entries, n=1)
-        raise ConfigError(
-            f"no driver is called {name!r}",
-            f"did you mean {near[0]!r}?"
-            if near
-            else f"installed drivers: {', '.join(sorted(entries)) or 'none'}",
-        )
-    driver = _load(entry)
+    driver = _load(find_plugin(GROUP, "driver", name))
     if kind is not None and driver.kind != kind:
         fitting = sorted(r.name for r in list_drivers() if r.kind == kind)
         raise ConfigError(
@@ -118,19 +104,7 @@ def driver_class(name: str, kind: Kind | None = None) -> type[Device]:
 
 
 def _load(entry: EntryPoint) -> type[Device]:
-    try:
-        loaded: Any = entry.load()
-    except ImportError as error:
-        missing = error.name or "a package"
-        hint = f"install the extra of {_package(entry)!r} that brings {missing!r}"
-        if _package(entry) == "tega":
-            hint = "install it with: pip install 'tega[lab]'"
-        raise MissingExtraError(f"driver {entry.name!r} needs {missing!r}: {error}", hint) from error
-    except AttributeError as error:
-        raise DeviceUnavailableError(
-            f"driver {entry.name!r} is registered as {entry.value!r}, which does not exist",
-            f"reinstall {_package(entry)!r}",
-        ) from error
+    loaded: Any = load_plugin(entry, "driver")
     if not isinstance(loaded, type) or not all(
         hasattr(loaded, a) for a in ("kind", "options_type", "open", "close")
     ):
@@ -141,10 +115,6 @@ def _load(entry: EntryPoint) -> type[Device]:
     return loaded
 
 
-def _package(entry: EntryPoint) -> str:
-    return entry.dist.name if entry.dist is not None else "an unknown package"
-
-
 def list_drivers() -> list[DriverRecord]:
     """Describe every installed driver; opens none of them.
 
@@ -152,13 +122,18 @@ def list_drivers() -> list[DriverRecord]:
         One record per driver, sorted by kind and name; a driver whose module does not load is listed as not ready.
     """
     records = []
-    for name, entry in _entries().items():
+    for name, entry in plugins(GROUP).items():
         try:
             driver = _load(entry)
         except DeviceUnavailableError as error:
             records.append(
                 DriverRecord(
-                    name=name, kind="", summary="", package=_package(entry), ready=False, problem=str(error)
+                    name=name,
+                    kind="",
+                    summary="",
+                    package=plugin_package(entry),
+                    ready=False,
+                    problem=str(error),
                 )
             )
             continue
@@ -168,7 +143,7 @@ def list_drivers() -> list[DriverRecord]:
                 name=name,
                 kind=driver.kind,
                 summary=driver.summary,
-                package=_package(entry),
+                package=plugin_package(entry),
                 ready=not missing,
                 problem=f"needs {', '.join(missing)}: pip install 'tega[{driver.extra}]'" if missing else "",
             )

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
 from tega.devices.bluetooth_state import bluetooth_trouble
+from tega.devices.guard_process import GuardProcess
 from tega.devices.lifecycle import require
-from tega.devices.vest_ble_guard import MOTORS, Guard
+from tega.devices.vest_ble_guard import MOTORS, guard_vest
 from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.wire import x40_ble_frame
@@ -114,7 +115,7 @@ class _BleLink:
         self._client: Any = None
         self._broken: tuple[type[Exception], ...] = (OSError, EOFError)
         self._gone = False
-        self._guard: Guard | None = None
+        self._guard: GuardProcess | None = None
         self._battery: int | None = None
 
     @property
@@ -142,7 +143,7 @@ class _BleLink:
         self._client = self._bleak.BleakClient(device, disconnected_callback=self._on_disconnected)
         self._call(self._client.connect(), o.open_timeout_s, "connecting")
         details = device.details
-        self._guard = Guard(device.address, details.get("path", "") if isinstance(details, dict) else "")
+        self._guard = guard_vest(device.address, details.get("path", "") if isinstance(details, dict) else "")
         if self._client.services.get_characteristic(MOTORS) is None:
             raise DeviceUnavailableError(
                 f"{device.name or device.address} has no motor characteristic {MOTORS}",
@@ -159,6 +160,10 @@ class _BleLink:
     def send(self, intensities: NDArray[np.uint8]) -> None:
         if self._client is None or self._gone:
             raise DeviceUnavailableError("the vest has disconnected")
+        if self._guard is not None:
+            self._guard.beat()
+            if self._guard.n_lost:  # a new link begins with a new one
+                raise DeviceUnavailableError("the process that would silence the vest was lost")
         frame = x40_ble_frame(intensities, front_mirror=self._options.front_mirror)
         self._call(self._client.write_gatt_char(MOTORS, frame, response=False), _CALL_S, "writing a frame")
 

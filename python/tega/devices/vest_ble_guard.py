@@ -1,21 +1,21 @@
 """Silences a Bluetooth vest whose program was killed.
 
-A vest is thought to hold its last frame for ever, and BlueZ keeps the connection of a program that died. So a
-second process waits beside the one that drives the vest: ``python -m tega.devices.vest_ble_guard ADDRESS PATH``. A
-line on its input ends it. If the input ends without one, the program is gone: the guard takes the connection over,
-writes zeros and disconnects. Nothing helps where both are killed, the adapter is pulled out, or the vest is out of
-reach.
+A vest is thought to hold its last frame for ever, and BlueZ keeps the connection of a program that died. So a second
+process waits beside the one that drives the vest (:mod:`tega.devices.guard_process`). If its input ends without a word,
+the program is gone: it takes the connection over, writes zeros and disconnects. Nothing helps where both are killed,
+the adapter is pulled out, or the vest is out of reach.
 """
 
 from __future__ import annotations
 
 import asyncio
-import subprocess
 import sys
 import time
 from typing import Any, Final
 
-__all__ = ["MOTORS", "Guard", "main"]
+from tega.devices.guard_process import GuardProcess, answer, say_ready, stay_alone
+
+__all__ = ["MOTORS", "guard_vest", "main"]
 
 MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 """The characteristic that takes motor frames."""
@@ -25,29 +25,17 @@ _CALL_S: Final = 5.0
 _REST_S: Final = 1.0
 
 
-class Guard:
-    """The guard's process, as seen by the program it watches.
+def guard_vest(address: str, path: str) -> GuardProcess:
+    """Start the process, and return it when it is ready.
 
     Args:
         address: The vest's address.
         path: Its path on the system's message bus, where there is one: a connected vest cannot be found by scanning.
+
+    Raises:
+        DeviceUnavailableError: It does not start.
     """
-
-    def __init__(self, address: str, path: str) -> None:
-        # A session of its own: what is sent to the program's terminal (Ctrl-C, hang-up) is not meant for it.
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tega.devices.vest_ble_guard", address, path],
-            stdin=subprocess.PIPE,
-            start_new_session=True,
-        )
-
-    def dismiss(self) -> None:
-        """Tell it that the vest was left silent."""
-        try:
-            self._process.communicate(b"done\n", timeout=2)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+    return GuardProcess("silences the vest", "tega.devices.vest_ble_guard", address, path)
 
 
 async def _silence(address: str, path: str) -> None:
@@ -64,8 +52,12 @@ def main() -> None:
     from bleak.exc import BleakError
 
     address, path = sys.argv[1], sys.argv[2]
-    if sys.stdin.readline():
-        return
+    say_ready()
+    while line := sys.stdin.buffer.readline():
+        if b"done" in line:
+            return
+        answer(line)
+    stay_alone()
     for _ in range(_TRIES):
         try:
             asyncio.run(_silence(address, path))

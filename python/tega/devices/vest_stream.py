@@ -281,7 +281,9 @@ class StreamedVest(Opened):
                 connected.set()
                 retry_s = _RETRY_S[0]
                 self._serve(link)
-            except Exception as error:  # whatever it is, the vest is silenced and tried again
+            except (
+                BaseException
+            ) as error:  # a panic of native code, too: the vest is silenced and tried again
                 if not connected.is_set():
                     self._failure = _said(error)
                     self._stopping = True
@@ -332,7 +334,7 @@ class StreamedVest(Opened):
             link.poll()  # last, since it may take a while and nobody waits for it
 
 
-def _said(error: Exception) -> DeviceUnavailableError:
+def _said(error: BaseException) -> DeviceUnavailableError:
     if isinstance(error, DeviceUnavailableError):
         return error
     return DeviceUnavailableError(f"unexpected {type(error).__name__}: {error}", "report it")
@@ -342,5 +344,5 @@ def _leave(link: VestLink) -> None:
     """Silence a vest and let go of it, whatever state the link is in."""
     steps: tuple[Callable[[], None], ...] = (lambda: link.send(_ZEROS), link.close)
     for step in steps:
-        with contextlib.suppress(Exception):  # it may be left because it does not work
+        with contextlib.suppress(BaseException):  # it may be left because it does not work
             step()

@@ -11,11 +11,16 @@ from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
 from tega.devices.lifecycle import Opened
 from tega.devices.opencv import IMAGE_SUFFIXES, load_cv2
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.foreign_file import check_file
 
 __all__ = ["VideoFile", "VideoFileOptions"]
 
 # Containers that state no frame count leave OpenCV to infer it from the duration, which may be off by one.
 _INFERRED_COUNT_SUFFIXES = frozenset({".mkv", ".webm", ".ts", ".mpg", ".mpeg", ".flv"})
+
+
+# A day of one camera's video, little compressed.
+_MOST_MIB = 256 * 1024
 
 
 class VideoFileOptions(Options, frozen=True):
@@ -79,8 +84,9 @@ class VideoFile(Opened):
         self.close()
         path = self._options.file
         cv2 = load_cv2("video")
-        if not path.is_file():
+        if not path.exists() or path.is_dir():
             raise RecordingError(f"{path.name}: no such video file", f"looked for {path}")
+        check_file(path, most_mib=_MOST_MIB)
         if path.suffix.lower() in IMAGE_SUFFIXES:
             raise RecordingError(
                 f"{path.name}: a picture, not a video", "give the folder that holds the pictures"

@@ -9,17 +9,37 @@ the main thread, unless the program has a handler of its own. Nothing runs on SI
 from __future__ import annotations
 
 import atexit
+import logging
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from types import FrameType
 
-__all__ = ["closes_on_exit", "release"]
+__all__ = ["closes_on_exit", "last_words", "release"]
 
 # Windows has no SIGHUP.
 _ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 _open: list[Callable[[], None]] = []
+_words: list[str] = []
+
+
+def last_words(said: str) -> None:
+    """Tell something that a person has to do now, and tell it once more as the last thing that the program says.
+
+    Args:
+        said: One sentence.
+    """
+    logging.getLogger(__name__).critical(said)
+    if not _words:
+        atexit.register(_say_words)
+    _words.append(said)
+
+
+def _say_words() -> None:
+    for said in dict.fromkeys(_words):
+        print(said, file=sys.stderr, flush=True)  # noqa: T201  # there is nothing left that could tell it
 
 
 def closes_on_exit(close: Callable[[], None]) -> None:

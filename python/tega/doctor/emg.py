@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from tega.devices import driver_class
-from tega.devices.live_emg import LiveEmg
+from tega.devices.base import optional
 from tega.doctor.case import Case, failed, holders
 from tega.doctor.findings import Finding
 from tega.errors import SampleRateError, TegaError
@@ -29,8 +29,8 @@ def try_amplifier(case: Case) -> list[Finding]:
         with source:
             n_samples = _read(source)
             info = source.info
-            measured_hz = source.measured_hz if isinstance(source, LiveEmg) else None
-            faults = source.health.now if isinstance(source, LiveEmg) and source.health is not None else ()
+            measured_hz = optional(source, "measured_hz")
+            faults = optional(source, "faults")
     except SampleRateError as error:
         return [failed(case, error, device=label, todo=_TOO_SLOW)]
     except TegaError as error:

@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from tega.markers.lsl_in import Heard, LslMarkersIn
 from tega.markers.lsl_out import LslMarkersOut
+from tega.records import Alert, Button, HeardMarker, RunState
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.config import MarkersSection
-    from tega.devices.base import InputEvent
-    from tega.recording.mcap_recorder import McapRecorder
-    from tega.safety.guard import Guard
-    from tega.safety.states import Transition
-    from tega.teleop.inputs import Inputs
 
 __all__ = ["RunMarkers"]
 
@@ -36,20 +33,25 @@ class RunMarkers:
 
     Args:
         settings: Which streams.
+        bus: Told what others mark; tells what there is to mark.
 
     Raises:
         MissingExtraError: pylsl is not installed.
     """
 
-    def __init__(self, settings: MarkersSection) -> None:
+    def __init__(self, settings: MarkersSection, bus: Bus) -> None:
         self._settings = settings
         self._lock = threading.Lock()
         self._early: list[Heard] = []
-        self._recorder: McapRecorder | None = None
-        self._start_ns = 0
+        self._bus = bus
+        self._zero_ns = self._start_ns = 0
         self._counts_real = self._begun = False
         self._out = None if settings.lsl_out is None else LslMarkersOut(settings.lsl_out)
         self._in = None if settings.lsl_in is None else LslMarkersIn(settings.lsl_in, self._heard)
+        if self._out is not None:
+            bus.subscribe(RunState, self._state, name="markers")
+            bus.subscribe(Alert, self._alert, name="markers")
+            bus.subscribe(Button, self._button, name="markers")
 
     def problem(self) -> str:
         """Return why nothing is heard, ``""`` while all is well; asked again and again, it also sees who listens."""
@@ -57,29 +59,23 @@ class RunMarkers:
             self._out.greet()
         return "" if self._in is None else self._in.problem
 
-    def begin(self, start_ns: int | None, recorder: McapRecorder | None) -> None:
+    def begin(self, zero_ns: int, *, trial: str, real: bool) -> None:
         """Begin, at the start of the session or just after.
 
         Args:
-            start_ns: The start on the monotonic clock; ``None`` where the session's time is another.
-            recorder: Takes what is heard.
+            zero_ns: The start on the session's clock.
+            trial: Name of the trial that begins.
+            real: Whether that is the monotonic clock.
         """
         with self._lock:
-            self._counts_real = start_ns is not None
-            self._start_ns = time.monotonic_ns() if start_ns is None else start_ns
-            self._recorder, self._begun = recorder, True
+            self._counts_real, self._zero_ns = real, zero_ns
+            self._start_ns = zero_ns if real else time.monotonic_ns()
+            self._begun = True
             early, self._early = self._early, []
         for heard in early:
             self._heard(heard)
         self._tell("session:start", self._start_ns)
-        self._tell(f"trial:{'start' if recorder is None else recorder.path.stem}", self._start_ns)
-
-    def follow(self, guard: Guard, inputs: Inputs) -> None:
-        """Tell of a run's states, faults and pedals."""
-        if self._out is not None:
-            guard.observers.append(self._state)
-            guard.alert_observers.append(self._alert)
-            inputs.observers.append(self._button)
+        self._tell(f"trial:{trial}", self._start_ns)
 
     def summary(self) -> dict[str, Any]:
         """Return what became of them."""
@@ -107,28 +103,31 @@ class RunMarkers:
         if self._out is not None:
             self._out.push(text, at_ns)
 
-    def _state(self, change: Transition) -> None:
+    def _state(self, change: RunState) -> None:
         at_ns = self._start_ns + change.t_ns if self._counts_real else time.monotonic_ns()
         self._tell(f"state:{change.state}", at_ns)
 
-    def _alert(self, name: str, said: str) -> None:
-        self._tell(f"fault:{name}:{said}" if said else f"fault-over:{name}", time.monotonic_ns())
+    def _alert(self, alert: Alert) -> None:
+        words = f"fault:{alert.name}:{alert.said}" if alert.said else f"fault-over:{alert.name}"
+        self._tell(words, time.monotonic_ns())
 
-    def _button(self, seat: str, event: InputEvent) -> None:
-        if seat == "marker" and event.pressed:
-            self._tell(f"pedal:{event.button}", event.t_ns)
+    def _button(self, button: Button) -> None:
+        if button.seat == "marker" and button.pressed:
+            # Devices stamp with the monotonic clock, whatever the session counts from.
+            self._tell(f"pedal:{button.button}", self._zero_ns + button.t_ns)
 
     def _heard(self, heard: Heard) -> None:
         with self._lock:
             if not self._begun:
                 self._early.append(heard)
                 return
-        if self._recorder is not None:
-            start_ns = self._start_ns
-            value = {
-                "text": heard.text,
-                "source": f"lsl:{self._settings.lsl_in}",
-                "stamp_s": heard.stamp_s,
-                "correction_s": heard.correction_s,
-            }
-            self._recorder.heard_marker(heard.at_ns - start_ns, heard.received_ns - start_ns, value)
+        start_ns = self._start_ns
+        marker = HeardMarker(
+            t_ns=heard.at_ns - start_ns,
+            received_ns=heard.received_ns - start_ns,
+            text=heard.text,
+            source=f"lsl:{self._settings.lsl_in}",
+            stamp_s=heard.stamp_s,
+            correction_s=heard.correction_s,
+        )
+        self._bus.publish(marker)

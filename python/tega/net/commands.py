@@ -12,12 +12,12 @@ from tega.arm.pose import StampedPose
 from tega.net.gate import Gate, refused_by
 from tega.net.messages import ArmCommand, HandCommand, decode
 from tega.net.streams import InboxStream
+from tega.teleop.sources import Block
 from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.net.clock import Offset
     from tega.net.ends import FarTracker
-    from tega.teleop.sources import Block
 
 __all__ = ["Commands"]
 
@@ -124,7 +124,7 @@ class Commands:
         elif level == self._level or not self._block_ns:
             return  # else the operator's guard has another level for that block
         self._level = level
-        self.blocks.put((t_ns, (level,), level), use_by_ns=self._hand_ns + self._ttl_ns)
+        self.blocks.put(Block(t_ns, (level,), level), use_by_ns=self._hand_ns + self._ttl_ns)
 
     def arm(self, data: bytes) -> ArmCommand | None:
         """Take in a command for the arm; return it if it is obeyed."""

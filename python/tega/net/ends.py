@@ -12,6 +12,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputState, TactileFrame
 from tega.devices.lifecycle import Opened
+from tega.hand import split_level
 from tega.net.pictures import unpacked
 
 if TYPE_CHECKING:
@@ -163,9 +164,9 @@ class FarHand(Opened):
     def close(self) -> None:
         """Nothing is to be closed here."""
 
-    def step(self, level: int) -> Sequence[CanFrame]:
-        """Ask for a closure level; the frames are made at the other station."""
-        self.level = level
+    def step(self, level: float) -> Sequence[CanFrame]:
+        """Ask for the nearest closure level; the frames are made at the other station."""
+        self.level = split_level(level)[0]
         return ()
 
     def limp(self) -> Sequence[CanFrame]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["StationKeys", "check_expiry", "expiry", "make_keys"]
 
-_NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")  # as in a certificate
 _AUTHORITY_DAYS = 3650
 _WARN_DAYS = 30
 _EARLY = timedelta(hours=24)  # the machines' wall clocks need not agree better
@@ -68,7 +68,7 @@ def make_keys(
     require("cryptography", driver="tega-teleop net keys", extra="net")
     names = [*operators, *robots]
     for name in names:
-        if not _NAME.match(name) or name == "authority":
+        if not _NAME.fullmatch(name) or name == "authority":
             raise ConfigError(
                 f"{name!r} cannot be a station's name",
                 "use letters, digits, dots and dashes, such as alice or panda-2",

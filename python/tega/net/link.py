@@ -6,9 +6,11 @@ given to a function in one of Zenoh's threads, which must not send or wait.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import queue
 import threading
+import time
 from collections.abc import Callable
 from enum import Enum
 from typing import Any
@@ -26,6 +28,9 @@ _LEAVE_S = 2.0
 # Measured: with two, the default, messages are lost on one machine whenever a thread waits for more than a millisecond.
 _QUEUE = 16
 _RETRY_MS = (100, 500)
+# Messages that may wait for the sender's thread; of more the oldest are left out, since what is old is of no use.
+_MOST_WAITING = 1000
+_TOLD_S = 1.0
 
 
 class Channel(Enum):
@@ -52,6 +57,7 @@ class Link(Opened):
 
     Attributes:
         root: What all its keys begin with.
+        n_unsent: Messages that were not sent: the transport refused them, or too many waited.
     """
 
     def __init__(self, net: NetSection) -> None:
@@ -63,6 +69,8 @@ class Link(Opened):
         self._publishers: dict[str, Any] = {}
         self._queue: queue.SimpleQueue[tuple[Any, bytes] | None] = queue.SimpleQueue()
         self._sender: threading.Thread | None = None
+        self.n_unsent = 0
+        self._refused, self._refused_s = "", 0.0
 
     def open(self) -> None:
         """Open it; the other station need not be there.
@@ -117,17 +125,40 @@ class Link(Opened):
         self._kept.append(publisher)
 
         def send(message: bytes) -> None:
+            if self._session is None:
+                return
+            if self._queue.qsize() >= _MOST_WAITING:
+                with contextlib.suppress(queue.Empty):
+                    self._queue.get_nowait()
+                self._not_sent("the sender does not keep up")
             self._queue.put((publisher, message))
 
         return send
+
+    @property
+    def problem(self) -> str:
+        """Why messages were not sent within the last second, and how many so far; ``""`` while all are."""
+        if not self._refused or time.monotonic() - self._refused_s > _TOLD_S:
+            return ""
+        return f"link: {self.n_unsent} messages were not sent: {self._refused}"
+
+    def _not_sent(self, why: str) -> None:
+        self.n_unsent += 1
+        self._refused, self._refused_s = why, time.monotonic()
 
     def _send(self) -> None:
         while (item := self._queue.get()) is not None:
             publisher, message = item
             try:
-                publisher.put(message)
-            except self._zenoh.ZError:  # the session is being closed
-                return
+                self._put(publisher, message)
+            except Exception as error:  # one refusal is no reason to send nothing any more
+                if self._session is None:
+                    return
+                self._not_sent(_first_line(error))
+
+    @staticmethod
+    def _put(publisher: Any, message: bytes) -> None:
+        publisher.put(message)
 
     def hears(self, key: str, heard: Callable[[str, bytes], None]) -> None:
         """Have a function told of every message under a key expression: the key after the root, and the message."""
@@ -286,4 +317,4 @@ def _access(net: NetSection) -> dict[str, Any]:
 
 
 def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0][:200]
+    return (str(error).strip() or type(error).__name__).splitlines()[0][:200]

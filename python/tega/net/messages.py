@@ -8,7 +8,7 @@ from typing import TypeVar
 import msgspec
 
 from tega.calibration import TouchMaxima
-from tega.tactile import ContactMetrics
+from tega.records import Contact
 
 __all__ = [
     "PROTOCOL",
@@ -30,8 +30,11 @@ __all__ = [
     "encode",
 ]
 
-PROTOCOL = 1
+PROTOCOL = 2
 """Raised by whatever the other side could not understand; stations of two numbers refuse each other."""
+
+# Of the largest picture that is measured; see tega.tactile.
+_MOST_PIXELS = 4096 * 4096
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -105,11 +108,18 @@ class Feature(Stamped, frozen=True, tag=True, kw_only=True):
 
     Attributes:
         t_ns: When the picture was taken, sender's clock.
-        metrics: What was measured.
+        contact: What was measured; its own times are those of the sender's session.
     """
 
     t_ns: int
-    metrics: ContactMetrics
+    contact: Contact
+
+    def malformed(self) -> str:
+        """Return why it cannot be used, ``""`` if it can."""
+        felt = self.contact
+        if not all(map(math.isfinite, (felt.mass, felt.cci, felt.peak))):
+            return "a number of the contact is not finite"
+        return "" if 0 <= felt.eda <= _MOST_PIXELS else f"eda {felt.eda} is not from 0 to {_MOST_PIXELS}"
 
 
 class Image(Stamped, frozen=True, tag=True, kw_only=True):

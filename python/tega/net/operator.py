@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +20,11 @@ from tega.net.messages import Event, Join, State, Welcome, decode
 from tega.net.samples import SampleSender
 from tega.net.station import Station
 from tega.net.touch import FarTouch, with_touch
+from tega.records import EmgSamples
+from tega.records import Intent as IntentRecord
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.safety.guard import Guard
     from tega.teleop.bell import Bell
@@ -39,12 +42,15 @@ class OperatorStation(Station):
 
     Args:
         config: The session's settings.
+        bus: Tells what passes in the session, and is told what comes over the link for a recording.
         tell: Told in a sentence what happens.
         stop: Asked while the robot is looked for.
     """
 
-    def __init__(self, config: SessionConfig, tell: Callable[[str], None], stop: Callable[[], bool]) -> None:
-        super().__init__(config, tell)
+    def __init__(
+        self, config: SessionConfig, bus: Bus, tell: Callable[[str], None], stop: Callable[[], bool]
+    ) -> None:
+        super().__init__(config, bus, tell)
         net = self.net
         self.tick_s = 1 / net.rate_hz
         self._stop = stop
@@ -67,6 +73,8 @@ class OperatorStation(Station):
         self._samples = SampleSender(
             lambda: self._stamp(self._lead.session, "emg"), lambda: self._lead.is_recorded
         )
+        bus.subscribe(EmgSamples, self._samples.take, name="link")
+        bus.subscribe(IntentRecord, self._levels, name="link")
         self._was_lost = False
         self._n_lost = 0
 
@@ -119,7 +127,7 @@ class OperatorStation(Station):
     # The session's side.
 
     def prepared(self, prepared: Prepared) -> Prepared:
-        """Add the robot's fingertips, and look at the samples as they are read."""
+        """Add the robot's fingertips."""
         welcome = self._lead.welcome
         assert welcome is not None
         robot, preset = self.net.robot, self._config.session.preset
@@ -130,7 +138,7 @@ class OperatorStation(Station):
             )
         fingers = self._touch.fingers(welcome)
         prepared = prepared._replace(calibration=with_touch(prepared.calibration, welcome, robot=robot))
-        return self._samples.watch(prepared._replace(fingers=fingers))
+        return prepared._replace(fingers=fingers)
 
     def sinks(self, sinks: Sinks) -> Sinks:
         """Add the robot's hand."""
@@ -155,15 +163,15 @@ class OperatorStation(Station):
         guard: Guard,
     ) -> None:
         """Take in touch from now on."""
-        self._touch.begin(prepared, start_ns=start_ns, bell=bell, trace=trace)
+        self._touch.begin(prepared, self._bus, start_ns=start_ns, bell=bell, trace=trace)
         self._intent.begin(guard)
         self._samples.begin(start_ns)
         self._start_ns = start_ns
 
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:  # noqa: ARG002  # the guard decides
-        """Note the newest block of EMG."""
+    def _levels(self, intent: IntentRecord) -> None:
+        """Note the newest block of EMG; what is asked of the hand is the guard's decision."""
         if self._start_ns is not None:
-            self._intent.block(self._start_ns + t_ns, channels)
+            self._intent.block(self._start_ns + intent.t_ns, intent.channels)
 
     def missing(self) -> str:
         """Say that the robot does not answer, or does not want us."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from tega.devices.base import TactileFrame
-from tega.devices.watched import Watched
 from tega.net.link import Channel, Link
 from tega.net.messages import Image, encode
+from tega.records import Picture
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,25 +41,22 @@ class PictureSender:
     ) -> None:
         self._link, self._session = link, session
         self._period_s, self._quality, self._wanted = 1 / rate_hz, quality, wanted
-        self._newest: dict[str, TactileFrame] = {}
+        self._newest: dict[str, Picture] = {}
         self._sends: dict[str, Callable[[bytes], None]] = {}
-        self._recorded: set[str] = set()
         self._start_ns = 0
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
         self.sent: dict[str, int] = {}
 
-    def watch(self, prepared: Prepared) -> Prepared:
-        """Return what a run starts with, with sources that are looked at as they are read."""
-        fingers = dict(prepared.fingers)
-        for name, finger in prepared.fingers.items():
-            watched: Any = Watched(finger.source, partial(self._newest.__setitem__, name))
-            fingers[name] = finger._replace(source=watched)
+    def open(self, fingers: Iterable[str]) -> None:
+        """Get ready to send pictures of these fingertips."""
+        for name in fingers:
             self._sends[name] = self._link.sends(f"tactile/image/{name}", Channel.IMAGE)
             self.sent[name] = 0
-            if not finger.source.info.live:
-                self._recorded.add(name)
-        return prepared._replace(fingers=fingers)
+
+    def see(self, picture: Picture) -> None:
+        """Note a fingertip's newest picture."""
+        self._newest[picture.finger] = picture
 
     @staticmethod
     def baselines(prepared: Prepared) -> dict[str, bytes]:
@@ -76,7 +71,7 @@ class PictureSender:
         """Begin to send.
 
         Args:
-            start_ns: The session's start, from which recorded pictures are stamped.
+            start_ns: The session's start, from which pictures are stamped.
         """
         self._start_ns = start_ns
         self._thread = threading.Thread(target=self._run, name="tega-net-pictures", daemon=True)
@@ -105,7 +100,7 @@ class PictureSender:
                     session=self._session,
                     sequence=self.sent[name],
                     sent_ns=time.monotonic_ns(),
-                    t_ns=frame.t_ns + (self._start_ns if name in self._recorded else 0),
+                    t_ns=frame.t_ns + self._start_ns,
                     number=frame.seq,
                     jpeg=jpeg.tobytes(),
                 )

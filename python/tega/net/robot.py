@@ -24,14 +24,15 @@ from tega.net.messages import Event, Feature, State, Welcome, encode
 from tega.net.pictures import PictureSender
 from tega.net.samples import Readers, SampleReceiver
 from tega.net.station import Station
+from tega.records import Contact, Picture, RunState
 from tega.teleop.inputs import Inputs, Seat
+from tega.teleop.sources import samples_of
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
     from tega.safety.guard import Guard
-    from tega.safety.states import Transition
-    from tega.tactile import ContactMetrics
     from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.prepare import Prepared
@@ -44,8 +45,9 @@ _STATE_NS = 100_000_000
 class RobotStation(Station):
     """The robot's end of the link."""
 
-    def __init__(self, config: SessionConfig, tell: Callable[[str], None]) -> None:
-        super().__init__(config, tell)
+    def __init__(self, config: SessionConfig, bus: Bus, tell: Callable[[str], None]) -> None:
+        super().__init__(config, bus, tell)
+        bus.subscribe(Contact, self._contact, name="link")
         net, arm = self.net, config.arm
         self._session = secrets.randbits(62) | 1
         frame = "" if arm is None else arm.mapping.frame
@@ -107,7 +109,7 @@ class RobotStation(Station):
     # The session's side.
 
     def prepared(self, prepared: Prepared) -> Prepared:
-        """Add the operator's levels, and look at the pictures as they are read."""
+        """Add the operator's levels, and send pictures as they are read."""
         if self.net.images_hz > 0 and prepared.fingers:
             self._pictures = PictureSender(
                 self._link,
@@ -116,7 +118,8 @@ class RobotStation(Station):
                 quality=self.net.jpeg_quality,
                 wanted=lambda: self._leader.session != 0,
             )
-            prepared = self._pictures.watch(prepared)
+            self._pictures.open(prepared.fingers)
+            self._bus.subscribe(Picture, self._pictures.see, name="link")
         if self._has_hand:
             prepared = prepared._replace(muscles=far_muscles(self._muscles, self._commands.blocks))
         return prepared
@@ -161,7 +164,12 @@ class RobotStation(Station):
             touch={f: full for f in prepared.fingers if (full := prepared.calibration.touch(f)) is not None},
         )
         if self._records and prepared.muscles is not None:
-            self._readers.start("emg", prepared.muscles.source)
+            live = prepared.muscles.source.info.live
+            self._readers.start(
+                "emg",
+                prepared.muscles.source,
+                lambda chunk: self._bus.publish(samples_of(chunk, live=live, start_ns=start_ns)),
+            )
         if pictures is not None:
             pictures.start(start_ns)
         traced = trace is not None and prepared.muscles is not None
@@ -176,15 +184,15 @@ class RobotStation(Station):
             return "link: no operator leads"
         return self._commands.missing(self._leader.name)
 
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics) -> None:
-        """Send what one picture says."""
+    def _contact(self, contact: Contact) -> None:
+        """Send what one picture says, in the loop's thread."""
         if self._start_ns is None or self._leader.session == 0:
             return
-        stamp = self._stamp(self._session, finger)
-        feature = Feature(**stamp, t_ns=self._start_ns + t_ns, metrics=metrics)
-        self._features[finger](encode(feature))
+        stamp = self._stamp(self._session, contact.finger)
+        feature = Feature(**stamp, t_ns=self._start_ns + contact.t_ns, contact=contact)
+        self._features[contact.finger](encode(feature))
 
-    def changed(self, change: Transition) -> None:
+    def changed(self, change: RunState) -> None:
         """Tell that the run's state has changed, here and to the operator."""
         super().changed(change)
         stamp = self._stamp(self._session, "event")

@@ -10,14 +10,13 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import EmgChunk
-from tega.devices.watched import Watched
 from tega.net.gate import Gate
 from tega.net.messages import Samples, decode, encode
+from tega.records import EmgSamples
 
 if TYPE_CHECKING:
     from tega.net.clock import Offset
     from tega.net.ends import FarMuscles
-    from tega.teleop.prepare import Prepared
 
 __all__ = ["Readers", "SampleReceiver", "SampleSender"]
 
@@ -37,33 +36,27 @@ class SampleSender:
         self._stamp, self._wanted = stamp, wanted
         self._send: Callable[[bytes], None] = lambda _message: None
         self._start_ns: int | None = None
-        self._is_live = True
-        self._waiting: list[EmgChunk] = []
+        self._waiting: list[EmgSamples] = []
 
     def open(self, send: Callable[[bytes], None]) -> None:
         """Take note of what sends."""
         self._send = send
 
-    def watch(self, prepared: Prepared) -> Prepared:
-        """Return what a run starts with, with an amplifier that is looked at as it is read."""
-        if (muscles := prepared.muscles) is None:
-            return prepared
-        self._is_live = muscles.source.info.live
-        watched: Any = Watched(muscles.source, self._see)
-        return prepared._replace(muscles=muscles._replace(source=watched))
-
     def begin(self, start_ns: int) -> None:
-        """Send from now on; what comes from a recording is stamped from this start."""
+        """Send from now on; samples are stamped from this start."""
         self._start_ns = start_ns
 
-    def _see(self, chunk: EmgChunk) -> None:
-        """See a chunk, in the thread that reads the amplifier."""
+    def take(self, chunk: EmgSamples) -> None:
+        """Take a chunk, in the thread that reads the amplifier."""
         start_ns = self._start_ns
         if start_ns is None or not self._wanted():
             self._waiting.clear()
             return
         before = self._waiting[-1] if self._waiting else chunk
-        if before is not chunk and chunk.first_index != before.first_index + len(before.samples):
+        if (
+            before is not chunk
+            and chunk.first_index != before.first_index + len(before.samples) // before.n_channels
+        ):
             self._pass_on(start_ns)  # samples are missing between, so that they have to be two messages
         self._waiting.append(chunk)
         if chunk.t_ns - self._waiting[0].t_ns >= _AT_ONCE_NS:
@@ -74,9 +67,9 @@ class SampleSender:
         samples = np.concatenate([chunk.samples for chunk in waiting]).astype("<f8")
         message = Samples(
             **self._stamp(),
-            t_ns=waiting[-1].t_ns + (0 if self._is_live else start_ns),
+            t_ns=waiting[-1].t_ns + start_ns,
             first_index=waiting[0].first_index,
-            n_channels=samples.shape[1],
+            n_channels=waiting[0].n_channels,
             samples=samples.tobytes(),
         )
         self._send(encode(message))
@@ -110,18 +103,20 @@ class SampleReceiver:
 
 
 class Readers:
-    """Reads sources whose items nobody needs but the page and the recording, which look on; a thread each."""
+    """Reads sources whose items nobody needs but the bus's subscribers; a thread each."""
 
     def __init__(self) -> None:
         self._leaving = threading.Event()
         self._threads: list[threading.Thread] = []
 
-    def start(self, name: str, source: Any) -> None:
-        """Read a source from now on."""
+    def start(self, name: str, source: Any, see: Callable[[Any], None]) -> None:
+        """Read a source from now on, and tell of each item."""
 
         def read() -> None:
             while not self._leaving.is_set():
-                source.read(0.1)
+                item = source.read(0.1)
+                if item is not None:
+                    see(item)
 
         thread = threading.Thread(target=read, name=f"tega-{name}-read", daemon=True)
         self._threads.append(thread)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
@@ -13,20 +13,19 @@ from tega.errors import ConfigError
 from tega.net.clock import PeerClock
 from tega.net.link import Link
 from tega.net.settings import NetSection
+from tega.records import RunState
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
     from tega.safety.guard import Guard
-    from tega.safety.states import Transition
-    from tega.tactile import ContactMetrics
     from tega.teleop.bell import Bell
     from tega.teleop.inputs import Inputs
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.loop import LoopView, Recorder
+    from tega.teleop.loop import LoopView
     from tega.teleop.prepare import Prepared
     from tega.teleop.sinks import Sinks
-    from tega.teleop.touch import Felt
 
 __all__ = ["Station", "open_station"]
 
@@ -38,15 +37,17 @@ class Station(Opened):
 
     Args:
         config: The session's settings; ``net`` is set.
+        bus: Tells what passes in the session, and is told what comes over the link for a recording.
         tell: Told in a sentence what happens on the link.
     """
 
     tick_s = 0.05
 
-    def __init__(self, config: SessionConfig, tell: Callable[[str], None]) -> None:
+    def __init__(self, config: SessionConfig, bus: Bus, tell: Callable[[str], None]) -> None:
         assert config.net is not None
         self.net: NetSection = config.net
-        self._config, self._tell = config, tell
+        self._config, self._bus, self._tell = config, bus, tell
+        bus.subscribe(RunState, self.changed, name="link")
         self._link = Link(self.net)
         self._lock = threading.Lock()
         self._clock = PeerClock()
@@ -84,6 +85,10 @@ class Station(Opened):
         """Return what is wrong at the other station, ``""`` for nothing."""
         return ""
 
+    def unsent(self) -> str:
+        """Return why messages are not sent, ``""`` while they are."""
+        return self._link.problem
+
     def begin(
         self,
         prepared: Prepared,
@@ -96,19 +101,9 @@ class Station(Opened):
         """Take note that the run begins."""
         raise NotImplementedError
 
-    def changed(self, change: Transition) -> None:
+    def changed(self, change: RunState) -> None:
         """Tell that the run's state has changed."""
         self._tell(f"{change.state}: {change.reason}")
-
-    def recorder(self, other: Recorder | None) -> Recorder:
-        """Return what sees everything that the loop takes in, and passes it on."""
-        return _Seen(self, other)
-
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics) -> None:
-        """See one measured picture, in the loop's thread."""
-
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
-        """See one block of EMG, in the loop's thread."""
 
     def beside(self, observer: Callable[[LoopView], None] | None) -> Callable[[LoopView], None]:
         """Return an observer that is also shown how the link is."""
@@ -177,29 +172,13 @@ class Station(Opened):
             "name": self.net.own_name,
             "keys": self.net.keys is not None,
             "clock": self._clock.summary(),
+            "unsent": self._link.n_unsent,
         }
 
 
-class _Seen:
-    """Passes on what the loop takes in, and shows it to the station."""
-
-    def __init__(self, station: Station, other: Recorder | None) -> None:
-        self._station, self._other = station, other
-
-    def contact(self, t_ns: int, finger: str, metrics: ContactMetrics, felt: Felt) -> None:
-        """See one measured frame."""
-        self._station.contact(t_ns, finger, metrics)
-        if self._other is not None:
-            self._other.contact(t_ns, finger, metrics, felt)
-
-    def levels(self, t_ns: int, channels: Sequence[int], fused: int) -> None:
-        """See one EMG block."""
-        self._station.levels(t_ns, channels, fused)
-        if self._other is not None:
-            self._other.levels(t_ns, channels, fused)
-
-
-def open_station(config: SessionConfig, *, tell: Callable[[str], None], stop: Callable[[], bool]) -> Station:
+def open_station(
+    config: SessionConfig, bus: Bus, *, tell: Callable[[str], None], stop: Callable[[], bool]
+) -> Station:
     """Make this station's end of the link, not opened yet.
 
     Raises:
@@ -239,7 +218,7 @@ def open_station(config: SessionConfig, *, tell: Callable[[str], None], stop: Ca
     if operator:
         from tega.net.operator import OperatorStation
 
-        return OperatorStation(config, tell, stop)
+        return OperatorStation(config, bus, tell, stop)
     from tega.net.robot import RobotStation
 
-    return RobotStation(config, tell)
+    return RobotStation(config, bus, tell)

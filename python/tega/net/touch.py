@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -15,10 +16,13 @@ from tega.net.messages import Feature, Image, Welcome, decode
 from tega.net.pictures import unpacked
 from tega.net.samples import Readers
 from tega.net.streams import InboxStream
+from tega.teleop.sources import metrics_of, picture_of
 from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.calibration import Calibration
+    from tega.devices.base import TactileFrame
     from tega.net.clock import Offset
     from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
@@ -98,13 +102,14 @@ class FarTouch:
         return fingers
 
     def begin(
-        self, prepared: Prepared, *, start_ns: int, bell: Bell | None, trace: LatencyTrace | None
+        self, prepared: Prepared, bus: Bus, *, start_ns: int, bell: Bell | None, trace: LatencyTrace | None
     ) -> None:
         """Give the loop what comes from now on."""
         for name, far in self._fingers.items():
             if trace is not None:
                 far.stamp = trace.source(name)
-            self._readers.start(f"{name}-pictures", prepared.fingers[name].source)
+            source = prepared.fingers[name].source
+            self._readers.start(f"{name}-pictures", source, partial(_tell, bus, name, start_ns=start_ns))
         if bell is not None:
             self._ring = bell.ring
         self._start_ns = start_ns
@@ -126,6 +131,9 @@ class FarTouch:
         try:
             feature = decode(Feature, data)
         except msgspec.DecodeError:
+            gate.malformed()
+            return
+        if feature.malformed():
             gate.malformed()
             return
         if gate.refusal(feature, now_ns, offset) or offset is None:
@@ -153,6 +161,10 @@ class FarTouch:
         return {"way_ms": way_ms, "features": came, "refused_features": refused_by(self._gates.values())}
 
 
+def _tell(bus: Bus, finger: str, frame: TactileFrame, *, start_ns: int) -> None:
+    bus.publish(picture_of(finger, frame, live=True, start_ns=start_ns))
+
+
 class _Finger:
     """A fingertip at the robot's station, and where what comes of it goes."""
 
@@ -168,7 +180,7 @@ class _Finger:
         self._next = feature.sequence + 1
         t_ns = max(t_ns, self._stream.end_ns)  # the clock's estimate may have moved back a little
         self.stamp(t_ns, received_ns)
-        self._stream.put((t_ns, feature.metrics), use_by_ns=use_by_ns)
+        self._stream.put((t_ns, metrics_of(feature.contact)), use_by_ns=use_by_ns)
 
     def mind(self, *, lost: bool) -> None:
         """Take note of whether the robot answers."""

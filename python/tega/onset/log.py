@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tega.calibration.records import write_bytes
 from tega.errors import MissingExtraError, RecordingError
+from tega.foreign_file import read_foreign
 from tega.onset.clock import ClockMap
 
 __all__ = ["OnsetLog", "read_log", "read_wav", "write_log", "write_wav"]
@@ -42,7 +43,7 @@ class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", ta
     made: datetime
     driver: str
     device: str
-    layout: Literal["paper32", "x40", "x16"]
+    layout: str
     motor: int
     percent: int
     on_s: float
@@ -66,10 +67,10 @@ def read_log(path: Path) -> OnsetLog:
         RecordingError: It is missing, or is no such log.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=OnsetLog)
+        return msgspec.json.decode(read_foreign(path, most_mib=64), type=OnsetLog)
     except OSError as error:
         raise RecordingError(f"{path.name}: cannot be read: {error.strerror or error}") from error
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise RecordingError(
             f"{path.name}: is no log of a motor's bursts: {error}",
             "give the file that 'tega-teleop vest onset --log' wrote",

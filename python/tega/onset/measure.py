@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
@@ -14,7 +14,6 @@ from tega.calibration.folder import device_name
 from tega.calibration.records import OnsetRecord
 from tega.clock import Clock
 from tega.errors import CalibrationError, DeviceUnavailableError
-from tega.haptics import VestFrame
 from tega.onset.clock import ClockMap, by_clicks
 from tega.onset.detect import Onsets, find_onsets
 from tega.onset.log import OnsetLog
@@ -93,17 +92,28 @@ def play_bursts(
         DeviceUnavailableError: The vest was not reached all the time.
     """
     rests, left_s, unsent = random.Random(seed), list[float](), 0
-    lowest: Any = _Lowest(watched_vest(vest))
+    leaving: Any = watched_vest(vest)
+    sent: list[int] = []
     begin_ns = clock.now_ns() + round(_BEFORE_S * 1e9)
     for k in range(bursts):
         told(k, bursts)
         clock.sleep_until(begin_ns)
         if stop():
             raise KeyboardInterrupt
-        lowest.forget()
-        light_motor(lowest, motor, layout=layout, percent=percent, duration_s=BURST_S, clock=clock, stop=stop)
-        first = lowest.first_handed_over_s()
-        if first is None or lowest.percent < percent:
+        leaving.handed_over()  # of the burst before
+        sent.clear()
+        light_motor(
+            vest,
+            motor,
+            layout=layout,
+            percent=percent,
+            duration_s=BURST_S,
+            clock=clock,
+            stop=stop,
+            told=lambda frame: sent.append(int(frame.intensities.max())),
+        )
+        first = _first_handed_over_s(leaving.handed_over())
+        if first is None or min(sent, default=0) < percent:
             unsent += 1
         else:
             left_s.append(first)
@@ -114,27 +124,9 @@ def play_bursts(
     return left_s, unsent
 
 
-class _Lowest:
-    """A vest, with a note of the lowest intensity it has made of a burst."""
-
-    def __init__(self, vest: VestSink) -> None:
-        self._vest = vest
-        self.info = vest.info
-        self.percent = 100
-
-    def forget(self) -> None:
-        self._vest.handed_over()  # type: ignore[attr-defined]  # looked for before
-        self.percent = 100
-
-    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
-        sent = self._vest.write(t_ns, frame)
-        if frame.intensities.any():
-            self.percent = min(self.percent, int(sent.intensities.max()))
-        return sent
-
-    def first_handed_over_s(self) -> float | None:
-        handed = self._vest.handed_over()  # type: ignore[attr-defined]
-        return next((at_ns / 1e9 for t_ns, _, at_ns in handed if t_ns == 0), None)
+def _first_handed_over_s(handed: Sequence[tuple[int, int, int]]) -> float | None:
+    """Return when the first frame of a burst left, seconds on the monotonic clock."""
+    return next((at_ns / 1e9 for t_ns, _, at_ns in handed if t_ns == 0), None)
 
 
 def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> Found:

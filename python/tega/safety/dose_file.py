@@ -30,6 +30,7 @@ DAY_S: Final = 86_400.0
 SAVE_S: Final = 5.0
 """What a kill may lose."""
 
+
 _Each = Annotated[tuple[float, ...], msgspec.Meta(min_length=40, max_length=40)]
 
 

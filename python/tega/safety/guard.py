@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -26,6 +27,7 @@ _COUNT_NS = 100_000_000
 _STALE_PICTURE_NS = 100_000_000
 # The hand's most open pose.
 _OPEN = 1
+_CLOSED = 5
 _KEPT_CHANGES = 1000
 _NUMBERS = re.compile(r"[\d.]+")
 
@@ -95,7 +97,7 @@ class Guard:
         self._late_ns = round(s.late_ms * 1e6)
         self._next_ns = 0
         self._look_ns = _LOOK_NS if live else _LOOK_AT_RECORDINGS_NS
-        self._level = _OPEN
+        self._level: float = _OPEN
         self._counted: deque[tuple[int, dict[str, int]]] = deque()
         self.n_held = 0
         """Hand ticks on which the level of the muscles was not passed on."""
@@ -115,15 +117,16 @@ class Guard:
         """Whether the vest may show touch."""
         return self._states.state in {"active", "hold"}
 
-    def level(self, wanted: int) -> int:
+    def level(self, wanted: float) -> float:
         """Return the closure level that the hand is to be told.
 
         Args:
-            wanted: The muscles' level, 1 to 5.
+            wanted: The muscles' level, 1 to 5, with fractions where they ask for a closure.
 
         Returns:
-            It while active, the last one in hold, else the open hand's.
+            It while active, the last one in hold, else the open hand's; never outside 1 to 5.
         """
+        wanted = _OPEN if math.isnan(wanted) else min(max(wanted, _OPEN), _CLOSED)
         state = self._states.state
         if state == "active":
             self._level = wanted

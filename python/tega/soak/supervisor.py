@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import resource
 import signal
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from tega.child_process import end_child
+from tega.child_process import end_child, python_command, python_environment
 
 __all__ = ["Line", "Supervisor"]
 
@@ -83,9 +81,14 @@ class Supervisor:
         memory: list[tuple[float, float]] = []
         self.lines = []
         self.memory.append(memory)
-        words = [sys.executable, "-m", "tega.soak.system", str(self._settings)]
+        words = python_command("tega.soak.system", str(self._settings))
         self._process = subprocess.Popen(
-            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True
+            words,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+            env=python_environment(),
         )
         self._reader = threading.Thread(
             target=self._hear, args=(self._process, self.lines, memory), daemon=True
@@ -100,6 +103,8 @@ class Supervisor:
 
     def fill_disk(self, *, full: bool) -> None:
         """Let it write no byte beyond what its files have, as on a full disk; or let it write again."""
+        import resource  # which Windows has not
+
         if self._process is not None:
             hard = resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE)[1]
             resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE, (0 if full else hard, hard))

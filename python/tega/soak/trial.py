@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import statistics
+import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tega.errors import TegaError
+from tega.errors import DeviceUnavailableError, TegaError
 from tega.hand import TORQUE_LIMITS
 from tega.recording.mcap_folder import SessionFolder
 from tega.soak.lost import Kept, look
@@ -70,7 +71,13 @@ def soak(
 
     Raises:
         MissingExtraError: A package of the extras ``lab`` and ``record`` is not installed.
+        DeviceUnavailableError: This is another system than Linux.
     """
+    if sys.platform != "linux":
+        raise DeviceUnavailableError(
+            "soak: needs Linux: it fills the program's disk and stops its process by Linux's own means",
+            "run it on Linux; replay, demo and the tests of drivers run here",
+        )
     with emulated_lab(
         folder, emg_hz=250.0, hand=True, vest=True, fingers=FINGERS, camera_hz=camera_hz
     ) as lab:

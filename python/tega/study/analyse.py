@@ -24,7 +24,7 @@ from tega.study.score.accounts import agreements
 from tega.study.score.agree import Agreement
 from tega.study.silico.assumptions import Assumptions, read_assumptions, read_parameters
 from tega.study.silico.sensitivity import SensitivityRow, read_sensitivity
-from tega.study.state import derive, events_path
+from tega.study.state import derive, events_path, rehearsed
 from tega.study.touch_picture import FingerPicture, pictures_of
 from tega.study.trials import Trial, bench_trials, course_path, study_trials
 
@@ -106,6 +106,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         parameters: Of the simulated people, by section and name.
         sensitivity: Which directions hold when that is changed.
         fingers: The contacts that Fig 3 shows.
+        rehearsed: In a plan of people, those whose session did not run in the lab.
         format: Always ``tega-study-analysis``.
         version: Of the format.
     """
@@ -135,6 +136,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     parameters: dict[str, dict[str, Parameter]] = {}
     sensitivity: tuple[SensitivityRow, ...] = ()
     fingers: tuple[FingerRow, ...] = ()
+    rehearsed: tuple[str, ...] = ()
     format: str = FORMAT
     version: int = 1
 
@@ -213,6 +215,9 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Mat
         parameters=read_parameters(folder),
         sensitivity=read_sensitivity(folder),
         fingers=finger_rows(pictures, trials),
+        rehearsed=()
+        if settings.simulated
+        else tuple(person for person in stay if rehearsed(read_events(events_path(folder, person)))),
     )
     return result, Material(courses, pictures)
 

@@ -102,6 +102,10 @@ class Test(msgspec.Struct, frozen=True, kw_only=True):
     note: str = ""
 
 
+# An interval of a ratio whose ends lie further apart than this says nothing.
+_MOST_SPREAD = 1e4
+
+
 class _Data(NamedTuple):
     """One metric of one object: by person the values under both conditions, only people who have both."""
 
@@ -351,6 +355,10 @@ def _row(
     note: str = "",
 ) -> Test:
     effect, low, high = ratio or (None, None, None)
+    if low and high is not None and high > _MOST_SPREAD * low and not math.isinf(high):
+        # Two people who differ leave one degree of freedom: the numbers would look like knowledge.
+        low = high = None
+        note = f"{note}; " * bool(note) + "its interval is not estimable from so few"
     return Test(
         **common,
         level=level,

@@ -14,6 +14,8 @@ from typing import IO, Annotated, Literal, Self
 import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.file_lock import lock_file
+from tega.foreign_file import check_file, read_foreign
 
 __all__ = ["Event", "Journal", "Kind", "Status", "counting", "read_events"]
 
@@ -79,7 +81,7 @@ def _parse(content: bytes, path: Path) -> tuple[list[Event], int]:
             break
         try:
             event = msgspec.json.decode(line, type=Event)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             if last:  # no newline behind it: whoever wrote it was stopped there
                 break
             raise RecordingError(
@@ -104,7 +106,7 @@ def read_events(path: Path) -> list[Event]:
     Raises:
         RecordingError: Another line is no event, or lines are missing.
     """
-    return _parse(path.read_bytes(), path)[0] if path.exists() else []
+    return _parse(read_foreign(path, most_mib=256), path)[0] if path.exists() else []
 
 
 def counting(events: Sequence[Event], trial: int, attempt: int) -> list[Event]:
@@ -130,6 +132,8 @@ class Journal:
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         new = not path.exists()
+        if not new:
+            check_file(path, most_mib=256)
         self._path = path
         self._file: IO[bytes] | None = path.open("ab+")
         try:
@@ -204,16 +208,10 @@ class Journal:
 
 
 def _lock(file: IO[bytes], path: Path) -> None:
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return
-    try:
-        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
+    if not lock_file(file, path):
         raise DeviceUnavailableError(
             f"{path}: another program has this session open", "close the other console first"
-        ) from error
+        )
 
 
 def _sync_folder(folder: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from tega.plain_name import plain_name
 from tega.study.journal import Event, read_events
 from tega.study.state import events_path
 
@@ -19,6 +20,7 @@ RECORDED = "recorded"
 
 def observer_path(folder: Path, participant: str, rater: str) -> Path:
     """Return where a rater's events of a session are."""
+    plain_name(rater, what="rater", source=folder.name)
     return events_path(folder, participant).parent / "observers" / f"{rater}.jsonl"
 
 

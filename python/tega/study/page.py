@@ -30,6 +30,11 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
             '<p class="banner">Everything here is simulated: made-up people, hand, objects and touch. It says what '
             "follows from the model's assumptions, and nothing about people.</p>"
         )
+    if analysis.rehearsed:
+        parts.append(
+            '<p class="banner">Not data of people: the sessions of '
+            f"{esc(', '.join(analysis.rehearsed))} ran on simulated or emulated devices, wholly or in part.</p>"
+        )
     if analysis.interim:
         shown = (
             "They are shown because somebody asked."

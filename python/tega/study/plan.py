@@ -18,6 +18,8 @@ from typing import Annotated, Any
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
+from tega.foreign_file import parse_toml, read_foreign, read_words
+from tega.plain_name import plain_name
 from tega.study.order import Layout, allocate, lay_out
 from tega.toml_text import tree_text
 
@@ -332,12 +334,13 @@ def read_plan(folder: Path) -> StudyPlan:
 
     Raises:
         RecordingError: There is none, or it is not as it was written.
+        UnsafeNameError: Somebody in it, an object or a condition has a name that cannot be a folder's.
     """
     import tomllib
 
     try:
-        fields: dict[str, Any] = tomllib.loads((folder / "study.toml").read_text(encoding="utf-8"))
-        content = (folder / "plan.csv").read_bytes()
+        fields: dict[str, Any] = parse_toml(read_words(folder / "study.toml"))
+        content = read_foreign(folder / "plan.csv", most_mib=64)
     except FileNotFoundError as error:
         raise RecordingError(
             f"{folder}: no study, {Path(error.filename).name} is missing",
@@ -361,4 +364,7 @@ def read_plan(folder: Path) -> StudyPlan:
         trials = tuple(msgspec.convert(row, PlannedTrial, strict=False) for row in rows)
     except msgspec.ValidationError as error:
         raise RecordingError(f"{folder / 'plan.csv'}: {error}", "restore it from a copy") from error
+    for trial in trials:
+        for what in ("participant", "object", "condition"):
+            plain_name(getattr(trial, what), what=what, source=str(folder / "plan.csv"))
     return StudyPlan(settings, trials)

@@ -1,38 +1,59 @@
 """Withdrawal, and the anonymised copy.
 
-Everything about one person lies in folders that bear the person's id (``sessions/p03``, ``courses/p03``, ...),
-so that it can be deleted whole. Muscle signals can identify a person: the anonymised copy has none, nor texts,
-names or dates.
+Everything about one person lies in files and folders that bear the person's id (``sessions/p03``, ``courses/p03``,
+...), so that it can be deleted whole; what the program made of the person elsewhere is noted beside the session. Muscle
+signals can identify a person: the anonymised copy has none, nor texts, names or dates.
 """
 
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import re
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
+from tega.calibration.records import write_bytes
 from tega.errors import InvalidValueError, RecordingError
 from tega.study.journal import Event, Journal, read_events
 from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
 
-__all__ = ["export", "withdraw", "withdrawn"]
+__all__ = ["Withdrawal", "export", "note_elsewhere", "withdraw", "withdrawn"]
+
+_LOG = logging.getLogger(__name__)
 
 _LIST = "withdrawn.txt"
+_ELSEWHERE = "elsewhere.txt"
 REPORTS = ("report", "report.html")
 COURSES = "courses"
 ROLES = ("auto", "experimenter", "participant")
 """Sources of events that name nobody."""
 
 
+class Withdrawal(NamedTuple):
+    """What became of a person's traces.
+
+    Attributes:
+        deleted: What was deleted: files, folders and links in the study's folder.
+        changed: BORIS projects that the person's observations were taken out of.
+        left: What is to be looked at by hand: what links led to, what the program made of the person elsewhere, and
+            files of others that bear the person's id.
+    """
+
+    deleted: list[Path]
+    changed: list[Path]
+    left: list[Path]
+
+
 def withdrawn(folder: Path) -> set[str]:
-    """Return the ids of those who have withdrawn, and finish a deletion that was cut short.
+    """Return the ids of those who have withdrawn; nothing is deleted by asking.
 
     Args:
         folder: The study's folder.
@@ -41,53 +62,113 @@ def withdrawn(folder: Path) -> set[str]:
     if not path.exists():
         return set()
     ids = {line for line in path.read_text(encoding="utf-8").splitlines() if re.fullmatch(r"p\d+", line)}
-    for person in ids:
-        _delete(folder, person)
+    for person in sorted(ids):
+        if os.path.lexists(events_path(folder, person).parent):
+            _LOG.warning(
+                "%s has withdrawn, but something of theirs is left: tega-teleop study withdraw %s %s",
+                person,
+                folder,
+                person,
+            )
     return ids
 
 
-def withdraw(folder: Path, participant: str) -> list[Path]:
+def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
+    """Note what the program made of a person outside of the study's folder, so that withdrawing can tell of it.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose.
+        path: A file or a folder.
+    """
+    path, notes = path.absolute(), events_path(folder, participant).parent / _ELSEWHERE
+    if path.is_relative_to(folder.absolute()) or str(path) in _noted(notes):
+        return
+    notes.parent.mkdir(parents=True, exist_ok=True)
+    with notes.open("a", encoding="utf-8") as file:
+        file.write(f"{path}\n")
+
+
+def _noted(notes: Path) -> list[str]:
+    return notes.read_text(encoding="utf-8").splitlines() if notes.is_file() else []
+
+
+def withdraw(folder: Path, participant: str) -> Withdrawal:
     """Delete what there is of a person, and the reports that it went into. It cannot be undone.
 
-    The id stays in the plan and in ``withdrawn.txt``, so that the study's flow can be told. Copies made elsewhere, and
-    the disk's own (journals, snapshots, worn flash cells), are not reached.
+    The id stays in the plan and in ``withdrawn.txt``, so that the study's flow can be told. Links are deleted and not
+    followed. Copies made elsewhere, and the disk's own (journals, snapshots, worn flash cells), are not reached. A
+    deletion that was cut short is finished by asking again.
 
     Args:
         folder: The study's folder.
         participant: Whose data.
 
     Returns:
-        What was deleted.
+        What was deleted, and what is left.
 
     Raises:
         InvalidValueError: Nobody in the plan has that id.
         DeviceUnavailableError: The session is open in another program.
     """
     read_plan(folder).of(participant)
-    if participant in withdrawn(folder):
-        return []
-    own = [events_path(folder, participant)]
-    raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
-    for path in (*own, *raters):
-        if path.exists():
-            Journal(path).close()  # refuses while a console has it open
-    with (folder / _LIST).open("a", encoding="utf-8") as file:  # before anything goes: a crash cannot undo it
-        file.write(f"\n{participant}\n")
-        file.flush()
-        os.fsync(file.fileno())
+    if participant not in withdrawn(folder):
+        own = [events_path(folder, participant)]
+        raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
+        for path in (*own, *raters):
+            if path.exists():
+                Journal(path).close()  # refuses while a console has it open
+        with (folder / _LIST).open("a", encoding="utf-8") as file:  # first: a crash cannot undo it
+            file.write(f"\n{participant}\n")
+            file.flush()
+            os.fsync(file.fileno())
     return _delete(folder, participant)
 
 
-def _delete(folder: Path, participant: str) -> list[Path]:
-    found = sorted(path for path in folder.glob(f"*/{participant}") if path.is_dir())
-    if found:
-        found += [folder / name for name in REPORTS if (folder / name).exists()]
-    for path in found:
-        if path.is_dir():
+def _delete(folder: Path, participant: str) -> Withdrawal:
+    own = re.compile(rf"{participant}([-_.].*)?")
+    mentioned = re.compile(rf"(?<![A-Za-z0-9]){participant}(?![A-Za-z0-9])")
+    notes = events_path(folder, participant).parent / _ELSEWHERE
+    left = (
+        [] if notes.parent.is_symlink() else [Path(line) for line in _noted(notes) if os.path.lexists(line)]
+    )
+    deleted: list[Path] = []
+    changed: list[Path] = []
+    for where, folders, files in os.walk(folder):  # which follows no links
+        for name in sorted([*folders, *files]):
+            path = Path(where, name)
+            if own.fullmatch(name):
+                left += [path.resolve()] if path.is_symlink() and path.exists() else []
+                deleted.append(path)
+            elif path.is_symlink() and (path / participant).exists():
+                left.append((path / participant).resolve())
+            elif path.suffix == ".boris" and path.is_file() and not path.is_symlink():
+                changed += [path] if forget_person(path, participant) else []
+            elif mentioned.search(name):
+                left.append(path)
+        folders[:] = [name for name in folders if not own.fullmatch(name)]
+    if deleted:
+        deleted += [folder / name for name in REPORTS if os.path.lexists(folder / name)]
+    for path in deleted:
+        if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)
         else:
             path.unlink()
-    return found
+    return Withdrawal(deleted, changed, left)
+
+
+def forget_person(path: Path, participant: str) -> bool:
+    """Take a person's observations out of a BORIS project; tell whether there were any."""
+    try:
+        tree = msgspec.json.decode(path.read_bytes())
+        mine = [name for name in tree["observations"] if str(name).startswith(f"{participant}_")]
+    except (OSError, msgspec.DecodeError, KeyError, TypeError):
+        return False
+    for name in mine:
+        del tree["observations"][name]
+    if mine:
+        write_bytes(path, msgspec.json.format(msgspec.json.encode(tree), indent=1) + b"\n")
+    return bool(mine)
 
 
 def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:

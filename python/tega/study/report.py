@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import shutil
 import tempfile
 from pathlib import Path
@@ -17,6 +18,9 @@ from tega.study.page import report_html
 from tega.study.tables import write_csv
 
 __all__ = ["Report", "figures_of", "write_report"]
+
+
+FIGURES = ("fig3", "fig7", "fig8", "lags", "poses")
 
 
 class Report(NamedTuple):
@@ -54,7 +58,7 @@ def write_report(source: Path, out: Path | None = None, *, interim: bool = False
     folder = out or (source if source.is_dir() else source.parent)
     folder.mkdir(parents=True, exist_ok=True)
     tables = folder / "report"
-    if tables.exists() and not (tables / "analysis.json").is_file():
+    if tables.is_symlink() or (tables.exists() and not _is_report(tables)):
         raise InvalidValueError(f"{tables}: is there, and is no report", "name another folder with --out")
     beside = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
     try:
@@ -69,6 +73,7 @@ def write_report(source: Path, out: Path | None = None, *, interim: bool = False
         page.write_text(report_html(analysis, figures), encoding="utf-8", newline="\n")
         beside.chmod(folder.stat().st_mode & 0o777)
         if tables.exists():
+            _keep_others(tables, beside)
             shutil.rmtree(tables)
         beside.rename(tables)
         (tables / "report.html").replace(folder / "report.html")
@@ -76,6 +81,20 @@ def write_report(source: Path, out: Path | None = None, *, interim: bool = False
         shutil.rmtree(beside, ignore_errors=True)
         raise
     return Report(folder / "report.html", tables, analysis)
+
+
+def _is_report(folder: Path) -> bool:
+    return all((folder / name).is_file() for name in ("analysis.json", "provenance.csv"))
+
+
+def _keep_others(old: Path, new: Path) -> None:
+    """Move what an earlier report did not write into the folder that takes its place."""
+    with (old / "provenance.csv").open(encoding="utf-8", newline="") as file:
+        written = {row[0] for row in csv.reader(file) if row}
+    written |= {"provenance.csv", "analysis.json", *(f"{name}.svg" for name in FIGURES)}
+    for path in sorted(old.iterdir()):
+        if path.name not in written and not (new / path.name).exists():
+            path.rename(new / path.name)
 
 
 def figures_of(analysis: Analysis, material: Material) -> dict[str, str]:

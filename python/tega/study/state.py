@@ -8,11 +8,15 @@ from typing import Literal
 
 import msgspec
 
-from tega.errors import RecordingError
+from tega.errors import InvalidValueError, RecordingError
+from tega.plain_name import plain_name
 from tega.study.journal import Event, Journal, Status
 from tega.study.plan import PlannedTrial, StudyPlan
 
-__all__ = ["SessionState", "derive", "events_path", "resume"]
+__all__ = ["SessionState", "Where", "check_where", "derive", "events_path", "rehearsed", "resume"]
+
+Where = Literal["lab", "emulated", "simulated"]
+"""What the devices of a session are."""
 
 TrialStatus = Literal["planned", "running"] | Status
 MAX_ATTEMPTS = 2
@@ -36,7 +40,9 @@ class SessionState(msgspec.Struct, frozen=True):
 
 def events_path(folder: Path, participant: str) -> Path:
     """Return where a person's events are."""
-    return folder / "sessions" / participant / "events.jsonl"
+    return (
+        folder / "sessions" / plain_name(participant, what="participant", source=folder.name) / "events.jsonl"
+    )
 
 
 def derive(trials: Sequence[PlannedTrial], events: Sequence[Event]) -> SessionState:
@@ -97,7 +103,9 @@ def _next(
     return None
 
 
-def resume(folder: Path, plan: StudyPlan, participant: str, *, t_ns: int) -> tuple[Journal, SessionState]:
+def resume(
+    folder: Path, plan: StudyPlan, participant: str, *, t_ns: int, where: Where = "lab"
+) -> tuple[Journal, SessionState]:
     """Open a person's session, new or after a stop at any moment.
 
     A trial that was going on when everything stopped is closed as broken off for technical reasons.
@@ -107,12 +115,13 @@ def resume(folder: Path, plan: StudyPlan, participant: str, *, t_ns: int) -> tup
         plan: Its plan.
         participant: Whose session.
         t_ns: Now, on the session's clock, nanoseconds.
+        where: Where its trials run, which the events then say.
 
     Returns:
         The journal to go on with, and how the session stands.
 
     Raises:
-        InvalidValueError: Nobody in the plan has that id.
+        InvalidValueError: Nobody in the plan has that id, or the plan is not for sessions that run there.
         RecordingError: The events are damaged, belong to another plan, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open.
     """
@@ -121,6 +130,7 @@ def resume(folder: Path, plan: StudyPlan, participant: str, *, t_ns: int) -> tup
     trials = plan.of(participant)
     if participant in withdrawn(folder):
         raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
+    check_where(plan, where)
     journal = Journal(events_path(folder, participant))
     try:
         signed = plan.settings.plan_sha256
@@ -137,11 +147,34 @@ def resume(folder: Path, plan: StudyPlan, participant: str, *, t_ns: int) -> tup
                 source="auto",
                 text="the program had stopped",
             )
-        journal.add("session_start", t_ns=t_ns, source="auto", text=signed)
+        journal.add("session_start", t_ns=t_ns, source="auto", text=signed, item=where)
         return journal, derive(trials, journal.events)
     except BaseException:
         journal.close()
         raise
+
+
+def check_where(plan: StudyPlan, where: Where) -> None:
+    """Refuse a rehearsal in a plan of people, and people in a plan of rehearsals: neither could be told apart later.
+
+    Raises:
+        InvalidValueError: The plan is not for it.
+    """
+    if where != "lab" and not plan.settings.simulated:
+        raise InvalidValueError(
+            f"{where} sessions do not belong into a plan of people: they would pass for data",
+            "rehearse in a plan of its own: tega-teleop study plan --simulated --out REHEARSAL ...",
+        )
+    if where == "lab" and plan.settings.simulated:
+        raise InvalidValueError(
+            "this plan is for simulated and emulated sessions: people in it would pass for simulated",
+            "make a plan without --simulated",
+        )
+
+
+def rehearsed(events: Sequence[Event]) -> bool:
+    """Tell whether a session, or a part of it, did not run in the lab."""
+    return any(event.kind == "session_start" and event.item in {"simulated", "emulated"} for event in events)
 
 
 def _same_plan(events: Sequence[Event], signed: str, participant: str) -> None:

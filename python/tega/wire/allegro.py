@@ -34,6 +34,7 @@ __all__ = [
     "ALLEGRO_RAD_PER_COUNT",
     "allegro_angle_counts",
     "allegro_angles_rad",
+    "allegro_limp_frames",
     "allegro_position_frames",
     "allegro_report_frame",
     "allegro_request_imu",
@@ -122,6 +123,18 @@ def allegro_servo_off(*, device_id: int = 0) -> CanFrame:
         WireError: For a device number above 3.
     """
     return _encode("servo_off", device_id=device_id)
+
+
+def allegro_limp_frames(*, device_id: int = 0) -> list[CanFrame]:
+    """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF.
+
+    Raises:
+        WireError: For a device number above 3.
+    """
+    return [
+        *allegro_torque_frames(np.zeros(16), device_id=device_id),
+        allegro_servo_off(device_id=device_id),
+    ]
 
 
 def allegro_set_period(

@@ -18,7 +18,7 @@ const STILL_NS: i64 = 300 * MS;
 const MOVED_RAD: f64 = 0.15;
 
 impl HandLink {
-    pub(super) fn take(&mut self, frame: &Received<'_>, t_ns: i64, level: i64) -> Option<Joints> {
+    pub(super) fn take(&mut self, frame: &Received<'_>, t_ns: i64, level: f64) -> Option<Joints> {
         match decode(frame, self.settings.device) {
             Ok(Message::Report(report)) => return self.report(report, t_ns, level),
             Ok(Message::Command(Command::SetTorque { .. } | Command::ServoOn)) => {
@@ -31,7 +31,7 @@ impl HandLink {
         None
     }
 
-    fn report(&mut self, report: Report, t_ns: i64, level: i64) -> Option<Joints> {
+    fn report(&mut self, report: Report, t_ns: i64, level: f64) -> Option<Joints> {
         match report {
             Report::Position { finger, counts } => return self.position(finger, counts, t_ns, level),
             Report::Temperature { finger, bytes } => {
@@ -77,7 +77,7 @@ impl HandLink {
         }
     }
 
-    fn position(&mut self, finger: Finger, counts: [i16; 4], t_ns: i64, level: i64) -> Option<Joints> {
+    fn position(&mut self, finger: Finger, counts: [i16; 4], t_ns: i64, level: f64) -> Option<Joints> {
         if !matches!(self.phase, Phase::Checking | Phase::Running | Phase::Releasing) {
             return None;
         }

@@ -18,7 +18,7 @@ struct Bench {
     link: HandLink,
     hand: Hand,
     t_ms: i64,
-    level: i64,
+    level: f64,
     sent: Vec<(i64, CanFrame)>,
 }
 
@@ -29,7 +29,7 @@ impl Bench {
 
     fn with(hand: Hand, settings: LinkSettings) -> Self {
         let link = HandLink::new(settings, HandController::default());
-        Self { link, hand, t_ms: 0, level: 1, sent: Vec::new() }
+        Self { link, hand, t_ms: 0, level: 1.0, sent: Vec::new() }
     }
 
     fn give(&mut self, frames: &[Owned]) -> Vec<CanFrame> {
@@ -88,7 +88,7 @@ fn it_identifies_looks_and_only_then_switches_on() {
     assert!(at(0x200) < at(0x180) && at(0x104) < at(0x204) && at(0x204) < at(0x100));
     assert!(bench.hand.servo_on);
     assert_eq!(bench.link.serial(), b"A080R\0\0\0");
-    bench.level = 3;
+    bench.level = 3.0;
     // The measured pose is not exactly a pose: it is left slowly.
     bench.run(5000);
     for (angle, wanted) in bench.hand.angles.iter().zip(CLOSURE_POSES_RAD[2]) {
@@ -116,7 +116,7 @@ fn a_stranger_gets_requests_and_nothing_else() {
 #[test]
 fn silence_switches_off_after_30_ms_and_is_survived() {
     let mut bench = Bench::new(Hand::default());
-    bench.level = 4;
+    bench.level = 4.0;
     bench.run(1000);
     let last = bench.link.counts().sets;
     bench.hand.mute = true;
@@ -145,7 +145,7 @@ fn a_hand_that_stays_away_is_given_up_after_five_attempts() {
 #[test]
 fn one_lost_frame_holds_that_finger_and_a_lost_finger_stops() {
     let mut bench = Bench::new(Hand::default());
-    bench.level = 2;
+    bench.level = 2.0;
     bench.run(600);
     bench.hand.missing_finger = Some(2);
     bench.run(3);
@@ -164,7 +164,7 @@ fn one_lost_frame_holds_that_finger_and_a_lost_finger_stops() {
 #[test]
 fn frames_that_come_twice_count_once() {
     let mut bench = Bench::new(Hand { twice: true, ..Hand::default() });
-    bench.level = 3;
+    bench.level = 3.0;
     bench.run(1000);
     let counts = bench.link.counts();
     assert_eq!((bench.link.phase(), counts.incomplete), (Phase::Running, 0));
@@ -188,7 +188,7 @@ fn a_frozen_hand_is_let_go() {
     let mut bench = Bench::new(Hand { moves: false, ..Hand::default() });
     bench.run(1000);
     assert_eq!(bench.link.phase(), Phase::Running); // at rest it may well stand still
-    bench.level = 5;
+    bench.level = 5.0;
     bench.run(1500);
     assert_eq!(bench.fault(), "frozen");
     assert!(bench.limp());
@@ -240,7 +240,7 @@ fn another_program_on_the_bus_is_no_company() {
     assert_eq!(bench.fault(), "foreign-host");
     assert!(bench.sent.is_empty());
     let mut bench = Bench::new(Hand::default());
-    bench.level = 3;
+    bench.level = 3.0;
     bench.run(800);
     let out = bench.give(&[(0x100, Vec::new())]);
     bench.hand.hear(&out);
@@ -251,7 +251,7 @@ fn another_program_on_the_bus_is_no_company() {
 #[test]
 fn letting_go_fades_the_torque_and_silences_the_hand() {
     let mut bench = Bench::new(Hand::default());
-    bench.level = 5;
+    bench.level = 5.0;
     bench.run(1500);
     assert!(bench.pushed());
     bench.link.release(bench.t_ms * MS);
@@ -268,7 +268,7 @@ fn letting_go_fades_the_torque_and_silences_the_hand() {
 fn reading_only_never_switches_on() {
     let settings = LinkSettings { torque: false, ..LinkSettings::default() };
     let mut bench = Bench::with(Hand { angles: [0.4; 16], ..Hand::default() }, settings);
-    bench.level = 5;
+    bench.level = 5.0;
     bench.run(1500);
     assert_eq!(bench.link.phase(), Phase::Running);
     assert!(!bench.hand.servo_on && !bench.pushed());
@@ -321,6 +321,6 @@ fn any_frame_is_survived() {
             bench.give(&[(id, vec![0xA5; len])]);
         }
     }
-    bench.level = 6;
-    assert!(bench.link.exchange(&[], bench.t_ms * MS, 6).is_err());
+    bench.level = 6.0;
+    assert!(bench.link.exchange(&[], bench.t_ms * MS, 6.0).is_err());
 }

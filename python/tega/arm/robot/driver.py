@@ -8,7 +8,6 @@ import secrets
 import select
 import socket
 import subprocess
-import sys
 import time
 from typing import Annotated, Any, ClassVar
 
@@ -18,7 +17,7 @@ import tega.errors
 from tega.arm.pose import ArmCommand, StampedPose
 from tega.arm.robot.process import Settings
 from tega.arm.robot.words import Asked, Failed, Health, Leave, Message, Ready, Recover, Told, decode, encode
-from tega.child_process import end_child
+from tega.child_process import end_child, python_command, python_environment
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
@@ -138,10 +137,14 @@ class ProcessArm(Opened):
             speed_m_s=o.speed_m_s,
             turn_rad_s=o.turn_rad_s,
         )
-        command = [sys.executable, "-m", "tega.arm.robot.process", msgspec.json.encode(settings).decode()]
+        command = python_command("tega.arm.robot.process", msgspec.json.encode(settings).decode())
         # A session of its own: Ctrl-C in the terminal is for the run, which then tells the arm to rest.
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, pass_fds=[theirs.fileno()], start_new_session=True
+            command,
+            stdin=subprocess.PIPE,
+            pass_fds=[theirs.fileno()],
+            start_new_session=True,
+            env=python_environment(),
         )
         theirs.close()
         self._link = ours

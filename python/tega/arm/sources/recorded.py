@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tega.arm.pose import StampedPose
 from tega.errors import RecordingError
+from tega.foreign_file import read_words
 
 __all__ = ["RecordedPoses", "read_poses", "write_poses"]
 
@@ -24,9 +25,8 @@ def read_poses(path: Path) -> list[StampedPose]:
             finite or earlier than the one before; the message names the line.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError) as error:
+        rows = list(csv.reader(read_words(path, most_mib=1024).splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise RecordingError(f"{path.name} cannot be read: {error}") from error
     if not rows or rows[0] not in (_COLUMNS, [*_COLUMNS, "valid"]):
         raise RecordingError(f"{path.name} does not begin with the line {','.join(_COLUMNS)}")

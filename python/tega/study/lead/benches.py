@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
+from tega.config_sections import StageConfig
 from tega.errors import InvalidValueError
 from tega.hand_poses import ClosureScale, load_poses
 from tega.sim.streams import Streams
@@ -18,16 +19,21 @@ if TYPE_CHECKING:
     from tega.sim.seams import Act, Percept
     from tega.study.lead.going import Going
     from tega.study.plan import PlannedTrial, StudyPlan
+from tega.study.state import Where
 
 __all__ = ["Bench", "LabBench", "SimulatedBench"]
 
 _LOOK_S = 0.01
-_FEEDBACK: dict[str, Literal["continuous", "events"] | None] = {
-    "haptic": "continuous",
-    "non-haptic": None,
-    "event-gated": "events",
-}
-"""What the vest tells in each condition; nothing where ``None``."""
+_CONDITIONS = ("haptic", "non-haptic", "event-gated")
+
+
+def _mapping(condition: str, given: StageConfig) -> StageConfig:
+    """Return the mapping of a condition: the settings' own, or pulses where the condition is about them."""
+    if condition == "event-gated" and given.name != "pulses":
+        return StageConfig(name="pulses")
+    if condition != "event-gated" and given.name == "pulses":
+        return StageConfig(name="columns")
+    return given
 
 
 class Bench(Protocol):
@@ -37,8 +43,10 @@ class Bench(Protocol):
         sees_height: Whether it says how high the object is; otherwise a person marks it.
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
+        where: What the devices are, which the session's events say.
     """
 
+    where: Where
     sees_height: bool
     own_time: bool
     closure: ClosureScale | None
@@ -70,6 +78,7 @@ class LabBench:
     Args:
         config: The settings; what they say of duration, pace, output and recording folder does not count.
         settings: How their file is named in what an error suggests.
+        where: ``emulated`` where the devices are emulators.
 
     Raises:
         InvalidValueError: The settings have no muscles or no fingertip: there is nothing to study.
@@ -79,7 +88,9 @@ class LabBench:
     sees_height = False
     own_time = False
 
-    def __init__(self, config: SessionConfig, *, settings: str = "SETTINGS.toml") -> None:
+    def __init__(
+        self, config: SessionConfig, *, settings: str = "SETTINGS.toml", where: Where = "lab"
+    ) -> None:
         from tega.devices.lifecycle import require
 
         require("foxglove", driver="recording", extra="record")
@@ -90,6 +101,7 @@ class LabBench:
             )
         self._config = config
         self._settings = settings
+        self.where: Where = where
         self.closure: ClosureScale | None = None
         if hasattr(config.hand.options, "poses"):  # a hand that is steered on its own angles
             poses = config.hand.options.poses
@@ -97,11 +109,11 @@ class LabBench:
 
     def felt(self, condition: str) -> bool:
         """Tell whether the vest shows touch."""
-        if condition not in _FEEDBACK:
+        if condition not in _CONDITIONS:
             raise InvalidValueError(
-                f"condition {condition!r} cannot be run", f"plan with {', '.join(_FEEDBACK)} only"
+                f"condition {condition!r} cannot be run", f"plan with {', '.join(_CONDITIONS)} only"
             )
-        return _FEEDBACK[condition] is not None
+        return condition != "non-haptic"
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Run a session of the devices for as long as the trial lasts."""
@@ -109,10 +121,11 @@ class LabBench:
 
         replace = msgspec.structs.replace
         # The devices do not know what is lifted; without touch to be felt they are sent zeros, see Going.feel.
-        feedback = _FEEDBACK[trial.condition] or self._config.vest.feedback
+        stages = self._config.stages
+        stages = replace(stages, mapping=_mapping(trial.condition, stages.mapping))
         config = replace(
             self._config,
-            vest=replace(self._config.vest, feedback=feedback),
+            stages=stages,
             session=replace(self._config.session, pace="real", duration_s=None, out_dir=None),
             recording=replace(self._config.recording, dir=folder.absolute()),
         )
@@ -143,6 +156,7 @@ class SimulatedBench:
         real_time: Keep to the machine's clock; otherwise as fast as it goes.
     """
 
+    where: Where = "simulated"
     sees_height = True
     own_time = True
 
@@ -190,7 +204,9 @@ class SimulatedBench:
         going.begin(0)
         lift.go(
             real_time=self._real_time,
-            observer=lambda moment: going.view(moment.loop._replace(arm_height_m=lift.rig.act.forearm_m[0])),
+            observer=lambda moment: going.view(
+                moment.loop._replace(arm_height_m=lift.rig.world.hand_height_m)
+            ),
             stop=going.over,
             paused=lambda: False,
         )

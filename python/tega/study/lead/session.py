@@ -67,7 +67,8 @@ def lead_session(
         How the session stands.
 
     Raises:
-        InvalidValueError: Nobody has that id, or a planned condition cannot be run on this bench.
+        InvalidValueError: Nobody has that id, a planned condition cannot be run on this bench, or the plan is not for
+            sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open, or a trial cannot begin and nobody is there.
         KeyboardInterrupt: ``stop`` said so, or the desk's person has gone.
@@ -76,7 +77,7 @@ def lead_session(
     for condition in plan.settings.conditions:
         bench.felt(condition)
     clock = SystemClock() if clock is None else clock
-    journal, _state = resume(folder, plan, participant, t_ns=clock.now_ns())
+    journal, _state = resume(folder, plan, participant, t_ns=clock.now_ns(), where=bench.where)
     with journal:
         lead = _Lead(
             folder,

@@ -11,7 +11,6 @@ from tega.errors import TegaError
 from tega.study.coupling import TouchCourse, write_course
 from tega.study.hand_rows import write_hand
 from tega.study.journal import Event, Journal, Kind, Status, counting
-from tega.study.lead.desk import ENTER
 from tega.study.lead.going import Going, in_thread
 from tega.study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
 from tega.study.touch_rows import touch_path, write_touch
@@ -30,6 +29,12 @@ PLACE_S = 15.0
 """Task ``place``: time after the window in which the object is put down, seconds."""
 
 Task = Literal["lift", "place"]
+END = "e"
+"""Ends a trial. Enter begins one and answers questions: one Enter too many must not end the trial that it began."""
+
+QUIET_S = 1.0
+"""So long after a trial has begun its result cannot be keyed: nobody has lifted or dropped anything by then."""
+
 _KEYS: dict[str, Kind] = {"s": "slip", "d": "deformation"}
 
 
@@ -47,7 +52,7 @@ def keys_of(*, sees_height: bool) -> list[tuple[str, str]]:
         ("d", "deformation"),
         ("x", "dropped"),
         ("u", "undo"),
-        ("Enter", "done"),
+        (END, "done"),
         ("a", "break off, technical"),
         ("z", "stop for safety"),
     ]
@@ -190,14 +195,14 @@ class LedTrial:
         for key in keys:
             if key in _KEYS:
                 self._add(_KEYS[key], t_s, EXPERIMENTER)
-            elif key == "x":
+            elif key == "x" and t_s >= QUIET_S:
                 self._add("drop", t_s, EXPERIMENTER)
                 return _End(t_s, "failed_task", "dropped")
             elif key == "u":
                 self.undo()
             elif key in {" ", self._pedal}:
                 self._mark(t_s)
-            elif key == ENTER:
+            elif key == END and t_s >= QUIET_S:
                 return _End(t_s, "done", "ended by the experimenter")
             elif key == "a":
                 return _End(t_s, "aborted_technical", "broken off by the experimenter")

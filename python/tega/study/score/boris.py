@@ -15,10 +15,12 @@ from typing import Any
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
+from tega.foreign_file import read_foreign, read_words
 from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import Event, Journal, Kind, counting, read_events
 from tega.study.observers import WHOLE, observer_path, read_observers
 from tega.study.plan import read_plan
+from tega.study.privacy import note_elsewhere
 from tega.study.state import events_path
 
 __all__ = ["export_boris", "import_boris"]
@@ -118,6 +120,8 @@ def export_boris(folder: Path, path: Path) -> int:
         "converters": {},
     }
     path.write_bytes(msgspec.json.format(msgspec.json.encode(project), indent=1) + b"\n")
+    for person in dict.fromkeys(name.partition("_")[0] for name in observations):
+        note_elsewhere(folder, person, path)
     return len(observations)
 
 
@@ -207,7 +211,7 @@ def _of_one(
 
 def _project(path: Path) -> dict[str, Sequence[tuple[float, str]]]:
     try:
-        tree = msgspec.json.decode(path.read_bytes())
+        tree = msgspec.json.decode(read_foreign(path, most_mib=64))
         return {
             str(name): [(float(event[0]), str(event[2])) for event in observation["events"]]
             for name, observation in tree["observations"].items()
@@ -220,15 +224,18 @@ def _project(path: Path) -> dict[str, Sequence[tuple[float, str]]]:
         TypeError,
         ValueError,
         AttributeError,
+        RecursionError,
     ) as error:
         raise RecordingError(f"{path}: is no BORIS project: {error}", "name a .boris file") from error
 
 
 def _table(path: Path) -> dict[str, list[tuple[float, str]]]:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_words(path, most_mib=64)
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: cannot be read: {error}") from error
+    if "\0" in text:
+        raise RecordingError(f"{path}: is no table of text", "export tabular events from BORIS")
     rows = csv.DictReader(text.splitlines(), delimiter="\t" if "\t" in text.partition("\n")[0] else ",")
     needed = {"Observation id", "Behavior", "Time"}
     if missing := needed - set(rows.fieldnames or ()):

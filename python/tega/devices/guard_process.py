@@ -1,0 +1,169 @@
+"""A process that leaves a device safe when the program that uses the device is killed or stands still.
+
+The program starts it before anything of the device is switched on, and waits until it says ``ready``. It then writes a
+line ``.`` ten times a second, which the process answers in kind. A line ``done`` ends the process; the end of its input
+without one means that the program is gone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import threading
+import time
+from typing import Final
+
+from tega.child_process import end_child, python_command, python_environment
+from tega.errors import DeviceUnavailableError
+
+__all__ = ["GuardProcess", "answer", "say_ready", "stay_alone"]
+
+BEAT_S: Final = 0.1
+DEAF_S: Final = 2.0
+"""A process that has not answered for so long is taken for lost."""
+
+_READY_S: Final = 10.0
+_AGAIN_S: Final = 1.0
+_LEAVE_S: Final = 5.0
+# Processes that go on trying after this program has closed its device; kept so that nobody waits for them.
+_left: list[subprocess.Popen[bytes]] = []
+
+
+class GuardProcess:
+    """The process, as seen by the program that it watches; one that is lost is replaced.
+
+    Args:
+        what: What it does, such as ``lets go of the hand``, for messages.
+        module: The module that it runs.
+        arguments: Words for it.
+
+    Raises:
+        DeviceUnavailableError: It does not start, so that the device must not be switched on.
+
+    Attributes:
+        n_lost: How many were lost.
+        problem: Why there is none now; ``""`` while there is one.
+    """
+
+    def __init__(self, what: str, module: str, *arguments: str) -> None:
+        self._what = what
+        self._words = python_command(module, *arguments)
+        self._closing = threading.Event()
+        self._next_s = 0.0
+        self.n_lost = 0
+        self.problem = ""
+        self._asked_s = self._heard_s = time.monotonic()
+        self._process = self._start()
+        self._thread = threading.Thread(target=self._watch, name="tega-guard", daemon=True)
+        self._thread.start()
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
+    def beat(self) -> None:
+        """Say that the program is alive; returns at once, and does nothing most of the time."""
+        now_s = time.monotonic()
+        if now_s < self._next_s or self.problem:
+            return
+        self._next_s = now_s + BEAT_S
+        if self._asked_s - self._heard_s > DEAF_S:
+            self._process.kill()  # it stands still: the thread that watches it sees its end
+            return
+        self._asked_s = now_s
+        self._write(b".\n")
+
+    def dismiss(self) -> None:
+        """Tell it that the device has been left safe, and wait for its end."""
+        self._closing.set()
+        self._write(b"done\n")
+        end_child(self._process, _LEAVE_S)
+        self._thread.join(_LEAVE_S)
+
+    def leave_to_it(self) -> None:
+        """Leave the device to it: to it this looks as if the program were gone, and it goes on trying."""
+        self._closing.set()
+        _left.append(self._process)
+        if self._process.stdin is not None:
+            with contextlib.suppress(OSError):
+                self._process.stdin.close()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        # A session of its own: what is sent to the program's terminal (Ctrl-C, hang-up) is not meant for it.
+        process = subprocess.Popen(
+            self._words,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+            env=python_environment(),
+        )
+        late = threading.Timer(_READY_S, process.kill)
+        late.start()
+        said = process.stdout.readline() if process.stdout else b""
+        late.cancel()
+        if said.strip() != b"ready":
+            process.kill()
+            _forget(process)
+            raise DeviceUnavailableError(
+                f"the process that {self._what} did not start",
+                "its error output says why; nothing was switched on",
+            )
+        if process.stdin is not None and os.name == "posix":
+            os.set_blocking(process.stdin.fileno(), False)
+        self._asked_s = self._heard_s = time.monotonic()
+        return process
+
+    def _write(self, line: bytes) -> None:
+        if self._process.stdin is not None:
+            with contextlib.suppress(OSError, ValueError):  # it is gone: the thread that watches it sees that
+                os.write(self._process.stdin.fileno(), line)
+
+    def _watch(self) -> None:
+        """Hear the answers, and start another process when this one is gone."""
+        while True:
+            process = self._process
+            if process.stdout is not None:
+                while process.stdout.readline():
+                    self._heard_s = time.monotonic()
+                process.stdout.close()
+            if self._closing.is_set():
+                return
+            self.n_lost += 1
+            self.problem = f"the process that {self._what} was lost; another is being started"
+            _forget(process)
+            while self.problem and not self._closing.is_set():
+                try:
+                    self._process = self._start()
+                    self._write(b".\n")  # until it has heard something it takes the device for switched off
+                    self.problem = ""
+                except (DeviceUnavailableError, OSError):
+                    time.sleep(_AGAIN_S)
+
+
+def _forget(process: subprocess.Popen[bytes]) -> None:
+    end_child(process, _LEAVE_S)
+    if process.stdout is not None:
+        process.stdout.close()
+
+
+def say_ready() -> None:
+    """In the process: say that everything is loaded and the program may go on."""
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+
+
+def stay_alone() -> None:
+    """In the process: let go of the outputs of the program that is gone, which somebody may be reading to their end."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for number in (1, 2):
+        os.dup2(nowhere, number)
+    os.close(nowhere)
+
+
+def answer(chunk: bytes) -> None:
+    """In the process: answer what was heard, unless nobody listens any more."""
+    with contextlib.suppress(OSError):
+        os.write(sys.stdout.fileno(), b".\n" * chunk.count(b"."))

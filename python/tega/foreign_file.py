@@ -1,0 +1,145 @@
+"""Reads files that somebody else may have made: no pipe is waited for, no size is believed, whatever is wrong is told.
+
+Every reader of recordings, settings and tables goes through here; each says how large its files can be at most.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import math
+import stat
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
+
+from tega.errors import RecordingError, TegaError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["MIB", "check_file", "load_npy", "parse_toml", "read_foreign", "read_words", "tells_damage"]
+
+MIB: Final = 1024 * 1024
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+_KINDS = (
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+
+def check_file(path: Path, *, most_mib: int, error: type[TegaError] = RecordingError) -> None:
+    """Refuse what is no file, which might never end, and what is larger than such a file can be.
+
+    Args:
+        path: The file; a folder or a missing file is left to whoever opens it.
+        most_mib: The largest size, MiB.
+        error: What to raise.
+
+    Raises:
+        TegaError: Of the kind asked for.
+        OSError: It cannot be looked at.
+    """
+    there = path.stat()
+    for is_kind, name in _KINDS:
+        if is_kind(there.st_mode):
+            raise error(
+                f"{path.name}: is {name}, not a file", "copy what it gives into a file, and name that"
+            )
+    if there.st_size > most_mib * MIB:
+        raise error(
+            f"{path.name}: {there.st_size / MIB:.0f} MiB, at most {most_mib} MiB are read",
+            "is it the right file? a recording is cut with trim",
+        )
+
+
+def read_foreign(path: Path, *, most_mib: int, error: type[TegaError] = RecordingError) -> bytes:
+    """Return a file's content; arguments and errors as in :func:`check_file`."""
+    check_file(path, most_mib=most_mib, error=error)
+    return path.read_bytes()
+
+
+def read_words(path: Path, *, most_mib: int = 1, error: type[TegaError] = RecordingError) -> str:
+    """Return a text file's content without the mark that some editors put before UTF-8; errors as above.
+
+    Raises:
+        UnicodeDecodeError: It is no UTF-8.
+    """
+    return read_foreign(path, most_mib=most_mib, error=error).decode("utf-8-sig").replace("\r\n", "\n")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the tree of a TOML text.
+
+    Raises:
+        ValueError: It is no TOML, or goes deeper than anything that is meant.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise tomllib.TOMLDecodeError("tables or arrays lie in each other hundreds deep") from error
+
+
+def load_npy(data: bytes, name: str) -> NDArray[Any]:
+    """Return the array of an ``.npy`` file's content; its header is believed only as far as there are bytes.
+
+    Args:
+        data: The content.
+        name: What to call it in an error.
+
+    Raises:
+        RecordingError: It is no such array, or cut short, or made of Python objects.
+    """
+    try:
+        return _array(data)
+    except Exception as error:  # a damaged header raises whatever Python's own parser does
+        raise RecordingError(f"{name}: not an .npy array: {error}", "save it with numpy.save") from error
+
+
+def _array(data: bytes) -> NDArray[Any]:
+    import numpy as np
+
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    if version not in {(1, 0), (2, 0)}:
+        raise ValueError(f"version {version} of the format")
+    first = version == (1, 0)
+    read_header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+    shape, by_columns, dtype = read_header(file)
+    if dtype.hasobject:
+        raise ValueError("it holds Python objects, which are never read")
+    n_bytes = math.prod(shape) * dtype.itemsize
+    if min(shape, default=0) < 0 or n_bytes > len(data) - file.tell():
+        raise ValueError(f"cut short: {len(data) - file.tell()} bytes of {n_bytes}")
+    array = np.frombuffer(data, dtype, math.prod(shape), file.tell()) if n_bytes else np.empty(0, dtype)
+    return array.reshape(shape, order="F" if by_columns else "C").copy(order="K")
+
+
+def tells_damage(read: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Have a function that reads a recording, its first argument, tell what damage in it leads to as one error.
+
+    A file that is valid by its format can still hold anything: a topic of another type, a picture of another size, a
+    number in place of a name. What that leads to in whoever works with it is damage of the file.
+    """
+
+    @functools.wraps(read)
+    def told(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        try:
+            return read(*args, **kwargs)
+        except (TegaError, OSError):
+            raise
+        except Exception as error:
+            first = args[0] if args else next(iter(kwargs.values()), "")
+            name = first.name if isinstance(first, Path) else "the recording"
+            raise RecordingError(
+                f"{name}: damaged, or not written by TEGA: {type(error).__name__}: {str(error)[:200]}",
+                "inspect says how far it can be read; --debug shows where it ended",
+            ) from error
+
+    return told

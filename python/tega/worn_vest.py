@@ -1,0 +1,50 @@
+"""Open a vest with what is left of its wearer's day: every path that makes a motor vibrate goes through here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tega.devices.registry import driver_class
+from tega.safety.dose_file import KeptDose
+
+if TYPE_CHECKING:
+    from tega.config import CalibrationConfig, VestConfig
+    from tega.devices.base import VestSink
+
+__all__ = ["dose_file", "worn_vest"]
+
+
+def dose_file(calibration: CalibrationConfig) -> Path | None:
+    """Return the file of the person that settings name; ``None`` where they name nobody."""
+    if calibration.person is None:
+        return None
+    from tega.calibration.person import whose
+
+    person, calibrations = whose(calibration)
+    return calibrations.person(person) / "vest-dose.json"
+
+
+@contextmanager
+def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
+    """Open the vest of some settings, with what is left of its wearer's day.
+
+    Whatever makes a motor vibrate opens the vest here: a run, a played one, a study, calibration, ``identify``, the
+    measurement of a motor's onset.
+
+    Args:
+        section: The settings; a driver is set.
+        file: The wearer's file (:func:`dose_file`); ``None`` for nobody who is named, whose day is not known.
+
+    Raises:
+        CalibrationError: The file cannot be read.
+        TegaError: The vest cannot be opened.
+    """
+    vest: VestSink = driver_class(str(section.driver), "vest")(section.options)
+    with ExitStack() as stack:
+        budget = getattr(vest, "budget", None)
+        if budget is not None and file is not None:
+            stack.enter_context(KeptDose(file, budget))
+        yield stack.enter_context(vest)

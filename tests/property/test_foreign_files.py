@@ -1,0 +1,306 @@
+"""Files that were damaged, or made on purpose: every reader ends with TEGA's own errors, and at once."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import NonSeekingReader
+from mcap.writer import Writer
+
+from reference.recordings import pressed, write_video
+from reference.sessions import tree
+from tega.arm.sources.recorded import read_poses
+from tega.audit import read_marks
+from tega.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
+from tega.calibration.records import TouchRecord, read_record
+from tega.config import load_config
+from tega.devices.emg_formats import read_emg_file
+from tega.devices.opencv import read_image
+from tega.devices.video import VideoFile, VideoFileOptions
+from tega.errors import CalibrationError, ConfigError, RecordingError, TegaError
+from tega.foreign_file import MIB, load_npy
+from tega.hand_poses import load_poses
+from tega.recording.inspection import inspect_file
+from tega.replay import replay_file
+from tega.study.journal import Journal, read_events
+from tega.study.score import boris
+
+_FEW = settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+def _read_video(path: Path) -> None:
+    with VideoFile(VideoFileOptions(file=path)) as video:
+        for _ in range(50):
+            if video.read(0.0) is None:
+                return
+
+
+def _toml() -> bytes:
+    return b'[session]\npreset = "paper"\nout_dir = "results"\n\n[safety]\nemg_lost_ms = 500\n'
+
+
+def _calibration(folder: Path) -> bytes:
+    save_calibration(Calibration(preset="live", origin="a test", tactile=FingerMaxima()), folder / "c.toml")
+    return (folder / "c.toml").read_bytes()
+
+
+def _encoded(suffix: str) -> bytes:
+    data: bytes = cv2.imencode(suffix, pressed(0.5, noise=1))[1].tobytes()
+    return data
+
+
+def _npy(array: Any) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def _mat() -> bytes:
+    file = io.BytesIO()
+    scipy.io.savemat(file, {"emg": np.arange(60.0).reshape(20, 3)}, do_compression=True)
+    return file.getvalue()
+
+
+def _journal(folder: Path) -> bytes:
+    with Journal(folder / "events.jsonl") as journal:
+        for trial in range(3):
+            journal.add("trial_start", t_ns=trial * 10, trial=trial + 1)
+            journal.add("trial_end", t_ns=trial * 10 + 5, trial=trial + 1, status="done", success=True)
+    return (folder / "events.jsonl").read_bytes()
+
+
+def _boris() -> bytes:
+    event = [1.5, "", "slip", "", ""]
+    return json.dumps({"observations": {"p01-t01_r1": {"events": [event, event]}}}).encode()
+
+
+_POSES = b"t_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.0,0.1,0.2,0.3,1,0,0,0\n0.1,0.1,0.2,0.3,1,0,0,0\n"
+_EVENTS = b"Observation id,Behavior,Time\np01-t01,slip,1.5\np01-t01,drop,2.5\n"
+_MARKS = b"img_name,center_x,center_y,radius\nframe_0.png,10,20,5\nframe_1.png,11,21,6\n"
+
+# Of each kind: the file's name, what makes a valid one, what reads it.
+_READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]] = {
+    "settings": ("lab.toml", lambda _: _toml(), lambda p: load_config(p, environ={})),
+    "calibration": ("c.toml", _calibration, load_calibration),
+    "record": (
+        "r.toml",
+        lambda _: b"version = 1\nmade = 2026-11-21T15:04:05Z\n",
+        lambda p: read_record(p, TouchRecord),
+    ),
+    "poses of the hand": ("poses.toml", lambda _: b"[level-1]\nindex = [0, 0, 0, 0]\n", load_poses),
+    "poses": ("poses.csv", lambda _: _POSES, read_poses),
+    "marks": ("marks.csv", lambda _: _MARKS, read_marks),
+    "EMG table": ("emg.csv", lambda _: b"a,b,c\n1,2,3\n4,5,6.5\n7,8,9e3\n", read_emg_file),
+    "EMG npy": ("emg.npy", lambda _: _npy(np.arange(60.0).reshape(20, 3)), read_emg_file),
+    "EMG mat": ("emg.mat", lambda _: _mat(), read_emg_file),
+    "PNG": ("a.png", lambda _: _encoded(".png"), lambda p: read_image(p, driver="images")),
+    "JPEG": ("a.jpg", lambda _: _encoded(".jpg"), lambda p: read_image(p, driver="images")),
+    "BMP": ("a.bmp", lambda _: _encoded(".bmp"), lambda p: read_image(p, driver="images")),
+    "picture npy": ("a.npy", lambda _: _npy(pressed(0.5, noise=1)), lambda p: read_image(p, driver="images")),
+    "journal": ("events.jsonl", _journal, read_events),
+    "BORIS project": ("a.boris", lambda _: _boris(), boris._project),
+    "BORIS table": ("a.csv", lambda _: _EVENTS, boris._table),
+    "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
+}
+
+_SPOT = st.floats(0.0, 1.0, exclude_max=True)
+_CHANGE = st.one_of(
+    st.tuples(st.just("set"), _SPOT, st.binary(min_size=1, max_size=8)),
+    st.tuples(st.just("insert"), _SPOT, st.binary(min_size=1, max_size=64)),
+    st.tuples(st.just("cut"), _SPOT, st.just(b"")),
+    st.tuples(st.just("twice"), _SPOT, st.just(b"")),
+    st.tuples(st.just("zeros"), _SPOT, st.just(bytes(64))),
+    st.tuples(st.just("instead"), _SPOT, st.binary(max_size=200)),
+    st.tuples(st.just("deep"), _SPOT, st.sampled_from([b"[" * 5000, b'{"a":' * 5000, b"x = " + b"[" * 5000])),
+)
+
+
+def mutated(content: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:
+    """Return a file's content with some places of it changed."""
+    for how, spot, new in changes:
+        at = int(spot * len(content))
+        match how:
+            case "set" | "zeros":
+                content = content[:at] + new + content[at + len(new) :]
+            case "insert" | "deep":
+                content = content[:at] + new + content[at:]
+            case "cut":
+                content = content[:at]
+            case "twice":
+                content = content[:at] + content
+            case _:
+                content = new
+    return content
+
+
+@pytest.fixture(scope="module")
+def valid(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
+    made: dict[str, bytes] = {}
+
+    def of(kind: str) -> bytes:
+        if kind not in made:
+            made[kind] = _READERS[kind][1](tmp_path_factory.mktemp("valid"))
+        return made[kind]
+
+    return of
+
+
+@pytest.mark.parametrize("kind", _READERS)
+@_FEW
+@given(changes=st.lists(_CHANGE, max_size=4))
+def test_whatever_a_file_holds_only_errors_of_tega_come_of_it(
+    kind: str, valid: Callable[[str], bytes], changes: list[Any], tmp_path: Path
+) -> None:
+    name, _, read = _READERS[kind]
+    path = tmp_path / name
+    path.write_bytes(mutated(valid(kind), changes))
+    with contextlib.suppress(TegaError):
+        read(path)
+
+
+@pytest.mark.parametrize("kind", _READERS)
+def test_a_pipe_a_device_and_a_socket_are_refused_at_once(kind: str, tmp_path: Path) -> None:
+    name, _, read = _READERS[kind]
+    pipe = tmp_path / name
+    os.mkfifo(pipe)
+    with pytest.raises(TegaError, match=f"{name}: is a pipe, not a file"):
+        read(pipe)
+    pipe.unlink()
+    pipe.symlink_to("/dev/zero")
+    with pytest.raises(TegaError, match=f"{name}: is a device, not a file"):
+        read(pipe)
+    pipe.unlink()
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(pipe))
+        with pytest.raises(TegaError, match=f"{name}: is a socket, not a file"):
+            read(pipe)
+
+
+@pytest.mark.parametrize("kind", _READERS)
+def test_a_file_larger_than_any_of_its_kind_is_refused_unread(kind: str, tmp_path: Path) -> None:
+    name, _, read = _READERS[kind]
+    path = tmp_path / name
+    with path.open("wb") as file:
+        file.truncate((256 * 1024 + 1) * MIB)  # takes no room on the disk
+    with pytest.raises(TegaError, match=r"262145 MiB, at most \d+ MiB are read"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("read", "error"),
+    [(lambda p: load_config(p, environ={}), ConfigError), (load_calibration, CalibrationError)],
+)
+def test_settings_are_refused_by_their_own_error(
+    read: Callable[[Path], object], error: type[TegaError], tmp_path: Path
+) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_bytes(b"# " + b"x" * 2 * MIB)
+    with pytest.raises(error, match=r"lab\.toml: 2 MiB, at most 1 MiB"):
+        read(path)
+
+
+def test_the_mark_before_utf_8_is_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + _toml().replace(b"\n", b"\r\n"))
+    assert load_config(path, environ={}).config.session.preset == "paper"
+    path.write_bytes(_toml().decode().encode("utf-16"))
+    with pytest.raises(ConfigError, match="not UTF-8 text"):
+        load_config(path, environ={})
+
+
+def test_an_array_that_is_larger_than_its_file_asks_for_no_memory() -> None:
+    data = _npy(np.zeros((2, 3)))
+    forged = data.replace(b"(2, 3)", b"(9999999999, 9999)", 1)
+    forged = forged[:8] + (len(forged) - 48 - 10).to_bytes(2, "little") + forged[10:]
+    with pytest.raises(RecordingError, match=r"not an \.npy array"):
+        load_npy(forged, "emg.npy")
+    objects = _npy(np.zeros((2, 3)))
+    with pytest.raises(RecordingError, match="Python objects"):
+        load_npy(objects.replace(b"'<f8'", b"'|O' "), "emg.npy")
+
+
+# A recording is valid by its format and still can hold anything: records are changed before they are written.
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from tega.config import check_tree
+    from tega.teleop import run_session
+
+    folder = tmp_path_factory.mktemp("session") / "small"
+    wanted = tree(folder)
+    wanted["session"]["duration_s"] = 0.2
+    summary = run_session(check_tree(wanted, {}, base=Path.cwd()).config)
+    return folder / str(summary["recording"]["file"])
+
+
+def _odd(source: Path, target: Path, spot: float, changes: list[Any], kinds: set[str]) -> None:
+    """Write a recording with one message, table, attachment, schema or topic of the source changed."""
+    data = source.read_bytes()
+    attachments = list(NonSeekingReader(io.BytesIO(data)).iter_attachments())
+    tables = list(NonSeekingReader(io.BytesIO(data)).iter_metadata())
+    messages = list(NonSeekingReader(io.BytesIO(data)).iter_messages(log_time_order=False))
+    with target.open("wb") as file:
+        writer: Any = Writer(file)
+        writer.start()
+        for k, attachment in enumerate(attachments):
+            content = attachment.data
+            if "attachment" in kinds and k == int(spot * len(attachments)):
+                content = mutated(content, changes)
+            writer.add_attachment(0, 0, attachment.name, attachment.media_type, content)
+        for k, table in enumerate(tables):
+            values = dict(table.metadata)
+            if "table" in kinds and k == int(spot * len(tables)):
+                for key in list(values)[:: 1 + int(3 * spot)]:
+                    values[key] = mutated(values[key].encode(), changes).decode("latin-1")
+            writer.add_metadata(table.name, values)
+        ids: dict[int, int] = {}
+        for k, (schema, channel, message) in enumerate(messages):
+            assert schema is not None
+            if channel.id not in ids:
+                named, topic = schema.name, channel.topic
+                if "name" in kinds and len(ids) == int(spot * 8):
+                    named, topic = messages[int(spot * len(messages))][0].name, topic + "/x"  # type: ignore[union-attr]
+                schema_id = writer.register_schema(named, schema.encoding, schema.data)
+                ids[channel.id] = writer.register_channel(topic, "protobuf", schema_id)
+            content = message.data
+            if "message" in kinds and k == int(spot * len(messages)):
+                content = mutated(content, changes)
+            writer.add_message(ids[channel.id], message.log_time, content, message.publish_time)
+        writer.finish()
+
+
+@settings(parent=_FEW, max_examples=40)
+@given(
+    spot=_SPOT,
+    changes=st.lists(_CHANGE, min_size=1, max_size=3),
+    kinds=st.sets(st.sampled_from(["attachment", "table", "message", "name"]), max_size=2),
+)
+def test_a_recording_that_is_odd_is_told_to_be(
+    recording: Path, spot: float, changes: list[Any], kinds: set[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "odd.mcap"
+    if kinds:
+        _odd(recording, path, spot, changes, kinds)
+    else:
+        path.write_bytes(mutated(recording.read_bytes(), changes))
+    for use in (inspect_file, replay_file):
+        with contextlib.suppress(TegaError):
+            use(path)

@@ -1,0 +1,148 @@
+"""Names in recordings and studies that somebody else made: none of them writes, reads or deletes beyond its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import msgspec
+import pytest
+
+from tega.calibration.folder import CalibrationFolder, checked_person
+from tega.cli.main import main
+from tega.errors import UnsafeNameError
+from tega.plain_name import path_below
+from tega.recording.export import export_file
+from tega.recording.lerobot import export_lerobot
+from tega.recording.mcap_copy import McapCopy, McapRecords
+from tega.study.observers import observer_path
+from tega.study.plan import PlannedTrial, StudyPlan, make_plan, read_plan, write_plan
+from tega.study.privacy import withdraw
+from tega.study.score.boris import import_boris
+
+VERBS = {
+    "export": ["--out", "out", "--pictures"],
+    "export --format lerobot": ["--out", "out", "--format", "lerobot"],
+    "trim": ["--from", "0.2", "--to", "1.0", "--out", "out"],
+    "inspect": [],
+    "replay": [],
+    "play": ["--speed", "50"],
+}
+
+
+def hostile(source: Path, target: Path, *, attached: str = "", finger: str = "") -> Path:
+    """Copy a recording, with one more attachment, or a finger's topics under another name."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with source.open("rb") as old, target.open("wb") as file:
+        copy = McapCopy(file)
+        for item in McapRecords(old):
+            if item.kind == "Message" and finger:
+                channel = item.channel
+                renamed = SimpleNamespace(
+                    topic=channel.topic.replace("/ring/", f"/{finger}/"),
+                    message_encoding=channel.message_encoding,
+                    metadata=channel.metadata,
+                )
+                copy.take(item._replace(channel=renamed))
+            else:
+                copy.take(item)
+        if attached:
+            copy.attach(attached, "text/plain", b"stolen")
+        copy.finish()
+    return target
+
+
+def everything(folder: Path) -> set[Path]:
+    return {path for path in folder.rglob("*") if "out" not in path.relative_to(folder).parts[:2]}
+
+
+@pytest.mark.parametrize(
+    "name", ["{tmp}/.bashrc", "../../authorized_keys", "..", "a/../../b", "C:\\x", "NUL", "x\0y", ""]
+)
+def test_an_attachment_s_name_never_leaves_the_folder(name: str, lossless: Path, tmp_path: Path) -> None:
+    name = name.format(tmp=tmp_path)
+    recording = hostile(lossless, tmp_path / "sent" / "x.mcap", attached=name or "empty/")
+    before = everything(tmp_path)
+    with pytest.raises(UnsafeNameError, match=r"x\.mcap: attachment ") as told:
+        export_file(recording, tmp_path / "sent" / "out")
+    assert repr(name)[1:-1] in str(told.value) or not name
+    assert everything(tmp_path) == before
+    assert not list((tmp_path / "sent" / "out").iterdir())
+
+
+@pytest.mark.parametrize("finger", ["..", ".", "C:", "..\\..\\x", "a b"])
+def test_a_topic_s_finger_never_leaves_the_folder(finger: str, lossless: Path, tmp_path: Path) -> None:
+    recording = hostile(lossless, tmp_path / "sent" / "x.mcap", finger=finger)
+    before = everything(tmp_path)
+    with pytest.raises(UnsafeNameError, match=r"x\.mcap: "):
+        export_file(recording, tmp_path / "sent" / "out", pictures=True)
+    with pytest.raises(UnsafeNameError, match=r"x\.mcap: "):
+        export_lerobot([recording], tmp_path / "out")
+    assert everything(tmp_path) == before
+
+
+@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("what", ["attached", "finger"])
+def test_no_verb_on_a_recording_writes_elsewhere(
+    verb: str, what: str, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = tmp_path / "work"
+    given = {"attached": f"{tmp_path}/stolen"} if what == "attached" else {"finger": ".."}
+    recording = hostile(lossless, work / "x.mcap", **given)
+    monkeypatch.chdir(work)
+    before = everything(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main([verb.partition(" ")[0], str(recording), *VERBS[verb]])
+    assert ended.value.code in {0, 1, 2}
+    if verb.startswith("export"):
+        assert (ended.value.code != 0) == (what == "finger" or verb == "export")
+    assert {path for path in everything(tmp_path) - before if "out" not in path.parts} == set()
+
+
+@pytest.mark.parametrize("person", ["../../elsewhere", "*", "..", "/tmp"])
+def test_a_plan_s_people_have_plain_names(person: str, tmp_path: Path) -> None:
+    plan = make_plan(participants=2)
+    rows = tuple(
+        msgspec.structs.replace(row, participant=person) if row.participant == "p01" else row
+        for row in plan.trials
+    )
+    write_plan(StudyPlan(plan.settings, rows), tmp_path / "study")
+    mine = tmp_path / "study" / "sessions" / "p02" / "events.jsonl"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("")
+    with pytest.raises(UnsafeNameError, match=r"plan\.csv: participant "):
+        read_plan(tmp_path / "study")
+    with pytest.raises(UnsafeNameError):
+        withdraw(tmp_path / "study", person)
+    assert mine.exists()
+
+
+def test_a_plan_s_objects_and_conditions_have_plain_names(tmp_path: Path) -> None:
+    plan = make_plan(participants=1)
+    for what in ("object", "condition"):
+        rows = tuple(msgspec.structs.replace(row, **{what: "../x"}) for row in plan.trials)
+        write_plan(StudyPlan(plan.settings, rows), tmp_path / what)
+        with pytest.raises(UnsafeNameError, match=f"{what} '../x'"):
+            read_plan(tmp_path / what)
+    assert isinstance(rows[0], PlannedTrial)
+
+
+def test_raters_and_people_s_codes_are_plain_names(tmp_path: Path) -> None:
+    write_plan(make_plan(participants=1), tmp_path / "study")
+    coded = tmp_path / "coded.boris"
+    coded.write_text('{"observations": {"p01_t01_a1": {"events": []}}}')
+    with pytest.raises(UnsafeNameError, match=r"rater '\.\./\.\./x'"):
+        import_boris(tmp_path / "study", coded, "../../x")
+    with pytest.raises(UnsafeNameError):
+        observer_path(tmp_path, "../p01", "r1")
+    with pytest.raises(UnsafeNameError):
+        checked_person("p01/../p02")
+
+
+def test_an_interrupted_calibration_s_picture_lies_in_its_folder(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    kept = path_below(folder.path, "gels/D20982/2026.png", what="picture", source="unfinished.json")
+    assert kept == tmp_path / "gels" / "D20982" / "2026.png"
+    for name in ("/etc/passwd", "gels/../../x.png", "", "gels//x.png"):
+        with pytest.raises(UnsafeNameError, match=r"unfinished\.json: picture "):
+            path_below(folder.path, name, what="picture", source="unfinished.json")

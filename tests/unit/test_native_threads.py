@@ -1,0 +1,91 @@
+"""Native objects are looked at by one thread while another feeds them: nothing raises, nothing is torn."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.emg import BlockMean, ButterworthLowpass, GraspIntent
+from tega.wire import AsciiEmgDecoder, ChordsDecoder, CytonDecoder, SpikerDecoder
+
+# Long enough that the thread that feeds leaves the interpreter to the other many times.
+_ROWS = np.random.default_rng(1).normal(size=(400_000, 3))
+_BYTES = bytes(4_000_000)
+
+_WATCHED: dict[str, tuple[Callable[[], Any], Callable[[Any], object], Callable[[Any], object]]] = {
+    "cyton": (CytonDecoder, lambda d: d.feed(_BYTES), lambda d: d.skipped_bytes),
+    "chords": (lambda: ChordsDecoder(3), lambda d: d.feed(_BYTES), lambda d: d.packets),
+    "spiker": (lambda: SpikerDecoder(3), lambda d: d.feed(_BYTES), lambda d: d.bad_frames),
+    "ascii": (lambda: AsciiEmgDecoder(3), lambda d: d.feed(b"1,2,3\n" * 400_000), lambda d: d.last_rejected),
+    "filter": (
+        lambda: ButterworthLowpass(1000.0, 5.0, 2, 3),
+        lambda f: f.process(_ROWS),
+        lambda f: f.held_samples,
+    ),
+    "mean": (lambda: BlockMean(50, 3), lambda m: m.process(_ROWS), lambda m: m.held_samples),
+    "intent": (
+        lambda: GraspIntent(1000.0, [1.0, 1.0, 1.0], tau=100),
+        lambda i: i.process(_ROWS),
+        lambda i: (i.maxima, i.bad_channels),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", _WATCHED)
+def test_what_one_thread_feeds_another_may_look_at(name: str) -> None:
+    """A page asks for the counts thirty times a second while the reader's thread feeds."""
+    make, feed, look = _WATCHED[name]
+    watched: Any = make()
+    ended, failed = threading.Event(), []
+
+    def work() -> None:
+        try:
+            for _ in range(3):
+                feed(watched)
+        except BaseException as error:
+            failed.append(error)
+        finally:
+            ended.set()
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    n_looks = _look_until(ended, lambda: look(watched))
+    worker.join()
+    assert not failed
+    assert n_looks > 0
+
+
+def _look_until(ended: threading.Event, look: Callable[[], object]) -> int:
+    n = 0
+    while not ended.is_set():
+        look()
+        n += 1
+        ended.wait(1e-4)
+    return n
+
+
+def test_threads_that_cannot_start_lose_no_frame() -> None:
+    """The system refuses a thread: the work is done without it. Here it has no room for so large a stack."""
+    ask = (
+        "import numpy as np\n"
+        "from tega.tactile import contact_metrics_many\n"
+        "frames = [np.full((320, 240, 3), k, np.uint8) for k in range(40)]\n"
+        "found = contact_metrics_many(frames, frames[0])\n"
+        "print(len(found), found[39].eda)\n"
+    )
+
+    def answer(**more: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", ask], env=os.environ | more, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert answer(RUST_MIN_STACK=str(2**50)) == answer()
