@@ -1,6 +1,7 @@
 //! What the muscle chain owes to any samples at all.
 
 use tega_emg::{BlockMean, ButterworthLowpass, EmgError, GraspIntent, Kind, LEVELS, MAX_ORDER, Preset};
+use tega_error::OutOfRange;
 
 use crate::bytes::{Bytes, Target};
 
@@ -143,7 +144,7 @@ fn named<T>(made: Result<T, EmgError>) -> Option<T> {
     match made {
         Ok(made) => Some(made),
         Err(
-            EmgError::OutOfRange { name: "rate_hz", .. }
+            EmgError::OutOfRange(OutOfRange { name: "rate_hz", .. })
             | EmgError::Cutoff { .. }
             | EmgError::UnusableMaximum { .. },
         ) => None,

@@ -171,12 +171,12 @@ def test_poses_of_ones_own_are_checked_and_used() -> None:
     ("settings", "message"),
     [
         ({"kp": -1}, "kp of index_j0"),
-        ({"kp": np.finfo(np.float64).max}, r"kp of index_j0 = .* out of range: 0.0 to 1000.0"),
-        ({"kd": 1000.1}, r"kd of index_j0 = 1000.1 .* out of range: 0.0 to 1000.0"),
+        ({"kp": np.finfo(np.float64).max}, r"kp of index_j0 = .* out of range: 0 to 1000"),
+        ({"kd": 1000.1}, r"kd of index_j0 = 1000.1 .* out of range: 0 to 1000"),
         ({"kd": [0.1] * 15 + [math.inf]}, "kd of thumb_j3"),
         ({"error_limit_rad": 0.0}, "error_limit_rad"),
         ({"torque_limits": 1.1}, "torque_limits of index_j0"),
-        ({"level_factors": [0, 0.5, 0.5, 0.5, 2]}, "level_factors = 2.0"),
+        ({"level_factors": [0, 0.5, 0.5, 0.5, 2]}, "level_factors = 2 "),
         ({"slew_per_tick": math.nan}, "slew_per_tick"),
     ],
 )

@@ -2,10 +2,10 @@
 //!
 //! Transposed direct form II, each channel and sample by the same operations in the same order and without fused
 //! multiply-add, so the result does not depend on how a stream is cut up nor on the instruction set.
+#![allow(unsafe_code)] // what `dispatched!` writes
 
 use crate::butterworth::{MAX_SECTIONS, Section, Sos};
 use crate::lanes::{LANES, LaneRows, Lanes};
-use crate::simd;
 
 /// What a buffer of rows has to be longer than its rows, so that a group of lanes can be stored whole at any row.
 pub(crate) const MARGIN: usize = LANES - 1;
@@ -15,7 +15,7 @@ const TINY: f64 = 1e-250;
 const SWEEP_ROWS: usize = 32;
 
 /// Two delays for each section.
-type GroupState = [[[f64; LANES]; 2]; MAX_SECTIONS];
+type GroupState = [[Lanes; 2]; MAX_SECTIONS];
 
 /// A filter with its state for a fixed number of channels.
 #[derive(Debug, Clone)]
@@ -28,19 +28,19 @@ pub(crate) struct BiquadBank {
 
 impl BiquadBank {
     pub(crate) fn new(sos: &Sos, channels: usize) -> Self {
-        let groups = vec![[[[0.0; LANES]; 2]; MAX_SECTIONS]; channels.div_ceil(LANES)];
+        let groups = vec![[[Lanes::ZERO; 2]; MAX_SECTIONS]; channels.div_ceil(LANES)];
         Self { sections: sos.sections().to_vec(), channels, groups, rows_to_sweep: SWEEP_ROWS }
     }
 
     /// Put one channel into the state it would have after an endless constant input, and say what comes out then.
     pub(crate) fn settle(&mut self, channel: usize, input: f64) -> f64 {
-        let (lane, [mut x, ..]) = (channel % LANES, [input; LANES].without(TINY));
+        let (lane, Lanes([mut x, ..])) = (channel % LANES, Lanes::all(input).without(TINY));
         let Some(group) = self.groups.get_mut(channel / LANES) else { return 0.0 };
         for (section, state) in self.sections.iter().zip(group) {
             let ([b0, b1, b2], [a1, a2]) = (section.b, section.a);
             let y = x * (((b0 + b1) + b2) / ((1.0 + a1) + a2));
-            state[1][lane] = b2 * x - a2 * y;
-            state[0][lane] = (b1 * x + state[1][lane]) - a1 * y;
+            state[1].0[lane] = b2 * x - a2 * y;
+            state[0].0[lane] = (b1 * x + state[1].0[lane]) - a1 * y;
             x = y;
         }
         x
@@ -48,28 +48,32 @@ impl BiquadBank {
 
     /// Filter whole rows into `out`, which is longer than they are by [`MARGIN`]; what lies there is overwritten.
     pub(crate) fn process(&mut self, rows: &[f64], out: &mut [f64]) {
-        simd::filter(self, rows, out);
+        filter(self, rows, out);
     }
 
-    /// The work of [`BiquadBank::process`] on vectors of one kind.
     #[inline(always)]
-    pub(crate) fn filter<V: Lanes>(&mut self, rows: &[f64], out: &mut [f64]) {
+    fn filter(&mut self, rows: &[f64], out: &mut [f64]) {
         // A last group of fewer channels than lanes spills into the next row, so it goes first and the others write
         // over what it spilt.
         for (index, state) in self.groups.iter_mut().enumerate().rev() {
             let at =
                 Place { channels: self.channels, first: index * LANES, rows_to_sweep: self.rows_to_sweep };
             match *self.sections {
-                [a] => run::<V, 1>([a], state, rows, out, at),
-                [a, b] => run::<V, 2>([a, b], state, rows, out, at),
-                [a, b, c] => run::<V, 3>([a, b, c], state, rows, out, at),
-                [a, b, c, d] => run::<V, 4>([a, b, c, d], state, rows, out, at),
+                [a] => run([a], state, rows, out, at),
+                [a, b] => run([a, b], state, rows, out, at),
+                [a, b, c] => run([a, b, c], state, rows, out, at),
+                [a, b, c, d] => run([a, b, c, d], state, rows, out, at),
                 _ => {}
             }
         }
         let since_sweep = SWEEP_ROWS - self.rows_to_sweep + rows.len() / self.channels;
         self.rows_to_sweep = SWEEP_ROWS - since_sweep % SWEEP_ROWS;
     }
+}
+
+tega_simd::dispatched! {
+    /// [`BiquadBank::filter`] for the instruction set in use.
+    filter = BiquadBank::filter, (bank: &mut BiquadBank, rows: &[f64], out: &mut [f64]) -> ()
 }
 
 /// Where a group's lanes are in a row, and where in the stream the rows begin.
@@ -82,17 +86,17 @@ struct Place {
 
 /// `S` sections over a group of lanes; the state stays in registers from the first row to the last.
 #[inline(always)]
-fn run<V: Lanes, const S: usize>(
+fn run<const S: usize>(
     sections: [Section; S],
     state: &mut GroupState,
     rows: &[f64],
     out: &mut [f64],
     at: Place,
 ) {
-    let sections = sections.map(|s| (s.b.map(V::all), s.a.map(V::all)));
+    let sections = sections.map(|s| (s.b.map(Lanes::all), s.a.map(Lanes::all)));
     // Plain indices and copies: an iterator over references would keep the state in memory, a detour that costs as
     // much as the arithmetic.
-    let mut z: [[V; 2]; S] = std::array::from_fn(|s| [V::load(&state[s][0]), V::load(&state[s][1])]);
+    let mut z: [[Lanes; 2]; S] = std::array::from_fn(|s| state[s]);
     let mut out = out.get_mut(at.first..).unwrap_or(&mut []);
     let mut rows = LaneRows::new(rows, at.channels, at.first);
     let mut to_sweep = at.rows_to_sweep;
@@ -100,28 +104,27 @@ fn run<V: Lanes, const S: usize>(
         // A loop of its own up to the next sweep keeps the sweep's comparisons out of the recursion.
         for _ in 0..to_sweep {
             let (Some(row), Some(place)) = (rows.next(), out.first_chunk_mut()) else { break 'rows };
-            let mut x = V::load(&row).without(TINY);
+            let mut x = row.without(TINY);
             for s in 0..S {
                 let (([b0, b1, b2], [a1, a2]), [z1, z2]) = (sections[s], z[s]);
-                let y = b0.times(x).plus(z1);
-                z[s] = [b1.times(x).plus(z2).minus(a1.times(y)), b2.times(x).minus(a2.times(y))];
+                let y = b0 * x + z1;
+                z[s] = [(b1 * x + z2) - a1 * y, b2 * x - a2 * y];
                 x = y;
             }
-            x.store(place);
+            *place = x.0;
             out = out.get_mut(at.channels..).unwrap_or(&mut []);
         }
         z = z.map(|pair| pair.map(|z| z.without(TINY)));
         to_sweep = SWEEP_ROWS;
     }
-    for s in 0..S {
-        z[s][0].store(&mut state[s][0]);
-        z[s][1].store(&mut state[s][1]);
-    }
+    state[..S].copy_from_slice(&z);
 }
 
 #[cfg(test)]
 #[allow(clippy::float_cmp)] // Exact values are meant.
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::EmgError;
 
@@ -161,7 +164,7 @@ mod tests {
         rows[5 * 20_000..].fill(f64::MIN_POSITIVE / 8.0);
         let rows = filtered(&mut bank, &rows);
         assert!(rows.iter().all(|y| *y == 0.0 || y.is_normal()));
-        assert!(bank.groups.iter().flatten().flatten().flatten().all(|z| *z == 0.0));
+        assert!(bank.groups.iter().flatten().flatten().all(|z| *z == Lanes::ZERO));
         Ok(())
     }
 
@@ -201,5 +204,32 @@ mod tests {
             }
         }
         Ok(())
+    }
+
+    fn sample() -> impl Strategy<Value = f64> {
+        prop_oneof![8 => -1e4..1e4, 1 => Just(0.0), 1 => -1e-249..1e-249, 1 => -1e300..1e300]
+    }
+
+    proptest! {
+        #[test]
+        fn every_instruction_set_filters_to_the_same_bits(
+            (channels, samples) in (1..=9usize)
+                .prop_flat_map(|n| (Just(n), prop::collection::vec(prop::collection::vec(sample(), n), 0..150))),
+            order in 1..=8usize,
+            cut in 0..150usize,
+        ) {
+            let run = |filter: fn(&mut BiquadBank, &[f64], &mut [f64])| -> Result<Vec<u64>, EmgError> {
+                let mut bank = BiquadBank::new(&Sos::lowpass(200.0, 50.0, order)?, channels);
+                let mut bits = Vec::new();
+                for part in [&samples[..cut.min(samples.len())], &samples[cut.min(samples.len())..]] {
+                    let rows = part.concat();
+                    let mut out = vec![0.0; rows.len() + MARGIN];
+                    filter(&mut bank, &rows, &mut out);
+                    bits.extend(out[..rows.len()].iter().map(|x| x.to_bits()));
+                }
+                Ok(bits)
+            };
+            prop_assert_eq!(run(filter)?, run(BiquadBank::filter)?);
+        }
     }
 }

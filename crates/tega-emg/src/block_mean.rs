@@ -1,10 +1,11 @@
 //! Eq 10: the mean of every τ samples.
+#![allow(unsafe_code)] // what `dispatched!` writes
 
 use crate::chain::{check_channels, check_rows};
 use crate::error::EmgError;
 use crate::guard::Guard;
 use crate::lanes::{LANES, LaneRows, Lanes};
-use crate::simd;
+use tega_error::OutOfRange;
 
 /// Most samples in a block.
 pub const MAX_TAU: usize = 10_000_000;
@@ -16,14 +17,14 @@ pub(crate) struct BlockSum {
     rows: usize,
     channels: usize,
     /// Sum and what rounding took from it, by groups of channels.
-    sums: Vec<[[f64; LANES]; 2]>,
+    sums: Vec<[Lanes; 2]>,
 }
 
 impl BlockSum {
     pub(crate) fn new(tau: usize, channels: usize) -> Result<Self, EmgError> {
         check_tau(tau)?;
         check_channels(channels)?;
-        Ok(Self { tau, rows: 0, channels, sums: vec![[[0.0; LANES]; 2]; channels.div_ceil(LANES)] })
+        Ok(Self { tau, rows: 0, channels, sums: vec![[Lanes::ZERO; 2]; channels.div_ceil(LANES)] })
     }
 
     /// Rows still missing from the present block.
@@ -38,23 +39,20 @@ impl BlockSum {
 
     /// Add rows, no more than are missing.
     pub(crate) fn add(&mut self, rows: &[f64]) {
-        simd::add(self, rows);
+        add_rows(self, rows);
     }
 
-    /// The work of [`BlockSum::add`] on vectors of one kind.
     #[inline(always)]
-    pub(crate) fn add_rows<V: Lanes>(&mut self, rows: &[f64]) {
+    fn add_rows(&mut self, rows: &[f64]) {
         for (index, sums) in self.sums.iter_mut().enumerate() {
-            let [mut sum, mut lost] = [V::load(&sums[0]), V::load(&sums[1])];
+            let [mut sum, mut lost] = *sums;
             for x in LaneRows::new(rows, self.channels, index * LANES) {
-                let x = V::load(&x);
-                let total = sum.plus(x);
-                let added = total.minus(sum);
-                lost = lost.plus(sum.minus(total.minus(added)).plus(x.minus(added)));
+                let total = sum + x;
+                let added = total - sum;
+                lost = lost + ((sum - (total - added)) + (x - added));
                 sum = total;
             }
-            sum.store(&mut sums[0]);
-            lost.store(&mut sums[1]);
+            *sums = [sum, lost];
         }
         self.rows += rows.len() / self.channels;
     }
@@ -65,12 +63,17 @@ impl BlockSum {
             return false;
         }
         let tau = self.tau as f64;
-        let lanes = self.sums.iter().flat_map(|[sum, lost]| sum.iter().zip(lost));
+        let lanes = self.sums.iter().flat_map(|[sum, lost]| sum.0.iter().zip(&lost.0));
         out.extend(lanes.take(self.channels).map(|(sum, lost)| (sum + lost) / tau));
-        self.sums.fill([[0.0; LANES]; 2]);
+        self.sums.fill([Lanes::ZERO; 2]);
         self.rows = 0;
         true
     }
+}
+
+tega_simd::dispatched! {
+    /// [`BlockSum::add_rows`] for the instruction set in use.
+    add_rows = BlockSum::add_rows, (sum: &mut BlockSum, rows: &[f64]) -> ()
 }
 
 pub(crate) fn check_tau(tau: usize) -> Result<(), EmgError> {
@@ -78,7 +81,7 @@ pub(crate) fn check_tau(tau: usize) -> Result<(), EmgError> {
         return Ok(());
     }
     let (name, unit, wanted) = ("tau", "samples", "1 to 10000000");
-    Err(EmgError::OutOfRange { name, value: tau as f64, unit, wanted })
+    Err(EmgError::OutOfRange(OutOfRange { name, value: tau as f64, unit, wanted }))
 }
 
 /// The mean of every τ samples of each channel; samples left over wait for the next call.
@@ -142,6 +145,8 @@ impl BlockMean {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -173,8 +178,30 @@ mod tests {
 
     #[test]
     fn impossible_blocks_are_named() {
-        assert!(matches!(BlockMean::new(0, 1), Err(EmgError::OutOfRange { name: "tau", .. })));
-        assert!(matches!(BlockMean::new(MAX_TAU + 1, 1), Err(EmgError::OutOfRange { name: "tau", .. })));
-        assert!(matches!(BlockMean::new(1, 0), Err(EmgError::OutOfRange { name: "channels", .. })));
+        assert!(matches!(BlockMean::new(0, 1), Err(EmgError::OutOfRange(OutOfRange { name: "tau", .. }))));
+        assert!(matches!(
+            BlockMean::new(MAX_TAU + 1, 1),
+            Err(EmgError::OutOfRange(OutOfRange { name: "tau", .. }))
+        ));
+        assert!(matches!(
+            BlockMean::new(1, 0),
+            Err(EmgError::OutOfRange(OutOfRange { name: "channels", .. }))
+        ));
+    }
+
+    proptest! {
+        #[test]
+        fn every_instruction_set_sums_to_the_same_bits(
+            (channels, samples) in (1..=9usize)
+                .prop_flat_map(|n| (Just(n), prop::collection::vec(prop::collection::vec(-1e300..1e300, n), 1..100))),
+        ) {
+            let run = |add: fn(&mut BlockSum, &[f64])| -> Result<Vec<u64>, EmgError> {
+                let (mut sum, mut means) = (BlockSum::new(samples.len(), channels)?, Vec::new());
+                add(&mut sum, &samples.concat());
+                sum.finish(&mut means);
+                Ok(means.iter().map(|x| x.to_bits()).collect())
+            };
+            prop_assert_eq!(run(add_rows)?, run(BlockSum::add_rows)?);
+        }
     }
 }

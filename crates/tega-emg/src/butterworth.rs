@@ -8,6 +8,7 @@
 
 use crate::error::EmgError;
 use std::f64::consts::PI;
+use tega_error::OutOfRange;
 
 /// Most sections a filter can have.
 pub(crate) const MAX_SECTIONS: usize = 4;
@@ -90,7 +91,12 @@ fn design(rate_hz: f64, cutoff_hz: f64, order: usize, band: Band) -> Result<Sos,
     check_rate(rate_hz)?;
     if order == 0 || order > MAX_ORDER {
         let wanted = "1 to 8";
-        return Err(EmgError::OutOfRange { name: "order", value: order as f64, unit: "", wanted });
+        return Err(EmgError::OutOfRange(OutOfRange {
+            name: "order",
+            value: order as f64,
+            unit: "",
+            wanted,
+        }));
     }
     let (low_hz, high_hz) = (CUTOFF_MARGIN * rate_hz, (0.5 - CUTOFF_MARGIN) * rate_hz);
     if !(cutoff_hz >= low_hz && cutoff_hz <= high_hz) {
@@ -132,7 +138,7 @@ pub(crate) fn check_rate(rate_hz: f64) -> Result<(), EmgError> {
         return Ok(());
     }
     let wanted = "a finite number greater than 0";
-    Err(EmgError::OutOfRange { name: "rate_hz", value: rate_hz, unit: "Hz", wanted })
+    Err(EmgError::OutOfRange(OutOfRange { name: "rate_hz", value: rate_hz, unit: "Hz", wanted }))
 }
 
 #[cfg(test)]
@@ -185,8 +191,17 @@ mod tests {
             let got = Sos::lowpass(200.0, cutoff_hz, 4);
             assert!(matches!(got, Err(EmgError::Cutoff { .. })), "{cutoff_hz}");
         }
-        assert!(matches!(Sos::lowpass(f64::NAN, 50.0, 4), Err(EmgError::OutOfRange { name: "rate_hz", .. })));
-        assert!(matches!(Sos::lowpass(200.0, 50.0, 0), Err(EmgError::OutOfRange { name: "order", .. })));
-        assert!(matches!(Sos::highpass(200.0, 20.0, 9), Err(EmgError::OutOfRange { name: "order", .. })));
+        assert!(matches!(
+            Sos::lowpass(f64::NAN, 50.0, 4),
+            Err(EmgError::OutOfRange(OutOfRange { name: "rate_hz", .. }))
+        ));
+        assert!(matches!(
+            Sos::lowpass(200.0, 50.0, 0),
+            Err(EmgError::OutOfRange(OutOfRange { name: "order", .. }))
+        ));
+        assert!(matches!(
+            Sos::highpass(200.0, 20.0, 9),
+            Err(EmgError::OutOfRange(OutOfRange { name: "order", .. }))
+        ));
     }
 }

@@ -4,6 +4,7 @@ use crate::block_mean::BlockSum;
 use crate::chain::{Chain, Kind, check_rows};
 use crate::error::EmgError;
 use crate::intent::check_maximum;
+use tega_error::OutOfRange;
 
 /// The `percentile` (0 to 100, linear between ranks) of each channel's block means, through the chain of Eq 10.
 ///
@@ -30,7 +31,7 @@ pub fn channel_maxima(
 ) -> Result<Vec<f64>, EmgError> {
     if !(0.0..=100.0).contains(&percentile) {
         let (name, unit, wanted) = ("percentile", "%", "0 to 100");
-        return Err(EmgError::OutOfRange { name, value: percentile, unit, wanted });
+        return Err(EmgError::OutOfRange(OutOfRange { name, value: percentile, unit, wanted }));
     }
     let mut chain = Chain::new(rate_hz, channels, kind)?;
     let mut sum = BlockSum::new(tau, channels)?;
@@ -92,7 +93,10 @@ mod tests {
             Err(EmgError::CalibrationTooShort { samples: 19, tau: 20 })
         ));
         assert!(matches!(maxima(&[1.0; 401], 95.0), Err(EmgError::Ragged { .. })));
-        assert!(matches!(maxima(&[1.0; 400], 101.0), Err(EmgError::OutOfRange { name: "percentile", .. })));
+        assert!(matches!(
+            maxima(&[1.0; 400], 101.0),
+            Err(EmgError::OutOfRange(OutOfRange { name: "percentile", .. }))
+        ));
         let mut gap = [1.0; 400];
         gap[7] = f64::NAN;
         assert!(matches!(maxima(&gap, 95.0), Err(EmgError::BadCalibrationSample { row: 3, channel: 2, .. })));

@@ -4,6 +4,7 @@ use crate::bank::{BiquadBank, MARGIN};
 use crate::butterworth::Sos;
 use crate::error::EmgError;
 use crate::guard::Guard;
+use tega_error::OutOfRange;
 
 /// Values handled at a time: few enough to stay in the first-level cache.
 const VALUES: usize = 512;
@@ -150,7 +151,12 @@ pub(crate) fn check_channels(channels: usize) -> Result<(), EmgError> {
     if (1..=1024).contains(&channels) {
         return Ok(());
     }
-    Err(EmgError::OutOfRange { name: "channels", value: channels as f64, unit: "", wanted: "1 to 1024" })
+    Err(EmgError::OutOfRange(OutOfRange {
+        name: "channels",
+        value: channels as f64,
+        unit: "",
+        wanted: "1 to 1024",
+    }))
 }
 
 #[cfg(test)]

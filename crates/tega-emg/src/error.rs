@@ -1,24 +1,17 @@
 //! What can be wrong with the input.
 
+use tega_error::{Brief, OutOfRange};
+
 /// An input that cannot be used; the message names the argument, its value and its unit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EmgError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {}{} is out of range: {wanted}", brief(*value), spaced(unit))]
-    OutOfRange {
-        /// The argument.
-        name: &'static str,
-        /// The value given.
-        value: f64,
-        /// Its unit, or empty.
-        unit: &'static str,
-        /// What would be accepted.
-        wanted: &'static str,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
     /// No filter with this cutoff exists at this sample rate, or rounding alone would spoil it.
     #[error(
         "cutoff_hz = {} Hz cannot be filtered at rate_hz = {} Hz: it must lie between {} and {} Hz",
-        brief(*cutoff_hz), brief(*rate_hz), brief(*low_hz), brief(*high_hz)
+        Brief(*cutoff_hz), Brief(*rate_hz), Brief(*low_hz), Brief(*high_hz)
     )]
     Cutoff {
         /// The cutoff asked for.
@@ -60,7 +53,7 @@ pub enum EmgError {
     #[error("levels is empty: nothing to fuse")]
     NoLevels,
     /// A calibration recording holds a sample that is not a finite number.
-    #[error("calibration sample {row} of channel {channel} (counted from 1) is {}, not a finite number", brief(*value))]
+    #[error("calibration sample {row} of channel {channel} (counted from 1) is {}, not a finite number", Brief(*value))]
     BadCalibrationSample {
         /// Row of the sample, from 0.
         row: usize,
@@ -78,7 +71,7 @@ pub enum EmgError {
         tau: usize,
     },
     /// A channel maximum is zero, negative or not finite.
-    #[error("maximum of channel {channel} (counted from 1) is {}: it must be finite and greater than 0", brief(*value))]
+    #[error("maximum of channel {channel} (counted from 1) is {}: it must be finite and greater than 0", Brief(*value))]
     UnusableMaximum {
         /// Channel, from 1.
         channel: usize,
@@ -98,33 +91,7 @@ impl EmgError {
             }
             Self::CalibrationTooShort { .. } => "record a strong contraction of a few seconds",
             Self::UnusableMaximum { .. } => "check the electrode and the input kind, then calibrate again",
-            Self::OutOfRange { .. } | Self::UnknownChoice { .. } | Self::Ragged { .. } | Self::NoLevels => "",
+            Self::OutOfRange(_) | Self::UnknownChoice { .. } | Self::Ragged { .. } | Self::NoLevels => "",
         }
-    }
-}
-
-/// A unit set off from its number.
-fn spaced(unit: &str) -> String {
-    if unit.is_empty() { String::new() } else { format!(" {unit}") }
-}
-
-/// A number as it is written by hand: a very large or very small one with an exponent, not with 300 digits.
-fn brief(value: f64) -> String {
-    if value == 0.0 || (1e-5..1e16).contains(&value.abs()) {
-        format!("{value}")
-    } else {
-        format!("{value:e}")
-    }
-}
-
-#[cfg(test)]
-mod brief_numbers {
-    use super::*;
-
-    #[test]
-    fn are_short() {
-        let shown = [0.0, 3.0, -0.25, 1e300, f64::MAX, -5e-324, f64::NAN, f64::INFINITY].map(brief);
-        let wanted = ["0", "3", "-0.25", "1e300", "1.7976931348623157e308", "-5e-324", "NaN", "inf"];
-        assert_eq!(shown, wanted);
     }
 }

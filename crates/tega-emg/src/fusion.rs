@@ -2,6 +2,7 @@
 
 use crate::error::EmgError;
 use crate::level::LEVELS;
+use tega_error::OutOfRange;
 
 /// The level most channels agree on (Eq 12), else the mean of all, rounded down (Eq 13).
 ///
@@ -19,12 +20,12 @@ use crate::level::LEVELS;
 /// ```
 pub fn fuse_levels(levels: &[u8]) -> Result<u8, EmgError> {
     if let Some(&level) = levels.iter().find(|l| !(1..=LEVELS).contains(*l)) {
-        return Err(EmgError::OutOfRange {
+        return Err(EmgError::OutOfRange(OutOfRange {
             name: "level",
             value: f64::from(level),
             unit: "",
             wanted: "1 to 5",
-        });
+        }));
     }
     fuse(levels.iter().map(|level| (*level, 1.0)), Fusion::Floor).ok_or(EmgError::NoLevels)
 }
@@ -116,7 +117,10 @@ mod tests {
     fn nothing_and_nonsense_are_named() {
         assert_eq!(fuse_levels(&[]), Err(EmgError::NoLevels));
         for level in [0, 6, 255] {
-            assert!(matches!(fuse_levels(&[1, level]), Err(EmgError::OutOfRange { name: "level", .. })));
+            assert!(matches!(
+                fuse_levels(&[1, level]),
+                Err(EmgError::OutOfRange(OutOfRange { name: "level", .. }))
+            ));
         }
     }
 

@@ -6,6 +6,7 @@ use crate::error::EmgError;
 use crate::fusion::{Fusion, fuse};
 use crate::level::{Intervals, level_of};
 use crate::steady::{Confirm, Steady};
+use tega_error::OutOfRange;
 
 /// What `live` takes of a channel's maximum, so that full closure is within comfortable reach.
 pub const LIVE_SHARE: f64 = 0.8;
@@ -239,7 +240,7 @@ fn check_weights(weights: Vec<f64>, channels: usize) -> Result<Vec<f64>, EmgErro
     let (name, unit) = ("weights", "");
     if weights.len() != channels {
         let wanted = "one for each channel";
-        return Err(EmgError::OutOfRange { name, value: weights.len() as f64, unit, wanted });
+        return Err(EmgError::OutOfRange(OutOfRange { name, value: weights.len() as f64, unit, wanted }));
     }
     let bad = weights.iter().find(|weight| !(weight.is_finite() && **weight >= 0.0));
     let none = weights.iter().sum::<f64>() <= 0.0;
@@ -247,7 +248,7 @@ fn check_weights(weights: Vec<f64>, channels: usize) -> Result<Vec<f64>, EmgErro
         None => Ok(weights),
         Some(value) => {
             let wanted = "finite numbers of 0 or more, one of them above 0";
-            Err(EmgError::OutOfRange { name, value, unit, wanted })
+            Err(EmgError::OutOfRange(OutOfRange { name, value, unit, wanted }))
         }
     }
 }
@@ -341,7 +342,7 @@ mod tests {
         for weights in [vec![1.0], vec![0.0; 3], vec![-1.0, 1.0, 1.0], vec![f64::NAN, 1.0, 1.0]] {
             let rules = Rules { weights, ..Rules::default() };
             let got = fused(rules, &[1.0; 3], &rows);
-            assert!(matches!(got, Err(EmgError::OutOfRange { name: "weights", .. })), "{got:?}");
+            assert!(matches!(got, Err(EmgError::OutOfRange(OutOfRange { name: "weights", .. }))), "{got:?}");
         }
         Ok(())
     }

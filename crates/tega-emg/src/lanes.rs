@@ -1,55 +1,56 @@
 //! Rows of samples as groups of neighbouring channels, one channel to a vector lane.
 
+use std::ops::{Add, Mul, Sub};
+
 /// Channels that are worked on together.
 pub(crate) const LANES: usize = 4;
 
 /// A group of numbers that are computed with lane by lane, each operation rounded by itself.
-pub(crate) trait Lanes: Copy {
-    fn all(x: f64) -> Self;
-    fn load(from: &[f64; LANES]) -> Self;
-    fn store(self, to: &mut [f64; LANES]);
-    fn plus(self, other: Self) -> Self;
-    fn minus(self, other: Self) -> Self;
-    fn times(self, other: Self) -> Self;
+///
+/// Plain numbers: the compiler makes vectors of them wherever a kernel is compiled for a set that has some, and neither
+/// fuses multiplications with additions nor reorders them, so that each set gives the same bits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lanes(pub(crate) [f64; LANES]);
+
+impl Lanes {
+    pub(crate) const ZERO: Self = Self([0.0; LANES]);
+
+    #[inline(always)]
+    pub(crate) fn all(x: f64) -> Self {
+        Self([x; LANES])
+    }
+
     /// 0 where the magnitude is less than `limit`.
-    fn without(self, limit: f64) -> Self;
+    #[inline(always)]
+    pub(crate) fn without(self, limit: f64) -> Self {
+        Self(self.0.map(|x| if x.abs() < limit { 0.0 } else { x }))
+    }
 }
 
-/// The plain numbers, for every processor and as what the others have to agree with.
-impl Lanes for [f64; LANES] {
-    #[inline(always)]
-    fn all(x: f64) -> Self {
-        [x; LANES]
-    }
+impl Add for Lanes {
+    type Output = Self;
 
     #[inline(always)]
-    fn load(from: &[f64; LANES]) -> Self {
-        *from
+    fn add(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] + other.0[i]))
     }
+}
+
+impl Sub for Lanes {
+    type Output = Self;
 
     #[inline(always)]
-    fn store(self, to: &mut [f64; LANES]) {
-        *to = self;
+    fn sub(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] - other.0[i]))
     }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
 
     #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] + other[i])
-    }
-
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] - other[i])
-    }
-
-    #[inline(always)]
-    fn times(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] * other[i])
-    }
-
-    #[inline(always)]
-    fn without(self, limit: f64) -> Self {
-        self.map(|x| if x.abs() < limit { 0.0 } else { x })
+    fn mul(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] * other.0[i]))
     }
 }
 
@@ -69,10 +70,10 @@ impl<'a> LaneRows<'a> {
 }
 
 impl Iterator for LaneRows<'_> {
-    type Item = [f64; LANES];
+    type Item = Lanes;
 
     #[inline(always)]
-    fn next(&mut self) -> Option<[f64; LANES]> {
+    fn next(&mut self) -> Option<Lanes> {
         let lanes = if let Some(lanes) = self.rows.first_chunk() {
             *lanes
         } else if self.rows.is_empty() {
@@ -83,7 +84,7 @@ impl Iterator for LaneRows<'_> {
             lanes
         };
         self.rows = self.rows.get(self.channels..).unwrap_or(&[]);
-        Some(lanes)
+        Some(Lanes(lanes))
     }
 }
 
@@ -100,7 +101,7 @@ mod tests {
                 assert_eq!(seen.len(), 5);
                 for (row, lanes) in seen.iter().enumerate() {
                     for channel in first..channels.min(first + LANES) {
-                        assert_eq!(lanes[channel - first], rows[row * channels + channel]);
+                        assert_eq!(lanes.0[channel - first], rows[row * channels + channel]);
                     }
                 }
             }

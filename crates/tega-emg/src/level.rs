@@ -1,6 +1,7 @@
 //! Eq 11: from a block mean to one of five closure levels, decided without rounding.
 
 use crate::error::EmgError;
+use tega_error::OutOfRange;
 
 /// Number of closure levels; 1 is open, 5 is full closure.
 pub const LEVELS: u8 = 5;
@@ -27,12 +28,12 @@ impl Intervals {
         match count {
             4 => Ok(Self::Four),
             5 => Ok(Self::Five),
-            _ => Err(EmgError::OutOfRange {
+            _ => Err(EmgError::OutOfRange(OutOfRange {
                 name: "intervals",
                 value: count as f64,
                 unit: "",
                 wanted: "4 (as printed) or 5",
-            }),
+            })),
         }
     }
 
@@ -61,12 +62,12 @@ impl Intervals {
 pub fn grasp_level(value: f64, maximum: f64) -> Result<u8, EmgError> {
     if !(maximum.is_finite() && maximum > 0.0) {
         let wanted = "a finite number greater than 0";
-        return Err(EmgError::OutOfRange {
+        return Err(EmgError::OutOfRange(OutOfRange {
             name: "maximum",
             value: maximum,
             unit: "(unit of value)",
             wanted,
-        });
+        }));
     }
     Ok(level_of(value, maximum, Intervals::Four))
 }
@@ -181,7 +182,10 @@ mod tests {
     #[test]
     fn an_unusable_maximum_is_named() {
         for maximum in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(matches!(grasp_level(1.0, maximum), Err(EmgError::OutOfRange { name: "maximum", .. })));
+            assert!(matches!(
+                grasp_level(1.0, maximum),
+                Err(EmgError::OutOfRange(OutOfRange { name: "maximum", .. }))
+            ));
         }
     }
 
@@ -192,6 +196,9 @@ mod tests {
         }
         assert_eq!(level_with_hysteresis(0.81, 1.0, 4, Intervals::Five), 4);
         assert_eq!(level_with_hysteresis(0.82, 1.0, 4, Intervals::Five), 5);
-        assert!(matches!(Intervals::from_count(3), Err(EmgError::OutOfRange { name: "intervals", .. })));
+        assert!(matches!(
+            Intervals::from_count(3),
+            Err(EmgError::OutOfRange(OutOfRange { name: "intervals", .. }))
+        ));
     }
 }

@@ -29,7 +29,6 @@ mod intent;
 mod lanes;
 mod level;
 mod lowpass;
-mod simd;
 mod steady;
 
 pub use block_mean::{BlockMean, MAX_TAU};

@@ -1,13 +1,14 @@
 //! What can be wrong with an indenter.
 
+use tega_error::Brief;
 use thiserror::Error;
 
 /// Why an indenter or a buffer is refused.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GelError {
     /// A number is not finite or out of its range.
-    #[error("{name} of indenter {index} is {value} {unit}, wanted {wanted}")]
-    OutOfRange {
+    #[error("{name} of indenter {index} is {} {unit}, wanted {wanted}", Brief(*value))]
+    Indenter {
         /// Which number.
         name: &'static str,
         /// Of which indenter, from 0.
@@ -44,7 +45,7 @@ pub enum GelError {
         wanted: usize,
     },
     /// A setting of the unit is out of range.
-    #[error("{name} = {value}, wanted {wanted}")]
+    #[error("{name} = {}, wanted {wanted}", Brief(*value))]
     Setting {
         /// Which.
         name: &'static str,
@@ -54,7 +55,7 @@ pub enum GelError {
         wanted: &'static str,
     },
     /// A gel with memory is asked for a moment that is past.
-    #[error("t_s = {t_s}, after a press at {last_s} s")]
+    #[error("t_s = {}, after a press at {} s", Brief(*t_s), Brief(*last_s))]
     Time {
         /// The moment.
         t_s: f64,
@@ -67,7 +68,7 @@ impl GelError {
     /// What to do about it.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::OutOfRange { .. } => "sizes and poses are in millimetres, forces in newtons",
+            Self::Indenter { .. } => "sizes and poses are in millimetres, forces in newtons",
             Self::Rotation { .. } => {
                 "the first three columns of pose_mm are the shape's axes in the pad frame"
             }

@@ -55,7 +55,7 @@ impl Indenter {
             if value > 0.0 && value <= 1e4 {
                 Ok(())
             } else {
-                Err(GelError::OutOfRange { name, index, value, unit: "mm", wanted: "over 0 to 10000" })
+                Err(GelError::Indenter { name, index, value, unit: "mm", wanted: "over 0 to 10000" })
             }
         };
         match self.shape {
@@ -69,11 +69,11 @@ impl Indenter {
         }
         if !(0.0..=1000.0).contains(&self.force_n) {
             let (name, unit) = ("force_n", "N");
-            return Err(GelError::OutOfRange { name, index, value: self.force_n, unit, wanted: "0 to 1000" });
+            return Err(GelError::Indenter { name, index, value: self.force_n, unit, wanted: "0 to 1000" });
         }
         if let Some(&value) = self.pose_mm.as_flattened().iter().find(|v| !v.is_finite() || v.abs() > 1e6) {
             let (name, unit) = ("a number of pose_mm", "mm");
-            return Err(GelError::OutOfRange { name, index, value, unit, wanted: "finite numbers" });
+            return Err(GelError::Indenter { name, index, value, unit, wanted: "finite numbers" });
         }
         let p = &self.pose_mm;
         let mut error: f64 = 0.0;

@@ -1,28 +1,21 @@
 //! What can be wrong with the input.
 
+use tega_error::{Brief, OutOfRange};
+
 /// An input that cannot be used; the message names the argument, its value and its unit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum HandError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {value:?} {unit} is out of range: {wanted}")]
-    OutOfRange {
-        /// The argument.
-        name: &'static str,
-        /// The value given.
-        value: f64,
-        /// Its unit.
-        unit: &'static str,
-        /// What would be accepted.
-        wanted: &'static str,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
     /// A closure level is not one of the five.
-    #[error("level = {value} is out of range: 1 (open) to 5 (tight)")]
+    #[error("level = {} is out of range: 1 (open) to 5 (tight)", Brief(*value))]
     Level {
         /// The value given.
         value: f64,
     },
     /// One joint's number is out of its range or not finite.
-    #[error("{name} of {joint} = {value:?} {unit} is out of range: {low:?} to {high:?}")]
+    #[error("{name} of {joint} = {} {unit} is out of range: {} to {}", Brief(*value), Brief(*low), Brief(*high))]
     Joint {
         /// The argument.
         name: &'static str,
@@ -38,7 +31,7 @@ pub enum HandError {
         high: f64,
     },
     /// A joint angle of a closure pose is out of its range or not finite.
-    #[error("pose {pose}: {joint} = {value:?} rad is out of range: {low:?} to {high:?}")]
+    #[error("pose {pose}: {joint} = {} rad is out of range: {} to {}", Brief(*value), Brief(*low), Brief(*high))]
     Pose {
         /// Closure level, 1 to 5.
         pose: usize,
@@ -74,7 +67,7 @@ impl HandError {
             Self::Count { .. } => {
                 "joints are in the order of JOINT_NAMES: index, middle, ring, thumb, four each"
             }
-            Self::OutOfRange { .. } | Self::Level { .. } | Self::Joint { .. } => "",
+            Self::OutOfRange(_) | Self::Level { .. } | Self::Joint { .. } => "",
         }
     }
 }

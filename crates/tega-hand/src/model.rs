@@ -1,6 +1,7 @@
 //! The ideal joint model: what stands in for a hand that is not attached.
 
 use std::f64::consts::FRAC_PI_3;
+use tega_error::OutOfRange;
 
 use crate::HandError;
 use crate::controller::check_angles;
@@ -68,7 +69,7 @@ impl JointModel {
         ];
         for (name, value, unit) in positive {
             if !(1e-6..=1e6).contains(&value) {
-                return Err(HandError::OutOfRange { name, value, unit, wanted: "1e-6 to 1e6" });
+                return Err(HandError::OutOfRange(OutOfRange { name, value, unit, wanted: "1e-6 to 1e6" }));
             }
         }
         Ok(Self {

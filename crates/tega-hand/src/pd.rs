@@ -3,6 +3,7 @@
 use crate::HandError;
 use crate::joints::{Joints, TICK_S, TORQUE_LIMITS, by_finger, check_joints};
 use crate::poses::LEVELS;
+use tega_error::OutOfRange;
 
 /// Gains and limits. Torques are in units of full motor duty (1.0 = 1200 counts), which a v4 hand cannot measure.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,16 +55,21 @@ impl Gains {
         ];
         for (name, value, unit) in positive {
             if !(value.is_finite() && value > 0.0) {
-                return Err(HandError::OutOfRange { name, value, unit, wanted: "a finite number above 0" });
+                return Err(HandError::OutOfRange(OutOfRange {
+                    name,
+                    value,
+                    unit,
+                    wanted: "a finite number above 0",
+                }));
             }
         }
         match self.level_factors.iter().find(|factor| !(0.0..=1.0).contains(*factor)) {
-            Some(&value) => Err(HandError::OutOfRange {
+            Some(&value) => Err(HandError::OutOfRange(OutOfRange {
                 name: "level_factors",
                 value,
                 unit: "of the torque limit",
                 wanted: "0 to 1",
-            }),
+            })),
             None => Ok(()),
         }
     }
@@ -155,12 +161,12 @@ mod tests {
         let gains = Gains { level_factors: [0.3, 0.3, 1.2, 0.7, 1.0], ..Gains::default() };
         assert!(gains.check().unwrap_err().to_string().starts_with("level_factors = 1.2"));
         let gains = Gains { slew_per_tick: 0.0, ..Gains::default() };
-        assert!(gains.check().unwrap_err().to_string().starts_with("slew_per_tick = 0.0"));
+        assert!(gains.check().unwrap_err().to_string().starts_with("slew_per_tick = 0 "));
         let gains = Gains { torque_limits: [1.01; 16], ..Gains::default() };
         assert!(gains.check().is_err());
         for largest in [f64::MAX, 1e300, 1000.1] {
             let error = Gains { kp: [largest; 16], ..Gains::default() }.check().unwrap_err().to_string();
-            assert!(error.starts_with("kp of ") && error.contains("0.0 to 1000.0"), "{error}");
+            assert!(error.starts_with("kp of ") && error.contains("0 to 1000"), "{error}");
             assert!(Gains { kd: [largest; 16], ..Gains::default() }.check().is_err());
         }
     }

@@ -43,7 +43,7 @@ impl PoseSet {
     /// let mut poses = CLOSURE_POSES_RAD;
     /// poses[4][5] = 2.0;
     /// let error = PoseSet::new(poses).unwrap_err().to_string();
-    /// assert!(error.starts_with("pose 5: middle_j1 = 2.0 rad"));
+    /// assert!(error.starts_with("pose 5: middle_j1 = 2 rad"));
     /// ```
     pub fn new(poses_rad: [Joints; LEVELS]) -> Result<Self, HandError> {
         for (number, pose) in poses_rad.iter().enumerate() {

@@ -1,20 +1,15 @@
 //! What can be wrong with the input.
 
+use tega_error::{Brief, OutOfRange};
+
 /// An input that cannot be used; the message names the argument, its value and its unit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum HapticsError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {value:?} is out of range: {wanted}")]
-    OutOfRange {
-        /// The argument.
-        name: &'static str,
-        /// The value given.
-        value: f64,
-        /// What would be accepted.
-        wanted: &'static str,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
     /// A finger's intensity is not a finite number.
-    #[error("{face} intensity of the {finger} = {value:?} percent is not a finite number")]
+    #[error("{face} intensity of the {finger} = {} percent is not a finite number", Brief(*value))]
     Intensity {
         /// `front` or `back`.
         face: &'static str,
@@ -57,13 +52,13 @@ impl HapticsError {
     /// The next step for the person who reads the message; empty where the message says it all.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::OutOfRange { name: "maximum", .. } => {
+            Self::OutOfRange(OutOfRange { name: "maximum", .. }) => {
                 "calibrate the sensor with guided presses: its maximum is the largest value they reach"
             }
             Self::Intensity { .. } => {
                 "send 0 for a finger without contact; check the metric that gave this value"
             }
-            Self::OutOfRange { .. }
+            Self::OutOfRange(_)
             | Self::MotorCount { .. }
             | Self::MotorIntensity { .. }
             | Self::UnknownChoice { .. } => "",

@@ -1,6 +1,7 @@
 //! Eq 7 to 9: the logistic law from a metric to a motor intensity.
 
 use crate::HapticsError;
+use tega_error::OutOfRange;
 
 /// σ(0) of Eq 7; by symmetry σ(maximum) = 1 − 0.01.
 pub const DEFAULT_END_VALUE: f64 = 0.01;
@@ -35,11 +36,12 @@ const ZERO_BELOW: f64 = -1e6;
 pub fn intensity(value: f64, maximum: f64, end_value: f64) -> Result<f64, HapticsError> {
     check(value, maximum)?;
     if !(end_value > 0.0 && end_value < 0.5) {
-        return Err(HapticsError::OutOfRange {
+        return Err(HapticsError::OutOfRange(OutOfRange {
             name: "end_value",
             value: end_value,
+            unit: "",
             wanted: "more than 0 and less than 0.5 (a share of full intensity)",
-        });
+        }));
     }
     let base = (1.0 - end_value) / end_value;
     let ratio = value / maximum;
@@ -72,14 +74,20 @@ pub fn linear_intensity(value: f64, maximum: f64) -> Result<f64, HapticsError> {
 
 fn check(value: f64, maximum: f64) -> Result<(), HapticsError> {
     if !value.is_finite() {
-        return Err(HapticsError::OutOfRange { name: "value", value, wanted: "any finite number" });
+        return Err(HapticsError::OutOfRange(OutOfRange {
+            name: "value",
+            value,
+            unit: "",
+            wanted: "any finite number",
+        }));
     }
     if !(maximum.is_finite() && maximum > 0.0) {
-        return Err(HapticsError::OutOfRange {
+        return Err(HapticsError::OutOfRange(OutOfRange {
             name: "maximum",
             value: maximum,
+            unit: "",
             wanted: "a finite number above 0, in the unit of the value",
-        });
+        }));
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2,
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use tega_emg::{Blocks, EmgError, Fusion, Intervals, Kind, Preset, Rules};
+use tega_error::OutOfRange;
 
 use crate::errors::{BindError, ShapeError};
 use crate::shared::Shared;
@@ -256,7 +257,7 @@ fn count(name: &'static str, value: i64) -> Result<usize, EmgError> {
 }
 
 fn out_of_range(name: &'static str, value: i64, wanted: &'static str) -> EmgError {
-    EmgError::OutOfRange { name, value: value as f64, unit: "", wanted }
+    EmgError::OutOfRange(OutOfRange { name, value: value as f64, unit: "", wanted })
 }
 
 pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -43,7 +43,7 @@ impl From<TactileError> for BindError {
             | TactileError::Channels { .. }
             | TactileError::Size { .. } => ShapeError::new_err(args),
             TactileError::WeightSum { .. }
-            | TactileError::OutOfRange { .. }
+            | TactileError::OutOfRange(_)
             | TactileError::TooFewFrames { .. }
             | TactileError::NoFrames => InvalidValueError::new_err(args),
         })
@@ -65,7 +65,7 @@ impl From<EmgError> for BindError {
     fn from(e: EmgError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            EmgError::OutOfRange { .. }
+            EmgError::OutOfRange(_)
             | EmgError::Cutoff { .. }
             | EmgError::UnknownChoice { .. }
             | EmgError::NoLevels => InvalidValueError::new_err(args),
@@ -81,7 +81,7 @@ impl From<GelError> for BindError {
     fn from(e: GelError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            GelError::OutOfRange { .. }
+            GelError::Indenter { .. }
             | GelError::Rotation { .. }
             | GelError::TooMany { .. }
             | GelError::Setting { .. }
@@ -95,7 +95,7 @@ impl From<HapticsError> for BindError {
     fn from(e: HapticsError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HapticsError::OutOfRange { .. }
+            HapticsError::OutOfRange(_)
             | HapticsError::Intensity { .. }
             | HapticsError::MotorIntensity { .. }
             | HapticsError::UnknownChoice { .. } => InvalidValueError::new_err(args),
@@ -108,7 +108,7 @@ impl From<HandError> for BindError {
     fn from(e: HandError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HandError::OutOfRange { .. }
+            HandError::OutOfRange(_)
             | HandError::Level { .. }
             | HandError::Joint { .. }
             | HandError::Pose { .. } => InvalidValueError::new_err(args),
@@ -123,7 +123,7 @@ impl From<CoreWireError> for BindError {
         Self(match e {
             CoreWireError::Setting { .. } => InvalidValueError::new_err(args),
             CoreWireError::Length { .. } => ShapeError::new_err(args),
-            CoreWireError::OutOfRange { .. }
+            CoreWireError::OutOfRange(_)
             | CoreWireError::Element { .. }
             | CoreWireError::PacketLength { .. }
             | CoreWireError::NoSuchRow { .. }

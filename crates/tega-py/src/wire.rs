@@ -1,5 +1,7 @@
 //! Bindings of `tega-wire`.
 
+use tega_error::OutOfRange;
+
 mod allegro;
 mod streams;
 mod vest;
@@ -15,7 +17,8 @@ pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// A number of Python's as one of the wire's, or the error that names it.
 fn narrow<T: TryFrom<i64>>(name: &'static str, value: i64, wanted: &'static str) -> Result<T, WireError> {
-    T::try_from(value).map_err(|_| WireError::OutOfRange { name, value: value as f64, unit: "", wanted })
+    T::try_from(value)
+        .map_err(|_| WireError::OutOfRange(OutOfRange { name, value: value as f64, unit: "", wanted }))
 }
 
 /// A decoder's setting likewise.

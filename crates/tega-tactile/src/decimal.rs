@@ -3,6 +3,7 @@
 use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::{One, Signed, Zero};
+use tega_error::OutOfRange;
 
 use crate::Order;
 use crate::error::TactileError;
@@ -34,7 +35,12 @@ impl Decimal {
     /// ```
     pub fn printed(name: &'static str, value: f64) -> Result<Self, TactileError> {
         if !value.is_finite() {
-            return Err(TactileError::OutOfRange { name, value, unit: "", wanted: "a finite number" });
+            return Err(TactileError::OutOfRange(OutOfRange {
+                name,
+                value,
+                unit: "",
+                wanted: "a finite number",
+            }));
         }
         // Four places or fewer, the usual case: no other decimal that short reads back as this value.
         let scaled = (value * 1e4).round();

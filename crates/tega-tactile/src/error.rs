@@ -1,5 +1,7 @@
 //! What can be wrong with a frame, a baseline or an option.
 
+use tega_error::{Brief, OutOfRange};
+
 /// An input that the contact metrics cannot be computed from.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TactileError {
@@ -34,7 +36,7 @@ pub enum TactileError {
         max: usize,
     },
     /// Grey weights do not add up to one.
-    #[error("weights ({}, {}, {}) add up to {}, wanted 1 within 1e-9", brief(*r), brief(*g), brief(*b), brief(*sum))]
+    #[error("weights ({}, {}, {}) add up to {}, wanted 1 within 1e-9", Brief(*r), Brief(*g), Brief(*b), Brief(*sum))]
     WeightSum {
         /// Red weight.
         r: f64,
@@ -46,17 +48,8 @@ pub enum TactileError {
         sum: f64,
     },
     /// A number is out of its range or not finite.
-    #[error("{name} = {}{unit} is out of range: {wanted}", brief(*value))]
-    OutOfRange {
-        /// The argument.
-        name: &'static str,
-        /// The value given.
-        value: f64,
-        /// Its unit with a leading space, or empty.
-        unit: &'static str,
-        /// What would be accepted.
-        wanted: &'static str,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
     /// Noise cannot be measured from so few frames.
     #[error("{frames} frames were given to measure noise from, wanted {wanted} or more")]
     TooFewFrames {
@@ -82,30 +75,9 @@ impl TactileError {
             Self::WeightSum { .. } => {
                 "give weights for (red, green, blue) that add up to 1; they are not renormalised"
             }
-            Self::OutOfRange { .. } => "",
+            Self::OutOfRange(_) => "",
             Self::TooFewFrames { .. } => "record about a second of the untouched gel",
             Self::NoFrames => "give at least one frame",
         }
-    }
-}
-
-/// A number as it is written by hand: a very large or very small one with an exponent, not with 300 digits.
-fn brief(value: f64) -> String {
-    if value == 0.0 || (1e-5..1e16).contains(&value.abs()) {
-        format!("{value}")
-    } else {
-        format!("{value:e}")
-    }
-}
-
-#[cfg(test)]
-mod brief_numbers {
-    use super::*;
-
-    #[test]
-    fn are_short() {
-        let shown = [0.0, 3.0, -0.25, 1e300, f64::MAX, -5e-324, f64::NAN, f64::INFINITY].map(brief);
-        let wanted = ["0", "3", "-0.25", "1e300", "1.7976931348623157e308", "-5e-324", "NaN", "inf"];
-        assert_eq!(shown, wanted);
     }
 }

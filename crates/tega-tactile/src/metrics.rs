@@ -2,6 +2,7 @@
 
 use num_bigint::BigInt;
 use num_traits::Signed;
+use tega_error::OutOfRange;
 
 use crate::decimal::{Decimal, Form, Weights};
 use crate::error::TactileError;
@@ -44,12 +45,12 @@ impl Gate {
     /// [`TactileError::OutOfRange`] when the floor is not a finite number from 0 to 255.
     pub fn new(noise_floor: f64, min_pixels: u32) -> Result<Self, TactileError> {
         if !(0.0..=255.0).contains(&noise_floor) {
-            return Err(TactileError::OutOfRange {
+            return Err(TactileError::OutOfRange(OutOfRange {
                 name: "noise_floor",
                 value: noise_floor,
-                unit: " grey values",
+                unit: "grey values",
                 wanted: "0 to 255",
-            });
+            }));
         }
         Ok(Self { noise_floor: Decimal::printed("noise_floor", noise_floor)?, min_pixels })
     }

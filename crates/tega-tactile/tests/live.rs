@@ -4,6 +4,7 @@
 
 use ndarray::{Array3, ArrayView3, s};
 use proptest::prelude::*;
+use tega_error::OutOfRange;
 use tega_tactile::{
     ContactMetrics, GelLight, LiveReader, LiveScratch, Order, Outline, Pair, SensorNoise, TactileError,
     read_live,
@@ -194,7 +195,7 @@ fn noise_is_what_differences_are_weighed_by() {
     for wrong in [-1.0, f64::NAN, f64::INFINITY, 256.0] {
         assert!(matches!(
             SensorNoise::of_counts([1.0, wrong, 1.0]),
-            Err(TactileError::OutOfRange { name: "noise", .. })
+            Err(TactileError::OutOfRange(OutOfRange { name: "noise", .. }))
         ));
     }
 }

@@ -7,6 +7,7 @@ mod slopes;
 
 use ndarray::{Array3, Axis, s};
 use slopes::{Drift, Gel, Press, Random};
+use tega_error::OutOfRange;
 use tega_tactile::{Order, Outline, SensorNoise, TactileError, Touch, TouchTracker, TrackerOptions};
 
 const RATES_HZ: [f64; 5] = [5.0, 15.0, 30.0, 60.0, 120.0];
@@ -363,7 +364,7 @@ fn an_error_leaves_the_tracker_as_it_was() {
         for dt_s in [-1e-9, f64::NAN, f64::INFINITY, 1.1e6] {
             assert!(matches!(
                 disturbed.update(frame.view(), Some(dt_s), false),
-                Err(TactileError::OutOfRange { name: "dt_s", .. })
+                Err(TactileError::OutOfRange(OutOfRange { name: "dt_s", .. }))
             ));
         }
         assert_eq!(bits(&[disturbed.update(frame.view(), None, false).unwrap()]), bits(&[wanted]));
@@ -375,7 +376,7 @@ fn an_error_leaves_the_tracker_as_it_was() {
         let options = TrackerOptions { rate_hz, ..TrackerOptions::default() };
         assert!(matches!(
             TouchTracker::new(baseline.view(), options),
-            Err(TactileError::OutOfRange { name: "rate_hz", .. })
+            Err(TactileError::OutOfRange(OutOfRange { name: "rate_hz", .. }))
         ));
     }
     let flat = baseline.index_axis(Axis(0), 0).insert_axis(Axis(0)).to_owned();

@@ -1,23 +1,16 @@
 //! What can be wrong with the input.
 
+use tega_error::{Brief, OutOfRange};
+
 /// An input that cannot be encoded, or a packet that cannot be decoded; the message names the thing, its value and
 /// its unit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// A number is out of its range or not finite.
-    #[error("{name} = {}{} is out of range: {wanted}", brief(*value), spaced(unit))]
-    OutOfRange {
-        /// The argument.
-        name: &'static str,
-        /// The value given.
-        value: f64,
-        /// Its unit, or empty.
-        unit: &'static str,
-        /// What would be accepted.
-        wanted: &'static str,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
     /// One element of an array is out of its range or not finite.
-    #[error("{name}[{index}] = {} {unit} is out of range: {wanted}", brief(*value))]
+    #[error("{name}[{index}] = {} {unit} is out of range: {wanted}", Brief(*value))]
     Element {
         /// The array.
         name: &'static str,
@@ -31,7 +24,7 @@ pub enum WireError {
         wanted: &'static str,
     },
     /// A decoder was asked for with a setting it does not have.
-    #[error("{name} = {} is not possible: {wanted}", brief(*value))]
+    #[error("{name} = {} is not possible: {wanted}", Brief(*value))]
     Setting {
         /// The setting.
         name: &'static str,
@@ -118,38 +111,12 @@ impl WireError {
             Self::Checksum { .. } | Self::Field { .. } | Self::PacketLength { .. } => {
                 "drop the packet and count it; if it repeats, the two ends speak different versions"
             }
-            Self::OutOfRange { .. }
+            Self::OutOfRange(_)
             | Self::Element { .. }
             | Self::Setting { .. }
             | Self::Length { .. }
             | Self::Empty { .. }
             | Self::Json { .. } => "",
         }
-    }
-}
-
-/// A unit set off from its number.
-fn spaced(unit: &str) -> String {
-    if unit.is_empty() { String::new() } else { format!(" {unit}") }
-}
-
-/// A number as it is written by hand: a very large or very small one with an exponent, not with 300 digits.
-fn brief(value: f64) -> String {
-    if value == 0.0 || (1e-5..1e16).contains(&value.abs()) {
-        format!("{value}")
-    } else {
-        format!("{value:e}")
-    }
-}
-
-#[cfg(test)]
-mod brief_numbers {
-    use super::*;
-
-    #[test]
-    fn are_short() {
-        let shown = [0.0, 3.0, -0.25, 1e300, f64::MAX, -5e-324, f64::NAN, f64::INFINITY].map(brief);
-        let wanted = ["0", "3", "-0.25", "1e300", "1.7976931348623157e308", "-5e-324", "NaN", "inf"];
-        assert_eq!(shown, wanted);
     }
 }

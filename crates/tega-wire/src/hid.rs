@@ -19,6 +19,7 @@
 
 use crate::WireError;
 use crate::bhaptics::check;
+use tega_error::OutOfRange;
 
 /// A report as written to or read from the device, its report number included.
 pub type HidReport = [u8; 64];
@@ -103,7 +104,12 @@ pub fn motor_report(sequence: u16, motor: &Motor) -> Result<HidReport, WireError
             check(levels)?;
             if *ttl_ms == 0 {
                 let wanted = "1 to 65535; only a stop has 0";
-                return Err(WireError::OutOfRange { name: "ttl_ms", value: 0.0, unit: "ms", wanted });
+                return Err(WireError::OutOfRange(OutOfRange {
+                    name: "ttl_ms",
+                    value: 0.0,
+                    unit: "ms",
+                    wanted,
+                }));
             }
             (if *request_status { REQUEST_STATUS } else { 0 }, *ttl_ms, layout, levels)
         }

@@ -6,6 +6,7 @@
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
+use tega_error::OutOfRange;
 use tega_wire::WireError;
 use tega_wire::allegro::{
     self, CanFrame, Command, DeviceId, Finger, Info, Message, Received, Report, Request,
@@ -34,7 +35,12 @@ fn device(number: i64) -> Result<DeviceId, WireError> {
 
 fn finger(number: i64) -> Result<Finger, WireError> {
     let index: usize = narrow("finger", number, "0 to 3")?;
-    let wrong = WireError::OutOfRange { name: "finger", value: number as f64, unit: "", wanted: "0 to 3" };
+    let wrong = WireError::OutOfRange(OutOfRange {
+        name: "finger",
+        value: number as f64,
+        unit: "",
+        wanted: "0 to 3",
+    });
     Finger::ALL.get(index).copied().ok_or(wrong)
 }
 

@@ -1,6 +1,7 @@
 //! Measure a camera's noise from still frames, as the touch reading weighs colours by it.
 
 use ndarray::ArrayView3;
+use tega_error::OutOfRange;
 
 use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average};
 use crate::error::TactileError;
@@ -35,12 +36,12 @@ impl SensorNoise {
     pub fn of_counts(bgr: [f64; 3]) -> Result<Self, TactileError> {
         for value in bgr {
             if !(0.0..=255.0).contains(&value) {
-                return Err(TactileError::OutOfRange {
+                return Err(TactileError::OutOfRange(OutOfRange {
                     name: "noise",
                     value,
-                    unit: " counts",
+                    unit: "counts",
                     wanted: "0 to 255 for each colour",
-                });
+                }));
             }
         }
         Ok(Self { bgr: std::array::from_fn(|c| within(bgr[c] as f32, c)) })

@@ -7,6 +7,7 @@
 //! All time constants are exact at any frame rate; arithmetic runs in one order, so a replay gives the same bits.
 
 use ndarray::ArrayView3;
+use tega_error::OutOfRange;
 
 use super::cells::Grid;
 use super::colour::Field;
@@ -171,12 +172,12 @@ impl TouchTracker {
     /// [`TactileError::Channels`] or [`TactileError::Size`] for the picture, [`TactileError::OutOfRange`] for a rate that is not from 0.01 to 1000 Hz.
     pub fn new(baseline: ArrayView3<'_, u8>, options: TrackerOptions) -> Result<Self, TactileError> {
         if !(0.01..=1000.0).contains(&options.rate_hz) {
-            return Err(TactileError::OutOfRange {
+            return Err(TactileError::OutOfRange(OutOfRange {
                 name: "rate_hz",
                 value: options.rate_hz,
-                unit: " Hz",
+                unit: "Hz",
                 wanted: "0.01 to 1000",
-            });
+            }));
         }
         let mut cells = Cells::of(&baseline, options.noise, &options.light, options.order)?;
         let mut gel = Field::default();
@@ -211,12 +212,12 @@ impl TouchTracker {
     ) -> Result<Touch, TactileError> {
         let dt_s = dt_s.unwrap_or(1.0 / self.options.rate_hz);
         if !(0.0..=1e6).contains(&dt_s) {
-            return Err(TactileError::OutOfRange {
+            return Err(TactileError::OutOfRange(OutOfRange {
                 name: "dt_s",
                 value: dt_s,
-                unit: " s",
+                unit: "s",
                 wanted: "0 to 1e6",
-            });
+            }));
         }
         self.cells.take(&frame)?;
         self.leftover *= 1.0 - step(dt_s, LEFTOVER_S);

@@ -7,6 +7,8 @@
 //! writes the hand's flash memory, and its two published layouts contradict each other. SET POSE (0xE0) is recognised
 //! likewise: the version 4 firmware does not implement it.
 
+use tega_error::OutOfRange;
+
 mod decode;
 mod message;
 mod older;
@@ -74,12 +76,12 @@ impl DeviceId {
     /// [`WireError::OutOfRange`] above 3.
     pub fn new(number: u8) -> Result<Self, WireError> {
         if number > 3 {
-            return Err(WireError::OutOfRange {
+            return Err(WireError::OutOfRange(OutOfRange {
                 name: "device_id",
                 value: f64::from(number),
                 unit: "",
                 wanted: "0 to 3",
-            });
+            }));
         }
         Ok(Self(number))
     }

@@ -2,6 +2,7 @@
 
 use super::{CanFrame, DeviceId, Finger, payload};
 use crate::WireError;
+use tega_error::OutOfRange;
 
 /// Radians per encoder count of a version 4 (and 3) hand: 333.3 degrees over 65536 counts.
 pub const RAD_PER_COUNT: f64 = 333.3 / 65536.0 * (std::f64::consts::PI / 180.0);
@@ -112,7 +113,12 @@ pub fn angle_counts(angle_rad: f64, scale: Scale) -> Result<i16, WireError> {
             Scale::V4 => "-2.9085 to 2.9085",
             Scale::V5 => "-50.328 to 50.326",
         };
-        return Err(WireError::OutOfRange { name: "angle_rad", value: angle_rad, unit: "rad", wanted });
+        return Err(WireError::OutOfRange(OutOfRange {
+            name: "angle_rad",
+            value: angle_rad,
+            unit: "rad",
+            wanted,
+        }));
     }
     Ok(counts as i16)
 }

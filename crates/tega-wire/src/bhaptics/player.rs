@@ -4,6 +4,7 @@
 //! with two constant keys and a duration of 1.5 to 3 periods goes silent when the host does.
 
 use serde::{Deserialize, Serialize};
+use tega_error::OutOfRange;
 
 use super::Intensities;
 use crate::WireError;
@@ -16,7 +17,7 @@ pub(super) fn check_duration(duration_ms: u32) -> Result<(), WireError> {
         return Ok(());
     }
     let value = f64::from(duration_ms);
-    Err(WireError::OutOfRange { name: "duration_ms", value, unit: "ms", wanted: "20 to 100000" })
+    Err(WireError::OutOfRange(OutOfRange { name: "duration_ms", value, unit: "ms", wanted: "20 to 100000" }))
 }
 
 // Field order is key order: the messages are compared byte for byte.
