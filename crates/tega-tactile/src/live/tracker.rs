@@ -64,6 +64,8 @@ const LEFTOVER_S: f64 = 1.5;
 /// A new contact over a leftover is this much stronger than it, plus this share of the peak before.
 const OVER_LEFTOVER: f64 = 1.3;
 const OVER_LEFTOVER_SHARE: f64 = 0.03;
+/// Over how long the trend is taken, seconds.
+const TREND_S: f64 = 0.1;
 /// Shares of the threshold at which the strength is 0 and 1.
 const STRENGTH_FROM: f64 = 0.6;
 const STRENGTH_FULL: f64 = 2.0;
@@ -109,6 +111,8 @@ pub struct Touch {
     pub cci: f64,
     /// Height of the dent in counts: change of colour times width; rises with the press.
     pub peak: f64,
+    /// How fast `peak` rises, counts a second, over about a tenth of a second; less than 0 while it falls.
+    pub trend: f64,
     /// Depth of the dent, millimetres, as far as light and scale are those of the sensor.
     pub depth_mm: f64,
     /// Normal force, newtons, by the gel's stiffness and the volume pressed in.
@@ -168,6 +172,8 @@ pub struct TouchTracker {
     smooth: Option<f64>,
     leftover: f64,
     quiet_frames: f64,
+    /// What `peak` was about a tenth of a second ago.
+    slow_peak: f64,
     dent: Option<Dent>,
 }
 
@@ -203,6 +209,7 @@ impl TouchTracker {
             smooth: None,
             leftover: 0.0,
             quiet_frames: FIRST_FRAMES,
+            slow_peak: 0.0,
             dent: None,
         })
     }
@@ -243,7 +250,13 @@ impl TouchTracker {
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);
         self.advance([before, s], now, dt_s, threshold, loaded);
-        Ok(self.touch(s, threshold))
+        let mut touch = self.touch(s, threshold);
+        self.slow_peak += step(dt_s, TREND_S) * (touch.peak - self.slow_peak);
+        touch.trend = (touch.peak - self.slow_peak) / TREND_S;
+        if !touch.in_contact {
+            (self.slow_peak, touch.trend) = (0.0, 0.0);
+        }
+        Ok(touch)
     }
 
     fn advance(&mut self, [before, s]: [f64; 2], now: f64, dt_s: f64, threshold: f64, loaded: bool) {
@@ -261,9 +274,13 @@ impl TouchTracker {
                     None => (s < KEPT * *peak).then_some([*since_half_s, 0.0]),
                     Some([fall_s, since_s]) => Some([fall_s, since_s + dt_s]),
                 };
-                let speed = fallen.map_or(SETTLED_PER_S, |[fall_s, _]| SETTLED * (HALF - KEPT) / fall_s.max(dt_s)).min(SETTLED_PER_S);
+                let speed = fallen
+                    .map_or(SETTLED_PER_S, |[fall_s, _]| SETTLED * (HALF - KEPT) / fall_s.max(dt_s))
+                    .min(SETTLED_PER_S);
                 let settled = before - s <= speed * dt_s * *peak;
-                let fell = fallen.is_some_and(|[fall_s, since_s]| fall_s < FALL_S + dt_s && since_s + dt_s >= WAIT * fall_s);
+                let fell = fallen.is_some_and(|[fall_s, since_s]| {
+                    fall_s < FALL_S + dt_s && since_s + dt_s >= WAIT * fall_s
+                });
                 let fell = fell && !loaded;
                 let traces = s < TRACE * *peak || *faint_s > FAINT_S;
                 let peak = *peak;
@@ -271,14 +288,24 @@ impl TouchTracker {
                     self.leftover = self.leftover.max(LEFTOVER * peak);
                     self.state = State::Quiet;
                 } else if (settled && fell) || traces {
-                    self.state = State::Released { peak, first: s, mean: s, least: s, since_s: 0.0, fell: fell && !traces };
+                    self.state = State::Released {
+                        peak,
+                        first: s,
+                        mean: s,
+                        least: s,
+                        since_s: 0.0,
+                        fell: fell && !traces,
+                    };
                     self.pend(1.0);
                 }
             }
             State::Released { peak, first, mean, least, since_s, fell } => {
                 *least = least.min(s);
                 *mean += step(dt_s, SINKING_S) * (s - *mean);
-                let stays = *fell && *since_s < SINKS_S && *since_s + dt_s >= SINKS_S && *mean - self.rest > SUNK * (*first - self.rest);
+                let stays = *fell
+                    && *since_s < SINKS_S
+                    && *since_s + dt_s >= SINKS_S
+                    && *mean - self.rest > SUNK * (*first - self.rest);
                 *since_s += dt_s;
                 let over = s > threshold.max(OVER_LEFTOVER * *least + OVER_LEFTOVER_SHARE * *peak);
                 let (peak, due) = (*peak, *since_s >= REZERO_S);
@@ -322,6 +349,7 @@ impl TouchTracker {
             eda: 0,
             cci: 0.0,
             peak: 0.0,
+            trend: 0.0,
             depth_mm: 0.0,
             force_n: 0.0,
             mass: 0.0,
@@ -345,6 +373,7 @@ impl TouchTracker {
         let dent = self.cells.dent(self.options.outline, |_, _, _| {});
         let grid = &self.cells.grid;
         let area = dent.moments.area as f64;
+        self.dent = Some(dent);
         if area == 0.0 {
             return touch;
         }
@@ -358,15 +387,19 @@ impl TouchTracker {
         touch.centroid_xy = dent.moments.centroid();
         touch.spread = dent.moments.spread();
         touch.broad = area / (grid.height * grid.width) as f64;
-        self.dent = Some(dent);
         touch
+    }
+
+    /// Whether the last frame showed a contact.
+    pub fn touches(&self) -> bool {
+        self.dent.is_some_and(|dent| dent.moments.area > 0)
     }
 
     /// The last frame's mask, row by row, and its height and width; nothing without contact.
     pub fn mask(&self) -> (Vec<bool>, [usize; 2]) {
         let Grid { height, width, .. } = self.cells.grid;
         let mut mask = vec![false; height * width];
-        if self.dent.is_some() {
+        if self.touches() {
             self.cells.outline(self.options.outline, |y, first, end| {
                 if let Some(run) = mask.get_mut(y * width + first..y * width + end) {
                     run.fill(true);
@@ -379,8 +412,7 @@ impl TouchTracker {
     /// The last frame's depth in millimetres, a value a cell, and the numbers of rows and columns; 0 without contact.
     pub fn depth_map(&self) -> (Vec<f32>, [usize; 2]) {
         let Grid { rows, cols, .. } = self.cells.grid;
-        let depth =
-            if self.dent.is_some() { self.cells.reader.depth_mm.clone() } else { vec![0.0; rows * cols] };
+        let depth = if self.touches() { self.cells.reader.depth_mm.clone() } else { vec![0.0; rows * cols] };
         (depth, [rows, cols])
     }
 }
