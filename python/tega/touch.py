@@ -29,6 +29,7 @@ __all__ = [
     "calibrate_light",
     "nominal_light",
     "sensor_noise",
+    "update_fingers",
 ]
 
 
@@ -106,8 +107,8 @@ def sensor_noise(
 ) -> tuple[float, float, float]:
     """Measure a camera's noise from frames of its untouched gel; about a second of them is enough.
 
-    From each frame to the next, the median over the cells of the picture: slow drift, a stuck pixel and a lamp that
-    flickers over all of the picture do not count.
+    How much a cell varies about its own mean, the median over the cells: a stuck pixel and a lamp that flickers over all
+    of the picture do not count, and what a compressed video changes slowly does.
 
     Args:
         frames: uint8 (N, H, W, 3), or two or more images uint8 (H, W, 3) of one size, in the order they were taken.
@@ -131,8 +132,10 @@ class TouchTracker:
     """Follows the touch of one fingertip; one object a finger.
 
     At rest it learns how its sensor looks and varies, and follows slow drift; in contact that memory is frozen. A
-    contact ends when the picture is near rest again, or falls quickly to what a gel keeps of a released contact: the
-    leftover is not shown, and after a second it is taken for the new rest. A light contact is graded by ``strength``.
+    contact ends when the picture is near rest again, falls quickly to what a gel keeps of a released contact, or is no
+    more than a trace of what it was: the leftover sinks slowly and is not shown, and after a second it is taken for the
+    new rest. What fell quickly and does not sink is a light hold and is felt again. A light contact is graded by
+    ``strength``. Lags are of first order and take the time between two frames into account.
 
     Args:
         baseline: A picture of the untouched gel, uint8 (H, W, 3); it is copied.
@@ -184,7 +187,7 @@ class TouchTracker:
             frame: The image, uint8 of the baseline's shape, borrowed.
             dt_s: Time since the frame before, seconds, where it is not 1 / ``rate_hz``: frames were dropped, or
                 the camera is uneven.
-            loaded: Whether another finger bears a load: then no rest is taken anew.
+            loaded: Whether another finger bears a load: then a quick fall is no release, and no rest is taken anew.
 
         Returns:
             The contact.
@@ -206,3 +209,31 @@ class TouchTracker:
         It is 0 all over without contact.
         """
         return self._tracker.depth_map()
+
+
+def update_fingers(
+    trackers: Sequence[TouchTracker], frames: Sequence[NDArray[np.uint8]], *, dt_s: float | None = None
+) -> list[Contact]:
+    """Read the next frame of several fingers of one hand in one call that leaves the interpreter to others meanwhile.
+
+    A finger is told to be ``loaded`` while another one of them touched in its frame before: what an object does to one
+    finger while others hold it is no release.
+
+    Args:
+        trackers: One a finger, each once.
+        frames: A frame for each, as for :meth:`TouchTracker.update`.
+        dt_s: Time since the frames before, seconds, where it is not one period.
+
+    Returns:
+        The contacts, in the order of the trackers.
+
+    Raises:
+        DtypeError: A frame is not a uint8 array; no tracker has taken any.
+        ShapeError: A frame is not of its baseline's shape; the other fingers have taken theirs.
+        InvalidValueError: There are not as many frames as trackers, or ``dt_s`` is not from 0 to 1e6.
+    """
+    if len(frames) != len(trackers):
+        raise InvalidValueError(
+            f"{len(frames)} frames for {len(trackers)} trackers", "give each tracker its own frame"
+        )
+    return _native.update_fingers([one._tracker for one in trackers], list(frames), dt_s=dt_s)  # noqa: SLF001

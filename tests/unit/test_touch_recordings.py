@@ -26,7 +26,7 @@ from tega.sim.touch_recordings import (
     wedge,
 )
 from tega.tactile import contact_mask, read_contact
-from tega.touch import Contact, TouchTracker
+from tega.touch import Contact, TouchTracker, sensor_noise, update_fingers
 
 pytest.importorskip("cv2", reason="needs the extra tega[lab]")
 Image = NDArray[np.uint8]
@@ -47,8 +47,13 @@ def median(frames: NDArray[np.uint8]) -> Image:
     return middle
 
 
-def follow(frames: list[Image] | NDArray[np.uint8], baseline: Image, rate_hz: float) -> list[Contact]:
-    tracker = TouchTracker(baseline, rate_hz=rate_hz)
+def follow(
+    frames: list[Image] | NDArray[np.uint8],
+    baseline: Image,
+    rate_hz: float,
+    noise: tuple[float, float, float] | None = None,
+) -> list[Contact]:
+    tracker = TouchTracker(baseline, rate_hz=rate_hz, noise=noise)
     return [tracker.update(frame) for frame in frames]
 
 
@@ -73,16 +78,17 @@ def test_grips_on_rubber_and_plastic_are_found_and_nothing_is_not(digit: Path) -
 def test_a_gripper_finger_feels_what_its_force_says(digit: Path) -> None:
     """Shares of frames felt by force; each clip is shifted by the lag at which force and picture agree best.
 
-    Not met: soft balls 0.6 to 2 N want 95 %, foam 0.6 to 2 N 80 %. What is missed lies at the beginning and the end
-    of a
-    clip's longest run over 0.3 N. In three of the six clips that run begins with the clip: their baseline may show
-    a touch.
+    Each day's noise is measured where that day's sensor is untouched. A clip that begins untouched has its first ten
+    frames as the baseline; three begin while the object closes in and have only their first frame.
     """
     there(digit / "derived" / "wedge_force")
     felt: dict[tuple[str, float], list[bool]] = {}
-    for clip in wedge(digit):
-        quiet = slice(0, 10) if "t=" in clip.name else slice(1, 4)
-        contacts = follow(clip.frames[1:], median(clip.frames[quiet]), 30.0)
+    clips = wedge(digit)
+    first_day = sensor_noise(next(clip for clip in clips if clip.kind == "golf").frames[:12])
+    for clip in clips:
+        untouched = "t=" in clip.name
+        noise = sensor_noise(clip.frames[:30]) if untouched else first_day
+        contacts = follow(clip.frames[1:], median(clip.frames[: 10 if untouched else 1]), 30.0, noise)
         on = np.array([False, *(c.in_contact for c in contacts)])
         difference = np.array([contacts[0].difference, *(c.difference for c in contacts)])
         first, end = longest_run(clip.force_n)
@@ -98,11 +104,11 @@ def test_a_gripper_finger_feels_what_its_force_says(digit: Path) -> None:
             within = (force >= low) & (force < high)
             felt.setdefault((clip.kind, low), []).extend(on[within].tolist())
     share = {key: float(np.mean(values)) for key, values in felt.items()}
+    assert share["ball", 0.6] >= 0.95
+    assert share["foam", 0.6] >= 0.80
     assert share["foam", 2.0] >= 0.90
-    assert share["ball", 4.0] == share["foam", 4.0] == share["golf", 2.0] == share["golf", 4.0] == 1
-    assert share["ball", 0.6] >= 0.70
-    assert share["ball", 2.0] >= 0.85
-    assert share["foam", 0.6] >= 0.20
+    assert share["ball", 2.0] == share["golf", 2.0] == 1
+    assert share["ball", 4.0] == share["foam", 4.0] == share["golf", 4.0] == 1
 
 
 @pytest.mark.parametrize("rate_hz", [None, 10.0, 30.0])
@@ -145,25 +151,19 @@ def test_a_disc_pressed_harder_is_a_higher_peak(digit: Path) -> None:
     assert rank_correlation(forces, [c.eda for _, c in later]) >= 0.95
 
 
-# Not met: of the bag of peanuts the weaker finger is felt in 72 % of the frames that are held, and in all 193 from
-# 1.5 s
-# after release. Of the cup one finger is felt again in 57 of 90 frames after release, from frame 393 on.
-KNOWN = {("bag_of_peanuts_2", 2): (0.70, 193), ("plastic_cup_1", 0): (0.95, 57)}
-
-
 @pytest.mark.parametrize("name", GRIPS)
-def test_both_fingers_of_a_grip_are_felt_while_it_holds(digit: Path, name: str) -> None:
+def test_both_fingers_of_a_grip_are_felt_while_it_holds_and_no_longer(digit: Path, name: str) -> None:
     there(digit / "gsmini_grips")
     grip = GRIPS[name]
-    for camera in (0, 2):
-        frames = grip_video(digit, name, camera)
-        baseline = median(frames[grip.rest[0] : grip.rest[1] + 1])
-        contacts = follow(frames[grip.from_frame :], baseline, 25.0)
-        on = np.array([False] * grip.from_frame + [c.in_contact for c in contacts])
-        least, most = KNOWN.get((name, camera), (0.95, 0))
-        assert on[grip.held[0] : grip.held[1] + 1].mean() >= least, camera
-        if grip.silent_from is not None:
-            assert on[grip.silent_from :].sum() <= most, camera
+    fingers = [grip_video(digit, name, camera) for camera in (0, 2)]
+    still = [frames[grip.rest[0] : grip.rest[1] + 1] for frames in fingers]
+    trackers = [TouchTracker(median(frames), rate_hz=25.0, noise=sensor_noise(frames)) for frames in still]
+    on = np.zeros((max(map(len, fingers)), 2), bool)
+    for k in range(grip.from_frame, min(map(len, fingers))):
+        on[k] = [c.in_contact for c in update_fingers(trackers, [frames[k] for frames in fingers])]
+    assert (on[grip.held[0] : grip.held[1] + 1].mean(axis=0) >= 0.95).all()
+    if grip.silent_from is not None:
+        assert not on[grip.silent_from :].any()
 
 
 def test_marked_ball_presses_are_outlined(digit: Path) -> None:

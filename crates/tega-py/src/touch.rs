@@ -24,6 +24,8 @@ pub(crate) struct Contact {
     cci: f64,
     /// Height of the dent, counts: change of colour times the dent's width; rises with the press.
     peak: f64,
+    /// How fast `peak` rises, counts a second, over about a tenth of a second; less than 0 while it falls.
+    trend: f64,
     /// Depth of the dent from shading, millimetres; nominal unless the sensor's light was given.
     depth_mm: f64,
     /// Normal force, newtons: volume pressed in times the gel's stiffness; nominal unless the sensor's light was given.
@@ -83,6 +85,7 @@ impl TouchTracker {
             area_mm2: self.mm2_per_px.map(|mm2| mm2 * f64::from(t.eda)),
             cci: t.cci,
             peak: t.peak,
+            trend: t.trend,
             depth_mm: t.depth_mm,
             force_n: t.force_n,
             mass: t.mass,
@@ -157,6 +160,32 @@ impl TouchTracker {
     }
 }
 
+/// Reads the next frame of each finger; another finger that touched before bears a load.
+#[pyfunction]
+#[pyo3(signature = (trackers, frames, *, dt_s))]
+fn update_fingers(
+    py: Python<'_>,
+    trackers: Vec<Py<TouchTracker>>,
+    frames: Vec<Bound<'_, PyAny>>,
+    dt_s: Option<f64>,
+) -> Result<Vec<Contact>, BindError> {
+    let images = frames.iter().map(|frame| image("frame", frame)).collect::<Result<Vec<_>, _>>()?;
+    let views: Vec<_> = images.iter().map(PyReadonlyArray3::as_array).collect();
+    let trackers: Vec<_> = trackers.iter().map(Py::get).collect();
+    let found: Vec<_> = py.detach(|| {
+        let touching: Vec<_> = trackers.iter().map(|tracker| tracker.lock().touches()).collect();
+        let others = |k: usize| touching.iter().enumerate().any(|(other, touches)| other != k && *touches);
+        trackers
+            .iter()
+            .zip(views)
+            .enumerate()
+            .map(|(k, (tracker, view))| tracker.lock().update(view, dt_s, others(k)))
+            .collect()
+    });
+    let contacts = trackers.iter().zip(found).map(|(tracker, touch)| Ok(tracker.contact(&touch?)));
+    contacts.collect()
+}
+
 #[pyfunction]
 #[pyo3(signature = (frames, *, order))]
 fn sensor_noise(py: Python<'_>, frames: Vec<Bound<'_, PyAny>>, order: &str) -> Result<[f32; 3], BindError> {
@@ -177,5 +206,6 @@ pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<Contact>()?;
     m.add_class::<TouchTracker>()?;
     m.add_function(wrap_pyfunction!(nominal_light, m)?)?;
+    m.add_function(wrap_pyfunction!(update_fingers, m)?)?;
     m.add_function(wrap_pyfunction!(sensor_noise, m)?)
 }

@@ -47,8 +47,9 @@ impl SensorNoise {
         Ok(Self { bgr: std::array::from_fn(|c| within(bgr[c] as f32, c)) })
     }
 
-    /// Measures it over frames of an untouched gel: from each frame to the next, the median over the cells, so that neither slow
-    /// drift nor a cell that is stuck or touched decides.
+    /// Measures it over frames of an untouched gel: how much each cell varies about its own mean, the median over the cells, so that no cell
+    /// that is stuck or touched decides. What all of the picture does together, and so most of a drift, is taken out first. A video that was
+    /// compressed repeats its noise from frame to frame and changes it slowly; that counts as well.
     ///
     /// # Errors
     /// [`TactileError::TooFewFrames`] for fewer than two, [`TactileError::Channels`], [`TactileError::Size`] or
@@ -58,37 +59,33 @@ impl SensorNoise {
             return Err(TactileError::TooFewFrames { frames: frames.len(), wanted: 2 });
         };
         let grid = grid_of(first)?;
-        let (mut strip, mut now, mut before) = (Strip::default(), Planes::default(), Planes::default());
-        let mut sums = [0f64; 3];
-        let mut steps = Vec::with_capacity(grid.cells());
-        for (k, frame) in frames.iter().enumerate() {
+        let (mut strip, mut now) = (Strip::default(), Planes::default());
+        let mut sums: [Vec<[i64; 2]>; 3] = std::array::from_fn(|_| vec![[0; 2]; grid.cells()]);
+        let mut sorted = Vec::with_capacity(grid.cells());
+        for frame in frames {
             same_size(&grid, frame)?;
-            std::mem::swap(&mut now, &mut before);
             average(frame.view(), &grid, &mut strip, &mut now);
-            if k == 0 {
-                continue;
-            }
-            for c in 0..3 {
-                steps.clear();
-                steps.extend(now[c].iter().zip(&before[c]).map(|(a, b)| a - b));
-                let middle = *steps.select_nth_unstable(grid.cells() / 2).1;
-                for step in &mut steps {
-                    *step = (*step - middle).abs();
+            for (sums, means) in sums.iter_mut().zip(&now) {
+                sorted.clear();
+                sorted.extend_from_slice(means);
+                let middle = *sorted.select_nth_unstable(grid.cells() / 2).1;
+                for ([sum, square], mean) in sums.iter_mut().zip(means) {
+                    let value = i64::from(*mean) - i64::from(middle);
+                    *sum += value;
+                    *square += value * value;
                 }
-                // The median of whole sixteenths steps; the mean of the lower half does not.
-                let half = steps.len().div_ceil(2);
-                steps.select_nth_unstable(half - 1);
-                let low: f64 = steps.iter().take(half).map(|&step| f64::from(step)).sum();
-                sums[c] += low / half as f64;
             }
         }
-        let per = f64::from(UNITS_PER_COUNT) * (frames.len() - 1) as f64;
-        // The mean of the lower half of |difference| of normal values is 0.3246 of their standard deviation, √2 that of each.
-        let sd = |c: usize| (sums[c] / per / (0.324_6 * std::f64::consts::SQRT_2)) as f32;
+        let n = frames.len() as i64;
+        // n (n - 1) times the variance, whole numbers; the median of a sum of squares lies under its mean (Wilson and Hilferty).
+        let under = (1.0 - 2.0 / (9.0 * (n - 1) as f64)).powi(3);
+        let scale = f64::from(UNITS_PER_COUNT) * f64::from(UNITS_PER_COUNT) * (n * (n - 1)) as f64 * under;
         let stored = order.arrange([2, 1, 0]); // which of blue, green, red a byte is
         let mut bgr = [0.0; 3];
-        for (byte, colour) in stored.into_iter().enumerate() {
-            bgr[colour] = within(sd(byte), colour);
+        for (sums, colour) in sums.iter().zip(stored) {
+            let mut spreads: Vec<i64> = sums.iter().map(|[sum, square]| n * square - sum * sum).collect();
+            let middle = *spreads.select_nth_unstable(grid.cells() / 2).1;
+            bgr[colour] = within((middle as f64 / scale).sqrt() as f32, colour);
         }
         Ok(Self { bgr })
     }

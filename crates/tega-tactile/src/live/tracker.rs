@@ -31,12 +31,13 @@ const GLANCE: f64 = 0.8;
 /// How S is smoothed, seconds.
 const SMOOTH_S: f64 = 0.012;
 /// How the rest is learned: quickly down, slowly up, so that a press is not taken for it; seconds.
-const REST_DOWN_S: f64 = 0.1;
+const REST_DOWN_S: f64 = 0.25;
 const REST_DOWN_MOST: f64 = 0.5;
 const REST_UP_S: f64 = 15.0;
-/// How the untouched gel is followed, seconds; at first its frames are averaged, as many as this.
+/// How the untouched gel is followed, seconds; at first its frames are averaged.
 const FOLLOW_S: f64 = 5.0;
-const AVERAGED_FRAMES: f64 = 30.0;
+const FOLLOW_SOON_S: f64 = 0.5;
+const SOON_SHARE: f64 = 0.3;
 /// How many frames the picture of the untouched gel counts for, so that a press in the first frames is not averaged into it.
 const FIRST_FRAMES: f64 = 8.0;
 /// A release falls from half of the peak to what a gel may keep of it within a short time, and then more slowly than a share of the peak a second.
@@ -44,9 +45,16 @@ const HALF: f64 = 0.5;
 const KEPT: f64 = 0.3;
 const FALL_S: f64 = 0.35;
 const SETTLED_PER_S: f64 = 0.4;
+const SETTLED: f64 = 0.1;
+/// A fall is judged after this many times as long as it took: quick ones at once, slow ones later.
+const WAIT: f64 = 1.0;
+/// Less than this share of the peak is a trace of the contact, however slowly it fell; so is what stays under the threshold for so many seconds.
+const TRACE: f64 = 0.15;
+const FAINT: f64 = 1.15;
+const FAINT_S: f64 = 2.0;
 /// A gel's leftover sinks: what is not below this share of itself after this time is a light hold after a quick easing, and is felt again.
-const SINKS_S: f64 = 0.4;
-const SUNK: f64 = 0.94;
+const SINKS_S: f64 = 0.8;
+const SUNK: f64 = 0.88;
 const SINKING_S: f64 = 0.1;
 /// After a release the rest is taken anew once this time is over.
 const REZERO_S: f64 = 1.0;
@@ -57,6 +65,8 @@ const LEFTOVER_S: f64 = 1.5;
 /// A new contact over a leftover is this much stronger than it, plus this share of the peak before.
 const OVER_LEFTOVER: f64 = 1.3;
 const OVER_LEFTOVER_SHARE: f64 = 0.03;
+/// Over how long the trend is taken, seconds.
+const TREND_S: f64 = 0.1;
 /// Shares of the threshold at which the strength is 0 and 1.
 const STRENGTH_FROM: f64 = 0.6;
 const STRENGTH_FULL: f64 = 2.0;
@@ -102,6 +112,8 @@ pub struct Touch {
     pub cci: f64,
     /// Height of the dent in counts: change of colour times width; rises with the press.
     pub peak: f64,
+    /// How fast `peak` rises, counts a second, over about a tenth of a second; less than 0 while it falls.
+    pub trend: f64,
     /// Depth of the dent, millimetres, as far as light and scale are those of the sensor.
     pub depth_mm: f64,
     /// Normal force, newtons, by the gel's stiffness and the volume pressed in.
@@ -130,8 +142,10 @@ enum State {
         peak: f64,
         /// Seconds since S was last over half of it.
         since_half_s: f64,
-        /// How long the fall from half took, once S is under what a gel may keep.
-        fall_s: Option<f64>,
+        /// How long the fall from half took, once S is under what a gel may keep, and how long that is ago.
+        fallen: Option<[f64; 2]>,
+        /// Seconds since S was over the threshold.
+        faint_s: f64,
     },
     Released {
         peak: f64,
@@ -140,6 +154,8 @@ enum State {
         mean: f64,
         least: f64,
         since_s: f64,
+        /// Whether it fell, so that what does not sink is a light hold.
+        fell: bool,
     },
 }
 
@@ -157,6 +173,8 @@ pub struct TouchTracker {
     smooth: Option<f64>,
     leftover: f64,
     quiet_frames: f64,
+    /// What `peak` was about a tenth of a second ago.
+    slow_peak: f64,
     dent: Option<Dent>,
 }
 
@@ -192,6 +210,7 @@ impl TouchTracker {
             smooth: None,
             leftover: 0.0,
             quiet_frames: FIRST_FRAMES,
+            slow_peak: 0.0,
             dent: None,
         })
     }
@@ -232,44 +251,68 @@ impl TouchTracker {
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);
         self.advance([before, s], now, dt_s, threshold, loaded);
-        Ok(self.touch(s, threshold))
+        let mut touch = self.touch(s, threshold);
+        self.slow_peak += step(dt_s, TREND_S) * (touch.peak - self.slow_peak);
+        touch.trend = (touch.peak - self.slow_peak) / TREND_S;
+        if !touch.in_contact {
+            (self.slow_peak, touch.trend) = (0.0, 0.0);
+        }
+        Ok(touch)
     }
 
     fn advance(&mut self, [before, s]: [f64; 2], now: f64, dt_s: f64, threshold: f64, loaded: bool) {
         match &mut self.state {
             State::Quiet if s > threshold && self.cells.colour.tells() => {
-                self.state = State::Contact { peak: s, since_half_s: 0.0, fall_s: None };
+                self.state = State::Contact { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0 };
             }
             State::Quiet => self.rest_on(now, dt_s),
-            State::Contact { peak, since_half_s, fall_s } => {
+            State::Contact { peak, since_half_s, fallen, faint_s } => {
                 *peak = peak.max(s);
                 *since_half_s = if s >= HALF * *peak { 0.0 } else { *since_half_s + dt_s };
-                if s >= 1.1 * KEPT * *peak {
-                    *fall_s = None;
-                } else if fall_s.is_none() && s < KEPT * *peak {
-                    *fall_s = Some(*since_half_s);
-                }
-                let fell = fall_s.is_some_and(|fall_s| fall_s < FALL_S + dt_s);
-                let settled = before - s <= SETTLED_PER_S * dt_s * *peak;
+                *faint_s = if s >= FAINT * threshold { (*faint_s - dt_s).max(0.0) } else { *faint_s + dt_s };
+                *fallen = match *fallen {
+                    _ if s >= 1.1 * KEPT * *peak => None,
+                    None => (s < KEPT * *peak).then_some([*since_half_s, 0.0]),
+                    Some([fall_s, since_s]) => Some([fall_s, since_s + dt_s]),
+                };
+                let speed = fallen
+                    .map_or(SETTLED_PER_S, |[fall_s, _]| SETTLED * (HALF - KEPT) / fall_s.max(dt_s))
+                    .min(SETTLED_PER_S);
+                let settled = before - s <= speed * dt_s * *peak;
+                let fell = fallen.is_some_and(|[fall_s, since_s]| {
+                    fall_s < FALL_S + dt_s && since_s + dt_s >= WAIT * fall_s
+                });
+                let fell = fell && !loaded;
+                let traces = s < TRACE * *peak || *faint_s > FAINT_S;
                 let peak = *peak;
                 if s < HYSTERESIS * (threshold - self.leftover) + self.leftover {
                     self.leftover = self.leftover.max(LEFTOVER * peak);
                     self.state = State::Quiet;
-                } else if fell && settled {
-                    self.state = State::Released { peak, first: s, mean: s, least: s, since_s: 0.0 };
+                } else if (settled && fell) || traces {
+                    self.state = State::Released {
+                        peak,
+                        first: s,
+                        mean: s,
+                        least: s,
+                        since_s: 0.0,
+                        fell: fell && !traces,
+                    };
                     self.pend(1.0);
                 }
             }
-            State::Released { peak, first, mean, least, since_s } => {
+            State::Released { peak, first, mean, least, since_s, fell } => {
                 *least = least.min(s);
                 *mean += step(dt_s, SINKING_S) * (s - *mean);
-                let stays = *since_s < SINKS_S && *since_s + dt_s >= SINKS_S && *mean > SUNK * *first;
+                let stays = *fell
+                    && *since_s < SINKS_S
+                    && *since_s + dt_s >= SINKS_S
+                    && *mean - self.rest > SUNK * (*first - self.rest);
                 *since_s += dt_s;
                 let over = s > threshold.max(OVER_LEFTOVER * *least + OVER_LEFTOVER_SHARE * *peak);
                 let (peak, due) = (*peak, *since_s >= REZERO_S);
                 self.pend(step(dt_s, PENDING_S));
                 if over || stays {
-                    self.state = State::Contact { peak: s, since_half_s: 0.0, fall_s: None };
+                    self.state = State::Contact { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0 };
                 } else if due && self.options.rezero && !loaded {
                     self.gel.clone_from(&self.pending);
                     self.leftover = self.leftover.max(LEFTOVER * peak);
@@ -287,8 +330,8 @@ impl TouchTracker {
             if now < self.rest { step(dt_s, REST_DOWN_S).min(REST_DOWN_MOST) } else { step(dt_s, REST_UP_S) };
         self.rest += lag * (now - self.rest);
         self.quiet_frames += 1.0;
-        let first = if self.quiet_frames < AVERAGED_FRAMES { 1.0 / self.quiet_frames } else { 0.0 };
-        let share = step(dt_s, FOLLOW_S).max(first);
+        let follow_s = if self.leftover > SOON_SHARE * self.rest { FOLLOW_SOON_S } else { FOLLOW_S };
+        let share = step(dt_s, follow_s).max(1.0 / self.quiet_frames);
         for (gel, means) in self.gel.iter_mut().zip(&self.cells.means) {
             crate::simd::follow(gel, means, 1.0 / super::cells::UNITS_PER_COUNT, share as f32);
         }
@@ -307,6 +350,7 @@ impl TouchTracker {
             eda: 0,
             cci: 0.0,
             peak: 0.0,
+            trend: 0.0,
             depth_mm: 0.0,
             force_n: 0.0,
             mass: 0.0,
@@ -330,6 +374,7 @@ impl TouchTracker {
         let dent = self.cells.dent(self.options.outline, |_, _, _| {});
         let grid = &self.cells.grid;
         let area = dent.moments.area as f64;
+        self.dent = Some(dent);
         if area == 0.0 {
             return touch;
         }
@@ -343,15 +388,19 @@ impl TouchTracker {
         touch.centroid_xy = dent.moments.centroid();
         touch.spread = dent.moments.spread();
         touch.broad = area / (grid.height * grid.width) as f64;
-        self.dent = Some(dent);
         touch
+    }
+
+    /// Whether the last frame showed a contact.
+    pub fn touches(&self) -> bool {
+        self.dent.is_some_and(|dent| dent.moments.area > 0)
     }
 
     /// The last frame's mask, row by row, and its height and width; nothing without contact.
     pub fn mask(&self) -> (Vec<bool>, [usize; 2]) {
         let Grid { height, width, .. } = self.cells.grid;
         let mut mask = vec![false; height * width];
-        if self.dent.is_some() {
+        if self.touches() {
             self.cells.outline(self.options.outline, |y, first, end| {
                 if let Some(run) = mask.get_mut(y * width + first..y * width + end) {
                     run.fill(true);
@@ -364,8 +413,7 @@ impl TouchTracker {
     /// The last frame's depth in millimetres, a value a cell, and the numbers of rows and columns; 0 without contact.
     pub fn depth_map(&self) -> (Vec<f32>, [usize; 2]) {
         let Grid { rows, cols, .. } = self.cells.grid;
-        let depth =
-            if self.dent.is_some() { self.cells.reader.depth_mm.clone() } else { vec![0.0; rows * cols] };
+        let depth = if self.touches() { self.cells.reader.depth_mm.clone() } else { vec![0.0; rows * cols] };
         (depth, [rows, cols])
     }
 }
