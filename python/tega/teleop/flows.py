@@ -46,13 +46,12 @@ def latency_trace(
     """Make what follows frames and blocks through the loop, where there is something live to follow."""
     if not any(source.info.live for source in prepared.sources):
         return None
-    vests: list[Any] = [kept.sink for kept in sinks.kept]
+    vests: list[Any] = sinks.live_vests
     return LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
         budget_ms=budget_ms,
         steady=steady,
-        # Asked by name: a vest whose frames are recorded stands behind another object.
         vests=[vest for vest in vests if hasattr(vest, "handed_over")],
         answered_ns=getattr(sinks.steered, "answered_ns", None),
         motor=motor,

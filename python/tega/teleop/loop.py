@@ -20,7 +20,6 @@ from tega.records import Contact as ContactRecord
 from tega.records import HandCommand, Imposed, Intent, Joints, Skip, bus_frames
 from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.inputs import Inputs, Seen
-from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop_report import LoopReport
 from tega.teleop.pacing import Pacer
 from tega.teleop.sources import Block, Contact
@@ -29,6 +28,7 @@ from tega.teleop.touch import STALE_NS, Felt, TouchLoop
 from tega.teleop.vest_output import VestOutput
 
 if TYPE_CHECKING:
+    from tega.devices.base import VestSink
     from tega.haptics import VestFrame
     from tega.safety.guard import Guard
     from tega.teleop.arm_view import ArmView
@@ -113,7 +113,7 @@ class DualLoop:
         vests: Where vest frames go, every one.
         hands: Where CAN frames go.
         bus: Told of all that comes in and goes out; see :mod:`tega.records`.
-        kept: Vests that are sent what changed, and what did not as a keep-alive.
+        live_vests: Real vests, which get every frame, too; what they were sent is published.
         vest_rate_hz: Ticks of the vest per second.
         by_frame: Whether a picture between two ticks wakes the loop; the pacer needs a bell that its source rings.
         observer: Called once per vest tick with what a display may show.
@@ -135,7 +135,7 @@ class DualLoop:
         vests: Sequence[Sink[VestFrame]],
         hands: Sequence[Sink[Sequence[CanFrame]]],
         bus: Bus | None = None,
-        kept: Sequence[KeepAlive] = (),
+        live_vests: Sequence[VestSink] = (),
         vest_rate_hz: float = 30.0,
         by_frame: bool = False,
         observer: Callable[[LoopView], None] | None = None,
@@ -179,7 +179,7 @@ class DualLoop:
             touch,
             self.report,
             vests=vests,
-            kept=kept,
+            live_vests=live_vests,
             haptics=haptics,
             trace=trace,
             bus=self._bus,

@@ -125,7 +125,7 @@ def run_loop(
         vests=sinks.vests,
         hands=sinks.hands,
         bus=rig.bus,
-        kept=sinks.kept,
+        live_vests=sinks.live_vests,
         vest_rate_hz=config.vest.rate_hz,
         by_frame=pace == "by-frame",
         observer=observer,

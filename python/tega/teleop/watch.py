@@ -50,8 +50,8 @@ def watch_over(
         alerts["signal"] = partial(_signal, m.source)
 
     needs: dict[str, Callable[[], str]] = {}
-    kept = sinks.kept
-    vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
+    worn = sinks.live_vests
+    vests = {"vest": lambda: all(optional(vest, "reached") for vest in worn)} if worn else {}
     if recording is not None:
         alerts["recording"] = recording.problem
     if markers is not None:
