@@ -18,14 +18,15 @@ from tega.clock import ManualClock, SystemClock
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import VestFrame, intensity
+from tega.inbox.frames import measured_contacts
+from tega.inbox.sources import Block, SourceReport
+from tega.inbox.stream import PulledStream, ThreadedStream
 from tega.records import Contact
 from tega.stages.choose import preset_metric
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop, LoopView
 from tega.teleop.pacing import Pacer
-from tega.teleop.sources import Block, SourceReport, measured_contacts
-from tega.teleop.streams import PulledStream, ThreadedStream
 from tega.teleop.touch import TouchLoop
 
 SMALL = np.zeros((9, 9, 3), np.uint8)
@@ -338,9 +339,9 @@ def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> Non
 
 
 def test_chunk_size_does_not_change_levels_or_stamps() -> None:
+    from tega.inbox.sources import grasp_blocks
     from tega.stages.base import MuscleSetup
     from tega.stages.decoders import RulesDecoder, RulesOptions
-    from tega.teleop.sources import grasp_blocks
 
     samples = np.random.default_rng(3).standard_normal((1000, 2)) * np.linspace(0, 3, 1000)[:, None]
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from tega.clock import ManualClock, PausableClock
+from tega.inbox.repeats import LastFrame
+from tega.inbox.stream import NEVER_NS, QueuedStream
 from tega.sim.arms import CONDITIONS, feels, worn
 from tega.sim.hand import SimulatedBus
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.score import Scorer
 from tega.sim.seams import Truth
-from tega.teleop.repeats import LastFrame
-from tega.teleop.streams import NEVER_NS, QueuedStream
 from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
 
 Course = Sequence[tuple[float, Mapping[str, object]]]

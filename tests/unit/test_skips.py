@@ -17,13 +17,13 @@ from tega.calibration import TouchMaxima
 from tega.clock import ManualClock
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
+from tega.inbox.sources import Block, Contact
+from tega.inbox.stream import PulledStream
 from tega.sim.gel import Gel
 from tega.teleop import run_session
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop, LoopView
 from tega.teleop.pacing import Pacer
-from tega.teleop.sources import Block, Contact
-from tega.teleop.streams import PulledStream
 from tega.teleop.touch import TouchLoop
 
 

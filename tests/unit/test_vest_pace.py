@@ -19,17 +19,17 @@ from tega.clock import ManualClock, SystemClock
 from tega.config import VestConfig, check_tree
 from tega.devices.vest_stream import VestOptions
 from tega.haptics import vest_frame
+from tega.inbox.bell import Bell
+from tega.inbox.sources import Contact
+from tega.inbox.stream import PulledStream, ThreadedStream
 from tega.records import Latency
 from tega.replay import replay_file
 from tega.replay.recorded import read_recorded
-from tega.teleop.bell import Bell
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.latency import LatencyTrace
 from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
 from tega.teleop.session import run_session
-from tega.teleop.sources import Contact
-from tega.teleop.streams import PulledStream, ThreadedStream
 from tega.teleop.touch import TouchLoop
 from tega.testing.lab import PRESSED, emulated_lab, pressing
 from tega.worn_vest import worn_vest

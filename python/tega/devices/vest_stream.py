@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.lifecycle import Opened
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame
+from tega.lifecycle import Opened
 from tega.priority import ahead_of_others
 from tega.safety.motor_budget import DOSE_S, HEAT_SHARE, MotorBudget
 from tega.wire import vest_levels

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import msgspec
 
 from tega.arm.pose import StampedPose
+from tega.inbox.sources import Block
+from tega.inbox.spread import Spread
 from tega.net.gate import Gate, refused_by
 from tega.net.messages import ArmCommand, HandCommand, decode
 from tega.net.streams import InboxStream
-from tega.teleop.sources import Block
-from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.net.clock import Offset

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 import tega
+from tega.inbox.inputs import Inputs, Seat
+from tega.inbox.sources import samples_of
 from tega.net.commands import Commands
 from tega.net.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
 from tega.net.leader import Leadership, Reception
@@ -25,17 +27,15 @@ from tega.net.pictures import PictureSender
 from tega.net.samples import Readers, SampleReceiver
 from tega.net.station import Station
 from tega.records import Contact, Picture, RunState
-from tega.teleop.inputs import Inputs, Seat
-from tega.teleop.sources import samples_of
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
+    from tega.inbox.bell import Bell
+    from tega.inbox.prepared import Prepared
     from tega.safety.guard import Guard
-    from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.prepare import Prepared
 
 __all__ = ["RobotStation"]
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Generic
 
-from tega.teleop.streams import NEVER_NS, Item
+from tega.inbox.stream import NEVER_NS, Item
 
 __all__ = ["InboxStream"]
 

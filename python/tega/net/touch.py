@@ -10,24 +10,24 @@ import msgspec
 import numpy as np
 
 from tega.errors import CalibrationError
+from tega.inbox.sources import metrics_of, picture_of
+from tega.inbox.spread import Spread
 from tega.net.ends import FarFinger
 from tega.net.gate import Gate, refused_by
 from tega.net.messages import Feature, Image, Welcome, decode
 from tega.net.pictures import unpacked
 from tega.net.samples import Readers
 from tega.net.streams import InboxStream
-from tega.teleop.sources import metrics_of, picture_of
-from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.calibration import Calibration
     from tega.devices.base import TactileFrame
+    from tega.inbox.bell import Bell
+    from tega.inbox.prepared import Finger, Prepared
+    from tega.inbox.sources import Contact, SourceReport
     from tega.net.clock import Offset
-    from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.prepare import Finger, Prepared
-    from tega.teleop.sources import Contact, SourceReport
 
 __all__ = ["FarTouch", "with_touch"]
 
@@ -85,8 +85,8 @@ class FarTouch:
 
     def fingers(self, welcome: Welcome) -> dict[str, Finger]:
         """Return the fingertips as a run starts with them."""
-        from tega.teleop.prepare import Finger
-        from tega.teleop.sources import SourceReport
+        from tega.inbox.prepared import Finger
+        from tega.inbox.sources import SourceReport
 
         fingers = {}
         for name, rate_hz in welcome.fingers.items():

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from tega.devices.base import DeviceInfo
 from tega.hand import split_level
+from tega.inbox.prepared import Finger, Muscles, Prepared
+from tega.inbox.sources import Block, SourceReport
+from tega.inbox.stream import NEVER_NS
 from tega.replay.measured import contact_items, level_items
 from tega.stages.choose import muscle_decoder
 from tega.teleop.loop import FIRST_LEVEL
-from tega.teleop.prepare import Finger, Muscles, Prepared
-from tega.teleop.sources import Block, SourceReport
-from tega.teleop.streams import NEVER_NS
 
 if TYPE_CHECKING:
     from tega.replay.measured import Measured

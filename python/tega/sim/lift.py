@@ -11,6 +11,8 @@ import numpy as np
 from tega.bus import Bus
 from tega.clock import ManualClock, PausableClock, SystemClock
 from tega.config import FINGERS, StageConfig, StagesSection
+from tega.inbox.frames import FrameMeter
+from tega.inbox.sources import BlockMeter, SourceReport
 from tega.records import Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.arms import PULSES, worn
@@ -22,7 +24,6 @@ from tega.sim.rig import CAMERA_DELAY_NS, Rig
 from tega.sim.score import LIFT_WINDOW_S, Scorer
 from tega.stages.choose import vest_mapping
 from tega.teleop.loop import DualLoop, LoopView
-from tega.teleop.sources import BlockMeter, FrameMeter, SourceReport
 from tega.teleop.touch import TouchLoop
 from tega.view.state import EmgTail, TouchImage, ViewState
 from tega.wire import ALLEGRO_RAD_PER_COUNT

@@ -17,12 +17,13 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 from tega.config import FINGERS
-from tega.devices.base import EmgChunk, TactileFrame
+from tega.device_items import EmgChunk, TactileFrame
 from tega.hand_poses import ClosureScale
+from tega.inbox.frames import FrameMeter
+from tega.inbox.sources import Block, BlockMeter, Contact
+from tega.inbox.stream import QueuedStream
 from tega.sim.gel import CAMERA_HZ
 from tega.sim.seams import Act, Percept
-from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter
-from tega.teleop.streams import QueuedStream
 
 if TYPE_CHECKING:
     import numpy as np

@@ -23,9 +23,9 @@ from tega.config import ArmConfig, SessionConfig
 from tega.devices.base import ArmDriver, DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.inbox.inputs import Inputs, Seat
 from tega.teleop.arm_records import ArmRecords
 from tega.teleop.arm_view import ArmView, look
-from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.loop import LoopView
 
 __all__ = ["Steering", "open_arm"]

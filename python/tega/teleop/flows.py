@@ -7,26 +7,20 @@ from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from tega.inbox.frames import measured_contacts
+from tega.inbox.sources import Block, Contact, grasp_blocks, picture_of, samples_of
+from tega.inbox.stream import PulledStream, Stream, ThreadedStream
 from tega.records import EmgSamples, Picture
 from tega.teleop.latency import LatencyTrace
-from tega.teleop.sources import (
-    Block,
-    Contact,
-    grasp_blocks,
-    measured_contacts,
-    picture_of,
-    samples_of,
-)
-from tega.teleop.streams import PulledStream, Stream, ThreadedStream
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.calibration.motor_onset import MotorOnset
     from tega.devices.base import EmgChunk, TactileFrame
+    from tega.inbox.bell import Bell
+    from tega.inbox.prepared import Finger, Muscles, Prepared
     from tega.stages.base import Metric
-    from tega.teleop.bell import Bell
     from tega.teleop.pacing import Pacer
-    from tega.teleop.prepare import Finger, Muscles, Prepared
     from tega.teleop.sinks import Sinks
 
 __all__ = ["contact_stream", "latency_trace", "level_stream"]

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 from tega.bus import Bus
 from tega.errors import TegaError
 from tega.hand import split_level
+from tega.inbox.inputs import Inputs, Seen
+from tega.inbox.sources import Block, Contact
+from tega.inbox.stream import NEVER_NS, Stream
 from tega.records import Contact as ContactRecord
 from tega.records import HandCommand, Imposed, Intent, Joints, Skip, bus_frames
 from tega.teleop.hand import HAND_TICK_NS, Hand
-from tega.teleop.inputs import Inputs, Seen
 from tega.teleop.loop_report import LoopReport
 from tega.teleop.pacing import Pacer
-from tega.teleop.sources import Block, Contact
-from tega.teleop.streams import NEVER_NS, Stream
 from tega.teleop.touch import STALE_NS, Felt, TouchLoop
 from tega.teleop.vest_output import VestOutput
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from tega.calibration.motor_onset import motor_onset
 from tega.clock import Clock, SystemClock
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
+from tega.inbox.bell import Bell
 from tega.priority import ahead_of_others, all_along
 from tega.records import Alert, RunState, Value
 from tega.stages.choose import finger_metric
-from tega.teleop.bell import Bell
 from tega.teleop.collector import settle
 from tega.teleop.feedback import touch_loop
 from tega.teleop.flows import contact_stream, latency_trace, level_stream

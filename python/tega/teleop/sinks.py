@@ -10,8 +10,8 @@ from tega.devices.base import HandDriver, SteeredHand, VestSink
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand import split_level
+from tega.inbox.inputs import Inputs, Seat
 from tega.records import HandExchange, bus_frames
-from tega.teleop.inputs import Inputs, Seat
 from tega.teleop.pacing import refuse_live
 from tega.teleop.tables import open_tables
 from tega.worn_vest import dose_file, worn_vest
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
     from tega.hand_link import Received
-    from tega.teleop.prepare import Prepared
+    from tega.inbox.prepared import Prepared
     from tega.wire import CanFrame
 
 __all__ = ["Sinks", "open_inputs", "open_sinks"]

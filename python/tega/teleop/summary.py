@@ -18,11 +18,11 @@ from tega.teleop.touch import STALE_NS
 if TYPE_CHECKING:
     from tega.config import Pace
     from tega.haptics import Layout
+    from tega.inbox.sources import SourceReport
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.pacing import PacingReport
     from tega.teleop.rig import Rig
-    from tega.teleop.sources import SourceReport
 
 __all__ = ["RunFacts", "summarise", "write_summary"]
 

@@ -13,11 +13,11 @@ from tega.safety.guard import Guard, Watched
 
 if TYPE_CHECKING:
     from tega.bus import Bus
+    from tega.inbox.prepared import Prepared
     from tega.markers import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
     from tega.teleop.arm import Steering
-    from tega.teleop.prepare import Prepared
     from tega.teleop.sinks import Sinks
 
 __all__ = ["watch_over"]

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from tega.devices import DeviceInfo, EmgChunk, Options
-from tega.devices.lifecycle import Opened
+from tega.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
 
 

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from tega.devices import DeviceInfo, Options
-from tega.devices.lifecycle import Opened
+from tega.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame
 

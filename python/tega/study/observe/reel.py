@@ -146,7 +146,7 @@ def read_reel(trial: RecordedTrial) -> Reel:
 def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     """Read an MCAP file once, from its beginning to its end."""
     from tega.calibration.store import parse_calibration
-    from tega.devices.lifecycle import require
+    from tega.lifecycle import require
     from tega.recording.mcap_reader import McapReader
 
     cv2 = require("cv2", driver="recording", extra="record")
