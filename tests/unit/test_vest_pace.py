@@ -20,8 +20,9 @@ from tega.config import VestConfig, check_tree
 from tega.devices.vest_stream import VestOptions
 from tega.haptics import vest_frame
 from tega.inbox.bell import Bell
+from tega.inbox.reader import Reader
 from tega.inbox.sources import Contact
-from tega.inbox.stream import PulledStream, ThreadedStream
+from tega.inbox.stream import LiveStream, PulledStream
 from tega.records import Latency
 from tega.replay import replay_file
 from tega.replay.recorded import read_recorded
@@ -108,10 +109,11 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
         until(stopped)
 
     pacer.start()
-    stream: ThreadedStream[Contact] = ThreadedStream("thumb", camera, live=True, on_item=bell.ring)
+    stream: LiveStream[Contact] = LiveStream(on_item=bell.ring)
+    reader = Reader("thumb", camera, stream.put, stream.end)
     loop = loop_of({"thumb": stream}, vest, pacer=pacer, vest_rate_hz=1 / LONG_S)
     report = loop.run(stop=lambda: len(felt) == 4)
-    stream.close()
+    reader.close()
     assert report.n_contacts == {"thumb": 4}
     assert (report.n_vest_ticks, report.n_vest_between) == (1, 3)
     shown = [int(frame.intensities[0]) for _, frame in vest.sent]

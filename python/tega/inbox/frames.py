@@ -7,8 +7,9 @@ from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING
 
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
+from tega.inbox.reader import READ_TIMEOUT_S
 from tega.inbox.repeats import STUCK_FRAMES, LastFrame
-from tega.inbox.sources import READ_TIMEOUT_S, Contact, SourceReport
+from tega.inbox.sources import Contact, SourceReport
 from tega.stages.metrics import contact_metrics_of
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame
-from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError, TegaError
+from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
 from tega.hand import joined_level, nearest_level
+from tega.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.records import EmgSamples, Picture
 from tega.tactile import ContactMetrics
 
@@ -30,12 +31,6 @@ __all__ = [
     "picture_of",
     "samples_of",
 ]
-
-# How long a live source may keep its thread from noticing that the run is over.
-READ_TIMEOUT_S = 0.1
-
-# Between two tries to open a live source that went away.
-REOPEN_S = 1.0
 
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
@@ -223,22 +218,6 @@ def _block(intent: Intent, n_channels: int) -> Block:
     return Block(intent.t_ns, intent.channels, level, closure, intent.confidence)
 
 
-def _came_back(source: EmgSource, stopped: Callable[[], bool]) -> bool:
-    """Open a live source again, as often as it takes; return whether it is there."""
-    while not stopped():
-        time.sleep(READ_TIMEOUT_S)
-        try:
-            source.open()
-        except TegaError:
-            for _ in range(round(REOPEN_S / READ_TIMEOUT_S)):
-                if stopped():
-                    break
-                time.sleep(READ_TIMEOUT_S)
-        else:
-            return True
-    return False
-
-
 def grasp_blocks(
     source: EmgSource,
     decoder: Decoder,
@@ -287,7 +266,7 @@ def grasp_blocks(
             if not live:
                 raise
             report.lose(error.message)
-            if not _came_back(source, stopped):
+            if not opened_again(source, stopped):
                 break
             report.lost = ""
             meter.restart()

@@ -1,24 +1,18 @@
-"""Streams of stamped items for the loop: pulled where waiting costs nothing, read by a thread where it does.
+"""Give a loop its stamped items: a pulled stream computes them when asked, a live one is filled by somebody else.
 
-Where the world is a simulated one, a stream is filled in step with the loop.
-
-A stream is made of an iterator whose items are tuples beginning with a time in nanoseconds since the start of
-the session, in rising order. Its iterator may return the time at which the stream ends (the last frame lasts
-one period); otherwise that is the time of its last item.
+An item is a tuple that begins with a time in nanoseconds since the start of the session; a stream's items are in
+rising order of it.
 """
 
 from __future__ import annotations
 
-import queue
 import threading
+import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable
 from typing import Any, Generic, Protocol, TypeVar
 
-from tega.priority import ahead_of_others
-
-__all__ = ["NEVER_NS", "Item", "PulledStream", "QueuedStream", "Stream", "ThreadedStream"]
+__all__ = ["NEVER_NS", "Item", "LiveStream", "PulledStream", "Stream"]
 
 NEVER_NS = 2**63 - 1
 
@@ -37,10 +31,14 @@ class Stream(Protocol[Item_co]):
 
     ended: bool
     end_ns: int
-    due_ns: int
+
+    @property
+    def due_ns(self) -> int:
+        """Before this time there is nothing to give."""
+        ...
 
     def next_until(self, t_ns: int) -> Item_co | None:
-        """Return the next item stamped at or before ``t_ns``, or ``None`` when there is none (yet)."""
+        """Return the next item known at ``t_ns``, or ``None`` when there is none (yet)."""
         ...
 
     def close(self) -> None:
@@ -49,207 +47,170 @@ class Stream(Protocol[Item_co]):
 
 
 class PulledStream(Generic[Item]):
-    """A stream whose items are computed when they are asked for.
+    """A stream whose items are there, or are computed, when the loop asks for them.
 
     Args:
-        items: The iterator.
+        items: The iterator. It may return the time at which the stream ends (the last frame lasts one period);
+            otherwise that is the time of its last item.
         end_ns: When the stream ends, where the iterator does not return it.
-    """
-
-    def __init__(self, items: Iterable[Item] | Generator[Item, None, int], *, end_ns: int = 0) -> None:
-        self._items = iter(items)
-        self._head: Item | None = None
-        self.ended = False
-        self.end_ns = end_ns
-        self.due_ns = 0
-        self._advance()
-
-    def _advance(self) -> None:
-        try:
-            self._head = next(self._items)
-        except StopIteration as stop:
-            self._head, self.ended, self.due_ns = None, True, NEVER_NS
-            if stop.value is not None:
-                self.end_ns = max(self.end_ns, stop.value)
-        else:
-            self.due_ns = self._head[0]
-            self.end_ns = max(self.end_ns, self.due_ns)
-
-    def next_until(self, t_ns: int) -> Item | None:
-        """Return the next item stamped at or before ``t_ns``, or ``None``."""
-        head = self._head
-        if head is None or head[0] > t_ns:
-            return None
-        self._advance()
-        return head
-
-    def close(self) -> None:
-        """Drop what is left."""
-        self._head, self.ended = None, True
-
-
-class QueuedStream(Generic[Item]):
-    """A stream that is filled in step with the loop, by whoever makes the loop's time pass.
-
-    Args:
-        due_ns: Before this time nothing will be put in.
-    """
-
-    def __init__(self, *, due_ns: int = 0) -> None:
-        self._items: deque[Item] = deque()
-        self.ended = False
-        self.end_ns = 0
-        self.due_ns = self._next_ns = due_ns
-
-    def put(self, item: Item, *, next_ns: int) -> None:
-        """Add an item.
-
-        Args:
-            item: It, with a time not before that of the item before it.
-            next_ns: The next one's time, or any before it.
-        """
-        self._items.append(item)
-        self._next_ns = next_ns
-        self.due_ns = self._items[0][0]
-        self.end_ns = max(self.end_ns, item[0])
-
-    def next_until(self, t_ns: int) -> Item | None:
-        """Return the next item stamped at or before ``t_ns``, or ``None``."""
-        if self.due_ns > t_ns or not self._items:
-            return None
-        head = self._items.popleft()
-        self.due_ns = self._items[0][0] if self._items else self._next_ns
-        return head
-
-    def end(self, t_ns: int) -> None:
-        """Put an end to the stream, and drop what was not taken."""
-        self._items.clear()
-        self.ended, self.end_ns, self.due_ns = True, t_ns, NEVER_NS
-
-    def close(self) -> None:
-        """Drop what is left."""
-        self.end(self.end_ns)
-
-
-class _End:
-    def __init__(self, end_ns: int | None, error: BaseException | None) -> None:
-        self.end_ns = end_ns
-        self.error = error
-
-
-class ThreadedStream(Generic[Item]):
-    """A stream whose items are made by a thread of its own.
-
-    Of a recording every item arrives, in order: the thread waits when it is far ahead, the loop waits until it
-    knows what comes next. Of a live device the loop never waits, and when it does not keep up the oldest items
-    are lost and counted. An error in the thread is raised in the loop, after the items made before it.
-
-    Args:
-        name: For the thread.
-        produce: Makes the iterator; called in the thread with a function that tells when to stop.
-        live: Whether the source runs on its own clock.
-        on_loss: Called in the thread for every item lost.
-        on_item: Called in the thread when an item can be taken.
-        capacity: Items held at most.
+        known: When each item is known; ``None`` for the time it is stamped with.
+        over: Whether it is known by now that nothing follows the last item.
     """
 
     def __init__(
         self,
-        name: str,
-        produce: Callable[[Callable[[], bool]], Iterable[Item]],
+        items: Iterable[Item],
         *,
-        live: bool,
-        on_loss: Callable[[], None] = lambda: None,
-        on_item: Callable[[], None] = lambda: None,
-        capacity: int = 64,
+        end_ns: int = 0,
+        known: Iterable[int] | None = None,
+        over: Callable[[], bool] = lambda: True,
     ) -> None:
-        self._produce = produce
-        self._live = live
-        self._on_loss = on_loss
-        self._on_item = on_item
-        self._queue: queue.Queue[Item | _End] = queue.Queue(capacity)
-        self._stop = threading.Event()
+        self._items = iter(items)
+        self._known = None if known is None else iter(known)
+        self._over = over
         self._head: Item | None = None
+        self._begun = False
         self.ended = False
-        self.end_ns = 0
+        self.end_ns = end_ns
         self.due_ns = 0
-        self._thread = threading.Thread(target=self._work, name=f"tega-{name}", daemon=True)
-        self._thread.start()
 
-    def _work(self) -> None:
-        end_ns, error = None, None
+    def _advance(self) -> None:
         try:
-            with ahead_of_others("measure") if self._live else nullcontext():
-                end_ns = self._pass_on(iter(self._produce(self._stop.is_set)))
-        except BaseException as raised:  # carried to the loop, which raises it
-            error = raised
-        self._put(_End(end_ns, error))
+            head = next(self._items)
+        except StopIteration as stop:
+            self._head, self.due_ns = None, 0
+            if stop.value is not None:
+                self.end_ns = max(self.end_ns, stop.value)
+            self._look_for_the_end()
+        else:
+            self._head = head
+            self.due_ns = head[0] if self._known is None else next(self._known)
+            self.end_ns = max(self.end_ns, head[0])
 
-    def _pass_on(self, items: Iterator[Item]) -> int | None:
-        while not self._stop.is_set():
-            try:
-                item = next(items)
-            except StopIteration as stop:
-                end_ns: int | None = stop.value
-                return end_ns
-            self._put(item)
-            self._on_item()
-        return None
-
-    def _put(self, item: Item | _End) -> None:
-        while not self._stop.is_set():
-            try:
-                self._queue.put(item, timeout=0.0 if self._live else 0.1)
-            except queue.Full:
-                if self._live:
-                    self._lose_oldest()
-            else:
-                return
-
-    def _lose_oldest(self) -> None:
-        try:
-            self._queue.get_nowait()
-        except queue.Empty:
-            return
-        self._on_loss()
+    def _look_for_the_end(self) -> None:
+        if self._over():
+            self.ended, self.due_ns = True, NEVER_NS
 
     def next_until(self, t_ns: int) -> Item | None:
-        """Return the next item stamped at or before ``t_ns``, or ``None`` when there is none (yet).
+        """Return the next item known at ``t_ns``, or ``None``.
 
         Raises:
-            BaseException: Whatever stopped the thread.
+            Exception: Whatever the iterator raises.
         """
-        if self._head is None and not self.ended:
-            self._fetch()
-        head = self._head
-        if head is None or head[0] > t_ns:
+        if not self._begun:
+            self._begun = True
+            self._advance()
+        if self.due_ns > t_ns:
             return None
-        self._head = None
-        if not self._live:
-            # What follows decides whether the recording is over, which the loop has to know by now.
-            self._fetch()
+        head = self._head
+        if head is None:
+            self._look_for_the_end()
+            return None
+        self._advance()
         return head
 
-    def _fetch(self) -> None:
-        if self._live and not self._queue.queue:
-            return  # as it mostly is; the queue's own way of saying so takes a lock and an exception
+    def close(self) -> None:
+        """Drop what is left."""
+        close = getattr(self._items, "close", None)
+        if close is not None:
+            close()
+        self._begun, self._head, self.ended, self.due_ns = True, None, True, NEVER_NS
+
+
+class LiveStream(Generic[Item]):
+    """A stream that is filled by another thread, the link, or whoever makes the loop's time pass; the loop never waits.
+
+    Args:
+        capacity: Items held at most; where the loop does not keep up, the oldest are lost.
+        due_ns: Before this time nothing will be put in.
+        clock: Returns the monotonic time by which items lapse.
+
+    Attributes:
+        on_loss: Called for every item that was not taken in time, in the thread that finds out.
+        on_item: Called when an item can be taken, in the thread that put it in.
+    """
+
+    def __init__(
+        self,
+        *,
+        capacity: int = 64,
+        due_ns: int = 0,
+        clock: Callable[[], int] = time.monotonic_ns,
+        on_loss: Callable[[], None] = lambda: None,
+        on_item: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._items: deque[tuple[Item, int]] = deque()
+        self._lock = threading.Lock()
+        self._capacity, self._clock = capacity, clock
+        self._next_ns = due_ns
+        self._stopped = False
+        self._error: BaseException | None = None
+        self.on_loss, self.on_item = on_loss, on_item
+        self.ended = False
+        self.end_ns = 0
+
+    @property
+    def due_ns(self) -> int:
+        """Before this time there is nothing to give."""
         try:
-            got = self._queue.get(block=not self._live)
-        except queue.Empty:
-            return
-        if isinstance(got, _End):
-            self.ended, self.due_ns = True, NEVER_NS
-            if got.end_ns is not None:
-                self.end_ns = max(self.end_ns, got.end_ns)
-            if got.error is not None:
-                raise got.error
-        else:
-            self._head = got
-            self.due_ns = 0 if self._live else got[0]
-            self.end_ns = max(self.end_ns, got[0])
+            return self._items[0][0][0]  # type: ignore[no-any-return]
+        except IndexError:
+            return NEVER_NS if self.ended else self._next_ns
+
+    def put(self, item: Item, *, use_by_ns: int = NEVER_NS, next_ns: int = 0) -> None:
+        """Add an item.
+
+        Args:
+            item: It, with a time not before that of the item before it.
+            use_by_ns: Until when it may be taken, on the stream's clock.
+            next_ns: The next one's time, or any before it.
+        """
+        with self._lock:
+            lost = len(self._items) >= self._capacity
+            if lost:
+                self._items.popleft()
+            self._items.append((item, use_by_ns))
+            self._next_ns = next_ns
+            self.end_ns = max(self.end_ns, item[0])
+        if lost:
+            self.on_loss()
+        self.on_item()
+
+    def end(self, end_ns: int | None = None, error: BaseException | None = None) -> None:
+        """Put nothing in any more.
+
+        Args:
+            end_ns: When the stream ends; ``None`` for the time of its last item.
+            error: What the loop is to find after the items before it.
+        """
+        with self._lock:
+            self.end_ns = max(self.end_ns, end_ns or 0)
+            self._error = error
+            self._next_ns, self._stopped = 0, True
+
+    def next_until(self, t_ns: int) -> Item | None:
+        """Return the next item stamped at or before ``t_ns`` that has not lapsed, or ``None``.
+
+        Raises:
+            BaseException: Whatever the stream ended with.
+        """
+        while self._items:  # without the lock: there is mostly nothing
+            with self._lock:
+                if not self._items or self._items[0][0][0] > t_ns:
+                    return None
+                item, use_by_ns = self._items.popleft()
+            if use_by_ns == NEVER_NS or self._clock() <= use_by_ns:
+                return item
+            self.on_loss()
+        if self._stopped and not self._items:
+            self.ended = True
+            if (error := self._error) is not None:
+                self._error = None
+                raise error
+        return None
 
     def close(self) -> None:
-        """Stop the thread and wait for it."""
-        self._stop.set()
-        self._thread.join(timeout=5.0)
-        self.ended = True
+        """Drop what is left, and take no more."""
+        with self._lock:
+            self._items.clear()
+            self._stopped = self.ended = True

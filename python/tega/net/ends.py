@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tega.arm.pose import StampedPose
     from tega.inbox.prepared import Muscles
     from tega.inbox.sources import Block
-    from tega.net.streams import InboxStream
+    from tega.inbox.stream import LiveStream
     from tega.wire import CanFrame
 
 __all__ = ["FarFinger", "FarHand", "FarMuscles", "FarSwitch", "FarTracker", "far_muscles"]
@@ -118,7 +118,7 @@ class FarMuscles(Opened):
             return None
 
 
-def far_muscles(source: Any, blocks: InboxStream[Block]) -> Muscles:
+def far_muscles(source: Any, blocks: LiveStream[Block]) -> Muscles:
     """Return the EMG side of a run whose samples and levels come over the link."""
     from tega.calibration import EmgMaxima
     from tega.inbox.prepared import Muscles

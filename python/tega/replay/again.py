@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from tega.bus import Bus
 from tega.clock import ManualClock
 from tega.foreign_file import tells_damage
+from tega.inbox.stream import NEVER_NS, Item, PulledStream
 from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
 from tega.records.schema import values
 from tega.replay.arm import compare_arm
@@ -45,8 +46,6 @@ __all__ = ["Replay", "replay_file"]
 
 # When things were done is no result.
 _WHEN = frozenset({"t_ns", "taken_ns", "known_ns"})
-
-Item = TypeVar("Item", bound=tuple[Any, ...])
 
 
 class Replay(msgspec.Struct, frozen=True):
@@ -158,10 +157,10 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
     bus.subscribe(VestFrame, again.vest_frame, vital=True)
     bus.subscribe(HandCommand, lambda asked: again.command(asked, hand.level), vital=True)
     contacts = {
-        finger: _TakenStream(contact_items(recorded, measured, finger), pacer, recorded)
+        finger: _as_taken(contact_items(recorded, measured, finger), pacer, recorded)
         for finger in recorded.contacts
     }
-    levels = _TakenStream(level_items(recorded, measured), pacer, recorded) if with_emg else None
+    levels = _as_taken(level_items(recorded, measured), pacer, recorded) if with_emg else None
     loop = DualLoop(
         pacer=pacer,
         touch=touch_loop(config, measured.calibration, recorded.contacts),
@@ -184,32 +183,20 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
     return again
 
 
-class _TakenStream(Generic[Item]):
-    """A stream that gives its items at the ticks at which they were taken in.
+def _as_taken(items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> PulledStream[Item]:
+    """Return a stream whose items come at the ticks at which they were taken in.
 
     Where every source had ended, it ends with the last tick of the run.
     """
-
-    def __init__(self, items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> None:
-        self._items = items
-        self._next = 0
-        self._pacer = pacer
-        end_ns, ended, _ = recorded.end or (0, "", 0)
-        self._completes = ended == "complete"
-        self.end_ns = end_ns
-        self.ended = False
-        self.due_ns = 0
-
-    def next_until(self, t_ns: int) -> Item | None:  # noqa: ARG002  # the tick says more than the time
-        self.ended = self._completes and self._pacer.over()
-        if self._next >= len(self._items) or self._items[self._next][0] > self._pacer.tick_ns:
-            return None
-        item = self._items[self._next][1]
-        self._next += 1
-        return item
-
-    def close(self) -> None:
-        self._next = len(self._items)
+    end_ns, ended, _ = recorded.end or (0, "", 0)
+    # The last look of a set time is before its end.
+    latest_ns = end_ns - 1 if ended == "duration" else NEVER_NS
+    return PulledStream(
+        [item for _, item in items],
+        end_ns=end_ns,
+        known=[min(taken_ns, latest_ns) for taken_ns, _ in items],
+        over=pacer.over if ended == "complete" else lambda: False,
+    )
 
 
 class _RecordedPacer(Pacer):

@@ -8,8 +8,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tega.inbox.frames import measured_contacts
+from tega.inbox.reader import ReadAhead, Reader
 from tega.inbox.sources import Block, Contact, grasp_blocks, picture_of, samples_of
-from tega.inbox.stream import PulledStream, Stream, ThreadedStream
+from tega.inbox.stream import LiveStream, PulledStream, Stream
 from tega.records import EmgSamples, Picture
 from tega.teleop.latency import LatencyTrace
 
@@ -91,14 +92,14 @@ def contact_stream(
             **told,
         )
 
-    stream: ThreadedStream[Contact] = ThreadedStream(
-        name,
-        produce,
-        live=live,
-        on_loss=finger.report.drop,
-        on_item=bell.ring if bell is not None else lambda: None,
+    if not live:
+        read = PulledStream(ReadAhead(name, produce))
+        stack.callback(read.close)
+        return read
+    stream: LiveStream[Contact] = LiveStream(
+        on_loss=finger.report.drop, on_item=bell.ring if bell is not None else lambda: None
     )
-    stack.callback(stream.close)
+    stack.callback(Reader(name, produce, stream.put, stream.end, ahead=True).close)
     return stream
 
 
@@ -128,8 +129,7 @@ def level_stream(
         return PulledStream(produce())
     if trace is not None:
         produce = partial(produce, stamp=trace.source("emg"))
-    stream: ThreadedStream[Block] = ThreadedStream(
-        "emg", lambda stopped: produce(stopped=stopped), live=True, on_loss=muscles.report.drop
-    )
-    stack.callback(stream.close)
+    stream: LiveStream[Block] = LiveStream(on_loss=muscles.report.drop)
+    reader = Reader("emg", lambda stopped: produce(stopped=stopped), stream.put, stream.end, ahead=True)
+    stack.callback(reader.close)
     return stream
