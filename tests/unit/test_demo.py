@@ -29,7 +29,7 @@ from tega.sim.gel import Gel, ball
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.score import Event
 from tega.tactile import ContactMetrics, read_contact
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
 from tega.view.terminal import TerminalView, render
 

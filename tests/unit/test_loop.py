@@ -26,7 +26,8 @@ from tega.records import Contact
 from tega.stages.choose import preset_metric
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView, Moment
 from tega.teleop.pacing import Pacer
 from tega.teleop.touch import TouchLoop
 
@@ -44,7 +45,9 @@ def run_loop(
     observer: Callable[[LoopView], None] | None = None,
     **how: Any,
 ) -> DualLoop:
-    contacts = contacts or {}
+    contacts, bus = contacts or {}, Bus()
+    if observer is not None:
+        bus.subscribe(Moment, lambda moment: observer(moment.view), vital=True)
     loop = DualLoop(
         pacer=Pacer(clock or ManualClock()),
         touch=TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
@@ -53,7 +56,7 @@ def run_loop(
         hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
-        observer=observer,
+        bus=bus,
     )
     loop.run(**how)
     return loop

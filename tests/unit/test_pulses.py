@@ -24,7 +24,8 @@ from tega.replay import replay_file
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView
 from tega.teleop.pacing import Pacer
 from tega.teleop.session import run_session
 from tega.teleop.touch import TouchLoop

@@ -22,7 +22,8 @@ from tega.inbox.stream import PulledStream
 from tega.sim.gel import Gel
 from tega.teleop import run_session
 from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView
 from tega.teleop.pacing import Pacer
 from tega.teleop.touch import TouchLoop
 

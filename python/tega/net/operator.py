@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tega.inbox.prepared import Prepared
     from tega.safety.guard import Guard
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
     from tega.teleop.sinks import Sinks
 
 __all__ = ["OperatorStation"]

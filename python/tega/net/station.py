@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tega.inbox.prepared import Prepared
     from tega.safety.guard import Guard
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
     from tega.teleop.sinks import Sinks
 
 __all__ = ["Station", "open_station"]
@@ -105,15 +105,9 @@ class Station(Opened):
         """Tell that the run's state has changed."""
         self._tell(f"{change.state}: {change.reason}")
 
-    def beside(self, observer: Callable[[LoopView], None] | None) -> Callable[[LoopView], None]:
-        """Return an observer that is also shown how the link is."""
-
-        def observe(view: LoopView) -> None:
-            self._view = view
-            if observer is not None:
-                observer(self.shown(view))
-
-        return observe
+    def seen(self, view: LoopView) -> None:
+        """Take note of the newest moment of the run."""
+        self._view = view
 
     def shown(self, view: LoopView) -> LoopView:
         """Complete a moment for a display."""

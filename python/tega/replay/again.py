@@ -36,6 +36,7 @@ from tega.replay.recorded import Recorded, read_recorded
 from tega.teleop.feedback import touch_loop
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
+from tega.teleop.moment import Moment
 from tega.teleop.pacing import Pacer
 
 if TYPE_CHECKING:
@@ -155,6 +156,8 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
     bus.subscribe(Contact, again.contact, vital=True)
     bus.subscribe(Intent, again.intent, vital=True)
     bus.subscribe(VestFrame, again.vest_frame, vital=True)
+    if head.facts["observed"] == "true":
+        bus.subscribe(Moment, lambda _moment: None)
     bus.subscribe(HandCommand, lambda asked: again.command(asked, hand.level), vital=True)
     contacts = {
         finger: _as_taken(contact_items(recorded, measured, finger), pacer, recorded)
@@ -172,7 +175,6 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
         bus=bus,
         vest_rate_hz=config.vest.rate_hz,
         by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
-        observer=(lambda _view: None) if head.facts["observed"] == "true" else None,
         haptics=haptics,
         endless=bool(recorded.turns),
     )

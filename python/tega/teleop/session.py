@@ -15,7 +15,7 @@ from tega.priority import realtime
 from tega.recording import prepare_folder
 from tega.safety.states import Transition
 from tega.teleop.collector import settled
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.prepare import Progress
 from tega.teleop.rig import open_rig
 from tega.teleop.run import run_loop

@@ -18,7 +18,7 @@ import numpy as np
 from tega.errors import RecordingError, TegaError
 from tega.hand import JOINT_NAMES
 from tega.study.hand_rows import read_hand
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.touch import STALE_NS
 from tega.view.state import TouchImage, ViewState
 
