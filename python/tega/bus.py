@@ -74,7 +74,8 @@ class Bus:
         """Have a function called with every record of a kind from now on.
 
         Args:
-            topic: The kind; subclasses belong to it, so :class:`~tega.records.Record` is all of them.
+            topic: The kind; subclasses belong to it, so :class:`~tega.records.Record` is all of them that have a
+                topic. One without is told only to who asks for its very kind.
             function: Called with each record; nothing may be changed in one.
             name: What to call the subscriber where it fails.
             vital: Whether its failure is the publisher's, as in a computation where nobody steers a hand.
@@ -115,7 +116,11 @@ class Bus:
         found = self._of.get(kind)
         if found is None:
             with self._lock:
-                found = tuple(s for s in self._subscriptions if issubclass(kind, s.topic))
+                found = tuple(
+                    s
+                    for s in self._subscriptions
+                    if issubclass(kind, s.topic) and (kind.topic or s.topic is kind)
+                )
                 self._of[kind] = found
         return found
 

@@ -43,6 +43,8 @@ def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
         TegaError: The vest cannot be opened.
     """
     vest: VestSink = driver_class(str(section.driver), "vest")(section.options)
+    if hasattr(vest, "keep_alive_s"):
+        vest.keep_alive_s = section.keep_alive_s
     with ExitStack() as stack:
         budget = getattr(vest, "budget", None)
         if budget is not None and file is not None:

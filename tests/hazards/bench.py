@@ -15,7 +15,7 @@ from typing import Any
 from tega.config import check_tree
 from tega.safety.states import Transition
 from tega.safety.stop import Stop
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.session import run_session
 from tega.testing.lab import EmulatedLab, emulated_lab
 

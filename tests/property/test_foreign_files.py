@@ -28,11 +28,11 @@ from tega.calibration import Calibration, FingerMaxima, load_calibration, save_c
 from tega.calibration.records import TouchRecord, read_record
 from tega.config import load_config
 from tega.devices.emg_formats import read_emg_file
-from tega.devices.opencv import read_image
 from tega.devices.video import VideoFile, VideoFileOptions
 from tega.errors import CalibrationError, ConfigError, RecordingError, TegaError
 from tega.foreign_file import MIB, load_npy
 from tega.hand_poses import load_poses
+from tega.opencv import read_image
 from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
 from tega.study.journal import Journal, read_events

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tega.bus import Bus
 from tega.config import check_tree
 from tega.devices.base import EmgChunk
+from tega.inbox.sources import metrics_of, samples_of
 from tega.net.clock import ClockEstimate, Offset
 from tega.net.commands import Commands
 from tega.net.ends import FarMuscles, FarTracker
@@ -35,7 +36,6 @@ from tega.net.robot import RobotStation
 from tega.net.samples import SampleReceiver, SampleSender
 from tega.net.touch import FarTouch
 from tega.records import Contact
-from tega.teleop.sources import metrics_of, samples_of
 
 TTL_NS = 100_000_000
 _ns = st.integers(-(10**10), 10**10)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from tega.haptics import FINGERS, intensity, vest_frame
+from tega.inbox.sources import Block
 from tega.sim.gel import Gel, ball
 from tega.tactile import read_contact
-from tega.teleop.loop import LoopView
-from tega.teleop.sources import Block
+from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
 from tega.view.state import EmgTail, Shape, TouchImage, ViewState
 

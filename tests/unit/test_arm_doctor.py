@@ -18,7 +18,7 @@ from tega.cli.main import main
 from tega.config import check_tree, load_config
 from tega.doctor import Finding, examine, lab_settings
 from tega.teleop.arm_view import ArmView
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
 from tega.testing.emulated_bench import EmulatedBench
 from tega.testing.emulators.process import Emulator

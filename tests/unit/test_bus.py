@@ -13,7 +13,7 @@ from tega.bus import Backlog, Bus
 from tega.config import check_tree
 from tega.records import Alert, Contact, Intent, Marker, Record, RunState, VestFrame
 from tega.replay import replay_file
-from tega.teleop import run_session
+from tega.teleop import LoopView, Moment, run_session
 
 
 def session(folder: Path) -> dict[str, Any]:
@@ -162,3 +162,36 @@ def test_markers_of_two_kinds_are_told_apart_by_their_topic() -> None:
     assert Marker(t_ns=0, text="x").where == "/run/marker"
     contact = Contact(finger="ring", t_ns=5, taken_ns=7, in_contact=False)
     assert (contact.where, contact.log_ns) == ("/tactile/ring/contact", 7)
+
+
+def test_a_moment_is_made_only_for_who_asks_for_it() -> None:
+    bus, recorded, shown = Bus(), list[Record](), list[Moment]()
+    bus.subscribe(Record, recorded.append)
+    assert not bus.wants(Moment)
+    bus.subscribe(Moment, shown.append)
+    view = LoopView(0, {}, [], None, None, None, {})
+    bus.publish(Moment(t_ns=0, view=view))
+    assert [moment.view for moment in shown] == [view]
+    assert recorded == []
+
+
+def test_a_display_that_stands_still_holds_up_nobody() -> None:
+    bus, shown, looked, go = Bus(), list[int](), threading.Event(), threading.Event()
+
+    def look(moment: Moment) -> None:
+        looked.set()
+        go.wait(60)
+        shown.append(moment.t_ns)
+
+    backlog = Backlog("display", most=3)
+    bus.subscribe(Moment, look, name="display", backlog=backlog)
+    view = LoopView(0, {}, [], None, None, None, {})
+    bus.publish(Moment(t_ns=0, view=view))
+    assert looked.wait(60)
+    for t_ns in range(1, 100):  # returns every time, though nobody takes them
+        bus.publish(Moment(t_ns=t_ns, view=view))
+    assert backlog.n_dropped == 96
+    assert "display" in bus.problem()
+    go.set()
+    backlog.close()
+    assert shown == [0, 1, 2, 3]

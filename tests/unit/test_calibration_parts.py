@@ -19,8 +19,8 @@ from tega.calibration.wizard import Calibrating, parts_of
 from tega.cli.guide import LineGuide
 from tega.config import load_config
 from tega.devices.base import DeviceInfo, EmgChunk
-from tega.devices.opencv import read_image
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError
+from tega.opencv import read_image
 from tega.tactile import ContactMetrics
 
 CHAIN = Chain(500.0, 50, "raw", ("ch1", "ch2", "ch3"))

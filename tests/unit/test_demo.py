@@ -21,6 +21,7 @@ from tega.devices.synthetic import (
     effort_at,
 )
 from tega.haptics import vest_frame
+from tega.inbox.sources import Block
 from tega.recording import prepare_folder
 from tega.sim import demo as demo_module
 from tega.sim.demo import DemoReport, demo_heading
@@ -28,8 +29,7 @@ from tega.sim.gel import Gel, ball
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.score import Event
 from tega.tactile import ContactMetrics, read_contact
-from tega.teleop.loop import LoopView
-from tega.teleop.sources import Block
+from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
 from tega.view.terminal import TerminalView, render
 

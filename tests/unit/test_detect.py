@@ -131,8 +131,8 @@ def test_a_record_and_the_run_agree_on_a_slip_and_steady_holds_have_none() -> No
 def test_the_simulated_bench_shows_its_lift_off_and_its_slip() -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("scipy")
-    from tega.sim.check_events import WAYS, compare, judge, run
     from tega.sim.plan import TrialPlan
+    from tega.study.check_events import WAYS, compare, judge, run
 
     kept = run(TrialPlan(object="bag", condition="non-haptic", seed=1))
     assert {event.kind for event in kept.result.events} >= {"lift_off", "slip"}

@@ -12,10 +12,10 @@ import pytest
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.config import check_tree
 from tega.devices.base import DeviceInfo, EmgChunk
+from tega.inbox.sources import SourceReport, grasp_blocks
 from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega.teleop.session import run_session
-from tega.teleop.sources import SourceReport, grasp_blocks
 from tega.testing.emulators.process import Emulator
 
 

@@ -18,6 +18,8 @@ from reference.sessions import messages, told
 from tega.config import StagesSection, check_tree
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
+from tega.inbox.prepared import Finger, Muscles, Prepared
+from tega.inbox.sources import SourceReport
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_reader import McapReader
@@ -28,8 +30,6 @@ from tega.replay import replay_file
 from tega.replay.recorded import read_recorded
 from tega.stages.choose import muscle_decoder
 from tega.teleop import run_session
-from tega.teleop.prepare import Finger, Muscles, Prepared
-from tega.teleop.sources import SourceReport
 
 GOLDEN = Path(__file__).parent.parent / "golden"
 

@@ -14,7 +14,7 @@ from reference.held import PEDAL, TWO
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.teleop import run_session
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.view.state import ViewState

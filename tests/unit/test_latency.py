@@ -14,10 +14,10 @@ import pytest
 
 from tega.bus import Bus
 from tega.config import check_tree
+from tega.inbox.spread import Spread
 from tega.records import Latency
 from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, LatencyTrace
 from tega.teleop.session import run_session
-from tega.teleop.spread import Spread
 from tega.testing.lab import PRESSED, emulated_lab, pressing
 
 MS = 1_000_000

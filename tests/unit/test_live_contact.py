@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.audit import Mark, read_marks
-from tega.devices.opencv import read_image
+from tega.opencv import read_image
 from tega.tactile import contact_mask, estimate_baseline, read_contact
 
 Image = NDArray[np.uint8]

@@ -18,14 +18,17 @@ from tega.clock import ManualClock, SystemClock
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import VestFrame, intensity
+from tega.inbox.frames import measured_contacts
+from tega.inbox.reader import ReadAhead, Reader
+from tega.inbox.sources import Block, SourceReport
+from tega.inbox.stream import LiveStream, PulledStream
 from tega.records import Contact
 from tega.stages.choose import preset_metric
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView, Moment
 from tega.teleop.pacing import Pacer
-from tega.teleop.sources import Block, SourceReport, measured_contacts
-from tega.teleop.streams import PulledStream, ThreadedStream
 from tega.teleop.touch import TouchLoop
 
 SMALL = np.zeros((9, 9, 3), np.uint8)
@@ -42,7 +45,9 @@ def run_loop(
     observer: Callable[[LoopView], None] | None = None,
     **how: Any,
 ) -> DualLoop:
-    contacts = contacts or {}
+    contacts, bus = contacts or {}, Bus()
+    if observer is not None:
+        bus.subscribe(Moment, lambda moment: observer(moment.view), vital=True)
     loop = DualLoop(
         pacer=Pacer(clock or ManualClock()),
         touch=TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
@@ -51,7 +56,7 @@ def run_loop(
         hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
-        observer=observer,
+        bus=bus,
     )
     loop.run(**how)
     return loop
@@ -253,7 +258,7 @@ def test_a_threaded_recording_arrives_whole_and_in_order() -> None:
         for k in range(500):
             yield (k * MS,)
 
-    stream: ThreadedStream[tuple[int]] = ThreadedStream("test", produce, live=False, capacity=4)
+    stream = PulledStream(ReadAhead("test", produce, capacity=4))
     got = []
     for t in range(0, 600, 7):
         while (item := stream.next_until(t * MS)) is not None:
@@ -270,7 +275,7 @@ def test_an_error_in_the_thread_comes_after_what_was_made_before_it() -> None:
         yield (MS,)
         raise RecordingError("frame 3 is torn")
 
-    stream: ThreadedStream[tuple[int]] = ThreadedStream("test", produce, live=False)
+    stream = PulledStream(ReadAhead("test", produce))
     assert stream.next_until(0) == (0,)
     with pytest.raises(RecordingError, match="torn"):
         stream.next_until(MS)
@@ -288,9 +293,8 @@ def test_a_live_stream_never_makes_the_loop_wait_and_loses_the_oldest() -> None:
         while not stopped():
             threading.Event().wait(0.01)
 
-    stream: ThreadedStream[tuple[int]] = ThreadedStream(
-        "test", produce, live=True, capacity=4, on_loss=lambda: lost.append(1)
-    )
+    stream: LiveStream[tuple[int]] = LiveStream(capacity=4, on_loss=lambda: lost.append(1))
+    reader = Reader("test", produce, stream.put, stream.end)
     assert filled.wait(5)
     got = []
     while (item := stream.next_until(MS)) is not None:
@@ -298,15 +302,46 @@ def test_a_live_stream_never_makes_the_loop_wait_and_loses_the_oldest() -> None:
     assert got == [6, 7, 8, 9]
     assert len(lost) == 6
     assert not stream.ended
-    stream.close()
+    reader.close()
+    assert stream.next_until(MS) is None
+    assert stream.ended
+
+
+def test_a_live_stream_ends_with_its_error_after_the_items_before_it() -> None:
+    stream: LiveStream[tuple[int]] = LiveStream()
+    stream.put((1,))
+    stream.end(error=RecordingError("frame 3 is torn"))
+    assert not stream.ended
+    assert stream.next_until(MS) == (1,)
+    with pytest.raises(RecordingError, match="torn"):
+        stream.next_until(MS)
+    assert (stream.ended, stream.next_until(MS)) == (True, None)
+
+
+def test_what_came_over_a_link_lapses() -> None:
+    now, lost = [0], list[int]()
+    stream: LiveStream[tuple[int]] = LiveStream(clock=lambda: now[0], on_loss=lambda: lost.append(1))
+    stream.put((1,), use_by_ns=10)
+    stream.put((2,), use_by_ns=30)
+    now[0] = 20
+    assert stream.next_until(MS) == (2,)
+    assert len(lost) == 1
+
+
+def test_a_pulled_stream_gives_items_when_they_are_known_and_ends_when_that_is_known() -> None:
+    over = [False]
+    stream = PulledStream([(1,), (2,)], known=[10, 20], end_ns=25, over=lambda: over[0])
+    assert [stream.next_until(t) for t in (5, 10, 15, 20)] == [None, (1,), None, (2,)]
+    assert (stream.next_until(25), stream.ended) == (None, False)
+    over[0] = True
+    assert (stream.next_until(25), stream.ended, stream.end_ns) == (None, True, 25)
 
 
 def test_closing_a_stream_frees_a_thread_that_waits_for_room() -> None:
-    stream: ThreadedStream[tuple[int]] = ThreadedStream(
-        "test", lambda _stopped: ((k,) for k in range(10**9)), live=False, capacity=2
-    )
+    stream = PulledStream(ReadAhead("waits", lambda _stopped: ((k,) for k in range(10**9)), capacity=2))
+    assert "tega-waits" in {thread.name for thread in threading.enumerate()}
     stream.close()
-    assert not stream._thread.is_alive()
+    assert "tega-waits" not in {thread.name for thread in threading.enumerate()}
 
 
 def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
@@ -338,9 +373,9 @@ def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> Non
 
 
 def test_chunk_size_does_not_change_levels_or_stamps() -> None:
+    from tega.inbox.sources import grasp_blocks
     from tega.stages.base import MuscleSetup
     from tega.stages.decoders import RulesDecoder, RulesOptions
-    from tega.teleop.sources import grasp_blocks
 
     samples = np.random.default_rng(3).standard_normal((1000, 2)) * np.linspace(0, 3, 1000)[:, None]
 

@@ -25,6 +25,7 @@ from tega.calibration import (
 )
 from tega.config import load_config
 from tega.errors import CalibrationError, ConfigError
+from tega.inbox.prepared import Prepared
 from tega.net.link import Channel, Link
 from tega.net.messages import Refused, Welcome
 from tega.net.settings import NetSection
@@ -34,7 +35,6 @@ from tega.recording.mcap_reader import McapReader
 from tega.records import Picture
 from tega.replay import replay_file
 from tega.teleop import run_session
-from tega.teleop.prepare import Prepared
 from tega.testing.stations import Program, free_port, split, write_stations, write_trees
 
 pytestmark = pytest.mark.slow

@@ -14,19 +14,6 @@ import tega
 ROOT = Path(tega.__file__).parent
 PACKAGES = {path.parent.name for path in ROOT.glob("*/__init__.py")}
 
-# What is left to be healed. A pair may only ever leave this list.
-STILL = {
-    ("arm", "devices"),
-    ("arm", "sim"),
-    ("calibration", "teleop"),
-    ("cli", "soak"),
-    ("cli", "testing"),
-    ("devices", "sim"),
-    ("net", "teleop"),
-    ("sim", "study"),
-    ("sim", "view"),
-}
-
 
 def needed(tree: ast.AST) -> Iterator[str]:
     """Return every module of the project that a file imports when it runs, also within functions."""
@@ -66,14 +53,7 @@ def circles(found: dict[str, dict[str, list[str]]]) -> dict[tuple[str, str], lis
 
 
 def test_no_two_packages_import_each_other() -> None:
-    found = circles(imports(ROOT))
-    new = {pair: files for pair, files in found.items() if pair not in STILL}
-    assert new == {}, "move what both need below both"
-
-
-def test_the_list_of_those_that_still_do_only_shrinks() -> None:
-    healed = STILL - circles(imports(ROOT)).keys()
-    assert healed == set(), "take the pair off the list"
+    assert circles(imports(ROOT)) == {}, "move what both need below both"
 
 
 def test_a_pair_would_be_found(tmp_path: Path) -> None:

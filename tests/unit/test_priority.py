@@ -17,7 +17,7 @@ from tega import priority
 from tega.config import check_tree
 from tega.priority import ahead_of_others, all_along, bring_along, realtime
 from tega.teleop.collector import settle, settled
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.session import run_session
 from tega.testing.lab import emulated_lab
 

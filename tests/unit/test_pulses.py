@@ -19,14 +19,15 @@ from tega.clock import ManualClock
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.haptics import FeltMap, VestFrame
+from tega.inbox.stream import PulledStream
 from tega.replay import replay_file
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView
 from tega.teleop.pacing import Pacer
 from tega.teleop.session import run_session
-from tega.teleop.streams import PulledStream
 from tega.teleop.touch import TouchLoop
 from tega.testing.emulators.vests import seen_by
 from tega.testing.lab import emulated_lab

@@ -16,7 +16,7 @@ from tega.config import check_tree
 from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
 from tega.teleop import run_session
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.toml_text import config_text

@@ -15,7 +15,7 @@ import pytest
 from tega.config import check_tree
 from tega.recording.mcap_file import McapFile
 from tega.records import Value
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.session import run_session
 
 pytestmark = pytest.mark.slow

@@ -22,14 +22,15 @@ from tega.cli.main import main
 from tega.clock import ManualClock
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
+from tega.inbox.frames import measured_contacts
+from tega.inbox.repeats import STUCK_FRAMES, LastFrame
+from tega.inbox.sources import Contact, SourceReport
+from tega.inbox.stream import PulledStream
 from tega.stages.choose import preset_metric
 from tega.stages.metrics import LiveMetric, contact_metrics_of
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
-from tega.teleop.repeats import STUCK_FRAMES, LastFrame
-from tega.teleop.sources import Contact, SourceReport, measured_contacts
-from tega.teleop.streams import PulledStream
 from tega.teleop.touch import STALE_NS, TouchLoop
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from tega.inbox.sources import SourceReport
 from tega.safety.guard import Guard, Watched
 from tega.safety.settings import SafetySection
 from tega.safety.states import Transition
 from tega.safety.stop import Stop
-from tega.teleop.sources import SourceReport
 
 MS = 1_000_000
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from reference.scripted import MS, touching
 from tega.haptics import VestFrame
 from tega.safety.states import STATES
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
 from tega.view.run_state import MEANINGS
 from tega.view.terminal import _STATE_STYLES, TerminalView, render

@@ -19,7 +19,7 @@ from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
 from tega.safety.guard import Guard
 from tega.teleop import run_session
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.testing.emulators.process import Emulator
 
 

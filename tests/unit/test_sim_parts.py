@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from tega.clock import ManualClock, PausableClock
+from tega.inbox.repeats import LastFrame
+from tega.inbox.stream import NEVER_NS, LiveStream
 from tega.sim.arms import CONDITIONS, feels, worn
 from tega.sim.hand import SimulatedBus
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.score import Scorer
 from tega.sim.seams import Truth
-from tega.teleop.repeats import LastFrame
-from tega.teleop.streams import NEVER_NS, QueuedStream
 from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
 
 Course = Sequence[tuple[float, Mapping[str, object]]]
@@ -112,8 +112,8 @@ def test_the_strongest_fingertip_counts() -> None:
     )
 
 
-def test_a_queued_stream_gives_items_when_their_time_has_come() -> None:
-    stream = QueuedStream[tuple[int, str]](due_ns=10)
+def test_a_live_stream_gives_items_when_their_time_has_come() -> None:
+    stream = LiveStream[tuple[int, str]](due_ns=10)
     assert (stream.due_ns, stream.next_until(50)) == (10, None)
     stream.put((10, "a"), next_ns=20)
     stream.put((20, "b"), next_ns=30)
@@ -124,6 +124,7 @@ def test_a_queued_stream_gives_items_when_their_time_has_come() -> None:
     assert (stream.due_ns, stream.next_until(25)) == (30, None)
     stream.put((30, "c"), next_ns=40)
     stream.end(31)
+    stream.close()
     assert (stream.ended, stream.end_ns, stream.due_ns, stream.next_until(99)) == (True, 31, NEVER_NS, None)
 
 

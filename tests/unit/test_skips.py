@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import importlib
-import itertools
 import sys
 import threading
 from pathlib import Path
@@ -12,23 +11,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from reference.scripted import MS, Sink, touching
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
-from tega.haptics import VestFrame, vest_frame
+from tega.inbox.sources import Block, Contact
+from tega.inbox.stream import PulledStream
 from tega.sim.gel import Gel
 from tega.teleop import run_session
 from tega.teleop.hand import ModelledAllegro
-from tega.teleop.keepalive import KeepAlive
-from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView
 from tega.teleop.pacing import Pacer
-from tega.teleop.sources import Block, Contact
-from tega.teleop.streams import PulledStream
 from tega.teleop.touch import TouchLoop
 
 
@@ -37,42 +33,6 @@ def table(path: Path) -> list[dict[str, str]]:
 
 
 # Vest frames
-
-
-def frame_of(value: int) -> VestFrame:
-    return vest_frame([float(value)] * 4, [0.0] * 4)
-
-
-@given(
-    values=st.lists(st.integers(0, 2), min_size=1, max_size=60),
-    rate_hz=st.floats(5, 100),
-    keep_alive_ms=st.integers(0, 150),
-)
-def test_a_vest_shows_every_frame_and_never_waits_longer_than_the_keep_alive(
-    values: list[int], rate_hz: float, keep_alive_ms: int
-) -> None:
-    vest = Sink()
-    keep_alive_ns, period_ns = keep_alive_ms * MS, round(1e9 / rate_hz)
-    kept = KeepAlive(vest, keep_alive_ns=keep_alive_ns, period_ns=period_ns)  # type: ignore[arg-type]
-    times = [round(k * 1e9 / rate_hz) for k in range(len(values))]
-    sent = []
-    for t_ns, value in zip(times, values, strict=True):
-        sent.append(kept.offer(t_ns, frame_of(value)))
-        assert vest.sent[-1][1] == frame_of(value)
-    assert sum(sent) == len(vest.sent)
-    moments = [t for t, _ in vest.sent]
-    gaps = [b - a for a, b in itertools.pairwise([*moments, times[-1]])]
-    assert max(gaps, default=0) <= max(keep_alive_ns, period_ns) + 1
-    if keep_alive_ms == 0:
-        assert all(sent)
-
-
-def test_an_unchanged_frame_goes_out_every_100_ms_at_30_hz() -> None:
-    vest = Sink()
-    kept = KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)  # type: ignore[arg-type]
-    for k in range(13):
-        kept.offer(round(k * 1e9 / 30), frame_of(5 if k < 8 else 9))
-    assert [t // MS for t, _ in vest.sent] == [0, 100, 200, 266, 366]
 
 
 def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int) -> DualLoop:
@@ -84,31 +44,20 @@ def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int
         hand=ModelledAllegro(),
         vests=[recorder],
         hands=[],
-        kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
+        live_vests=[vest],  # type: ignore[list-item]
     )
     loop.run()
     return loop
 
 
-def test_the_recorder_gets_every_tick_and_the_vest_what_changed() -> None:
+def test_a_vest_gets_every_tick_and_its_driver_knows_what_to_send() -> None:
     vest, recorder = Sink(), Sink()
     contacts = [(k * 10 * MS, touching(50 if k < 20 else 80)) for k in range(40)]
     report = run_kept(vest, recorder, contacts, end_ns=400 * MS).report
     assert [t for t, _ in recorder.sent] == [*(round(k * 1e9 / 30) for k in range(12)), 400 * MS]
-    assert [t // MS for t, _ in vest.sent] == [0, 100, 200, 300, 400]
-    assert (report.n_vest_ticks, report.n_vest_sent, report.n_vest_skipped) == (12, 4, 8)
-    shown = dict(vest.sent)
-    for t_ns, frame in recorder.sent:
-        newest = max(t for t in shown if t <= t_ns)
-        assert shown[newest] == frame
-
-
-def test_the_zeros_of_the_way_out_are_sent_whatever_was_sent_before() -> None:
-    vest = Sink()
-    report = run_kept(vest, Sink(), [(0, touching(0))], end_ns=34 * MS).report
-    assert [t for t, _ in vest.sent] == [0, 34 * MS]
-    assert not any(frame.intensities.any() for _, frame in vest.sent)
-    assert (report.n_vest_sent, report.n_vest_skipped) == (1, 1)
+    assert vest.sent == recorder.sent
+    assert report.n_vest_ticks == 12
+    assert not vest.sent[-1][1].intensities.any()
 
 
 def test_a_vest_that_fails_does_not_keep_the_others_from_silence() -> None:
@@ -147,7 +96,7 @@ def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, S
         hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
-        kept=[KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33_333_333)],  # type: ignore[arg-type]
+        live_vests=[vest],  # type: ignore[list-item]
     )
     loop.run(**how)
     return loop, clock, vest, hand
@@ -167,7 +116,7 @@ def test_without_emg_no_hand_ticks_and_nobody_wakes_for_it() -> None:
 def test_without_touch_no_vest_ticks_and_nobody_wakes_for_it() -> None:
     loop, clock, vest, hand = run_parts(touch=False, emg=True)
     assert [t for t, _ in vest.sent] == [1000 * MS] * 2  # the way out of both sinks
-    assert (loop.report.n_hand_ticks, loop.report.n_vest_ticks, loop.report.n_vest_sent) == (334, 0, 0)
+    assert (loop.report.n_hand_ticks, loop.report.n_vest_ticks) == (334, 0)
     assert clock.times == [*range(0, 1000 * MS, 3 * MS), 1002 * MS]
     assert len(hand.sent) == 335
 
@@ -283,20 +232,16 @@ def test_the_back_loop_holds_nothing_of_fingers_not_in_use() -> None:
 
 
 @pytest.mark.usefixtures("plugin")
-def test_a_real_vest_is_spared_and_the_table_stays_the_same(tmp_path: Path) -> None:
+def test_a_vest_that_does_not_spare_itself_is_told_every_frame(tmp_path: Path) -> None:
     plain = run_session(session(tmp_path, "plain"))
     assert (plain["vest"]["frames"], plain["vest"]["sent"], plain["vest"]["skipped"]) == (60, 0, 0)
-    for keep_alive_s, name in ((0.1, "live"), (0.0, "all")):
-        vest = {"driver": "live-vest", "keep_alive_s": keep_alive_s, "options": {"file": f"{name}.csv"}}
-        said = run_session(session(tmp_path, name, vest=vest))["vest"]
-        assert said["sinks"] == ["live-vest", "vest-recorder"]
-        assert said["sent"] + said["skipped"] == said["frames"] == 60
-        assert (said["skipped"] > 0) == (keep_alive_s > 0)
-        sent = (tmp_path / f"{name}.csv").read_text().splitlines()
-        assert len(sent) == 1 + said["sent"] + 1  # the head, and the zeros of the way out
-        recorded = (tmp_path / name / "vest.csv").read_text()
-        assert recorded == (tmp_path / "plain" / "vest.csv").read_text()
-        assert set(sent) <= set(recorded.splitlines())
+    vest = {"driver": "live-vest", "options": {"file": "live.csv"}}
+    said = run_session(session(tmp_path, "live", vest=vest))["vest"]
+    assert said["sinks"] == ["live-vest", "vest-recorder"]
+    assert (said["sent"], said["skipped"]) == (60, 0)
+    recorded = (tmp_path / "live" / "vest.csv").read_text()
+    assert (tmp_path / "live.csv").read_text() == recorded
+    assert recorded == (tmp_path / "plain" / "vest.csv").read_text()
 
 
 @pytest.mark.usefixtures("plugin")

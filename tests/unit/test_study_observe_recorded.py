@@ -37,7 +37,7 @@ from tega.study.score.accounts import scored_trials
 from tega.study.score.boris import export_boris
 from tega.study.state import resume
 from tega.study.trials import study_trials
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
 from tega.view.browser import BrowserView
 from tega.view.state import EmgTail, ViewState

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.audit import read_marks
-from tega.devices.opencv import read_image
+from tega.opencv import read_image
 from tega.sim.touch_presses import rank_correlation
 from tega.sim.touch_recordings import (
     GRIPS,

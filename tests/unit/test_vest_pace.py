@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,23 +16,24 @@ from reference.vests import KeptVest
 from tega.bus import Bus
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock, SystemClock
-from tega.config import check_tree
+from tega.config import VestConfig, check_tree
 from tega.devices.vest_stream import VestOptions
 from tega.haptics import vest_frame
+from tega.inbox.bell import Bell
+from tega.inbox.reader import Reader
+from tega.inbox.sources import Contact
+from tega.inbox.stream import LiveStream, PulledStream
 from tega.records import Latency
 from tega.replay import replay_file
 from tega.replay.recorded import read_recorded
-from tega.teleop.bell import Bell
 from tega.teleop.hand import ModelledAllegro
-from tega.teleop.keepalive import KeepAlive
 from tega.teleop.latency import LatencyTrace
 from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
 from tega.teleop.session import run_session
-from tega.teleop.sources import Contact
-from tega.teleop.streams import PulledStream, ThreadedStream
 from tega.teleop.touch import TouchLoop
 from tega.testing.lab import PRESSED, emulated_lab, pressing
+from tega.worn_vest import worn_vest
 
 LONG_S = 60.0
 
@@ -107,10 +109,11 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
         until(stopped)
 
     pacer.start()
-    stream: ThreadedStream[Contact] = ThreadedStream("thumb", camera, live=True, on_item=bell.ring)
+    stream: LiveStream[Contact] = LiveStream(on_item=bell.ring)
+    reader = Reader("thumb", camera, stream.put, stream.end)
     loop = loop_of({"thumb": stream}, vest, pacer=pacer, vest_rate_hz=1 / LONG_S)
     report = loop.run(stop=lambda: len(felt) == 4)
-    stream.close()
+    reader.close()
     assert report.n_contacts == {"thumb": 4}
     assert (report.n_vest_ticks, report.n_vest_between) == (1, 3)
     shown = [int(frame.intensities[0]) for _, frame in vest.sent]
@@ -169,17 +172,55 @@ def test_a_run_by_frame_is_recorded_and_computed_again_bit_for_bit(tmp_path: Pat
 # What a vest can show
 
 
-def test_frames_that_a_vest_shows_alike_are_sent_once_but_a_motor_that_rests_is_told() -> None:
-    def sent(in_steps: bool, *fronts: float) -> list[int]:
-        vest = Sink()
-        kept = KeepAlive(vest, keep_alive_ns=100 * MS, period_ns=33 * MS, in_steps=in_steps)  # type: ignore[arg-type]
-        for k, front in enumerate(fronts):
-            kept.offer(k * MS, vest_frame([front, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
-        return [int(frame.intensities[0]) for _, frame in vest.sent]
+class FineVest(KeptVest):
+    """A vest that shows every percent."""
 
-    assert sent(False, 40, 41, 42, 50) == [40, 41, 42, 50]
-    assert sent(True, 40, 41, 42, 50) == [40, 50]  # steps 6, 6, 6, 8
-    assert sent(True, 2, 0) == [2, 0]  # both are step 0
+    in_steps = False
+
+
+def new_frames(vest: KeptVest, *fronts: float) -> list[int]:
+    """Write frames to a vest; return those that its driver saw something new in."""
+    new = []
+    with vest:
+        for k, front in enumerate(fronts):
+            before = vest.spared
+            vest.write(k * MS, vest_frame([front, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            if vest.spared == before:
+                new.append(int(front))
+    return new
+
+
+def test_a_driver_spares_frames_that_its_vest_shows_alike_but_a_motor_that_rests_is_told() -> None:
+    assert new_frames(FineVest(VestOptions()), 40, 41, 42, 50, 50) == [40, 41, 42, 50]
+    assert new_frames(KeptVest(VestOptions()), 40, 41, 42, 50, 50) == [40, 50]  # steps 6, 6, 6, 8
+    assert new_frames(KeptVest(VestOptions()), 2, 0) == [2, 0]  # both are step 0
+    told = KeptVest(VestOptions())
+    told.keep_alive_s = 0
+    assert new_frames(told, 40, 41, 41) == [40, 41, 41]
+
+
+def test_a_frame_that_stands_is_renewed_and_what_comes_alike_is_not_sent_beside_it() -> None:
+    vest = KeptVest(VestOptions())
+    with vest:
+        end_s = time.monotonic() + LONG_S
+        n = 0
+        while vest.counters.sent < 5:
+            vest.write(n, vest_frame([40 + n % 2, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            n += 1
+            assert time.monotonic() < end_s
+            time.sleep(0.005)
+        assert vest.spared + vest.counters.silenced == n - 1
+        times = [at_s for at_s, frame in vest.wire.sent if frame.any()]
+    assert all(later - sooner >= 0.099 for sooner, later in itertools.pairwise(times))
+
+
+def test_the_settings_keep_alive_reaches_the_driver(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "tega.worn_vest.driver_class", lambda _name, _kind: lambda _o: KeptVest(VestOptions())
+    )
+    section = VestConfig(driver="wire-vest", keep_alive_s=0.15)
+    with worn_vest(section, None) as vest:
+        assert vest.keep_alive_s == 0.15
 
 
 # The greatest rate
@@ -187,7 +228,7 @@ def test_frames_that_a_vest_shows_alike_are_sent_once_but_a_motor_that_rests_is_
 
 def test_a_link_gets_the_newest_frame_at_its_greatest_rate() -> None:
     most_hz = 20.0
-    vest = KeptVest(VestOptions(most_hz=most_hz))
+    vest = FineVest(VestOptions(most_hz=most_hz))
     with vest:
         began_s = time.monotonic()
         for k in range(200):

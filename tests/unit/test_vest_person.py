@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tega.calibration import TouchMaxima
+from tega.calibration.identify import light_motor, motor_place
 from tega.cli.main import main
 from tega.clock import ManualClock
 from tega.config import load_config
@@ -15,7 +16,6 @@ from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, vest_frame
 from tega.tactile import ContactMetrics
-from tega.teleop.identify import light_motor, motor_place
 from tega.teleop.touch import TouchLoop
 
 

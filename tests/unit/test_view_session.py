@@ -18,11 +18,11 @@ from tega.cli.main import main
 from tega.clock import PausableClock
 from tega.config import check_tree
 from tega.errors import MissingExtraError
+from tega.inbox.prepared import Finger, Prepared
+from tega.inbox.sources import SourceReport, picture_of
 from tega.tactile import read_contact
 from tega.teleop import run_session
-from tega.teleop.loop import LoopView
-from tega.teleop.prepare import Finger, Prepared
-from tega.teleop.sources import SourceReport, picture_of
+from tega.teleop.moment import LoopView
 from tega.view.browser import BrowserView
 from tega.view.browser.feed import SessionFeed
 from tega.view.browser.hand_figure import HandFigure

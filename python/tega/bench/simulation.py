@@ -174,6 +174,8 @@ def bench_simulation(
 @contextmanager
 def _watched(*, stages: bool) -> Iterator[_Watch]:
     """Time every trial that is run in the block; with ``stages``, its parts, too."""
+    from tega.inbox.frames import FrameMeter
+    from tega.inbox.sources import BlockMeter
     from tega.sim.gel import Gel
     from tega.sim.hand import SimulatedAllegro, SimulatedBus
     from tega.sim.operator import ForearmEmg, ScriptedOperator
@@ -181,7 +183,6 @@ def _watched(*, stages: bool) -> Iterator[_Watch]:
     from tega.sim.score import Scorer
     from tega.sim.world import World
     from tega.teleop.loop import DualLoop
-    from tega.teleop.sources import BlockMeter, FrameMeter
     from tega.teleop.touch import TouchLoop
 
     watch = _Watch()

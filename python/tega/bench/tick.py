@@ -20,9 +20,9 @@ from tega.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
 from tega.haptics import FINGERS, VestFrame
+from tega.inbox.repeats import LastFrame
 from tega.sim.gel import Gel, ball
 from tega.tactile import ContactMetrics, read_contact
-from tega.teleop.repeats import LastFrame
 from tega.teleop.touch import TouchLoop
 from tega.wire import allegro_torque_frames, x40_ble_frame
 

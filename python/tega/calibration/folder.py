@@ -126,7 +126,7 @@ class CalibrationFolder:
         Raises:
             MissingExtraError: OpenCV is not installed.
         """
-        from tega.devices.opencv import load_cv2
+        from tega.opencv import load_cv2
 
         _, png = load_cv2(record.driver).imencode(".png", picture)
         path = self.path / "gels" / record.device / f"{record.made.strftime(_STAMP)}.png"

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from tega.calibration.maxima import touch_maxima
 from tega.calibration.store import TouchMaxima
-from tega.teleop.maxima import touch_maxima
 
 if TYPE_CHECKING:
     from tega.tactile import ContactMetrics

@@ -13,12 +13,12 @@ import numpy as np
 from tega.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
 from tega.calibration.folder import device_name
 from tega.calibration.guide import Bar, Guide
+from tega.calibration.maxima import TAU_S, emg_conditions
 from tega.calibration.records import EmgRecord
 from tega.calibration.settling import until_good
 from tega.calibration.times import Times
 from tega.devices.base import optional
 from tega.errors import CalibrationError
-from tega.teleop.maxima import TAU_S, emg_conditions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,8 +14,8 @@ from tega.calibration.presses import PRESSES, PressMeter
 from tega.calibration.records import GelRecord, TouchRecord
 from tega.calibration.settling import until_good
 from tega.calibration.times import Times
-from tega.devices.opencv import read_image
 from tega.errors import CalibrationError
+from tega.opencv import read_image
 from tega.tactile import read_contact
 
 if TYPE_CHECKING:

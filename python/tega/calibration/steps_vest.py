@@ -15,13 +15,13 @@ import msgspec
 import numpy as np
 
 from tega.calibration.guide import Bar, Guide
+from tega.calibration.identify import show_frame
 from tega.calibration.settling import until_good
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
 from tega.calibration.times import Times
 from tega.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
 from tega.clock import Clock, SystemClock
 from tega.haptics import Layout, VestFrame, vest_frame
-from tega.teleop.identify import show_frame
 
 if TYPE_CHECKING:
     from tega.devices.base import VestSink

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 from tega.calibration.folder import device_name
 from tega.calibration.guide import Bar, Guide
+from tega.calibration.maxima import emg_conditions
 from tega.calibration.person import person_calibration, whose
 from tega.calibration.practice import Curve, score
 from tega.calibration.records import PracticeRecord, utc_now
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
+from tega.inbox.sources import BlockMeter, SourceReport
 from tega.stages.choose import block_s, muscle_decoder
-from tega.teleop.maxima import emg_conditions
-from tega.teleop.sources import BlockMeter, SourceReport
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig

@@ -29,9 +29,9 @@ from tega.calibration.steps_vest import Felt, Pulses, take_steps, take_threshold
 from tega.calibration.times import Times
 from tega.calibration.wearing import middle_sites, site_face
 from tega.config import DEFAULT_LAYOUT, EmgConfig, SessionConfig, TactileConfig
-from tega.devices.opencv import read_image
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
+from tega.opencv import read_image
 from tega.plain_name import path_below
 from tega.stages.choose import block_s
 from tega.worn_vest import worn_vest

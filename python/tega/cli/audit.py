@@ -115,8 +115,8 @@ def audit(
 
 
 def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    from tega.devices.opencv import read_image
     from tega.errors import RecordingError
+    from tega.opencv import read_image
 
     white: NDArray[np.bool_] = read_image(path, driver="audit").max(axis=2) > 127
     if white.shape != shape:

@@ -105,9 +105,10 @@ def demo(
 
     import msgspec
 
-    from tega.cli.options import Stop, echo_json
+    from tega.cli.options import echo_json
     from tega.errors import MissingExtraError
     from tega.recording import prepare_folder
+    from tega.safety.ctrl_c import Stop
     from tega.sim.demo import draw_demo, run_demo, write_demo
     from tega.sim.trials import plan_trials
 

@@ -41,12 +41,13 @@ def identify(
     Wear the vest and compare: row 1 is at the top, column 1 at your own left on both panels. Where the front is
     felt mirrored, set front_mirror (bhaptics-ble). The settings of the person (threshold, step, mirror) are left out.
     """
-    from tega.cli.options import Stop, worn_by
+    from tega.calibration.identify import light_motor, motor_place
+    from tega.cli.options import worn_by
     from tega.clock import SystemClock
     from tega.config import DEFAULT_LAYOUT, load_config
     from tega.errors import ConfigError
     from tega.haptics import vest_frame
-    from tega.teleop.identify import light_motor, motor_place
+    from tega.safety.ctrl_c import Stop
     from tega.worn_vest import dose_file, worn_vest
 
     settings = load_config(config, sets=worn_by(person, sets)).config

@@ -97,7 +97,8 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> No
     import time
     import tomllib
 
-    from tega.cli.options import Stop, echo_json
+    from tega.cli.options import echo_json
+    from tega.safety.ctrl_c import Stop
     from tega.testing.emulated_bench import EmulatedBench
     from tega.testing.stations import free_port, split, write_trees
 

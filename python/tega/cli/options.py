@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
 from typing import Any, TypeVar
 
 import click
@@ -18,15 +15,12 @@ from tega.safety.stop import Stop as AnyStop
 __all__ = [
     "ChannelList",
     "NameList",
-    "Stop",
     "debug_option",
     "echo_json",
     "json_option",
     "progress_bar",
     "stop_keys",
 ]
-
-_PATIENCE_S = 1.0
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -77,43 +71,6 @@ def debug_option(function: _Function) -> _Function:
 def echo_json(value: Any) -> None:
     """Print a value as JSON on stdout."""
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
-
-
-class Stop(AnyStop):
-    """Turns the first Ctrl-C (or a request to terminate) into a question the loop asks; the second one interrupts.
-
-    The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further ones do
-    nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._old: dict[int, Any] = {}
-        self._asked_s = 0.0
-        self._interrupted = False
-
-    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
-        if not self.asked:
-            self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
-            self._asked_s = time.monotonic()
-        elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:
-            self._interrupted = True
-            raise KeyboardInterrupt
-
-    def __enter__(self) -> Stop:
-        """Take over the signals."""
-        # The last one comes when the terminal is closed or the connection to it is lost; Windows has none.
-        for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
-            # Who starts it with nohup wants it to go on.
-            if number in self._old or signal.getsignal(number) == signal.SIG_IGN:
-                continue
-            self._old[number] = signal.signal(number, self._on_signal)
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        """Give the signals back."""
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
 
 
 def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import click
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
     from tega.view.browser import BrowserView, Controls
 
 __all__ = ["browser_observer", "run_viewed", "view_options"]

@@ -73,13 +73,14 @@ def play(
     import time
     from functools import partial
 
-    from tega.cli.options import Stop, echo_json, stop_keys, worn_by
+    from tega.cli.options import echo_json, stop_keys, worn_by
     from tega.cli.page import run_viewed
     from tega.cli.report import print_summary
     from tega.cli.stage import stage
     from tega.errors import ConfigError
     from tega.recording.mcap_folder import session_files
     from tega.replay.play import play_file, playing_to
+    from tega.safety.ctrl_c import Stop
 
     files = session_files(session)
     if len(files) > 1:

@@ -86,11 +86,12 @@ def replay(
     """
     import time
 
-    from tega.cli.options import Stop, progress_bar
+    from tega.cli.options import progress_bar
     from tega.cli.page import run_viewed
     from tega.cli.replay_session import check_flags, replay_session
     from tega.cli.report import tell_summary
     from tega.config import check_tree
+    from tega.safety.ctrl_c import Stop
     from tega.teleop import run_session
 
     if session is not None:

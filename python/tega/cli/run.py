@@ -100,11 +100,12 @@ def run_settings(
     import sys
     import time
 
-    from tega.cli.options import Stop, stop_keys
+    from tega.cli.options import stop_keys
     from tega.cli.page import run_viewed
     from tega.cli.report import tell_summary
     from tega.cli.stage import stage
     from tega.config import load_config
+    from tega.safety.ctrl_c import Stop
     from tega.teleop import run_session
 
     if person is not None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from tega.cli.options import progress_bar
 
 if TYPE_CHECKING:
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
     from tega.teleop.prepare import Progress
 
 __all__ = ["Watcher", "stage"]

@@ -158,11 +158,11 @@ def _read(wav: Path, log_file: Path) -> Iterator[tuple[OnsetRecord, str]]:
 def _measure(
     wanted: _Wanted, motors: tuple[int, ...], microphone: str | None, keep: Path | None
 ) -> Iterator[tuple[OnsetRecord, str]]:
+    from tega.calibration.identify import motor_place
     from tega.onset.clock import by_blocks
     from tega.onset.log import write_log, write_wav
     from tega.onset.measure import found_in, record_of
     from tega.onset.microphone import Microphone
-    from tega.teleop.identify import motor_place
 
     for motor in motors:
         if len(motors) > 1 and sys.stdin.isatty():
@@ -199,11 +199,12 @@ def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, quiet: bool)
 def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
     """Click, play, click again; return what makes the log of it once the recording's clock is known."""
     from tega.calibration.records import utc_now
-    from tega.cli.options import Stop, progress_bar
+    from tega.cli.options import progress_bar
     from tega.clock import SystemClock
     from tega.config import DEFAULT_LAYOUT
     from tega.errors import ConfigError
     from tega.onset.measure import log_of, play_bursts, watched_vest
+    from tega.safety.ctrl_c import Stop
     from tega.worn_vest import dose_file, worn_vest
 
     settings = wanted.settings
@@ -290,7 +291,7 @@ def _plain(record: OnsetRecord) -> dict[str, Any]:
 
 
 def _said(record: OnsetRecord) -> str:
-    from tega.teleop.identify import motor_place
+    from tega.calibration.identify import motor_place
 
     low, high = record.middle_half_ms
     left_out = f"; left out: {', '.join(record.left_out)}" if record.left_out else ""

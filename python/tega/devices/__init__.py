@@ -24,6 +24,7 @@ from tega.devices.base import (
     VestSink,
 )
 from tega.devices.registry import DriverRecord, driver_class, driver_names, list_drivers
+from tega.lifecycle import Opened, require
 
 __all__ = [
     "ArmDriver",
@@ -39,6 +40,7 @@ __all__ = [
     "InputEvent",
     "InputSource",
     "InputState",
+    "Opened",
     "Options",
     "SkippingSource",
     "SteeredHand",
@@ -49,4 +51,5 @@ __all__ = [
     "driver_class",
     "driver_names",
     "list_drivers",
+    "require",
 ]

@@ -20,9 +20,9 @@ from tega.devices.can_links import can_links, link_trouble
 from tega.devices.guard_process import GuardProcess
 from tega.devices.hand_bus import HandBus
 from tega.devices.hand_guard import LONGEST_S, guard_hand
-from tega.devices.lifecycle import Opened
 from tega.devices.ways_out import closes_on_exit, last_words, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
+from tega.lifecycle import Opened
 from tega.priority import ahead_of_others
 from tega.safety.hand_alert import HandAlert
 from tega.wire import allegro_limp_frames

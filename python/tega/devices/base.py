@@ -1,4 +1,4 @@
-"""What a device driver is: seven small protocols and the records that pass through them.
+"""What a device driver is: seven small protocols; :mod:`tega.device_items` has what passes through them.
 
 A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
 :meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
@@ -12,9 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType, TracebackType
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
-import msgspec
+from tega.device_items import (
+    DeviceInfo,
+    EmgChunk,
+    Found,
+    InputEvent,
+    InputState,
+    Kind,
+    Options,
+    TactileFrame,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,129 +61,6 @@ __all__ = [
     "VestSink",
     "optional",
 ]
-
-Kind = Literal["tactile", "emg", "vest", "hand", "input", "tracker", "arm"]
-
-
-class Options(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of every driver's options: one field per key of its ``options`` table, with the unit in its name."""
-
-
-class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """What a device says of itself.
-
-    Attributes:
-        driver: Name under which the driver is registered.
-        kind: Which of the protocols it meets.
-        label: What the device or recording is called: a base name, a serial number, a bus; never a full path.
-        live: Whether it runs on the monotonic clock; false for a recording.
-        rate_hz: Frames or samples per second; ``None`` where only the open device knows, or for a sink.
-        channels: Names of an EMG source's channels, such as ``ch3``.
-        unit: Unit of the numbers it delivers or takes.
-        n_items: Frames or samples it will deliver, where that is known.
-        notes: Things a reader of the results must know, one sentence each.
-    """
-
-    driver: str
-    kind: Kind
-    label: str
-    live: bool
-    rate_hz: float | None = None
-    channels: tuple[str, ...] = ()
-    unit: str = ""
-    n_items: int | None = None
-    notes: tuple[str, ...] = ()
-
-
-class Found(msgspec.Struct, frozen=True, kw_only=True):
-    """Something on this machine that a driver can open, or could if nothing stood in the way.
-
-    Attributes:
-        driver: Name under which the driver is registered.
-        label: What a person would look for: a serial number, a port, a bus.
-        options: The driver's options that reach it, as they stand in a settings file.
-        problem: What stands in the way of opening it, one sentence; ``""`` where nothing is known to.
-        hint: What to do about that.
-        note: What else there is to know of it.
-        may_open: Whether it may be opened to look closer. False for a port that may be anything, since opening
-            one can restart what is there, and for what takes long.
-    """
-
-    driver: str
-    label: str
-    options: dict[str, Any] = msgspec.field(default_factory=dict)
-    problem: str = ""
-    hint: str = ""
-    note: str = ""
-    may_open: bool = True
-
-
-class TactileFrame(NamedTuple):
-    """One picture of a fingertip.
-
-    The picture belongs to whoever reads it: a source never writes into an array that it has given away, since others
-    (measuring, recording, a page) read it in threads of their own and would see half of one picture and half of the
-    next. A driver that has one buffer gives a copy of it.
-
-    Attributes:
-        t_ns: Time of the picture in nanoseconds.
-        seq: Its number, from 0; a gap is a lost frame.
-        image: uint8 (H, W, 3), blue, green, red.
-        name: What to call it in an error: a file name, or a video's name and the frame's number.
-    """
-
-    t_ns: int
-    seq: int
-    image: NDArray[np.uint8]
-    name: str
-
-
-class EmgChunk(NamedTuple):
-    """Consecutive EMG samples; given away for good, as :class:`TactileFrame` is.
-
-    Attributes:
-        t_ns: Time at which the last of them was complete, in nanoseconds.
-        first_index: Number of the first of them, from 0; a gap is a loss.
-        samples: float64 (n, channels), in the source's unit.
-    """
-
-    t_ns: int
-    first_index: int
-    samples: NDArray[np.float64]
-
-
-class InputState(NamedTuple):
-    """What an operator's input device says now.
-
-    Attributes:
-        t_ns: When it was last heard, on the monotonic clock; a device at rest may say nothing for hours.
-        live: False is "no data": it is away, or stands still in the middle of a motion. Then ``motion`` is zero and
-            nothing is held.
-        motion: Speed asked for, each a share of full deflection from -1 to 1: along x (forward), y (left), z
-            (up) of the robot's base, then about them, right-handed. Zero for a device without axes.
-        held: Names of the buttons that are down.
-    """
-
-    t_ns: int
-    live: bool
-    motion: tuple[float, float, float, float, float, float]
-    held: frozenset[str]
-
-
-class InputEvent(NamedTuple):
-    """A button that went down or up.
-
-    Attributes:
-        t_ns: When it was seen, on the monotonic clock.
-        seq: Its number, from 0; a gap is an event that nobody fetched in time.
-        button: The button's name.
-        pressed: Whether it went down.
-    """
-
-    t_ns: int
-    seq: int
-    button: str
-    pressed: bool
 
 
 @runtime_checkable
@@ -282,7 +168,16 @@ class ComparingSource(TactileSource, Protocol):
 
 
 OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
-    {"limits": None, "measured_hz": None, "faults": (), "problem": "", "guard_problem": ""}
+    {
+        "limits": None,
+        "measured_hz": None,
+        "faults": (),
+        "problem": "",
+        "guard_problem": "",
+        "reached": True,
+        "spared": 0,
+        "in_steps": False,
+    }
 )
 """What a driver may have beyond its protocol, by name, and what is taken of one that has it not.
 
@@ -290,7 +185,8 @@ An amplifier: ``limits``, the smallest and largest value its converter can give,
 saturation cannot be told; ``measured_hz``, the samples per second that really come; ``faults``, what is wrong with
 the signal now, one sentence each, which a run shows as an alert. A hand that is steered: ``problem``, what is wrong
 with it now, ``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its
-motors off if this program were killed, which holds a run.
+motors off if this program were killed, which holds a run. A vest: ``reached``, whether frames arrive; ``spared``, how
+many it did not send because it showed them already; ``in_steps``, whether it shows 16 steps and nothing between.
 """
 
 

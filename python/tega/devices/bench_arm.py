@@ -21,7 +21,7 @@ class BenchArmOptions(ArmOptions, frozen=True, kw_only=True):
 
 
 class BenchArm(ProcessArm):
-    """A simulated Panda with an open hand; see :class:`tega.arm.robot.bench_body.BenchBody`.
+    """A simulated Panda with an open hand; see :class:`tega.sim.world.arm_body.BenchBody`.
 
     Args:
         options: The settings.
@@ -32,7 +32,7 @@ class BenchArm(ProcessArm):
     extra: ClassVar[str] = "sim"
     requires: ClassVar[tuple[str, ...]] = ("mujoco",)
     options_type: ClassVar[type[Options]] = BenchArmOptions
-    body: ClassVar[str] = "tega.arm.robot.bench_body:BenchBody"
+    body: ClassVar[str] = "tega.sim.world.arm_body:BenchBody"
     open_s: ClassVar[float] = 60.0
 
     @classmethod

@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import Options
-from tega.devices.lifecycle import require
 from tega.devices.live_emg import Arrived, LiveEmg, LiveEmgOptions
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import require
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from tega.csv_writer import CsvWriter, time_text
 from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import Opened
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame

@@ -13,13 +13,13 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
 from tega.devices.digit_search import find_digits
-from tega.devices.lifecycle import Opened
-from tega.devices.opencv import load_cv2
 from tega.devices.picture_check import CameraCounts, PictureCheck
 from tega.devices.picture_origin import PictureOrigin
 from tega.devices.video_nodes import find_node
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import ConfigError, DeviceUnavailableError
+from tega.lifecycle import Opened
+from tega.opencv import load_cv2
 from tega.priority import ahead_of_others
 
 if TYPE_CHECKING:

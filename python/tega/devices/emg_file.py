@@ -9,8 +9,8 @@ import msgspec
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.devices.emg_formats import read_emg_file
-from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import Opened
 
 if TYPE_CHECKING:
     import numpy as np

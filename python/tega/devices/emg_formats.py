@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 from tega.foreign_file import MIB, check_file, load_npy
+from tega.lifecycle import require
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

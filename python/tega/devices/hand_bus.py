@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tega.devices.lifecycle import require
 from tega.devices.slcan import slcan_bus
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import require
 
 if TYPE_CHECKING:
     from tega.hand_link import Received

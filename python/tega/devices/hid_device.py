@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from tega.devices.lifecycle import require
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import require
 
 __all__ = ["hid_module"]
 

@@ -13,8 +13,8 @@ import msgspec
 from tega.devices.base import DeviceInfo, Found, InputEvent, InputState, Kind, Options
 from tega.devices.debounce import Debounce, Edge
 from tega.devices.hid_device import hid_module
-from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import Opened
 
 __all__ = ["AT_REST", "HidInput", "HidInputOptions", "InputCounts", "found_devices"]
 

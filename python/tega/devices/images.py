@@ -10,9 +10,9 @@ from typing import Annotated, ClassVar
 import msgspec
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
-from tega.devices.lifecycle import Opened
-from tega.devices.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.lifecycle import Opened
+from tega.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 
 __all__ = ["ImageFolder", "ImageFolderOptions"]
 

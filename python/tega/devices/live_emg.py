@@ -11,13 +11,13 @@ import msgspec
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.devices.emg_health import EmgHealth
-from tega.devices.lifecycle import Opened
 from tega.devices.packet_order import PacketOrder, believed_losses
 from tega.devices.sample_clock import SampleClock
 from tega.devices.sample_rate import LEAST_RATE_HZ, LOST_TOLERANCE, RATE_TOLERANCE, too_slow, wrong_rate
 from tega.devices.serial_port import POLL_S
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import Opened
 
 if TYPE_CHECKING:
     import numpy as np

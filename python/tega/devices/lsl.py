@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 
 __all__ = ["load_lsl", "to_monotonic_s"]
 

@@ -12,10 +12,10 @@ import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
-from tega.devices.lifecycle import require
 from tega.devices.openxr_session import Located, XrSession
 from tega.devices.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import require
 
 __all__ = ["OpenXr", "OpenXrCounts", "OpenXrOptions"]
 

@@ -9,8 +9,8 @@ import msgspec
 
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.hand_bus import can_message
-from tega.devices.lifecycle import Opened, require
 from tega.errors import ConfigError, DeviceUnavailableError
+from tega.lifecycle import Opened, require
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tega.devices.base import Found
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 
 __all__ = ["find_boards", "is_dongle"]
 

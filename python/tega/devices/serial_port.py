@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tega.devices.lifecycle import require
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import require
 
 __all__ = ["POLL_S", "SerialPort"]
 

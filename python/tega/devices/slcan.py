@@ -15,7 +15,7 @@ import time
 from functools import cache
 from typing import Any
 
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 
 __all__ = ["slcan_bus"]
 

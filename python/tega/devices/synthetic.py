@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import msgspec
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options, TactileFrame
-from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import Opened
 
 if TYPE_CHECKING:
     from tega.sim.gel import Gel

@@ -9,8 +9,8 @@ from typing import ClassVar, Final
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import Kind
-from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import Opened
 
 __all__ = ["ThreadedTracker"]
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from tega.devices.base import Found, Options
 from tega.devices.bluetooth_state import bluetooth_trouble
 from tega.devices.guard_process import GuardProcess
-from tega.devices.lifecycle import require
 from tega.devices.vest_ble_guard import MOTORS, guard_vest
 from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import require
 from tega.wire import x40_ble_frame
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import Found, Options
-from tega.devices.lifecycle import require
 from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
+from tega.lifecycle import require
 from tega.priority import bring_along
 from tega.wire import player_v2_message, player_v2_ping, player_v2_status, player_v2_stop
 

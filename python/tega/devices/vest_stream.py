@@ -5,7 +5,7 @@ its frame over through one slot and never waits for a radio or a socket.
 
 ==================  ==================================================================================
 a frame written     replaces one that was not sent yet; goes out at once, or when the greatest rate lets it
-an equal frame      is sent again after 100 ms
+an equal frame      is sent again when the last one is as old as the keep-alive, 100 ms
 no frame, 200 ms    zeros, and zeros again every second
 link lost           frames are dropped, a new link is tried after 0.5 s, then up to 5 s; it begins with zeros
 close, exception,   zeros, then the link is closed
@@ -27,12 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.lifecycle import Opened
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame
+from tega.lifecycle import Opened
 from tega.priority import ahead_of_others
 from tega.safety.motor_budget import DOSE_S, HEAT_SHARE, MotorBudget
+from tega.wire import vest_levels
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -119,6 +120,7 @@ class VestCounters(msgspec.Struct, kw_only=True):
         written: Frames handed over.
         sent: Frames sent, keep-alives and zeros included.
         held: Frames that had to wait for the greatest rate.
+        alike: Of those, frames that show what the one before shows, so that they had nothing to bring.
         superseded: Frames replaced by a newer one before they could be sent.
         silenced: Times the watchdog sent zeros.
         lost: Times the link broke.
@@ -128,6 +130,7 @@ class VestCounters(msgspec.Struct, kw_only=True):
     written: int = 0
     sent: int = 0
     held: int = 0
+    alike: int = 0
     superseded: int = 0
     silenced: int = 0
     lost: int = 0
@@ -149,6 +152,8 @@ class StreamedVest(Opened):
     def __init__(self, options: VestOptions) -> None:
         self.budget = MotorBudget(limit=options.limit, heat_share=options.heat_share, dose_s=options.dose_s)
         """What the motors may still do; kept over reconnections and openings."""
+        self.keep_alive_s = KEEP_ALIVE_S
+        """How old a frame may get before it is sent again; 0 sends every frame that is handed over."""
         self._open_timeout_s = options.open_timeout_s
         self._gap_s = 1.0 / options.most_hz
         self.counters = VestCounters()
@@ -191,6 +196,11 @@ class StreamedVest(Opened):
         """Whether the link stands and reports a vest at its other end."""
         link = self._link
         return self._up.is_set() and link is not None and link.present
+
+    @property
+    def spared(self) -> int:
+        """Frames handed over that were not sent, since the vest showed them already."""
+        return self.counters.alike
 
     def open(self) -> None:
         """Connect and send zeros.
@@ -253,19 +263,29 @@ class StreamedVest(Opened):
             # The last place before the device: nothing reaches a link but what is allowed here, and zeros.
             allowed = self.budget.allow(time.monotonic_ns(), frame.x40())
             self.counters.written += 1
-            self.counters.superseded += self._slot_is_new
-            self._slot, self._slot_is_new, self._written_s = allowed, True, time.monotonic()
-            self._slot_t_ns = t_ns
-            self._changed.notify()
+            if self.keep_alive_s and self.shows_alike(allowed, self._slot):
+                self.counters.alike += 1
+            else:
+                self.counters.superseded += self._slot_is_new
+                self._slot_is_new, self._slot_t_ns = True, t_ns
+                self._changed.notify()
+            self._slot, self._written_s = allowed, time.monotonic()
         shown = allowed if self.reached else _ZEROS
         return VestFrame(frame.layout, shown[frame.motors])
+
+    def shows_alike(self, one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
+        """Whether the vest looks the same with two frames, uint8 (40,), percent; told by what it can show."""
+        if not self.in_steps:
+            return np.array_equal(one, other)
+        # Nobody knows how others round: a motor that is to rest is told at once.
+        return np.array_equal(vest_levels(one), vest_levels(other)) and np.array_equal(one == 0, other == 0)
 
     def handed_over(self) -> list[tuple[int, int, int]]:
         """Return what left since the last call.
 
         Returns:
-            Of each frame the ``t_ns`` it was written with, and the monotonic times, ns, until which the greatest rate
-            held it back (0 where it did not) and at which it left.
+            Of each frame that brought something new the ``t_ns`` it was written with, and the monotonic times, ns,
+            until which the greatest rate held it back (0 where it did not) and at which it left.
         """
         return [self._handed.popleft() for _ in range(len(self._handed))]
 
@@ -304,7 +324,10 @@ class StreamedVest(Opened):
         while True:
             free_ns = 0
             with self._changed:
-                self._changed.wait_for(lambda: self._slot_is_new or self._stopping, _POLL_S)
+                rest_s = shown_s + self._renew_s(self._slot) - time.monotonic()
+                self._changed.wait_for(
+                    lambda: self._slot_is_new or self._stopping, min(_POLL_S, max(0.0, rest_s))
+                )
                 if self._slot_is_new and (held_s := shown_s + self._gap_s - time.monotonic()) > 0:
                     self.counters.held += 1
                     self._changed.wait_for(lambda: self._stopping, held_s)
@@ -323,15 +346,18 @@ class StreamedVest(Opened):
                 if now - self._written_s > WATCHDOG_S:
                     self.counters.silenced += bool(wanted.any())
                     wanted = self._slot = _ZEROS
-            if now - shown_s >= (KEEP_ALIVE_S if wanted.any() else REST_S) or not np.array_equal(
-                wanted, shown
-            ):
+            every = is_new and not self.keep_alive_s
+            if every or now - shown_s >= self._renew_s(wanted) or not self.shows_alike(wanted, shown):
                 link.send(wanted)
                 shown, shown_s = wanted, now
                 self.counters.sent += 1
             if is_new:
                 self._handed.append((t_ns, free_ns, time.monotonic_ns()))
             link.poll()  # last, since it may take a while and nobody waits for it
+
+    def _renew_s(self, frame: NDArray[np.uint8]) -> float:
+        """Return after how long a frame is sent again, unless the link is told a newer one."""
+        return (self.keep_alive_s or KEEP_ALIVE_S) if frame.any() else REST_S
 
 
 def _said(error: BaseException) -> DeviceUnavailableError:

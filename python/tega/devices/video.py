@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
-from tega.devices.lifecycle import Opened
-from tega.devices.opencv import IMAGE_SUFFIXES, load_cv2
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.foreign_file import check_file
+from tega.lifecycle import Opened
+from tega.opencv import IMAGE_SUFFIXES, load_cv2
 
 __all__ = ["VideoFile", "VideoFileOptions"]
 

@@ -183,7 +183,7 @@ def _baseline(case: Case, label: str, frame: TactileFrame) -> list[Finding]:
     """Compare the picture of the untouched gel with what the camera sends."""
     if case.baseline is None:
         return []
-    from tega.devices.opencv import read_image
+    from tega.opencv import read_image
 
     try:
         shape = read_image(case.baseline, driver=case.driver).shape

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import msgspec
 
 from tega.arm.pose import StampedPose
+from tega.inbox.sources import Block
+from tega.inbox.spread import Spread
+from tega.inbox.stream import LiveStream
 from tega.net.gate import Gate, refused_by
 from tega.net.messages import ArmCommand, HandCommand, decode
-from tega.net.streams import InboxStream
-from tega.teleop.sources import Block
-from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.net.clock import Offset
@@ -65,7 +65,7 @@ class Commands:
         self._clutch_was_open = False
         self._pose_ns = self._block_ns = self._level = 0
         self._counted = (0, 0)
-        self.blocks: InboxStream[Block] = InboxStream(clock=clock)
+        self.blocks: LiveStream[Block] = LiveStream(clock=clock)
         self.way = Spread()
         self.n = 0
         self.rate_hz = 0.0

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputState, TactileFrame
-from tega.devices.lifecycle import Opened
 from tega.hand import split_level
+from tega.lifecycle import Opened
 from tega.net.pictures import unpacked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.arm.pose import StampedPose
-    from tega.net.streams import InboxStream
-    from tega.teleop.prepare import Muscles
-    from tega.teleop.sources import Block
+    from tega.inbox.prepared import Muscles
+    from tega.inbox.sources import Block
+    from tega.inbox.stream import LiveStream
     from tega.wire import CanFrame
 
 __all__ = ["FarFinger", "FarHand", "FarMuscles", "FarSwitch", "FarTracker", "far_muscles"]
@@ -118,11 +118,11 @@ class FarMuscles(Opened):
             return None
 
 
-def far_muscles(source: Any, blocks: InboxStream[Block]) -> Muscles:
+def far_muscles(source: Any, blocks: LiveStream[Block]) -> Muscles:
     """Return the EMG side of a run whose samples and levels come over the link."""
     from tega.calibration import EmgMaxima
-    from tega.teleop.prepare import Muscles
-    from tega.teleop.sources import SourceReport
+    from tega.inbox.prepared import Muscles
+    from tega.inbox.sources import SourceReport
 
     report = SourceReport()
     blocks.on_loss = report.drop

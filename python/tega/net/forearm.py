@@ -14,7 +14,7 @@ from tega.net.messages import ForearmPose
 if TYPE_CHECKING:
     from tega.arm.pose import PoseSource
     from tega.config import SessionConfig
-    from tega.teleop.inputs import Inputs, Seat
+    from tega.inbox.inputs import Inputs, Seat
 
 __all__ = ["Forearm"]
 

@@ -9,8 +9,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tega.devices.lifecycle import require
 from tega.errors import ConfigError
+from tega.lifecycle import require
 from tega.net.link import KEY_FILES
 
 if TYPE_CHECKING:

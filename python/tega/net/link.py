@@ -15,8 +15,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-from tega.devices.lifecycle import Opened, require
 from tega.errors import ConfigError, DeviceUnavailableError
+from tega.lifecycle import Opened, require
 from tega.net.settings import NetSection, checked_net
 
 __all__ = ["KEY_FILES", "Channel", "Link", "root_key", "zenoh_settings"]

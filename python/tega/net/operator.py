@@ -26,12 +26,12 @@ from tega.records import Intent as IntentRecord
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
+    from tega.inbox.bell import Bell
+    from tega.inbox.inputs import Inputs
+    from tega.inbox.prepared import Prepared
     from tega.safety.guard import Guard
-    from tega.teleop.bell import Bell
-    from tega.teleop.inputs import Inputs
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.loop import LoopView
-    from tega.teleop.prepare import Prepared
+    from tega.teleop.moment import LoopView
     from tega.teleop.sinks import Sinks
 
 __all__ = ["OperatorStation"]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.teleop.prepare import Prepared
+    from tega.inbox.prepared import Prepared
 
 __all__ = ["PictureSender", "unpacked"]
 

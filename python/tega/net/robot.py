@@ -16,26 +16,28 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 import tega
+from tega.inbox.inputs import Inputs, Seat
+from tega.inbox.reader import Reader, read_items
+from tega.inbox.sources import samples_of
 from tega.net.commands import Commands
 from tega.net.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
 from tega.net.leader import Leadership, Reception
 from tega.net.link import Channel
 from tega.net.messages import Event, Feature, State, Welcome, encode
 from tega.net.pictures import PictureSender
-from tega.net.samples import Readers, SampleReceiver
+from tega.net.samples import SampleReceiver
 from tega.net.station import Station
 from tega.records import Contact, Picture, RunState
-from tega.teleop.inputs import Inputs, Seat
-from tega.teleop.sources import samples_of
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
+    from tega.device_items import EmgChunk
     from tega.devices.base import Tracker
+    from tega.inbox.bell import Bell
+    from tega.inbox.prepared import Prepared
     from tega.safety.guard import Guard
-    from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.prepare import Prepared
 
 __all__ = ["RobotStation"]
 
@@ -67,7 +69,7 @@ class RobotStation(Station):
         self._records = config.recording.dir is not None
         self._muscles = FarMuscles()
         self._samples = SampleReceiver(self._muscles)
-        self._readers = Readers()
+        self._reader: Reader[EmgChunk] | None = None
         self._n_leaders = 0
         self._features: dict[str, Callable[[bytes], None]] = {}
         self._pictures: PictureSender | None = None
@@ -97,7 +99,8 @@ class RobotStation(Station):
 
     def end(self) -> None:
         """Hand nothing more to the recording."""
-        self._readers.end()
+        if self._reader is not None:
+            self._reader.close()
 
     def close(self) -> None:
         """End the link."""
@@ -164,11 +167,11 @@ class RobotStation(Station):
             touch={f: full for f in prepared.fingers if (full := prepared.calibration.touch(f)) is not None},
         )
         if self._records and prepared.muscles is not None:
-            live = prepared.muscles.source.info.live
-            self._readers.start(
-                "emg",
-                prepared.muscles.source,
-                lambda chunk: self._bus.publish(samples_of(chunk, live=live, start_ns=start_ns)),
+            source = prepared.muscles.source
+            self._reader = Reader(
+                "emg-read",
+                partial(read_items, source),
+                lambda chunk: self._bus.publish(samples_of(chunk, live=source.info.live, start_ns=start_ns)),
             )
         if pictures is not None:
             pictures.start(start_ns)

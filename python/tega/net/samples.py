@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from tega.net.clock import Offset
     from tega.net.ends import FarMuscles
 
-__all__ = ["Readers", "SampleReceiver", "SampleSender"]
+__all__ = ["SampleReceiver", "SampleSender"]
 
 _AT_ONCE_NS = 50_000_000
 _NEVER_OLD_NS = 10**12
@@ -100,31 +99,3 @@ class SampleReceiver:
             return
         samples = np.frombuffer(said.samples, "<f8").reshape(-1, said.n_channels).astype(np.float64)
         self._muscles.give(EmgChunk(min(offset.ours(said.t_ns), now_ns), said.first_index, samples))
-
-
-class Readers:
-    """Reads sources whose items nobody needs but the bus's subscribers; a thread each."""
-
-    def __init__(self) -> None:
-        self._leaving = threading.Event()
-        self._threads: list[threading.Thread] = []
-
-    def start(self, name: str, source: Any, see: Callable[[Any], None]) -> None:
-        """Read a source from now on, and tell of each item."""
-
-        def read() -> None:
-            while not self._leaving.is_set():
-                item = source.read(0.1)
-                if item is not None:
-                    see(item)
-
-        thread = threading.Thread(target=read, name=f"tega-{name}-read", daemon=True)
-        self._threads.append(thread)
-        thread.start()
-
-    def end(self) -> None:
-        """Read no more."""
-        self._leaving.set()
-        for thread in self._threads:
-            thread.join(2.0)
-        self._threads.clear()

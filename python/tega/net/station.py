@@ -8,8 +8,8 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
-from tega.devices.lifecycle import Opened
 from tega.errors import ConfigError
+from tega.lifecycle import Opened
 from tega.net.clock import PeerClock
 from tega.net.link import Link
 from tega.net.settings import NetSection
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
+    from tega.inbox.bell import Bell
+    from tega.inbox.inputs import Inputs
+    from tega.inbox.prepared import Prepared
     from tega.safety.guard import Guard
-    from tega.teleop.bell import Bell
-    from tega.teleop.inputs import Inputs
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.loop import LoopView
-    from tega.teleop.prepare import Prepared
+    from tega.teleop.moment import LoopView
     from tega.teleop.sinks import Sinks
 
 __all__ = ["Station", "open_station"]
@@ -105,15 +105,9 @@ class Station(Opened):
         """Tell that the run's state has changed."""
         self._tell(f"{change.state}: {change.reason}")
 
-    def beside(self, observer: Callable[[LoopView], None] | None) -> Callable[[LoopView], None]:
-        """Return an observer that is also shown how the link is."""
-
-        def observe(view: LoopView) -> None:
-            self._view = view
-            if observer is not None:
-                observer(self.shown(view))
-
-        return observe
+    def seen(self, view: LoopView) -> None:
+        """Take note of the newest moment of the run."""
+        self._view = view
 
     def shown(self, view: LoopView) -> LoopView:
         """Complete a moment for a display."""

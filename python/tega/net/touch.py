@@ -10,24 +10,24 @@ import msgspec
 import numpy as np
 
 from tega.errors import CalibrationError
+from tega.inbox.reader import Reader, read_items
+from tega.inbox.sources import metrics_of, picture_of
+from tega.inbox.spread import Spread
+from tega.inbox.stream import LiveStream
 from tega.net.ends import FarFinger
 from tega.net.gate import Gate, refused_by
 from tega.net.messages import Feature, Image, Welcome, decode
 from tega.net.pictures import unpacked
-from tega.net.samples import Readers
-from tega.net.streams import InboxStream
-from tega.teleop.sources import metrics_of, picture_of
-from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.calibration import Calibration
     from tega.devices.base import TactileFrame
+    from tega.inbox.bell import Bell
+    from tega.inbox.prepared import Finger, Prepared
+    from tega.inbox.sources import Contact, SourceReport
     from tega.net.clock import Offset
-    from tega.teleop.bell import Bell
     from tega.teleop.latency import LatencyTrace
-    from tega.teleop.prepare import Finger, Prepared
-    from tega.teleop.sources import Contact, SourceReport
 
 __all__ = ["FarTouch", "with_touch"]
 
@@ -73,7 +73,7 @@ class FarTouch:
         self._gates: dict[str, Gate] = {}
         self._start_ns: int | None = None
         self._ring: Callable[[], None] = lambda: None
-        self._readers = Readers()
+        self._readers: list[Reader[TactileFrame]] = []
         self.way = Spread()
 
     def welcome(self, welcome: Welcome) -> None:
@@ -85,14 +85,14 @@ class FarTouch:
 
     def fingers(self, welcome: Welcome) -> dict[str, Finger]:
         """Return the fingertips as a run starts with them."""
-        from tega.teleop.prepare import Finger
-        from tega.teleop.sources import SourceReport
+        from tega.inbox.prepared import Finger
+        from tega.inbox.sources import SourceReport
 
         fingers = {}
         for name, rate_hz in welcome.fingers.items():
             report = SourceReport()
             source: Any = FarFinger(name, self._robot, rate_hz=rate_hz)
-            stream: InboxStream[Contact] = InboxStream()
+            stream: LiveStream[Contact] = LiveStream()
             stream.on_loss = report.drop
             baseline = unpacked(welcome.baselines[name]) if name in welcome.baselines else None
             if baseline is None:
@@ -109,14 +109,17 @@ class FarTouch:
             if trace is not None:
                 far.stamp = trace.source(name)
             source = prepared.fingers[name].source
-            self._readers.start(f"{name}-pictures", source, partial(_tell, bus, name, start_ns=start_ns))
+            tell = partial(_tell, bus, name, start_ns=start_ns)
+            self._readers.append(Reader(f"{name}-pictures-read", partial(read_items, source), tell))
         if bell is not None:
             self._ring = bell.ring
         self._start_ns = start_ns
 
     def end(self) -> None:
         """Read no more pictures."""
-        self._readers.end()
+        for reader in self._readers:
+            reader.close()
+        self._readers.clear()
 
     def mind(self, *, lost: bool) -> None:
         """Take note of whether the robot answers."""
@@ -168,7 +171,7 @@ def _tell(bus: Bus, finger: str, frame: TactileFrame, *, start_ns: int) -> None:
 class _Finger:
     """A fingertip at the robot's station, and where what comes of it goes."""
 
-    def __init__(self, source: FarFinger, stream: InboxStream[Contact], report: SourceReport) -> None:
+    def __init__(self, source: FarFinger, stream: LiveStream[Contact], report: SourceReport) -> None:
         self.source, self._stream, self.report = source, stream, report
         self.stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
         self._next = 0

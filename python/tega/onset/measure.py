@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.calibration.folder import device_name
+from tega.calibration.identify import light_motor
 from tega.calibration.records import OnsetRecord
 from tega.clock import Clock
 from tega.errors import CalibrationError, DeviceUnavailableError
 from tega.onset.clock import ClockMap, by_clicks
 from tega.onset.detect import Onsets, find_onsets
 from tega.onset.log import OnsetLog
-from tega.teleop.identify import light_motor
 
 if TYPE_CHECKING:
     from tega.devices.base import DeviceInfo, VestSink

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tega.csv_writer import CsvWriter
-from tega.devices.lifecycle import require
 from tega.errors import ConfigError
 from tega.foreign_file import tells_damage
+from tega.lifecycle import require
 from tega.plain_name import plain_name
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import LEAD_IN

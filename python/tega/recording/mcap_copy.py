@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import IO, Any, NamedTuple
 
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 from tega.recording.mcap_schemas import decoder
 
 __all__ = ["McapCopy", "McapRecords", "Record"]

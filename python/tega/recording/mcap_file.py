@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import msgspec
 import numpy as np
 
-from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 from tega.file_lock import lock_file
 from tega.hand import JOINT_NAMES
+from tega.lifecycle import require
 from tega.recording.disk import open_disk
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
 from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
-from tega.devices.lifecycle import require
-from tega.devices.opencv import load_cv2
 from tega.errors import RecordingError
 from tega.foreign_file import MIB, check_file
+from tega.lifecycle import require
+from tega.opencv import load_cv2
 from tega.recording.mcap_schemas import decoder
 
 if TYPE_CHECKING:

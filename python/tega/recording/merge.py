@@ -6,9 +6,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 from tega.foreign_file import tells_damage
+from tega.lifecycle import require
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.origin import new_session, origin, span

@@ -79,7 +79,7 @@ class Recording:
             pace: When the vest is told.
             observed: Whether somebody looks on, for whom there are ticks of the vest without touch, too.
         """
-        config, prepared, kept = rig.config, rig.prepared, rig.sinks.kept
+        config, prepared = rig.config, rig.prepared
         text = config_text(config)
         infos = {name: finger.source.info for name, finger in prepared.fingers.items()}
         if prepared.muscles is not None:
@@ -92,8 +92,8 @@ class Recording:
                 "version": VERSION,
                 "layout": layout,
                 "pace": pace,
-                "live_vest": str(bool(kept)).lower(),
-                "in_steps": str(any(vest.in_steps for vest in kept)).lower(),
+                "live_vest": str(bool(rig.sinks.live_vests)).lower(),
+                "sent": "every",
                 "steered": str(rig.sinks.steered is not None).lower(),
                 "observed": str(observed).lower(),
                 "lossless": str(config.recording.lossless).lower(),

@@ -7,19 +7,19 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
-from tega import haptics
 from tega.bus import Bus
 from tega.clock import ManualClock
 from tega.foreign_file import tells_damage
-from tega.records import BusFrame, Contact, HandCommand, Intent, SentFrame, VestFrame
+from tega.inbox.stream import NEVER_NS, Item, PulledStream
+from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
 from tega.records.schema import values
 from tega.replay.arm import compare_arm
 from tega.replay.compare import Comparison, compare
@@ -35,8 +35,8 @@ from tega.replay.measured import (
 from tega.replay.recorded import Recorded, read_recorded
 from tega.teleop.feedback import touch_loop
 from tega.teleop.hand import ModelledAllegro
-from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop import DualLoop
+from tega.teleop.moment import Moment
 from tega.teleop.pacing import Pacer
 
 if TYPE_CHECKING:
@@ -47,8 +47,6 @@ __all__ = ["Replay", "replay_file"]
 
 # When things were done is no result.
 _WHEN = frozenset({"t_ns", "taken_ns", "known_ns"})
-
-Item = TypeVar("Item", bound=tuple[Any, ...])
 
 
 class Replay(msgspec.Struct, frozen=True):
@@ -122,7 +120,6 @@ class _Again(msgspec.Struct):
     contacts: dict[str, list[Contact]] = {}
     levels: list[Intent] = []
     vest: list[tuple[int, str, bytes]] = []
-    vest_sent: list[int] = []
     hand: list[tuple[int, float, Sequence[BusFrame]]] = []
     end_ns: int = 0
 
@@ -134,9 +131,6 @@ class _Again(msgspec.Struct):
 
     def vest_frame(self, frame: VestFrame) -> None:
         self.vest.append((frame.t_ns, frame.layout, bytes(frame.intensities)))
-
-    def sent_frame(self, frame: SentFrame) -> None:
-        self.vest_sent.append(frame.t_ns)
 
     def command(self, asked: HandCommand, level: float) -> None:
         self.hand.append((asked.t_ns, level, asked.frames))
@@ -158,29 +152,18 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
         asked += 1
         return state
 
-    kept = []
-    if head.live_vest:
-        vest = config.vest
-        kept.append(
-            KeepAlive(
-                _NoVest(),  # type: ignore[arg-type]
-                keep_alive_ns=round(vest.keep_alive_s * 1e9),
-                period_ns=round(1e9 / vest.rate_hz),
-                in_steps=head.facts.get("in_steps") == "true",
-            )
-        )
-
     bus = Bus()
     bus.subscribe(Contact, again.contact, vital=True)
     bus.subscribe(Intent, again.intent, vital=True)
     bus.subscribe(VestFrame, again.vest_frame, vital=True)
-    bus.subscribe(SentFrame, again.sent_frame, vital=True)
+    if head.facts["observed"] == "true":
+        bus.subscribe(Moment, lambda _moment: None)
     bus.subscribe(HandCommand, lambda asked: again.command(asked, hand.level), vital=True)
     contacts = {
-        finger: _TakenStream(contact_items(recorded, measured, finger), pacer, recorded)
+        finger: _as_taken(contact_items(recorded, measured, finger), pacer, recorded)
         for finger in recorded.contacts
     }
-    levels = _TakenStream(level_items(recorded, measured), pacer, recorded) if with_emg else None
+    levels = _as_taken(level_items(recorded, measured), pacer, recorded) if with_emg else None
     loop = DualLoop(
         pacer=pacer,
         touch=touch_loop(config, measured.calibration, recorded.contacts),
@@ -190,10 +173,8 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
         vests=[],
         hands=[],
         bus=bus,
-        kept=kept,
         vest_rate_hz=config.vest.rate_hz,
         by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
-        observer=(lambda _view: None) if head.facts["observed"] == "true" else None,
         haptics=haptics,
         endless=bool(recorded.turns),
     )
@@ -204,32 +185,20 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
     return again
 
 
-class _TakenStream(Generic[Item]):
-    """A stream that gives its items at the ticks at which they were taken in.
+def _as_taken(items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> PulledStream[Item]:
+    """Return a stream whose items come at the ticks at which they were taken in.
 
     Where every source had ended, it ends with the last tick of the run.
     """
-
-    def __init__(self, items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> None:
-        self._items = items
-        self._next = 0
-        self._pacer = pacer
-        end_ns, ended, _ = recorded.end or (0, "", 0)
-        self._completes = ended == "complete"
-        self.end_ns = end_ns
-        self.ended = False
-        self.due_ns = 0
-
-    def next_until(self, t_ns: int) -> Item | None:  # noqa: ARG002  # the tick says more than the time
-        self.ended = self._completes and self._pacer.over()
-        if self._next >= len(self._items) or self._items[self._next][0] > self._pacer.tick_ns:
-            return None
-        item = self._items[self._next][1]
-        self._next += 1
-        return item
-
-    def close(self) -> None:
-        self._next = len(self._items)
+    end_ns, ended, _ = recorded.end or (0, "", 0)
+    # The last look of a set time is before its end.
+    latest_ns = end_ns - 1 if ended == "duration" else NEVER_NS
+    return PulledStream(
+        [item for _, item in items],
+        end_ns=end_ns,
+        known=[min(taken_ns, latest_ns) for taken_ns, _ in items],
+        over=pacer.over if ended == "complete" else lambda: False,
+    )
 
 
 class _RecordedPacer(Pacer):
@@ -292,13 +261,6 @@ class _Hand:
         return [] if self._steered else self._model.limp()
 
 
-class _NoVest:
-    """Stands where a real vest was: it takes every frame as it is."""
-
-    def write(self, _t_ns: int, frame: haptics.VestFrame) -> haptics.VestFrame:
-        return frame
-
-
 def _compare_pixels(measured: Measured) -> list[Comparison]:
     """Tell pictures whose pixels are not those that were taken, whether or not they change what is felt."""
     return [
@@ -326,7 +288,11 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
     streams.append(compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(vest), until_ns=cut_ns))
     if recorded.head.live_vest:
         ours = [(t, {"sent": True}) for t in recorded.vest_sent]
-        theirs = [(t, {"sent": True}) for t in again.vest_sent if t >= from_ns]
+        made = Counter(t for t, _, _ in vest)
+        if recorded.head.facts.get("sent") != "every":
+            # The loop once left frames out that the vest showed already: what was sent then was made at that time.
+            made &= Counter(recorded.vest_sent)
+        theirs = [(t, {"sent": True}) for t in made.elements()]
         streams.append(compare("/vest/sent", ours, theirs, until_ns=cut_ns))
     if "emg" in recorded.head.sources:
         steered = recorded.head.facts["steered"] == "true"

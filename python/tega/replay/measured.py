@@ -13,10 +13,11 @@ from tega.arm.settings import ArmSettings
 from tega.calibration import load_calibration
 from tega.config import STAGE_GROUPS, load_config
 from tega.errors import TegaError
+from tega.inbox.frames import FrameMeter
+from tega.inbox.sources import Block, BlockMeter, Contact, SourceReport, metrics_of
 from tega.replay.arm import arm_settings
 from tega.replay.recorded import Head, Recorded
 from tega.stages.choose import Chosen, chosen_stage, finger_metric, metric_told, muscle_decoder
-from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter, SourceReport, metrics_of
 
 if TYPE_CHECKING:
     from tega.calibration import Calibration

@@ -202,7 +202,6 @@ def _settings(
             vest,
             layout=vest.layout or then.vest.layout,
             rate_hz=vest.rate_hz / pace,
-            keep_alive_s=vest.keep_alive_s * pace,
             pace=vest_pace,
             **_as_felt(then.vest, vest),
         ),

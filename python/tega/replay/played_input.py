@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from tega.devices.base import DeviceInfo
 from tega.hand import split_level
+from tega.inbox.prepared import Finger, Muscles, Prepared
+from tega.inbox.sources import Block, SourceReport
+from tega.inbox.stream import Item, PulledStream
 from tega.replay.measured import contact_items, level_items
 from tega.stages.choose import muscle_decoder
 from tega.teleop.loop import FIRST_LEVEL
-from tega.teleop.prepare import Finger, Muscles, Prepared
-from tega.teleop.sources import Block, SourceReport
-from tega.teleop.streams import NEVER_NS
 
 if TYPE_CHECKING:
     from tega.replay.measured import Measured
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from tega.replay.recorded import Recorded
 
 __all__ = ["Switched", "played_input"]
-
-Item = TypeVar("Item", bound=tuple[Any, ...])
 
 
 def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: str) -> Prepared:
@@ -63,7 +61,7 @@ def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: 
             head.baselines[finger],
             "recording",
             SourceReport(n_items=len(items)),
-            stream=_Due(items, end_ns=end_ns),
+            stream=_as_known(items, end_ns),
         )
     muscles, emg = None, measured.calibration.emg
     if "emg" in head.sources and emg is not None:
@@ -73,7 +71,7 @@ def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: 
             emg,
             muscle_decoder(measured.config.stages, measured.config.session.preset, emg),
             SourceReport(),
-            stream=_Due(blocks, end_ns=end_ns),
+            stream=_as_known(blocks, end_ns),
         )
     name = head.facts["calibration"]
     return Prepared(fingers, muscles, measured.calibration, "" if name == "self-calibrated" else name)
@@ -107,44 +105,16 @@ def _imposed(block: Block, level: float) -> Block:
     return block._replace(level=whole, closure=closure)
 
 
+def _as_known(items: Sequence[tuple[int, Item]], end_ns: int) -> PulledStream[Item]:
+    """Return a stream whose items come when they were known then."""
+    return PulledStream([item for _, item in items], known=[known for known, _ in items], end_ns=end_ns)
+
+
 class _Played:
     """Stands for a source whose items are there already."""
 
     def __init__(self, info: DeviceInfo) -> None:
         self.info = info
-
-
-class _Due(Generic[Item]):
-    """A stream whose items are known later than at the time they are stamped with.
-
-    Args:
-        items: When each is known, and it; in that order.
-        end_ns: When the stream ends.
-    """
-
-    def __init__(self, items: Sequence[tuple[int, Item]], *, end_ns: int) -> None:
-        self._items = items
-        self._next = 0
-        self.end_ns = end_ns
-        self.ended = False
-        self.due_ns = 0
-        self._look()
-
-    def _look(self) -> None:
-        self.ended = self._next >= len(self._items)
-        self.due_ns = NEVER_NS if self.ended else self._items[self._next][0]
-
-    def next_until(self, t_ns: int) -> Item | None:
-        if self.due_ns > t_ns:
-            return None
-        item = self._items[self._next][1]
-        self._next += 1
-        self._look()
-        return item
-
-    def close(self) -> None:
-        self._next = len(self._items)
-        self._look()
 
 
 class Switched:

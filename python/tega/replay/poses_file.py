@@ -11,8 +11,8 @@ import msgspec
 from tega.arm.pose import StampedPose
 from tega.arm.sources.recorded import RecordedPoses, read_poses
 from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.lifecycle import Opened
 
 __all__ = ["PosesFile", "PosesFileOptions"]
 

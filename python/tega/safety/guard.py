@@ -12,7 +12,7 @@ from tega.safety.settings import SafetySection
 from tega.safety.states import RunStates, State, Transition
 
 if TYPE_CHECKING:
-    from tega.teleop.sources import SourceReport
+    from tega.inbox.sources import SourceReport
 
 __all__ = ["Guard", "Watched"]
 

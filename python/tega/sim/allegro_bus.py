@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tega.devices.lifecycle import Opened
 from tega.errors import DeviceUnavailableError, MissingExtraError
+from tega.lifecycle import Opened
 from tega.wire import (
     FINGERS,
     AllegroInfo,

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.opencv import read_image
+from tega.opencv import read_image
 from tega.sim.closeness import difference
 from tega.sim.gel import Gel
 from tega.sim.gel_sequences import pressing

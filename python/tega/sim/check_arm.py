@@ -15,7 +15,7 @@ import numpy as np
 from tega.arm import StampedPose
 from tega.arm.frames import ToBase
 from tega.arm.sources import read_poses
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 from tega.sim.arm_path import CASES, Followed, HandPath, as_recorded, follow_path, hand_path, tracked
 
 __all__ = ["draw", "hand_of", "main", "table"]

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.audit import Mark, read_marks
-from tega.devices.lifecycle import require
-from tega.devices.opencv import read_image
+from tega.lifecycle import require
+from tega.opencv import read_image
 from tega.sim.broad import disc_table, grasp_table
 from tega.sim.closeness import TOLERANCES, Match, difference, match_press
 from tega.sim.gel import LENGTH_MM, STIFFNESS_N_MM3, Gel, ball
@@ -254,7 +254,7 @@ def main(out: Path) -> None:
 
     Recorded presses are looked for in the folder that the variable TEGA_DATA names, else in ../shared/data.
     """
-    from tega.view.gel import draw_presses, draw_readings
+    from tega.sim.gel_figure import draw_presses, draw_readings
 
     sections = {
         "force and depth": _golden_table(),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.audit import FAR_RADII, Mark
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 from tega.sim.gel import Gel, ball
 from tega.tactile import read_contact
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.audit import Mark
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 from tega.sim.check_touch import Presses, load_presses
 from tega.sim.closeness import difference
 from tega.sim.gel import Gel, ball

@@ -14,16 +14,17 @@ import msgspec
 import numpy as np
 
 from tega.calibration import EmgMaxima
+from tega.calibration.maxima import touch_maxima
 from tega.config import FINGERS
-from tega.devices.base import TactileFrame
+from tega.device_items import TactileFrame
 from tega.errors import InvalidValueError
+from tega.inbox.frames import FrameMeter
+from tega.inbox.sources import SourceReport
 from tega.sim.arms import feels
 from tega.sim.gel import Gel, ball
 from tega.sim.plan import loop_settings
 from tega.sim.seams import Indenter
 from tega.stages.choose import block_s, finger_metric, muscle_decoder
-from tega.teleop.maxima import touch_maxima
-from tega.teleop.sources import FrameMeter, SourceReport
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

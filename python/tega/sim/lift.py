@@ -11,6 +11,8 @@ import numpy as np
 from tega.bus import Bus
 from tega.clock import ManualClock, PausableClock, SystemClock
 from tega.config import FINGERS, StageConfig, StagesSection
+from tega.inbox.frames import FrameMeter
+from tega.inbox.sources import BlockMeter, SourceReport
 from tega.records import Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.arms import PULSES, worn
@@ -21,8 +23,8 @@ from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.rig import CAMERA_DELAY_NS, Rig
 from tega.sim.score import LIFT_WINDOW_S, Scorer
 from tega.stages.choose import vest_mapping
-from tega.teleop.loop import DualLoop, LoopView
-from tega.teleop.sources import BlockMeter, FrameMeter, SourceReport
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView, Moment
 from tega.teleop.touch import TouchLoop
 from tega.view.state import EmgTail, TouchImage, ViewState
 from tega.wire import ALLEGRO_RAD_PER_COUNT
@@ -155,10 +157,9 @@ class Lift:
             angles *= ALLEGRO_RAD_PER_COUNT
             return angles
 
-        def show(view: LoopView) -> None:
-            if observer is not None:
-                observer(self._moment(view))
-
+        bus = self._bus()
+        if observer is not None:
+            bus.subscribe(Moment, lambda moment: observer(self._moment(moment.view)), vital=True)
         clock = PausableClock(paused, SystemClock() if real_time else ManualClock())
         pacer = SimulatedPacer(clock, rig.advance_to)
         pacer.start()
@@ -170,8 +171,7 @@ class Lift:
             hand=SimulatedAllegro(self._controller, encoders),
             vests=[rig] if self._streams is None else [rig, self._streams],
             hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
-            bus=self._bus(),
-            observer=None if observer is None else show,
+            bus=bus,
             guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
         )
         loop.run(stop=stop)

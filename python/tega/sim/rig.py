@@ -14,15 +14,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from tega.config import FINGERS
-from tega.devices.base import EmgChunk, TactileFrame
+from tega.device_items import EmgChunk, TactileFrame
 from tega.hand_poses import ClosureScale
+from tega.inbox.frames import FrameMeter
+from tega.inbox.sources import Block, BlockMeter, Contact
+from tega.inbox.stream import LiveStream
 from tega.sim.gel import CAMERA_HZ
 from tega.sim.seams import Act, Percept
-from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter
-from tega.teleop.streams import QueuedStream
 
 if TYPE_CHECKING:
     import numpy as np
@@ -122,8 +123,8 @@ class Rig:
         self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
         self._muted, self._skip_untouched = muted, skip_untouched
         self._on_act = on_act
-        self.contacts = {finger: QueuedStream[Contact](due_ns=CAMERA_DELAY_NS) for finger in FINGERS}
-        self.levels = QueuedStream[Block](due_ns=block_ns)
+        self.contacts = {finger: LiveStream[Contact](due_ns=CAMERA_DELAY_NS) for finger in FINGERS}
+        self.levels = LiveStream[Block](due_ns=block_ns)
         self._streams = list(self.contacts.values())
         self._still = [baselines[finger] for finger in FINGERS]
         self.frames = list(self._still)
@@ -190,9 +191,10 @@ class Rig:
         self._on_act(percept, act)
         if self._ends(t_ns, act):
             self._over = True
-            for stream in self._streams:
+            streams: list[LiveStream[Any]] = [*self._streams, self.levels]
+            for stream in streams:
                 stream.end(t_ns)
-            self.levels.end(t_ns)
+                stream.close()
 
     def closure(self) -> float:
         """Return the hand's closure as it can be seen: 1 in the open pose, 5 in the tight one."""

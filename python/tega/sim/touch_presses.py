@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 from tega.sim.gel_sequences import Moment, press_sequence
 from tega.touch import TouchTracker
 

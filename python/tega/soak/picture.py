@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 from tega.soak.report import SoakReport
 
 __all__ = ["draw"]

@@ -16,11 +16,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tega.cli.options import Stop
 from tega.config import load_config
+from tega.safety.ctrl_c import Stop
 from tega.safety.states import Transition
 from tega.teleop import run_session
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 
 __all__ = ["main"]
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop import DualLoop
 from tega.teleop.loop_report import LoopReport
+from tega.teleop.moment import LoopView, Moment
 from tega.teleop.session import run_session
 from tega.teleop.touch import Felt, TouchLoop
 
-__all__ = ["DualLoop", "Felt", "LoopReport", "LoopView", "TouchLoop", "run_session"]
+__all__ = ["DualLoop", "Felt", "LoopReport", "LoopView", "Moment", "TouchLoop", "run_session"]

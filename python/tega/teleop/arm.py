@@ -23,10 +23,10 @@ from tega.config import ArmConfig, SessionConfig
 from tega.devices.base import ArmDriver, DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.inbox.inputs import Inputs, Seat
 from tega.teleop.arm_records import ArmRecords
 from tega.teleop.arm_view import ArmView, look
-from tega.teleop.inputs import Inputs, Seat
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 
 __all__ = ["Steering", "open_arm"]
 
@@ -103,16 +103,12 @@ class Steering:
             said = [f"arm: stopped: {self._command.reason}"]
         return "; ".join(s for s in said if s)
 
-    def beside(self, observer: Callable[[LoopView], None]) -> Callable[[LoopView], None]:
-        """Return an observer that is also shown what the arm does."""
-
-        def observe(view: LoopView) -> None:
-            seen = self._view
-            height_m = None if seen is None or seen.hand_m is None else seen.hand_m[2]
-            words = "not yet" if seen is None else seen.words
-            observer(view._replace(arm=words, seen_arm=seen, arm_height_m=height_m))
-
-        return observe
+    def shown(self, view: LoopView) -> LoopView:
+        """Complete a moment for a display with what the arm does."""
+        seen = self._view
+        height_m = None if seen is None or seen.hand_m is None else seen.hand_m[2]
+        words = "not yet" if seen is None else seen.words
+        return view._replace(arm=words, seen_arm=seen, arm_height_m=height_m)
 
     @property
     def infos(self) -> dict[str, DeviceInfo]:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tega.devices.base import SkippingSource, TactileSource
-from tega.devices.opencv import read_image
 from tega.errors import CalibrationError
+from tega.opencv import read_image
 from tega.tactile import estimate_baseline
 
 if TYPE_CHECKING:

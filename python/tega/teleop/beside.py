@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 from tega.bus import Backlog
 from tega.devices.base import EmgChunk
+from tega.inbox.sources import BlockMeter, SourceReport
 from tega.priority import ahead_of_others
 from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
 from tega.stages.choose import finger_metric, muscle_decoder
-from tega.teleop.sources import BlockMeter, SourceReport
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.config_sections import BesideConfig
+    from tega.inbox.prepared import Prepared
     from tega.stages.base import Metric
-    from tega.teleop.prepare import Prepared
 
 __all__ = ["open_beside"]
 

@@ -7,26 +7,21 @@ from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from tega.inbox.frames import measured_contacts
+from tega.inbox.reader import ReadAhead, Reader
+from tega.inbox.sources import Block, Contact, grasp_blocks, picture_of, samples_of
+from tega.inbox.stream import LiveStream, PulledStream, Stream
 from tega.records import EmgSamples, Picture
 from tega.teleop.latency import LatencyTrace
-from tega.teleop.sources import (
-    Block,
-    Contact,
-    grasp_blocks,
-    measured_contacts,
-    picture_of,
-    samples_of,
-)
-from tega.teleop.streams import PulledStream, Stream, ThreadedStream
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.calibration.motor_onset import MotorOnset
     from tega.devices.base import EmgChunk, TactileFrame
+    from tega.inbox.bell import Bell
+    from tega.inbox.prepared import Finger, Muscles, Prepared
     from tega.stages.base import Metric
-    from tega.teleop.bell import Bell
     from tega.teleop.pacing import Pacer
-    from tega.teleop.prepare import Finger, Muscles, Prepared
     from tega.teleop.sinks import Sinks
 
 __all__ = ["contact_stream", "latency_trace", "level_stream"]
@@ -46,13 +41,12 @@ def latency_trace(
     """Make what follows frames and blocks through the loop, where there is something live to follow."""
     if not any(source.info.live for source in prepared.sources):
         return None
-    vests: list[Any] = [kept.sink for kept in sinks.kept]
+    vests: list[Any] = sinks.live_vests
     return LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
         budget_ms=budget_ms,
         steady=steady,
-        # Asked by name: a vest whose frames are recorded stands behind another object.
         vests=[vest for vest in vests if hasattr(vest, "handed_over")],
         answered_ns=getattr(sinks.steered, "answered_ns", None),
         motor=motor,
@@ -98,14 +92,14 @@ def contact_stream(
             **told,
         )
 
-    stream: ThreadedStream[Contact] = ThreadedStream(
-        name,
-        produce,
-        live=live,
-        on_loss=finger.report.drop,
-        on_item=bell.ring if bell is not None else lambda: None,
+    if not live:
+        read = PulledStream(ReadAhead(name, produce))
+        stack.callback(read.close)
+        return read
+    stream: LiveStream[Contact] = LiveStream(
+        on_loss=finger.report.drop, on_item=bell.ring if bell is not None else lambda: None
     )
-    stack.callback(stream.close)
+    stack.callback(Reader(name, produce, stream.put, stream.end, ahead=True).close)
     return stream
 
 
@@ -135,8 +129,7 @@ def level_stream(
         return PulledStream(produce())
     if trace is not None:
         produce = partial(produce, stamp=trace.source("emg"))
-    stream: ThreadedStream[Block] = ThreadedStream(
-        "emg", lambda stopped: produce(stopped=stopped), live=True, on_loss=muscles.report.drop
-    )
-    stack.callback(stream.close)
+    stream: LiveStream[Block] = LiveStream(on_loss=muscles.report.drop)
+    reader = Reader("emg", lambda stopped: produce(stopped=stopped), stream.put, stream.end, ahead=True)
+    stack.callback(reader.close)
     return stream

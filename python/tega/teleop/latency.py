@@ -31,8 +31,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from tega.bus import Bus
+from tega.inbox.spread import Spread
 from tega.records.latency import INTENT_STAGES, TOUCH_STAGES, Latency
-from tega.teleop.spread import Spread
 
 if TYPE_CHECKING:
     from tega.calibration.motor_onset import MotorOnset

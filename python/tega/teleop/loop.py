@@ -11,31 +11,31 @@ recorded input and a manual clock it is therefore a function: the same input giv
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from tega.bus import Bus
 from tega.errors import TegaError
 from tega.hand import split_level
+from tega.inbox.inputs import Inputs
+from tega.inbox.sources import Block, Contact
+from tega.inbox.stream import NEVER_NS, Stream
 from tega.records import Contact as ContactRecord
 from tega.records import HandCommand, Imposed, Intent, Joints, Skip, bus_frames
 from tega.teleop.hand import HAND_TICK_NS, Hand
-from tega.teleop.inputs import Inputs, Seen
-from tega.teleop.keepalive import KeepAlive
 from tega.teleop.loop_report import LoopReport
+from tega.teleop.moment import LoopView, Moments
 from tega.teleop.pacing import Pacer
-from tega.teleop.sources import Block, Contact
-from tega.teleop.streams import NEVER_NS, Stream
-from tega.teleop.touch import STALE_NS, Felt, TouchLoop
+from tega.teleop.touch import STALE_NS, TouchLoop
 from tega.teleop.vest_output import VestOutput
 
 if TYPE_CHECKING:
+    from tega.devices.base import VestSink
     from tega.haptics import VestFrame
     from tega.safety.guard import Guard
-    from tega.teleop.arm_view import ArmView
     from tega.teleop.latency import LatencyTrace
     from tega.wire import CanFrame
 
-__all__ = ["DualLoop", "LoopView", "Sink"]
+__all__ = ["DualLoop", "Sink"]
 
 Sent_contra = TypeVar("Sent_contra", contravariant=True)
 
@@ -56,45 +56,6 @@ class Sink(Protocol[Sent_contra]):
         ...
 
 
-class LoopView(NamedTuple):
-    """What a display sees of the loop, once per vest tick, and where there is a guard once more when it has stopped.
-
-    Attributes:
-        t_ns: Time since the start of the session.
-        contacts: The newest metrics of each finger, with their time; a finger without a frame yet is missing.
-        felt: What each finger feels now, thumb first.
-        vest: The frame of this tick; ``None`` without tactile sources.
-        block: The newest EMG block; ``None`` before the first.
-        angles_rad: The hand's 16 joint angles; ``None`` without a hand.
-        counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
-        inputs: What the operator's input devices say, by what they are for.
-        state: Of the run, and why; ``""`` without a guard.
-        alerts: What is wrong, one sentence each.
-        latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
-        arm: What the arm does and why, in one line; ``""`` without an arm.
-        seen_arm: More of the same; ``None`` where it is not known.
-        link: How the link to the other station is, in one line; ``""`` on one machine.
-        arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
-    """
-
-    t_ns: int
-    contacts: Mapping[str, Contact]
-    felt: Sequence[Felt]
-    vest: VestFrame | None
-    block: Block | None
-    angles_rad: Sequence[float] | None
-    counts: Mapping[str, int]
-    inputs: Mapping[str, Seen] = {}
-    state: str = ""
-    reason: str = ""
-    alerts: Sequence[str] = ()
-    latency: str = ""
-    arm: str = ""
-    seen_arm: ArmView | None = None
-    link: str = ""
-    arm_height_m: float | None = None
-
-
 class DualLoop:
     """Runs both loops until their sources end, the time is over, or it is told to stop.
 
@@ -102,7 +63,7 @@ class DualLoop:
     SERVO OFF.
 
     What is not there costs nothing: without EMG there are no ticks of the hand, without tactile sources none of the
-    vest, unless an observer wants to see them pass.
+    vest, unless somebody wants to see them pass.
 
     Args:
         pacer: Deadlines on the session's clock.
@@ -113,14 +74,14 @@ class DualLoop:
         vests: Where vest frames go, every one.
         hands: Where CAN frames go.
         bus: Told of all that comes in and goes out; see :mod:`tega.records`.
-        kept: Vests that are sent what changed, and what did not as a keep-alive.
+        live_vests: Real vests, which get every frame, too; what they were sent is published.
         vest_rate_hz: Ticks of the vest per second.
         by_frame: Whether a picture between two ticks wakes the loop; the pacer needs a bell that its source rings.
-        observer: Called once per vest tick with what a display may show.
         haptics: Asked once per vest tick; every motor rests while it says no.
         inputs: The operator's input devices, looked at in every turn.
         guard: Knows the run's state; without one it is as if always active.
         trace: Follows frames and blocks through the loop.
+        complete: Add to what displays see what the loop does not know, one after the other.
         endless: Whether a loop without any source goes on all the same, since something else does.
     """
 
@@ -135,14 +96,14 @@ class DualLoop:
         vests: Sequence[Sink[VestFrame]],
         hands: Sequence[Sink[Sequence[CanFrame]]],
         bus: Bus | None = None,
-        kept: Sequence[KeepAlive] = (),
+        live_vests: Sequence[VestSink] = (),
         vest_rate_hz: float = 30.0,
         by_frame: bool = False,
-        observer: Callable[[LoopView], None] | None = None,
         haptics: Callable[[], bool] = lambda: True,
         inputs: Inputs | None = None,
         guard: Guard | None = None,
         trace: LatencyTrace | None = None,
+        complete: Sequence[Callable[[LoopView], LoopView]] = (),
         endless: bool = False,
     ) -> None:
         self._pacer = pacer
@@ -157,7 +118,6 @@ class DualLoop:
         self._bus = Bus() if bus is None else bus
         self._vest_rate_hz = vest_rate_hz
         self._by_frame = by_frame
-        self._observer = observer
         self._inputs = Inputs({}) if inputs is None else inputs
         self._guard = guard
         self._trace = trace
@@ -165,7 +125,6 @@ class DualLoop:
         self._newest: dict[str, Contact] = {}
         self._block: Block | None = None
         self._felt_anew = False
-        self._shown: LoopView | None = None
         self._due_ns = 0
         self._imposed: float = 0
         self._asked: float = 0
@@ -175,11 +134,21 @@ class DualLoop:
             n_stale_ticks=dict.fromkeys(contacts, 0),
             level_ticks=dict.fromkeys(range(1, 6), 0),
         )
+        self._moments = Moments(
+            self._bus,
+            touch,
+            None if levels is None else hand,
+            self.report,
+            inputs=self._inputs,
+            guard=guard,
+            trace=trace,
+            complete=complete,
+        )
         self._vest = VestOutput(
             touch,
             self.report,
             vests=vests,
-            kept=kept,
+            live_vests=live_vests,
             haptics=haptics,
             trace=trace,
             bus=self._bus,
@@ -198,7 +167,7 @@ class DualLoop:
         """
         report, last_ns, why = self.report, 0, ""
         with_hand = self._levels is not None
-        with_vest = bool(self._contacts) or self._observer is not None
+        with_vest = bool(self._contacts) or self._moments.wanted
         step_ns = HAND_TICK_NS if with_hand else IDLE_NS
         try:
             k_step = k_vest = 0
@@ -393,32 +362,8 @@ class DualLoop:
                 newest = self._newest.get(finger)
                 if newest is None or t_ns - newest[0] > STALE_NS:
                     self.report.n_stale_ticks[finger] += 1
-        if self._observer is not None:
-            angles = None if self._levels is None else self._hand.angles_rad.tolist()
-            felt = self._touch.fresh(t_ns)
-            view = LoopView(
-                t_ns, dict(self._newest), felt, self._vest.frame, self._block, angles, self._counts()
-            )
-            view = view._replace(inputs=self._inputs.seen)
-            if (guard := self._guard) is not None:
-                view = view._replace(
-                    state=guard.state,
-                    reason=guard.reason,
-                    alerts=tuple(guard.alerts.values()),
-                    latency="" if self._trace is None else self._trace.line,
-                )
-            self._shown = view
-            self._observer(view)
-
-    def _counts(self) -> dict[str, int]:
-        report = self.report
-        frames = sum(report.n_contacts.values()) // max(len(report.n_contacts), 1)
-        return {
-            "touch": frames,
-            "levels": report.n_blocks,
-            "hand": report.n_hand_ticks,
-            "vest": report.n_vest_ticks + report.n_vest_between,
-        }
+        if self._moments.wanted:
+            self._moments.show(t_ns, dict(self._newest), self._vest.frame, self._block)
 
     def _leave(self, t_ns: int, reason: str) -> list[BaseException]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""
@@ -442,10 +387,8 @@ class DualLoop:
         if self._guard is not None:
             try:
                 self._guard.stop(t_ns, reason)
-                if self._observer is not None and self._shown is not None:
-                    # A display that goes on showing the last moment must not go on saying that things move.
-                    self._observer(self._shown._replace(state="stopped", reason=self._guard.reason))
-            except BaseException as error:  # of an observer; reported by the caller
+                self._moments.stopped()
+            except BaseException as error:  # of a vital subscriber; reported by the caller
                 problems.append(error)
         return problems
 

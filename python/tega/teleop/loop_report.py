@@ -18,8 +18,6 @@ class LoopReport(msgspec.Struct, kw_only=True):
         n_hand_ticks: Ticks of the hand.
         n_vest_ticks: Ticks of the vest, each a frame for every sink that takes them all.
         n_vest_between: Frames between the ticks, each since a picture changed something.
-        n_vest_sent: Of both, frames sent to a vest kept alive.
-        n_vest_skipped: Of both, frames not sent to it since they were what it shows already.
         n_stale_ticks: Vest frames in which a finger was silent for want of a fresh frame, by finger.
         level_ticks: Hand ticks spent on each level, 1 to 5.
     """
@@ -31,7 +29,5 @@ class LoopReport(msgspec.Struct, kw_only=True):
     n_hand_ticks: int = 0
     n_vest_ticks: int = 0
     n_vest_between: int = 0
-    n_vest_sent: int = 0
-    n_vest_skipped: int = 0
     n_stale_ticks: dict[str, int] = {}
     level_ticks: dict[int, int] = {}

@@ -9,7 +9,7 @@ import msgspec
 from tega.clock import Clock
 from tega.devices.base import DeviceInfo
 from tega.errors import ConfigError
-from tega.teleop.bell import Bell
+from tega.inbox.bell import Bell
 
 __all__ = ["Pacer", "PacingReport", "refuse_live"]
 

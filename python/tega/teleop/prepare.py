@@ -6,94 +6,26 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, NamedTuple
 
-from tega.calibration import Calibration, EmgMaxima, FingerMaxima, load_calibration
+from tega.calibration import Calibration, FingerMaxima, load_calibration
+from tega.calibration.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
 from tega.calibration.person import calibrate_command, person_calibration
 from tega.calibration.records import utc_now
 from tega.config import DEFAULT_STAGES, SessionConfig
 from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.errors import CalibrationError
+from tega.inbox.frames import measured_contacts
+from tega.inbox.prepared import Finger, Muscles, Prepared
+from tega.inbox.sources import Contact, SourceReport
 from tega.stages.choose import block_s, chosen_stage, finger_metric, muscle_decoder
 from tega.teleop.baseline import find_baseline
-from tega.teleop.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
-from tega.teleop.sources import Block, Contact, SourceReport, measured_contacts
-from tega.teleop.streams import Stream
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tega.stages.base import Decoder
-
-__all__ = ["Finger", "Muscles", "Prepared", "Progress", "prepare", "to_be_read"]
+__all__ = ["Progress", "prepare", "to_be_read"]
 
 _log = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much is done and how much there is (0 where unknown)."""
-
-
-class Finger(NamedTuple):
-    """One fingertip, ready to run.
-
-    Attributes:
-        source: Its open source.
-        baseline: Its untouched picture.
-        baseline_origin: Where that came from.
-        report: What becomes of the frames.
-        measured: All frames, where they had to be measured beforehand.
-        stream: What is known of the finger from somewhere else; its source is then not read.
-    """
-
-    source: TactileSource
-    baseline: NDArray[np.uint8]
-    baseline_origin: str
-    report: SourceReport
-    measured: list[Contact] | None = None
-    stream: Stream[Contact] | None = None
-
-
-class Muscles(NamedTuple):
-    """The EMG side, ready to run.
-
-    Attributes:
-        source: Its open source.
-        maxima: Its maxima and the conditions they hold under.
-        decoder: Samples to intents; ``None`` where they are made somewhere else.
-        report: What becomes of the samples.
-        stream: The levels, where they are known from somewhere else; its source is then not read.
-    """
-
-    source: EmgSource
-    maxima: EmgMaxima
-    decoder: Decoder | None
-    report: SourceReport
-    stream: Stream[Block] | None = None
-
-
-class Prepared(NamedTuple):
-    """What a run starts with.
-
-    Attributes:
-        fingers: By name, thumb first.
-        muscles: The EMG side; ``None`` without EMG.
-        calibration: The maxima.
-        calibration_name: Base name of their file, or whose they are; ``""`` when they came from the recording.
-        warnings: What is to be known of them.
-    """
-
-    fingers: Mapping[str, Finger]
-    muscles: Muscles | None
-    calibration: Calibration
-    calibration_name: str
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def sources(self) -> list[TactileSource | EmgSource]:
-        """All of them, thumb first, EMG last."""
-        found: list[TactileSource | EmgSource] = [finger.source for finger in self.fingers.values()]
-        return found if self.muscles is None else [*found, self.muscles.source]
 
 
 def prepare(

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple
 from tega.config import SessionConfig
 from tega.devices.base import EmgSource, TactileSource
 from tega.devices.registry import driver_class
+from tega.inbox.inputs import Inputs
+from tega.inbox.prepared import Prepared
 from tega.priority import ahead_of_others
 from tega.safety.guard import Guard
 from tega.safety.states import Transition
 from tega.teleop.arm import Steering, open_arm
 from tega.teleop.beside import open_beside
-from tega.teleop.inputs import Inputs
 from tega.teleop.pacing import refuse_live
-from tega.teleop.prepare import Prepared, Progress, prepare, to_be_read
+from tega.teleop.prepare import Progress, prepare, to_be_read
 from tega.teleop.sinks import Sinks, open_inputs, open_sinks
 from tega.teleop.watch import watch_over
 

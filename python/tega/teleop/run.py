@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 from tega.calibration.motor_onset import motor_onset
 from tega.clock import Clock, SystemClock
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
+from tega.inbox.bell import Bell
 from tega.priority import ahead_of_others, all_along
 from tega.records import Alert, RunState, Value
 from tega.stages.choose import finger_metric
-from tega.teleop.bell import Bell
 from tega.teleop.collector import settle
 from tega.teleop.feedback import touch_loop
 from tega.teleop.flows import contact_stream, latency_trace, level_stream
 from tega.teleop.hand import Hand, ModelledAllegro
-from tega.teleop.loop import DualLoop, LoopView
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView, Moment
 from tega.teleop.pacing import Pacer
 from tega.teleop.rig import Rig
 from tega.teleop.summary import RunFacts, summarise, write_summary
@@ -61,12 +62,14 @@ def run_loop(
     config, prepared, sinks, guard, recording = rig.config, rig.prepared, rig.sinks, rig.guard, rig.recording
     session, muscles, station = config.session, prepared.muscles, rig.station
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
-    if station is not None:
-        observer = station.beside(observer)
 
     def may_feel() -> bool:
         return haptics() and guard.felt
 
+    if observer is not None:
+        rig.bus.subscribe(Moment, lambda moment: observer(moment.view), name="display", vital=True)
+    if station is not None:
+        rig.bus.subscribe(Moment, lambda moment: station.seen(moment.view), name="link")
     pace, bell = _pace(rig, clock)
     flows = stack.enter_context(ExitStack())
     real_time = False
@@ -78,7 +81,7 @@ def run_loop(
     hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
     pacer = Pacer(clock, bell=bell)
     if recording is not None:
-        recording.head(rig, layout=layout, pace=pace, observed=observer is not None)
+        recording.head(rig, layout=layout, pace=pace, observed=rig.bus.wants(Moment))
     start_ns = pacer.start()
     if recording is not None:
         recording.begin(start_ns, clock.now_ns())
@@ -101,7 +104,7 @@ def run_loop(
     if station is not None:
         station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
         flows.callback(station.end)
-    observer = _steer(flows, rig, observer, start_ns)
+    _steer(flows, rig, start_ns)
     loop = DualLoop(
         pacer=pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
@@ -125,14 +128,14 @@ def run_loop(
         vests=sinks.vests,
         hands=sinks.hands,
         bus=rig.bus,
-        kept=sinks.kept,
+        live_vests=sinks.live_vests,
         vest_rate_hz=config.vest.rate_hz,
         by_frame=pace == "by-frame",
-        observer=observer,
         haptics=may_feel,
         inputs=rig.inputs,
         guard=guard,
         trace=trace,
+        complete=[part.shown for part in (rig.steering, station) if part is not None],
         endless=rig.steering is not None or station is not None,
     )
 
@@ -171,15 +174,11 @@ def _tell(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> N
         bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
 
 
-def _steer(
-    flows: ExitStack, rig: Rig, observer: Callable[[LoopView], None] | None, start_ns: int
-) -> Callable[[LoopView], None] | None:
-    """Let the arm follow until the run ends; the observer is told of it."""
-    if rig.steering is None:
-        return observer
-    rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
-    flows.callback(rig.steering.stop)
-    return None if observer is None else rig.steering.beside(observer)
+def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
+    """Let the arm follow until the run ends."""
+    if rig.steering is not None:
+        rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
+        flows.callback(rig.steering.stop)
 
 
 def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:

@@ -10,12 +10,13 @@ from tega.bus import Bus
 from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import SessionConfig
 from tega.errors import ConfigError
+from tega.inbox.prepared import Prepared
 from tega.priority import realtime
 from tega.recording import prepare_folder
 from tega.safety.states import Transition
 from tega.teleop.collector import settled
-from tega.teleop.loop import LoopView
-from tega.teleop.prepare import Prepared, Progress
+from tega.teleop.moment import LoopView
+from tega.teleop.prepare import Progress
 from tega.teleop.rig import open_rig
 from tega.teleop.run import run_loop
 

@@ -10,9 +10,8 @@ from tega.devices.base import HandDriver, SteeredHand, VestSink
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand import split_level
+from tega.inbox.inputs import Inputs, Seat
 from tega.records import HandExchange, bus_frames
-from tega.teleop.inputs import Inputs, Seat
-from tega.teleop.keepalive import KeepAlive
 from tega.teleop.pacing import refuse_live
 from tega.teleop.tables import open_tables
 from tega.worn_vest import dose_file, worn_vest
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
     from tega.hand_link import Received
-    from tega.teleop.prepare import Prepared
+    from tega.inbox.prepared import Prepared
     from tega.wire import CanFrame
 
 __all__ = ["Sinks", "open_inputs", "open_sinks"]
@@ -32,14 +31,14 @@ class Sinks(NamedTuple):
     """What a run writes to.
 
     Attributes:
-        kept: The vest of the settings, if it is a real one.
+        live_vests: The vest of the settings, if it is a real one.
         vests: A vest of the settings that only records, the vest recorder.
         hands: A hand of the settings that only takes frames, the CAN recorder.
         steered: A hand of the settings that closes its own loop.
         tables: What the tables of the output folder call themselves, vest and hand; empty without one.
     """
 
-    kept: list[KeepAlive]
+    live_vests: list[VestSink]
     vests: list[VestSink]
     hands: list[HandDriver]
     steered: SteeredHand | None
@@ -65,20 +64,13 @@ def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
 
 def open_sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> Sinks:
     """Open what is written to: the devices of the settings, then the tables of the output folder."""
-    kept: list[KeepAlive] = []
+    live_vests: list[VestSink] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
     steered: SteeredHand | None = None
     vest = _open_vest(stack, config)
     if vest is not None and vest.info.live:
-        kept.append(
-            KeepAlive(
-                vest,
-                keep_alive_ns=round(config.vest.keep_alive_s * 1e9),
-                period_ns=round(1e9 / config.vest.rate_hz),
-                in_steps=getattr(vest, "in_steps", False),
-            )
-        )
+        live_vests.append(vest)
     elif vest is not None:
         vests.append(vest)
     if config.hand.driver is not None:
@@ -94,7 +86,7 @@ def open_sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus:
         else:
             hands.append(hand)
     tables = open_tables(stack, config, prepared, bus)
-    return Sinks(kept, vests, hands, steered, tables)
+    return Sinks(live_vests, vests, hands, steered, tables)
 
 
 def _listen(hand: Any, bus: Bus) -> None:

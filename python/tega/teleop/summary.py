@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from tega.devices.base import optional
 from tega.errors import TegaError
 from tega.recording.folder import SUMMARY_FORMAT
 from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
@@ -17,11 +18,11 @@ from tega.teleop.touch import STALE_NS
 if TYPE_CHECKING:
     from tega.config import Pace
     from tega.haptics import Layout
+    from tega.inbox.sources import SourceReport
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.pacing import PacingReport
     from tega.teleop.rig import Rig
-    from tega.teleop.sources import SourceReport
 
 __all__ = ["RunFacts", "summarise", "write_summary"]
 
@@ -83,8 +84,7 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
         "rate_hz": config.vest.rate_hz,
         "pace": state.pace,
         "frames": loop.n_vest_ticks + loop.n_vest_between,
-        "sent": loop.n_vest_sent,
-        "skipped": loop.n_vest_skipped,
+        **_spared(state),
         **({} if state.trace is None else {"replaced": state.trace.n_replaced}),
         "sinks": _drivers(state, "vest"),
     }
@@ -113,11 +113,19 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
     summary["safety"] = state.rig.guard.summary()
     if state.trace is not None:
         summary["latency_ms"] = state.trace.summary()
-        if state.rig.sinks.kept:
+        if state.rig.sinks.live_vests:
             motor = state.trace.motor
             summary["motor_onset"] = None if motor is None else motor._asdict() | {"said": motor.words}
     summary["notes"] = _notes(state)
     return summary
+
+
+def _spared(state: RunFacts) -> dict[str, int]:
+    """Count how many frames the real vests were sent, and how many they showed already."""
+    loop, worn = state.loop, state.rig.sinks.live_vests
+    given = (loop.n_vest_ticks + loop.n_vest_between) * len(worn)
+    spared = min(given, sum(optional(vest, "spared") for vest in worn))
+    return {"sent": given - spared, "skipped": spared}
 
 
 def _finger(state: RunFacts, name: str) -> dict[str, Any]:
@@ -165,7 +173,7 @@ def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
     """Name what vests or hands were told, tables last."""
     sinks = state.rig.sinks
     if kind == "vest":
-        infos = [sink.info for sink in (*(vest.sink for vest in sinks.kept), *sinks.vests)]
+        infos = [sink.info for sink in (*sinks.live_vests, *sinks.vests)]
     else:
         infos = [hand.info for hand in (*([] if sinks.steered is None else [sinks.steered]), *sinks.hands)]
     return [info.driver for info in (*infos, *(table for table in sinks.tables if table.kind == kind))]
@@ -203,7 +211,7 @@ def _notes(state: RunFacts) -> list[str]:
         notes += _ending("emg", muscles.report, end_ns, _lost_emg(state))
     if state.trace is not None and state.trace.last_warning:
         notes.append(state.trace.last_warning)
-    notes += [f"vest: {note}" for vest in state.rig.sinks.kept for note in vest.sink.info.notes]
+    notes += [f"vest: {note}" for vest in state.rig.sinks.live_vests for note in vest.info.notes]
     notes += state.rig.inputs.notes()
     if state.rig.steering is not None:
         notes += [f"arm: {note}" for note in state.rig.steering.notes()]

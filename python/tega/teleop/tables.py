@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
-    from tega.teleop.prepare import Prepared
+    from tega.inbox.prepared import Prepared
 
 __all__ = ["open_tables"]
 

@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from tega import records
+from tega.devices.base import optional
 
 if TYPE_CHECKING:
     from tega.bus import Bus
+    from tega.devices.base import VestSink
     from tega.haptics import VestFrame
-    from tega.teleop.keepalive import KeepAlive
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.touch import TouchLoop
@@ -29,7 +30,7 @@ class VestOutput:
         touch: What the fingers feel.
         report: Counted up along the way.
         vests: Where every frame goes.
-        kept: Vests that are sent what changed, and what did not as a keep-alive.
+        live_vests: Real vests, which get every frame, too; what they were sent is published.
         haptics: Asked for each frame; every motor rests while it says no.
         trace: Follows camera frames through the loop.
         bus: Told of every frame, of what real vests were sent, and of when motors may turn.
@@ -45,7 +46,7 @@ class VestOutput:
         report: LoopReport,
         *,
         vests: Sequence[_Writes],
-        kept: Sequence[KeepAlive] = (),
+        live_vests: Sequence[VestSink] = (),
         haptics: Callable[[], bool] = lambda: True,
         trace: LatencyTrace | None = None,
         bus: Bus,
@@ -54,7 +55,8 @@ class VestOutput:
         self._touch = touch
         self._report = report
         self._vests = vests
-        self._kept = kept
+        self._live_vests = live_vests
+        self._in_steps = bool(live_vests) and all(optional(vest, "in_steps") for vest in live_vests)
         self._haptics = haptics
         self._trace = trace
         self._bus = bus
@@ -81,10 +83,9 @@ class VestOutput:
         """Let every motor rest, whatever happens; return what went wrong."""
         problems: list[BaseException] = []
         silence = self._touch.silence()
-        for kept in self._kept:
+        for vest in self._live_vests:
             try:
-                kept.write(t_ns, silence)
-                self._tell(records.SentFrame, t_ns, kept.sent)
+                self._tell(records.SentFrame, t_ns, vest.write(t_ns, silence))
             except BaseException as error:  # a panic of native code, too; reported by the caller
                 problems.append(error)
         for sink in self._vests:
@@ -107,6 +108,12 @@ class VestOutput:
         self._n_asked += 1
         return on
 
+    def _changes(self, before: VestFrame | None, frame: VestFrame) -> bool:
+        """Whether a real vest shows something else with a frame than with the one before."""
+        if before is None or not self._live_vests:
+            return bool(self._live_vests)
+        return frame != before and not (self._in_steps and _same_steps(frame, before))
+
     def _tell(self, kind: type[records.VestRecord], t_ns: int, frame: VestFrame) -> None:
         if self._bus.wants(kind):
             percent = tuple(frame.intensities.tolist())
@@ -119,20 +126,24 @@ class VestOutput:
         began_ns = 0 if trace is None else trace.now_ns()
         frame = self._touch.frame(t_ns) if self._allowed(t_ns) else self._touch.silence()
         made_ns = 0 if trace is None else trace.now_ns()
-        before, changed = self.frame, False
+        before = self.frame
         if news := before is None or not only_news or frame != before:
             self.frame = frame
-            for kept in self._kept:
-                changed = changed or not kept.shows(frame)
-                if kept.offer(t_ns, frame):
-                    self._report.n_vest_sent += 1
-                    self._tell(records.SentFrame, t_ns, kept.sent)
-                else:
-                    self._report.n_vest_skipped += 1
+            for vest in self._live_vests:
+                self._tell(records.SentFrame, t_ns, vest.write(t_ns, frame))
         if trace is not None:
-            trace.vest(t_ns, began_ns, made_ns, changed=changed)
+            trace.vest(t_ns, began_ns, made_ns, changed=self._changes(before, frame))
         if news:
             for sink in self._vests:
                 sink.write(t_ns, frame)
             self._tell(records.VestFrame, t_ns, frame)
         return news
+
+
+def _same_steps(one: VestFrame, other: VestFrame) -> bool:
+    """Whether a vest that shows 16 steps shows the same, with the same motors at rest."""
+    return (
+        one.layout == other.layout
+        and bool((one.levels == other.levels).all())
+        and bool(((one.intensities == 0) == (other.intensities == 0)).all())
+    )

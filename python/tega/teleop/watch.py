@@ -13,11 +13,11 @@ from tega.safety.guard import Guard, Watched
 
 if TYPE_CHECKING:
     from tega.bus import Bus
+    from tega.inbox.prepared import Prepared
     from tega.markers import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
     from tega.teleop.arm import Steering
-    from tega.teleop.prepare import Prepared
     from tega.teleop.sinks import Sinks
 
 __all__ = ["watch_over"]
@@ -50,8 +50,8 @@ def watch_over(
         alerts["signal"] = partial(_signal, m.source)
 
     needs: dict[str, Callable[[], str]] = {}
-    kept = sinks.kept
-    vests = {"vest": lambda: all(vest.reached for vest in kept)} if kept else {}
+    worn = sinks.live_vests
+    vests = {"vest": lambda: all(optional(vest, "reached") for vest in worn)} if worn else {}
     if recording is not None:
         alerts["recording"] = recording.problem
     if markers is not None:

@@ -15,13 +15,13 @@ from types import TracebackType
 from typing import Self
 
 from tega.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
+from tega.calibration.maxima import emg_conditions
 from tega.config import FINGERS, load_config
 from tega.devices import Found, driver_class
-from tega.devices.lifecycle import require
 from tega.doctor.bench import Looked
 from tega.doctor.lab_file import lab_settings
 from tega.errors import DeviceUnavailableError
-from tega.teleop.maxima import emg_conditions
+from tega.lifecycle import require
 from tega.testing.emulated_operator import EmulatedOperator
 from tega.testing.emulators.process import Emulator
 

@@ -12,8 +12,8 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from tega.devices import Found
-from tega.devices.lifecycle import require
 from tega.doctor.bench import Looked
+from tega.lifecycle import require
 from tega.testing.emulators.franka_faults import HAND_KG, on_franky_sim
 from tega.testing.emulators.process import Emulator
 

@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tega.net.robot
-from tega.cli.options import Stop
 from tega.config import load_config
 from tega.errors import TegaError
 from tega.net.commands import Commands
+from tega.safety.ctrl_c import Stop
 from tega.teleop import LoopView, run_session
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
 
 __all__ = ["MEANINGS", "NO_NEWS", "NO_NEWS_S", "lines_beside"]
 

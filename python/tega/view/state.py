@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.tactile import Reading
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
 
 __all__ = ["EmgTail", "Shape", "ShapeKind", "TouchImage", "ViewState"]
 

@@ -20,7 +20,7 @@ from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
 
 __all__ = ["TerminalView", "render"]
 

@@ -8,8 +8,7 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
-from tega.devices import DeviceInfo, EmgChunk, Options
-from tega.devices.lifecycle import Opened
+from tega.devices import DeviceInfo, EmgChunk, Opened, Options
 from tega.errors import DeviceUnavailableError
 
 

@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
-from tega.devices import DeviceInfo, Options
-from tega.devices.lifecycle import Opened
+from tega.devices import DeviceInfo, Opened, Options
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame
 

@@ -18,9 +18,9 @@ from tega.arm.pose import ArmCommand, StampedPose
 from tega.arm.robot.process import Settings
 from tega.arm.robot.words import Asked, Failed, Health, Leave, Message, Ready, Recover, Told, decode, encode
 from tega.child_process import end_child, python_command, python_environment
-from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.lifecycle import Opened
+from tega.device_items import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError
+from tega.lifecycle import Opened
 
 __all__ = ["ArmOptions", "ProcessArm"]
 

@@ -11,8 +11,8 @@ import numpy as np
 from tega.arm.robot.body import Seen
 from tega.arm.robot.fci import Library, installed_library, server_version, the_fix
 from tega.arm.robot.words import Quaternion, Triple
-from tega.devices.lifecycle import require
 from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.lifecycle import require
 
 __all__ = ["JOINT_LIMITS_RAD", "MODE_WORDS", "FrankyBody"]
 

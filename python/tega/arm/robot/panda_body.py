@@ -16,8 +16,8 @@ from tega.arm.robot.franky_body import JOINT_LIMITS_RAD, MODE_WORDS
 from tega.arm.robot.words import Quaternion, Triple
 from tega.arm.rotation import from_matrix
 from tega.arm.settings import LimitSettings
-from tega.devices.lifecycle import require
 from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.lifecycle import require
 
 __all__ = ["PandaBody"]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tega.arm.pose import StampedPose
 from tega.arm.rotation import IDENTITY, exp, multiply, unit
-from tega.devices.base import InputState
+from tega.device_items import InputState
 
 __all__ = ["RatePoses"]
 

@@ -69,7 +69,7 @@ def run(
     """
     import sys
 
-    from tega.cli.options import Stop
+    from tega.safety.ctrl_c import Stop
     from tega.study import read_plan
     from tega.study.lead import lead_session
     from tega.study.lead.desk import desk_for

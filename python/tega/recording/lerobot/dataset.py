@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tega.devices.lifecycle import require
 from tega.errors import ConfigError, RecordingError
+from tega.lifecycle import require
 from tega.plain_name import plain_name
 from tega.recording.lerobot.episode import Episode, read_episode
 from tega.recording.lerobot.stats import figures

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tega.devices.lifecycle import require
+from tega.lifecycle import require
 from tega.priority import untaken
 from tega.recording.lerobot.stats import Colours
 

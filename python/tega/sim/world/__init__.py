@@ -15,7 +15,7 @@ What is in it, and what isn't: ``docs/sim-world.md``. Needs the extra ``sim``.
 
 from __future__ import annotations
 
-from tega.sim.world.allegro import FULL_DUTY_NM, TORQUE_LIMITS_NM
+from tega.hand_mjcf import FULL_DUTY_NM, TORQUE_LIMITS_NM
 from tega.sim.world.objects import OBJECTS, ObjectSpec
 from tega.sim.world.poses import GRASP_POSES_RAD, hand_controller
 from tega.sim.world.scene import Physics

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
-from tega.sim.world.allegro import FINGERS
+from tega.hand_mjcf import FINGERS
 from tega.sim.world.flex import AROUND, SKIN_M, UP
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.shapes import Shape

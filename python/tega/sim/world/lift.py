@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from typing import Final, NamedTuple
 
+from tega.hand_mjcf import FULL_DUTY_NM
 from tega.sim.score import Scorer
 from tega.sim.seams import Truth
-from tega.sim.world.allegro import FULL_DUTY_NM
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tega.hand_mjcf import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
 from tega.sim.gel import fall
 from tega.sim.seams import Indenter
-from tega.sim.world.allegro import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
 from tega.sim.world.body import Body
 from tega.sim.world.objects import ObjectSpec
 

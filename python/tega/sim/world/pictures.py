@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.errors import MissingExtraError
-from tega.sim.world.allegro import FULL_DUTY_NM
+from tega.hand_mjcf import FULL_DUTY_NM
 from tega.sim.world.lift import LIFT_M, Lift
 from tega.sim.world.objects import OBJECTS
 from tega.sim.world.poses import hand_controller

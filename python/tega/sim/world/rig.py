@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from tega.sim.world.allegro import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
+from tega.hand_mjcf import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
 from tega.sim.world.body import body_of
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.scene import Physics, import_mujoco, object_parts, physics_for, preamble

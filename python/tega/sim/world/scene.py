@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import InvalidValueError, MissingExtraError
-from tega.sim.world.allegro import hand_actuators, hand_body
+from tega.hand_mjcf import hand_actuators, hand_body
 from tega.sim.world.arm import arm_actuators, arm_body
 from tega.sim.world.flex import flex_body
 from tega.sim.world.objects import ObjectSpec

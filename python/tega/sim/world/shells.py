@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from tega.sim.world.allegro import FINGERS
+from tega.hand_mjcf import FINGERS
 from tega.sim.world.objects import ObjectSpec
 
 __all__ = ["object_body", "object_tendons", "shell_mass_kg", "wall_rad_s"]

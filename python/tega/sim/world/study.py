@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from tega.child_process import isolated_workers
-from tega.sim.world.allegro import FULL_DUTY_NM
+from tega.hand_mjcf import FULL_DUTY_NM
 from tega.sim.world.lift import LIFT_M, Lift, lift
 from tega.sim.world.objects import OBJECTS, ObjectSpec
 from tega.sim.world.poses import hand_controller

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from tega.errors import InvalidValueError, ShapeError
-from tega.sim.world.allegro import TORQUE_LIMITS_NM, joint_names
+from tega.hand_mjcf import TORQUE_LIMITS_NM, joint_names
 from tega.sim.world.body import body_of
 from tega.sim.world.follower import ArmFollower
 from tega.sim.world.objects import OBJECTS, ObjectSpec

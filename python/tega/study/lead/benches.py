@@ -91,7 +91,7 @@ class LabBench:
     def __init__(
         self, config: SessionConfig, *, settings: str = "SETTINGS.toml", where: Where = "lab"
     ) -> None:
-        from tega.devices.lifecycle import require
+        from tega.lifecycle import require
 
         require("foxglove", driver="recording", extra="record")
         if config.emg is None or not config.tactile.in_use():

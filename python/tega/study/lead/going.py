@@ -16,7 +16,7 @@ from tega.study.touch_rows import TouchRow
 if TYPE_CHECKING:
     from tega.clock import Clock
     from tega.hand_poses import ClosureScale
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
 
 __all__ = ["Going", "Seen", "SeenKind", "in_thread"]
 

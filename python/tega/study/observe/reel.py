@@ -18,7 +18,7 @@ import numpy as np
 from tega.errors import RecordingError, TegaError
 from tega.hand import JOINT_NAMES
 from tega.study.hand_rows import read_hand
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.teleop.touch import STALE_NS
 from tega.view.state import TouchImage, ViewState
 
@@ -146,7 +146,7 @@ def read_reel(trial: RecordedTrial) -> Reel:
 def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     """Read an MCAP file once, from its beginning to its end."""
     from tega.calibration.store import parse_calibration
-    from tega.devices.lifecycle import require
+    from tega.lifecycle import require
     from tega.recording.mcap_reader import McapReader
 
     cv2 = require("cv2", driver="recording", extra="record")

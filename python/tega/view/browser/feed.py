@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from tega.bus import Bus
     from tega.config import SessionConfig, TactileConfig
-    from tega.teleop.prepare import Muscles, Prepared
+    from tega.inbox.prepared import Muscles, Prepared
 
 __all__ = ["SessionFeed"]
 

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from tega.sim.world.allegro import hand_body, joint_names
+from tega.hand_mjcf import hand_body, joint_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

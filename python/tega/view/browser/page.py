@@ -23,7 +23,7 @@ from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 if TYPE_CHECKING:
     import viser
 
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
     from tega.view.browser.controls import Controls
     from tega.view.state import ViewState
 

@@ -15,7 +15,7 @@ from tega.view.run_state import NO_NEWS_S
 from tega.view.state import ViewState
 
 if TYPE_CHECKING:
-    from tega.teleop.loop import LoopView
+    from tega.teleop.moment import LoopView
     from tega.view.browser.page import Page
 
 __all__ = ["N_TURNS", "BrowserView"]

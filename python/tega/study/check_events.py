@@ -2,9 +2,9 @@
 
 ::
 
-    python -m tega.sim.check_events --fit 1000:1023                       # weights for tega.detect.settings
-    python -m tega.sim.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
-    python -m tega.sim.check_events --narrowing --objects bag             # what a deformation could be told by
+    python -m tega.study.check_events --fit 1000:1023                       # weights for tega.detect.settings
+    python -m tega.study.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
+    python -m tega.study.check_events --narrowing --objects bag             # what a deformation could be told by
 
 Needs the extras ``sim`` and ``study``. A seed is a person; those that the rules were fitted on are never reported.
 """

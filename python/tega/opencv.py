@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tega import _native
-from tega.devices.lifecycle import require
 from tega.errors import RecordingError
 from tega.foreign_file import load_npy, read_foreign
+from tega.lifecycle import require
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

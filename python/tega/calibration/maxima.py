@@ -14,7 +14,8 @@ from tega.calibration import EmgMaxima, TouchMaxima
 from tega.devices.base import EmgSource
 from tega.emg import channel_maxima
 from tega.errors import CalibrationError, ConfigError
-from tega.teleop.sources import READ_TIMEOUT_S, Contact
+from tega.inbox.reader import READ_TIMEOUT_S
+from tega.inbox.sources import Contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

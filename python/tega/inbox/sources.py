@@ -1,4 +1,4 @@
-"""From device to measurement: the generators the streams run on."""
+"""Read EMG samples and turn them into what the hand is asked; count what became of a source's items."""
 
 from __future__ import annotations
 
@@ -9,46 +9,31 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
-from tega.devices.base import EmgChunk, EmgSource, TactileFrame, TactileSource
-from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, ShapeError, TegaError
+from tega.devices.base import EmgChunk, EmgSource, TactileFrame
+from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
 from tega.hand import joined_level, nearest_level
+from tega.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.records import EmgSamples, Picture
-from tega.stages.metrics import contact_metrics_of
 from tega.tactile import ContactMetrics
-from tega.teleop.repeats import STUCK_FRAMES, LastFrame
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tega.records import Contact as ContactRecord
     from tega.records import Intent
-    from tega.stages.base import Decoder, Metric
+    from tega.stages.base import Decoder
 
 __all__ = [
     "Block",
     "BlockMeter",
     "Contact",
-    "FrameMeter",
     "SourceReport",
     "grasp_blocks",
-    "measured_contacts",
     "metrics_of",
     "picture_of",
     "samples_of",
 ]
 
-# How long a live source may keep its thread from noticing that the run is over.
-READ_TIMEOUT_S = 0.1
-
-# Between two tries to open a live source that went away.
-REOPEN_S = 1.0
-
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
-
-# Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
-# otherwise keep a core busy with asking.
-SEEN_REST_S = 0.001
 
 Contact = tuple[int, ContactMetrics]
 """Time in nanoseconds, what was measured."""
@@ -143,163 +128,6 @@ class SourceReport(msgspec.Struct, kw_only=True):
         self.lost = self.last_lost = why
 
 
-class FrameMeter:
-    """Measures the frames of one finger as they come, none of them twice.
-
-    Args:
-        baseline: The finger's untouched picture, uint8 (H, W, 3).
-        metric: Measures them.
-        report: Counted up along the way.
-        live: Whether the frames come from a sensor that runs on its own clock.
-        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-
-    Attributes:
-        seq: Number of the newest frame; ``None`` before the first.
-        next_seq: Number of the frame that should come next.
-    """
-
-    def __init__(
-        self,
-        baseline: NDArray[np.uint8],
-        metric: Metric,
-        report: SourceReport,
-        *,
-        live: bool,
-        start_ns: int = 0,
-    ) -> None:
-        self._shape = baseline.shape
-        self._metric = metric
-        self._report = report
-        self._live = live
-        self._start_ns = start_ns if live else 0
-        self._last = LastFrame()
-        self.seq: int | None = None
-        self.next_seq = 0
-
-    @property
-    def memory(self) -> bool:
-        """Whether what is measured depends on the frames before."""
-        return self._metric.memory
-
-    def take(self, frame: TactileFrame) -> Contact | None:
-        """Measure a frame.
-
-        Args:
-            frame: The next one of the source.
-
-        Returns:
-            Its time and metrics; ``None`` for a frame that came again under its number, or of a stuck sensor.
-
-        Raises:
-            RecordingError: The frame is not of the baseline's size.
-        """
-        report, last = self._report, self._last
-        if frame.seq == self.seq:
-            report.n_duplicate += 1
-            return None
-        self.seq = frame.seq
-        metrics = last.repeat(frame.image)
-        if metrics is None:
-            metrics = self._measure(frame)
-            last.keep(frame.image, metrics)
-        else:
-            report.n_identical += 1
-        if self._live and self.next_seq == 0:
-            # Pictures of a camera that came while it warmed up, or before anybody read, are not missing in the run.
-            self.next_seq = frame.seq
-        report.n_missing += max(0, frame.seq - self.next_seq)
-        self.next_seq = frame.seq + 1
-        if self._live and last.n_equal >= STUCK_FRAMES:
-            report.n_stuck += 1
-            return None
-        report.n_items += 1
-        return frame.t_ns - self._start_ns, metrics
-
-    def _measure(self, frame: TactileFrame) -> ContactMetrics:
-        if frame.image.shape != self._shape:
-            raise RecordingError(
-                f"{frame.name}: {_size(frame.image.shape)} pixels, its baseline has {_size(self._shape)}",
-                "give the baseline taken with the same sensor and mode",
-            )
-        return contact_metrics_of(self._metric.update(frame.image, frame.t_ns - self._start_ns))
-
-
-def measured_contacts(
-    source: TactileSource,
-    baseline: NDArray[np.uint8],
-    metric: Metric,
-    report: SourceReport,
-    *,
-    start_ns: int = 0,
-    stopped: Callable[[], bool] = lambda: False,
-    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
-    see: Callable[[TactileFrame], None] = lambda _frame: None,
-) -> Generator[Contact, None, int]:
-    """Measure the frames of a source.
-
-    In a recording a bad frame is an error. Of a live source it is dropped and counted, and when the source goes
-    away the stream ends: after 100 ms the finger falls silent.
-
-    A frame that the source delivers again, by its number, is passed over. One with exactly the pixels of the frame
-    before it is not measured again. Of a live source the third and later of such frames in a row are not passed
-    on: the sensor is stuck, and its finger falls silent like any other without fresh frames until pixels change.
-
-    Args:
-        source: An open source.
-        baseline: Its untouched picture, uint8 (H, W, 3).
-        metric: Measures its frames.
-        report: Counted up along the way.
-        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
-        stopped: Tells when to give up.
-        stamp: Told of each measured frame: its time, and the monotonic time it was received at.
-        see: Told of each frame that was read, before it is looked at.
-
-    Yields:
-        Time and metrics of each frame.
-
-    Returns:
-        When the source ended, in nanoseconds.
-
-    Raises:
-        RecordingError: A recorded frame is unreadable or not of the baseline's size.
-    """
-    live, end_ns = source.info.live, 0
-    meter = FrameMeter(baseline, metric, report, live=live, start_ns=start_ns)
-    while not (stopped() or source.ended):
-        try:
-            frame = source.read(READ_TIMEOUT_S)
-            if frame is None:
-                continue
-            received_ns = time.monotonic_ns()
-            see(frame)
-            if live and frame.seq == meter.seq:
-                time.sleep(SEEN_REST_S)
-            contact = meter.take(frame)
-        except DeviceUnavailableError as error:
-            if not live:
-                raise
-            report.lose(error.message)
-            break
-        except TegaError:
-            if not live:
-                raise
-            report.drop()
-            continue
-        end_ns = frame.t_ns - start_ns if live else frame.t_ns
-        if contact is not None:
-            stamp(contact[0], received_ns)
-            yield contact
-    rate_hz = source.info.rate_hz
-    if not live and rate_hz:
-        end_ns = round(meter.next_seq * 1_000_000_000 / rate_hz)
-    report.end_ns = end_ns
-    return end_ns
-
-
-def _size(shape: tuple[int, ...]) -> str:
-    return "×".join(str(n) for n in (shape[1], shape[0], *shape[2:]))
-
-
 class BlockMeter:
     """Turns EMG samples into levels as they come.
 
@@ -390,22 +218,6 @@ def _block(intent: Intent, n_channels: int) -> Block:
     return Block(intent.t_ns, intent.channels, level, closure, intent.confidence)
 
 
-def _came_back(source: EmgSource, stopped: Callable[[], bool]) -> bool:
-    """Open a live source again, as often as it takes; return whether it is there."""
-    while not stopped():
-        time.sleep(READ_TIMEOUT_S)
-        try:
-            source.open()
-        except TegaError:
-            for _ in range(round(REOPEN_S / READ_TIMEOUT_S)):
-                if stopped():
-                    break
-                time.sleep(READ_TIMEOUT_S)
-        else:
-            return True
-    return False
-
-
 def grasp_blocks(
     source: EmgSource,
     decoder: Decoder,
@@ -454,7 +266,7 @@ def grasp_blocks(
             if not live:
                 raise
             report.lose(error.message)
-            if not _came_back(source, stopped):
+            if not opened_again(source, stopped):
                 break
             report.lost = ""
             meter.restart()

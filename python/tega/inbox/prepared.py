@@ -1,0 +1,80 @@
+"""What a run starts with: sources with their baselines and maxima."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.calibration import Calibration, EmgMaxima
+    from tega.devices.base import EmgSource, TactileSource
+    from tega.inbox.sources import Block, Contact, SourceReport
+    from tega.inbox.stream import Stream
+    from tega.stages.base import Decoder
+
+__all__ = ["Finger", "Muscles", "Prepared"]
+
+
+class Finger(NamedTuple):
+    """One fingertip, ready to run.
+
+    Attributes:
+        source: Its open source.
+        baseline: Its untouched picture.
+        baseline_origin: Where that came from.
+        report: What becomes of the frames.
+        measured: All frames, where they had to be measured beforehand.
+        stream: What is known of the finger from somewhere else; its source is then not read.
+    """
+
+    source: TactileSource
+    baseline: NDArray[np.uint8]
+    baseline_origin: str
+    report: SourceReport
+    measured: list[Contact] | None = None
+    stream: Stream[Contact] | None = None
+
+
+class Muscles(NamedTuple):
+    """The EMG side, ready to run.
+
+    Attributes:
+        source: Its open source.
+        maxima: Its maxima and the conditions they hold under.
+        decoder: Samples to intents; ``None`` where they are made somewhere else.
+        report: What becomes of the samples.
+        stream: The levels, where they are known from somewhere else; its source is then not read.
+    """
+
+    source: EmgSource
+    maxima: EmgMaxima
+    decoder: Decoder | None
+    report: SourceReport
+    stream: Stream[Block] | None = None
+
+
+class Prepared(NamedTuple):
+    """What a run starts with.
+
+    Attributes:
+        fingers: By name, thumb first.
+        muscles: The EMG side; ``None`` without EMG.
+        calibration: The maxima.
+        calibration_name: Base name of their file, or whose they are; ``""`` when they came from the recording.
+        warnings: What is to be known of them.
+    """
+
+    fingers: Mapping[str, Finger]
+    muscles: Muscles | None
+    calibration: Calibration
+    calibration_name: str
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def sources(self) -> list[TactileSource | EmgSource]:
+        """All of them, thumb first, EMG last."""
+        found: list[TactileSource | EmgSource] = [finger.source for finger in self.fingers.values()]
+        return found if self.muscles is None else [*found, self.muscles.source]

@@ -1,0 +1,216 @@
+"""Give a loop its stamped items: a pulled stream computes them when asked, a live one is filled by somebody else.
+
+An item is a tuple that begins with a time in nanoseconds since the start of the session; a stream's items are in
+rising order of it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Any, Generic, Protocol, TypeVar
+
+__all__ = ["NEVER_NS", "Item", "LiveStream", "PulledStream", "Stream"]
+
+NEVER_NS = 2**63 - 1
+
+Item = TypeVar("Item", bound=tuple[Any, ...])
+Item_co = TypeVar("Item_co", bound=tuple[Any, ...], covariant=True)
+
+
+class Stream(Protocol[Item_co]):
+    """What the loop takes its input from.
+
+    Attributes:
+        ended: Whether nothing will come any more.
+        end_ns: When the stream ends, as far as is known.
+        due_ns: Before this time :meth:`next_until` has nothing to give.
+    """
+
+    ended: bool
+    end_ns: int
+
+    @property
+    def due_ns(self) -> int:
+        """Before this time there is nothing to give."""
+        ...
+
+    def next_until(self, t_ns: int) -> Item_co | None:
+        """Return the next item known at ``t_ns``, or ``None`` when there is none (yet)."""
+        ...
+
+    def close(self) -> None:
+        """Stop producing."""
+        ...
+
+
+class PulledStream(Generic[Item]):
+    """A stream whose items are there, or are computed, when the loop asks for them.
+
+    Args:
+        items: The iterator. It may return the time at which the stream ends (the last frame lasts one period);
+            otherwise that is the time of its last item.
+        end_ns: When the stream ends, where the iterator does not return it.
+        known: When each item is known; ``None`` for the time it is stamped with.
+        over: Whether it is known by now that nothing follows the last item.
+    """
+
+    def __init__(
+        self,
+        items: Iterable[Item],
+        *,
+        end_ns: int = 0,
+        known: Iterable[int] | None = None,
+        over: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._items = iter(items)
+        self._known = None if known is None else iter(known)
+        self._over = over
+        self._head: Item | None = None
+        self._begun = False
+        self.ended = False
+        self.end_ns = end_ns
+        self.due_ns = 0
+
+    def _advance(self) -> None:
+        try:
+            head = next(self._items)
+        except StopIteration as stop:
+            self._head, self.due_ns = None, 0
+            if stop.value is not None:
+                self.end_ns = max(self.end_ns, stop.value)
+            self._look_for_the_end()
+        else:
+            self._head = head
+            self.due_ns = head[0] if self._known is None else next(self._known)
+            self.end_ns = max(self.end_ns, head[0])
+
+    def _look_for_the_end(self) -> None:
+        if self._over():
+            self.ended, self.due_ns = True, NEVER_NS
+
+    def next_until(self, t_ns: int) -> Item | None:
+        """Return the next item known at ``t_ns``, or ``None``.
+
+        Raises:
+            Exception: Whatever the iterator raises.
+        """
+        if not self._begun:
+            self._begun = True
+            self._advance()
+        if self.due_ns > t_ns:
+            return None
+        head = self._head
+        if head is None:
+            self._look_for_the_end()
+            return None
+        self._advance()
+        return head
+
+    def close(self) -> None:
+        """Drop what is left."""
+        close = getattr(self._items, "close", None)
+        if close is not None:
+            close()
+        self._begun, self._head, self.ended, self.due_ns = True, None, True, NEVER_NS
+
+
+class LiveStream(Generic[Item]):
+    """A stream that is filled by another thread, the link, or whoever makes the loop's time pass; the loop never waits.
+
+    Args:
+        capacity: Items held at most; where the loop does not keep up, the oldest are lost.
+        due_ns: Before this time nothing will be put in.
+        clock: Returns the monotonic time by which items lapse.
+
+    Attributes:
+        on_loss: Called for every item that was not taken in time, in the thread that finds out.
+        on_item: Called when an item can be taken, in the thread that put it in.
+    """
+
+    def __init__(
+        self,
+        *,
+        capacity: int = 64,
+        due_ns: int = 0,
+        clock: Callable[[], int] = time.monotonic_ns,
+        on_loss: Callable[[], None] = lambda: None,
+        on_item: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._items: deque[tuple[Item, int]] = deque()
+        self._lock = threading.Lock()
+        self._capacity, self._clock = capacity, clock
+        self._next_ns = due_ns
+        self._stopped = False
+        self._error: BaseException | None = None
+        self.on_loss, self.on_item = on_loss, on_item
+        self.ended = False
+        self.end_ns = 0
+
+    @property
+    def due_ns(self) -> int:
+        """Before this time there is nothing to give."""
+        try:
+            return self._items[0][0][0]  # type: ignore[no-any-return]
+        except IndexError:
+            return NEVER_NS if self.ended else self._next_ns
+
+    def put(self, item: Item, *, use_by_ns: int = NEVER_NS, next_ns: int = 0) -> None:
+        """Add an item.
+
+        Args:
+            item: It, with a time not before that of the item before it.
+            use_by_ns: Until when it may be taken, on the stream's clock.
+            next_ns: The next one's time, or any before it.
+        """
+        with self._lock:
+            lost = len(self._items) >= self._capacity
+            if lost:
+                self._items.popleft()
+            self._items.append((item, use_by_ns))
+            self._next_ns = next_ns
+            self.end_ns = max(self.end_ns, item[0])
+        if lost:
+            self.on_loss()
+        self.on_item()
+
+    def end(self, end_ns: int | None = None, error: BaseException | None = None) -> None:
+        """Put nothing in any more.
+
+        Args:
+            end_ns: When the stream ends; ``None`` for the time of its last item.
+            error: What the loop is to find after the items before it.
+        """
+        with self._lock:
+            self.end_ns = max(self.end_ns, end_ns or 0)
+            self._error = error
+            self._next_ns, self._stopped = 0, True
+
+    def next_until(self, t_ns: int) -> Item | None:
+        """Return the next item stamped at or before ``t_ns`` that has not lapsed, or ``None``.
+
+        Raises:
+            BaseException: Whatever the stream ended with.
+        """
+        while self._items:  # without the lock: there is mostly nothing
+            with self._lock:
+                if not self._items or self._items[0][0][0] > t_ns:
+                    return None
+                item, use_by_ns = self._items.popleft()
+            if use_by_ns == NEVER_NS or self._clock() <= use_by_ns:
+                return item
+            self.on_loss()
+        if self._stopped and not self._items:
+            self.ended = True
+            if (error := self._error) is not None:
+                self._error = None
+                raise error
+        return None
+
+    def close(self) -> None:
+        """Drop what is left, and take no more."""
+        with self._lock:
+            self._items.clear()
+            self._stopped = self.ended = True

@@ -1,0 +1,51 @@
+"""End a run on Ctrl-C: the first one asks the loop, the second one interrupts."""
+
+from __future__ import annotations
+
+import signal
+import time
+from types import FrameType
+from typing import Any
+
+from tega.safety.stop import Stop as AnyStop
+
+__all__ = ["Stop"]
+
+_PATIENCE_S = 1.0
+
+
+class Stop(AnyStop):
+    """Turns the first Ctrl-C (or a request to terminate) into a question the loop asks; the second one interrupts.
+
+    The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further ones do
+    nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._old: dict[int, Any] = {}
+        self._asked_s = 0.0
+        self._interrupted = False
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if not self.asked:
+            self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
+            self._asked_s = time.monotonic()
+        elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:
+            self._interrupted = True
+            raise KeyboardInterrupt
+
+    def __enter__(self) -> Stop:
+        """Take over the signals."""
+        # The last one comes when the terminal is closed or the connection to it is lost; Windows has none.
+        for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+            # Who starts it with nohup wants it to go on.
+            if number in self._old or signal.getsignal(number) == signal.SIG_IGN:
+                continue
+            self._old[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Give the signals back."""
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
