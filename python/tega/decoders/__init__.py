@@ -8,6 +8,7 @@ with NumPy alone. :class:`ProportionalDecoder` is the plain baseline. In a run t
 from tega.decoders.features import FEATURES
 from tega.decoders.learned import Decoded, LearnedDecoder
 from tega.decoders.model import Model, load_model, save_model
+from tega.decoders.proportional import ProportionalDecoder
 from tega.decoders.training import fit
 
-__all__ = ["FEATURES", "Decoded", "LearnedDecoder", "Model", "fit", "load_model", "save_model"]
+__all__ = ["FEATURES", "Decoded", "LearnedDecoder", "Model", "ProportionalDecoder", "fit", "load_model", "save_model"]

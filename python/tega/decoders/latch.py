@@ -1,17 +1,20 @@
-"""Hold a closure level until the closure has clearly left it, so that a steady effort gives a steady hand."""
+"""Hold a closure level until the closure has left it for long or by far, so that a steady effort gives a steady hand."""
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 __all__ = ["Latch"]
 
-MARGIN_LEVELS: Final = 0.4
-"""How far beyond a level's border the closure has to be."""
-DWELL_S: Final = 0.4
-"""For how long, for a single step."""
-JUMP_LEVELS: Final = 2.0
-"""From so far on the level follows at once."""
+MARGIN_LEVELS: Final = 0.2
+"""How far beyond a level's border the closure has to be to count."""
+AREA_LEVEL_S: Final = 0.12
+"""By how much, summed over time, it has to be beyond that."""
+LEAK_S: Final = 0.45
+"""Time constant with which that sum is forgotten while the closure is back."""
+CALM_S: Final = 1.0
+"""For about so long after a change up to three times the sum is asked for."""
 
 _EDGE: Final = 1e-9
 
@@ -19,17 +22,20 @@ _EDGE: Final = 1e-9
 class Latch:
     """Give a closure its level, and keep the closure within that level's band.
 
-    A level changes at once where the closure is two levels away or more, else once the closure has been 0.4 levels
-    beyond the border, on the same side, for 0.4 s. Within the band of a level the closure moves freely, so that the
-    nearest level of what is returned is always the level.
+    A cumulative sum: what the closure is beyond the level's border and a margin is added up over time, and the level
+    changes to the nearest one when the sum reaches an area. Three levels away that is at once, half a level beyond the border after
+    0.4 s. Within the band of a level the closure moves freely, so that the nearest level of what is returned is
+    always the level.
 
     Args:
         block_s: Time from one closure to the next, s.
     """
 
     def __init__(self, block_s: float) -> None:
-        self._dwell = max(1, round(DWELL_S / block_s))
-        self._run = 0
+        self._block_s = block_s
+        self._kept = math.exp(-block_s / LEAK_S)
+        self._sum = 0.0
+        self._since_s = math.inf
         self.level = 0
 
     def take(self, closure: float) -> float:
@@ -38,13 +44,16 @@ class Latch:
         nearest = min(5, int(place + 0.5))
         if self.level == 0:
             self.level = nearest
+        self._since_s += self._block_s
         away = place - self.level
-        if abs(away) <= 0.5 + MARGIN_LEVELS:
-            self._run = 0
+        beyond = abs(away) - 0.5 - MARGIN_LEVELS
+        if beyond <= 0:
+            self._sum *= self._kept
         else:
-            side = 1 if away > 0 else -1
-            self._run = self._run + side if self._run * side > 0 else side
-            if abs(away) >= JUMP_LEVELS or abs(self._run) >= self._dwell:
-                self.level, self._run = nearest, 0
+            if self._sum * away < 0:
+                self._sum = 0.0
+            self._sum += math.copysign(beyond * self._block_s, away)
+            if abs(self._sum) >= AREA_LEVEL_S * (1.0 + 2.0 * math.exp(-self._since_s / CALM_S)):
+                self.level, self._sum, self._since_s = nearest, 0.0, 0.0
         low, high = (self.level - 1.5) / 4.0, (self.level - 0.5) / 4.0 - _EDGE
         return min(max(closure, low, 0.0), high, 1.0)

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 __all__ = ["DEFAULT_FEATURES", "fit"]
 
-DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
-SMOOTHING_S: Final = (0.1, 0.4)
+DEFAULT_FEATURES: Final = ("MAV", "WL", "LOGVAR")
+SMOOTHING_S: Final = (0.15, 0.5)
 RIDGE: Final = 3e-3
 """Strength of the ridge for each training block, on features in standard deviations."""
-TARGET_POWER: Final = 0.6
-"""The linear part is fitted to closure^0.6: amplitude grows faster than force; the monotone stage takes it back."""
-FLOOR_PERCENTILE: Final = 10.0
+TARGET_POWER: Final = 0.7
+"""The linear part is fitted to closure^0.7: amplitude grows faster than force; the monotone stage takes it back."""
+FLOOR_PERCENTILE: Final = 5.0
 FULL_PERCENTILE: Final = 98.0
 DEAD_BAND: Final = 0.03
 SUPPORTS: Final = 300
