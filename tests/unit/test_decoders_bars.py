@@ -132,11 +132,13 @@ def balanced(closure: NDArray[np.float64], target: NDArray[np.float64]) -> float
 
 def test_closing_is_told_from_rest_within_a_day() -> None:
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    emg, target = closing(1, (1, 2, 3, 4))
-    train = np.concatenate([emg, emg[: len(emg) // 2]])
-    del train
-    decoder = fit(*closing(1, (1, 2, 3, 4)), rate_hz=200, tau=20, full=1.0)
-    assert balanced(decoder.process(emg), target) >= 0.9
+    # Four trials of 1.5 s a class: the least training data is ten seconds, so each trial is kept back in turn.
+    found = []
+    for kept_back in (1, 2, 3, 4):
+        decoder = fit(*closing(1, tuple(t for t in (1, 2, 3, 4) if t != kept_back) * 2), rate_hz=200, tau=20)
+        emg, target = closing(1, (kept_back,))
+        found.append(balanced(decoder.process(emg), target))
+    assert np.mean(found) >= 0.9
 
 
 def test_closing_is_told_from_rest_across_days() -> None:

@@ -33,7 +33,7 @@ def emg() -> None:
 @click.option(
     "--model", type=click.Choice(["ridge", "huber", "kernel"]), default="ridge", show_default=True
 )
-@click.option("--features", type=NameList(), default="MAV,WL,LOGVAR", show_default=True)
+@click.option("--features", type=NameList(), default="MAV,LOGVAR", show_default=True)
 @click.option("--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block.")
 @click.option("--person", default="", help="Whose muscles, a code; a practice record knows.")
 @json_option

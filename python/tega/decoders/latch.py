@@ -7,25 +7,22 @@ from typing import Final
 
 __all__ = ["Latch"]
 
-MARGIN_LEVELS: Final = 0.2
+MARGIN_LEVELS: Final = 0.25
 """How far beyond a level's border the closure has to be to count."""
-AREA_LEVEL_S: Final = 0.12
+AREA_LEVEL_S: Final = 0.16
 """By how much, summed over time, it has to be beyond that."""
 LEAK_S: Final = 0.45
 """Time constant with which that sum is forgotten while the closure is back."""
 CALM_S: Final = 1.0
-"""For about so long after a change up to three times the sum is asked for."""
-
-_EDGE: Final = 1e-9
+"""For about so long after a change up to twice the sum is asked for."""
 
 
 class Latch:
-    """Give a closure its level, and keep the closure within that level's band.
+    """Give a closure its level.
 
     A cumulative sum: what the closure is beyond the level's border and a margin is added up over time, and the level
-    changes to the nearest one when the sum reaches an area. Three levels away that is at once, half a level beyond the border after
-    0.4 s. Within the band of a level the closure moves freely, so that the nearest level of what is returned is
-    always the level.
+    changes to the nearest one when the sum reaches an area: three levels away at the first block, half a level beyond
+    the border after 0.7 s.
 
     Args:
         block_s: Time from one closure to the next, s.
@@ -38,8 +35,8 @@ class Latch:
         self._since_s = math.inf
         self.level = 0
 
-    def take(self, closure: float) -> float:
-        """Return the closure to go to, 0 to 1; ``level`` is its level, 1 to 5."""
+    def take(self, closure: float) -> None:
+        """Take the next closure, 0 to 1; ``level`` is then its level, 1 to 5."""
         place = 1.0 + 4.0 * closure
         nearest = min(5, int(place + 0.5))
         if self.level == 0:
@@ -53,7 +50,5 @@ class Latch:
             if self._sum * away < 0:
                 self._sum = 0.0
             self._sum += math.copysign(beyond * self._block_s, away)
-            if abs(self._sum) >= AREA_LEVEL_S * (1.0 + 2.0 * math.exp(-self._since_s / CALM_S)):
+            if abs(self._sum) >= AREA_LEVEL_S * (1.0 + math.exp(-self._since_s / CALM_S)):
                 self.level, self._sum, self._since_s = nearest, 0.0, 0.0
-        low, high = (self.level - 1.5) / 4.0, (self.level - 0.5) / 4.0 - _EDGE
-        return min(max(closure, low, 0.0), high, 1.0)

@@ -25,8 +25,8 @@ class Decoded(msgspec.Struct, frozen=True):
     """What one block says.
 
     Attributes:
-        closure: 0 (open) to 1 (closed), held to the level's band.
-        level: 1 to 5.
+        closure: 0 (open) to 1 (closed).
+        level: 1 to 5: the closure's, steadied (:mod:`tega.decoders.latch`).
         confidence: Chance that the closure is within one level of what is meant, 0 to 1; 0 where a channel is bad.
         held: Whether the closure only repeats the one before it: a channel is bad, or the block is like none that the
             model knows.
@@ -176,12 +176,13 @@ class LearnedDecoder:
             confidence *= 0.5 ** (novelty / self.model.hold_beyond)
         held = novelty > self.model.hold_beyond
         if not held:
-            self._last = self._latch.take(wanted)
+            self._last = wanted
+            self._latch.take(wanted)
         level = max(1, self._latch.level)
         return Decoded(self._last, level, confidence, held, channels, block.end, effort)
 
     def closure_of(self, effort: float) -> float:
-        """Return the closure that an effort asks for, before it is held to a level's band: never falls with it."""
+        """Return the closure that an effort asks for; it never falls as the effort rises."""
         closure = float(np.interp(effort, *self._knots))
         return closure if closure >= self.model.dead_band else 0.0
 

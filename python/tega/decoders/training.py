@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 __all__ = ["DEFAULT_FEATURES", "fit"]
 
-DEFAULT_FEATURES: Final = ("MAV", "WL", "LOGVAR")
-SMOOTHING_S: Final = (0.15, 0.5)
-RIDGE: Final = 3e-3
+DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
+SMOOTHING_S: Final = (0.15, 0.4)
+RIDGE: Final = 2e-3
 """Strength of the ridge for each training block, on features in standard deviations."""
-TARGET_POWER: Final = 0.7
-"""The linear part is fitted to closure^0.7: amplitude grows faster than force; the monotone stage takes it back."""
-FLOOR_PERCENTILE: Final = 5.0
+TARGET_POWER: Final = 0.65
+"""The linear part is fitted to closure^0.65: amplitude grows faster than force; the monotone stage takes it back."""
+FLOOR_PERCENTILE: Final = 12.0
 FULL_PERCENTILE: Final = 98.0
 DEAD_BAND: Final = 0.03
 SUPPORTS: Final = 300
@@ -341,12 +341,24 @@ class _Learner:
 def _monotone(
     efforts: NDArray[np.float64], y: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the rising polyline from effort to closure: isotonic regression's own corners."""
+    """Return the rising polyline from effort to closure: isotonic regression, its steps joined."""
     from sklearn.isotonic import IsotonicRegression
 
     found = IsotonicRegression(y_min=0.0, y_max=1.0, out_of_bounds="clip").fit(efforts, y)
-    effort, first = np.unique(found.X_thresholds_, return_index=True)
-    closure = np.maximum.accumulate(np.clip(found.y_thresholds_[first], 0.0, 1.0))
+    corners, values = found.X_thresholds_, np.clip(found.y_thresholds_, 0.0, 1.0)
+    steps = [np.flatnonzero(values == value) for value in np.unique(values)]
+    knots: list[tuple[float, float]] = []
+    for number, step in enumerate(steps):
+        low, high, value = float(corners[step[0]]), float(corners[step[-1]]), float(values[step[0]])
+        if number == 0:
+            knots += [(low, value), (high, value)]
+        elif number == len(steps) - 1:
+            knots.append((low, value))
+        else:
+            # A step of a cue says what its middle means, not that nothing lies between two steps.
+            knots.append(((low + high) / 2.0, value))
+    effort, first = np.unique([knot[0] for knot in knots], return_index=True)
+    closure = np.array([knot[1] for knot in knots])[first]
     if len(effort) < 2 or closure[-1] == closure[0]:
         raise CalibrationError(
             "the decoder's effort does not rise with the target", "record again; see docs/emg-decoders.md"
