@@ -205,6 +205,9 @@ class PracticeRecord(Record, frozen=True, kw_only=True, tag_field="format", tag=
         in_target_percent: Time on the level asked for.
         rms_error_levels: Root of the mean square of the difference, levels.
         delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
+        kind: What the samples are that lie beside the record (``.npy``: the channels, then the closure asked for).
+        rate_hz: Samples per second.
+        channels: Names of the channels.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -219,6 +222,9 @@ class PracticeRecord(Record, frozen=True, kw_only=True, tag_field="format", tag=
     in_target_percent: float
     rms_error_levels: float
     delay_s: float | None = None
+    kind: Literal["raw", "rectified", "envelope"] | None = None
+    rate_hz: float | None = None
+    channels: tuple[str, ...] = ()
 
 
 class OnsetRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):

@@ -12,6 +12,7 @@ from tega.calibration.maxima import emg_conditions
 from tega.calibration.person import person_calibration, whose
 from tega.calibration.practice import Curve, score
 from tega.calibration.records import PracticeRecord, utc_now
+from tega.calibration.tracked import keep_tracked, tracked_samples
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.inbox.sources import BlockMeter, SourceReport
@@ -19,6 +20,7 @@ from tega.stages.choose import block_s, muscle_decoder
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
+    from tega.devices.base import EmgChunk
 
 __all__ = ["track"]
 
@@ -39,7 +41,7 @@ def track(
         settings: How the settings file is named in the commands that are suggested.
 
     Returns:
-        The score, and where it is kept.
+        The score, and where it is kept; the EMG lies beside it, for ``tega-teleop emg fit``.
 
     Raises:
         ConfigError: The settings have no EMG.
@@ -66,8 +68,11 @@ def track(
         meter = BlockMeter(decoder, SourceReport(), rate_hz=maxima.rate_hz, live=True, start_ns=start_ns)
         times: list[float] = []
         levels: list[int] = []
+        chunks: list[EmgChunk] = []
         while (gone_s := (time.monotonic_ns() - start_ns) * 1e-9) < duration_s:
             chunk = source.read(_READ_S)
+            if chunk is not None:
+                chunks.append(chunk)
             for block in [] if chunk is None else meter.take(chunk):
                 times.append(block.t_ns * 1e-9)
                 levels.append(block.level)
@@ -91,5 +96,10 @@ def track(
         in_target_percent=round(100 * found.in_target, 1),
         rms_error_levels=round(found.rms_error_levels, 3),
         delay_s=None if found.delay_s is None else round(found.delay_s, 2),
+        kind=maxima.kind,
+        rate_hz=maxima.rate_hz,
+        channels=maxima.channels,
     )
-    return record, folder.keep_practice(record)
+    path = folder.keep_practice(record)
+    keep_tracked(tracked_samples(chunks, curve, rate_hz=maxima.rate_hz, start_ns=start_ns), path)
+    return record, path

@@ -70,6 +70,7 @@ _VERBS = {
         "audit",
         "Compare readings of the contact equations.",
     ),
+    "emg": _Verb("Hardware", "tega.cli.emg", "emg", "Fit a decoder to a person, and compare decoders."),
     "emg-score": _Verb(
         "Tooling", "tega.cli.emg_score", "emg_score", "Score the levels against a measured force."
     ),

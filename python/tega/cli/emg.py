@@ -1,0 +1,291 @@
+"""``tega-teleop emg``: fit a decoder to a person, and compare decoders on logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.cli.options import ChannelList, NameList, debug_option, echo_json, json_option
+
+if TYPE_CHECKING:
+    from tega.decoders.compare import Log, Told
+
+__all__ = ["emg"]
+
+_KINDS = click.Choice(["raw", "rectified", "envelope"])
+
+
+@click.group()
+def emg() -> None:
+    """Fit a decoder to a person's muscles, and compare decoders on one log."""
+
+
+@emg.command(epilog="Example: tega-teleop emg fit calibrations/people/p01/practice/20261122-150405.toml --out p01.json")
+@click.argument("log", type=click.Path(path_type=Path), metavar="LOG")
+@click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The model's file.")
+@click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
+@click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
+@click.option("--kind", type=_KINDS, default="raw", show_default=True)
+@click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
+@click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
+@click.option(
+    "--model", type=click.Choice(["ridge", "huber", "kernel"]), default="ridge", show_default=True
+)
+@click.option("--features", type=NameList(), default="MAV,LOGVAR", show_default=True)
+@click.option("--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block.")
+@click.option("--person", default="", help="Whose muscles, a code; a practice record knows.")
+@json_option
+@debug_option
+def fit(
+    *,
+    log: Path,
+    out: Path,
+    target: str | None,
+    rate_hz: float | None,
+    kind: Any,
+    channels: list[int] | None,
+    variable: str,
+    model: Any,
+    features: list[str],
+    tau_ms: float,
+    person: str,
+    as_json: bool,
+) -> None:
+    """Fit a decoder to LOG and write it to a file, for `stages.decoder.options.model`.
+
+    LOG is a record of `tega-teleop practice`, which knows rate, kind, channels and person, or a file of EMG beside a
+    force or a closure, with --target and --rate-hz. With --json: {"file", "lag_s", "duration_s", "data_sha256",
+    "person", "channels", "rate_hz", "in_sample": {...figures of emg compare, on the training data itself...}}.
+    """
+    import msgspec
+
+    from tega.decoders import fit as fit_decoder
+    from tega.decoders.compare import Log as Given
+    from tega.decoders.judge import judge
+
+    full, names = None, tuple[str, ...]()
+    if log.suffix == ".toml":
+        from tega.calibration.tracked import read_tracked
+
+        tracked = read_tracked(log)
+        given = Given(log.name, tracked.samples, tracked.target, tracked.rate_hz, tracked.kind)
+        full, names, person = 1.0, tracked.channels, person or tracked.person
+    else:
+        if target is None or rate_hz is None:
+            raise click.UsageError(f"{log.name} is no practice record: name --target and --rate-hz")
+        given = _read(log, target, rate_hz, kind, channels, variable)
+        if channels:
+            names = tuple(f"ch{c}" for c in channels)
+    tau = max(4, round(tau_ms / 1000 * given.rate_hz))
+    decoder = fit_decoder(
+        given.samples,
+        given.target,
+        rate_hz=given.rate_hz,
+        tau=tau,
+        kind=given.kind,
+        features=features,
+        model=model,
+        full=full,
+        channels=names,
+        person=person,
+    )
+    decoder.save(out)
+    made = decoder.model
+    closure = decoder.process(given.samples)
+    wanted = (given.target[: len(closure) * tau].reshape(-1, tau).mean(axis=1) / made.full).clip(0, 1)
+    figures = judge(closure, decoder.levels, wanted, tau / given.rate_hz, confidence=decoder.confidence)
+    if as_json:
+        told = {f: getattr(made, f) for f in ("lag_s", "duration_s", "data_sha256", "person", "channels", "rate_hz")}
+        builtin = {k: v if v == v else None for k, v in msgspec.to_builtins(figures).items()}
+        echo_json({"file": str(out), **told, "in_sample": builtin})
+        return
+    click.echo(
+        f"{out.name}: {made.model} on {', '.join(made.features)} of {len(made.channels)} channels, "
+        f"{made.duration_s:.0f} s; target {1000 * made.lag_s:+.0f} ms after the muscles"
+    )
+    click.echo(
+        f"rank correlation with the target {figures.rank_correlation:.2f}, on the training data itself: "
+        "tega-teleop emg compare judges on data kept back"
+    )
+    click.echo(f'use it: [stages.decoder] name = "learned", options = {{ model = "{out}" }}')
+
+
+@emg.command(
+    epilog="Example: tega-teleop emg compare v1.mat v2.mat --target Force --rate-hz 200 --channels 3,6,8 "
+    "--picture compare.png"
+)
+@click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG ...]")
+@click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
+@click.option("--rate-hz", required=True, type=click.FloatRange(0, 10_000_000, min_open=True))
+@click.option("--kind", type=_KINDS, default="raw", show_default=True)
+@click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
+@click.option("--best", type=click.IntRange(1, 64), help="Use so many of them: those that go best with the target in the training part.")
+@click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
+@click.option(
+    "--decoders",
+    type=NameList(),
+    default="rules-paper,rules,proportional,learned",
+    show_default=True,
+    help="Also learned-huber, learned-kernel, any installed one.",
+)
+@click.option("--train", help="Train on this log instead, and judge each LOG whole: across days.")
+@click.option("--shift", type=click.IntRange(0, 63), default=0, help="Rotate the judged part's channels by so many places and draw their gains anew (simulated).")
+@click.option("--seed", type=int, default=1, show_default=True, help="Of those gains.")
+@click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Draw target and closures.")
+@json_option
+@debug_option
+def compare(
+    *,
+    logs: tuple[str, ...],
+    target: str | None,
+    rate_hz: float,
+    kind: Any,
+    channels: list[int] | None,
+    best: int | None,
+    variable: str,
+    decoders: list[str],
+    train: str | None,
+    shift: int,
+    seed: int,
+    picture: Path | None,
+    as_json: bool,
+) -> None:
+    """Compare decoders on logs of EMG beside a force or a closure.
+
+    Each LOG is cut in time: decoders are calibrated on its first half and judged on its second, and the other way
+    round beside it (swapped). Files of one class each are joined into a log: rest.csv=0,close.csv=1,rest2.csv=0.
+
+    \b
+    --json prints a list, an object a log, part and decoder:
+      log, trained_on, judged_on, decoder, rank_correlation, level_rank_correlation, correlation, rmse,
+      changes_per_s, delay_s (behind rules-paper), target_delay_s, at_level, balanced_accuracy,
+      false_closings_per_min, calibration_error, held, duration_s
+    """  # noqa: D301  # click keeps the lines after \b as they are
+    from tega.decoders.compare import as_json as figures_of
+    from tega.decoders.compare import best_channels, shifted_electrode, two_halves
+    from tega.decoders.compare import compare as compared
+
+    def read(log: str) -> Log:
+        return _read_any(log, target, rate_hz, kind, channels, variable)
+
+    rows: list[dict[str, Any]] = []
+    drawn: list[tuple[str, float, list[Told]]] = []
+    for name in logs:
+        log = read(name)
+        pairs = [("first half", "second half", *two_halves(log))]
+        if train is not None:
+            pairs = [(Path(train).name, "whole", read(train), log)]
+        else:
+            pairs.append(("second half", "first half (swapped)", *two_halves(log, swapped=True)))
+        for trained_on, judged_on, learn, judged in pairs:
+            if best is not None:
+                used = best_channels(learn, best)
+                learn, judged = learn.columns(used), judged.columns(used)  # noqa: PLW2901
+            if shift:
+                judged = shifted_electrode(judged, seed=seed, places=shift)  # noqa: PLW2901
+                judged_on += ", electrodes shifted (simulated)"  # noqa: PLW2901
+            told = compared(learn, judged, decoders)
+            where = {"log": log.name, "trained_on": trained_on, "judged_on": judged_on}
+            rows += [where | figures_of(one) for one in told]
+            drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, told))
+    if picture is not None:
+        from tega.cli.emg_picture import draw
+
+        draw(drawn, picture)
+    if as_json:
+        echo_json(rows)
+    else:
+        _print(rows)
+
+
+def _read_any(
+    log: str, target: str | None, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
+) -> Log:
+    import numpy as np
+
+    from tega.decoders.compare import Log as Given
+    from tega.devices.emg_formats import read_emg_file
+
+    if "=" not in log:
+        if target is None:
+            raise click.UsageError(f"{log}: name its --target, or give FILE=CLOSURE for files of one class")
+        return _read(Path(log), target, rate_hz, kind, channels, variable)
+    samples, goal = [], []
+    for part in log.split(","):
+        file, _, closure = part.rpartition("=")
+        try:
+            meant = float(closure)
+        except ValueError:
+            raise click.UsageError(f"{part!r} is not FILE=CLOSURE, such as rest.csv=0") from None
+        found, _ = read_emg_file(Path(file), channels or (), variable=variable)
+        samples.append(found)
+        goal.append(np.full(len(found), meant))
+    name = f"{Path(log.split(',')[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
+    return Given(name, np.concatenate(samples), np.concatenate(goal), rate_hz, kind)
+
+
+def _read(
+    file: Path, target: str, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
+) -> Log:
+    import numpy as np
+
+    from tega.decoders.compare import Log as Given
+    from tega.devices.emg_formats import read_emg_file
+    from tega.errors import RecordingError
+
+    if file.suffix.lower() == ".mat":
+        samples, _ = read_emg_file(file, channels or (), variable=variable)
+        measured, _ = read_emg_file(file, (1,), variable=target)
+    elif target.isdecimal() and int(target) > 0:
+        if not channels:
+            raise click.UsageError(
+                f"{file.name} is a table, where --target {target} is a column beside the EMG: name that with --channels"
+            )
+        both, _ = read_emg_file(file, (*channels, int(target)))
+        samples, measured = both[:, :-1], both[:, -1:]
+    else:
+        raise click.UsageError(f"--target {target!r}: {file.name} is no .mat file, so name a column from 1")
+    if len(samples) != len(measured):
+        raise RecordingError(
+            f"{file.name}: {len(samples)} samples and {len(measured)} targets: they are not on one clock",
+            "give one target a sample",
+        )
+    return Given(file.name, samples, np.asarray(measured[:, 0], np.float64), rate_hz, kind)
+
+
+_COLUMNS = (
+    ("rank", "rank_correlation", 1, ".3f"),
+    ("linear", "correlation", 1, ".3f"),
+    ("RMSE", "rmse", 1, ".2f"),
+    ("changes/s", "changes_per_s", 1, ".2f"),
+    ("after paper ms", "delay_s", 1000, ".0f"),
+    ("at level %", "at_level", 100, ".0f"),
+    ("balanced %", "balanced_accuracy", 100, ".0f"),
+    ("false/min", "false_closings_per_min", 1, ".1f"),
+    ("conf. error", "calibration_error", 1, ".2f"),
+    ("held %", "held", 100, ".1f"),
+)
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE)
+    for name in ("log", "judged on", "decoder"):
+        table.add_column(name)
+    for name, *_ in _COLUMNS:
+        table.add_column(name, justify="right")
+    last: tuple[str, str] | None = None
+    for row in rows:
+        where = row["log"], row["judged_on"]
+        shown = ("", "") if where == last else where
+        last = where
+        cells = [
+            "–" if row[key] is None else format(row[key] * times, form) for _, key, times, form in _COLUMNS
+        ]
+        table.add_row(*shown, row["decoder"], *cells)
+    Console(highlight=False, width=None).print(table)

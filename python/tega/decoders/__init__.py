@@ -1,0 +1,14 @@
+"""Learn a decoder from EMG to closure, keep it as a file, and compare decoders on one log.
+
+:func:`fit` learns from EMG beside a target closure or a measured force; :class:`LearnedDecoder` runs what it learned,
+with NumPy alone. :class:`ProportionalDecoder` is the plain baseline. In a run they are chosen by name, see
+``docs/emg-decoders.md``.
+"""
+
+from tega.decoders.features import FEATURES
+from tega.decoders.learned import Decoded, LearnedDecoder
+from tega.decoders.model import Model, load_model, save_model
+from tega.decoders.proportional import ProportionalDecoder
+from tega.decoders.training import fit
+
+__all__ = ["FEATURES", "Decoded", "LearnedDecoder", "Model", "ProportionalDecoder", "fit", "load_model", "save_model"]
