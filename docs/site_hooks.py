@@ -41,7 +41,9 @@ def _attributes(section: type) -> dict[str, str]:
     for base in reversed(section.__mro__):
         text = inspect.cleandoc(base.__doc__ or "")
         _, _, listed = text.partition("Attributes:\n")
-        for name, said in re.findall(r"^    (\w+): (.*?)(?=^    \w+: |^\S|\Z)", listed, re.DOTALL | re.MULTILINE):
+        for name, said in re.findall(
+            r"^    (\w+): (.*?)(?=^    \w+: |^\S|\Z)", listed, re.DOTALL | re.MULTILINE
+        ):
             found[name] = " ".join(said.split())
     return found
 
@@ -134,7 +136,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {
         "reference/commands.md": COMMANDS,
         "reference/settings.md": settings_page(),
-        "reference/python.md": "# Python\n\nThe public modules; each page is made from the docstrings.\n\n" + listed,
+        "reference/python.md": "# Python\n\nThe public modules; each page is made from the docstrings.\n\n"
+        + listed,
     }
     for module in modules:
         pages[f"reference/python/{module}.md"] = f"# {module}\n\n::: {module}\n"
