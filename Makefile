@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow deep lint fmt fuzz bench counts arm64 wheel clean
+.PHONY: help setup build test slow deep lint fmt fuzz bench counts arm64 wheel site pictures clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -29,7 +29,7 @@ deep: ## what computes for long: all tests marked deep, and each property with 2
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/property
 
-lint: ## formatting, clippy, ruff, mypy, stub against extension, packages that import each other
+lint: ## formatting, clippy, ruff, mypy, stub against extension, import cycles, words of the pages
 	cargo fmt --all --check
 	cargo fmt --check --manifest-path fuzz/Cargo.toml
 	cargo fmt --check --manifest-path benches/Cargo.toml
@@ -41,7 +41,7 @@ lint: ## formatting, clippy, ruff, mypy, stub against extension, packages that i
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest tega._native
-	$(BIN)/python -m pytest -q tests/unit/test_packages.py
+	$(BIN)/python -m pytest -q tests/unit/test_packages.py tests/docs/test_words.py
 
 fmt: ## rustfmt, ruff format, ruff --fix
 	cargo fmt --all
@@ -73,6 +73,12 @@ wheel: ## build a wheel, install it in a fresh environment, try it
 	target/wheel-venv/bin/pip install --quiet dist/*.whl
 	target/wheel-venv/bin/python -c "import tega; print(tega.__version__, tega.emg.fuse_levels([2, 2, 5]))"
 	target/wheel-venv/bin/tega-teleop --help
+
+site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+
+pictures: ## the drawn pictures of the docs, and the demo's animation; needs the extras sim and view
+	$(BIN)/python docs/images/draw.py
 
 clean: ## remove build output
 	rm -rf target fuzz/target benches/target dist $(VENV)

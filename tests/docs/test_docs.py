@@ -15,7 +15,7 @@ import tega
 from tega.cli.main import _VERBS
 
 PROJECT = Path(__file__).resolve().parents[2]
-PAGES = sorted([*PROJECT.glob("*.md"), *(PROJECT / "docs").glob("*.md")])
+PAGES = sorted([*PROJECT.glob("*.md"), *(PROJECT / "docs").rglob("*.md")])
 # Modules whose import needs an optional package do so inside functions, so that all can be walked.
 MODULES = sorted(
     m.name for m in pkgutil.walk_packages(tega.__path__, "tega.") if not m.name.endswith("__main__")

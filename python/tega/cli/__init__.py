@@ -1,1 +1,1 @@
-"""The command line: one verb a file, no logic; a verb's module is imported when the verb is called."""
+"""Parse the command line: one verb a file; a verb's module is imported when the verb is called."""

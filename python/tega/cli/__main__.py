@@ -1,4 +1,4 @@
-"""``python -m tega.cli``: the same as ``tega-teleop``."""
+"""Run ``tega-teleop`` as ``python -m tega.cli``."""
 
 from tega.cli.main import main
 

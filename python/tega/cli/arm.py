@@ -1,4 +1,4 @@
-"""``tega-teleop arm``: is the robot there, and do its server, the library and this machine fit together?"""
+"""Check a Franka robot, its server, the library and this machine: ``tega-teleop arm``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["arm"]
 @json_option
 @debug_option
 def arm(*, host: str, as_json: bool) -> None:
-    """Ask the Franka robot at HOST for its version, and say what has to be installed or set here.
+    """Check the Franka robot at HOST: print its version, and what has to be installed or set here.
 
     Nothing moves. The robot takes one program at a time, so no other may be connected. Ends with 1 if something is
     missing. With --json: host, server, library (package, version, libfranka, server) and findings, each with ok, what

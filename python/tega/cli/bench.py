@@ -1,4 +1,4 @@
-"""``tega-teleop bench``: run time against error, of ours and of others, in one run."""
+"""Measure run time and error, ours and others', in one run: ``tega-teleop bench``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop calibrate``: baselines, maxima, rest and full effort, and what a person feels of the vest."""
+"""Calibrate fingertips, muscles and vest for a person: ``tega-teleop calibrate``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop config``: what the settings are and where each came from."""
+"""Show or check the settings, and where each came from: ``tega-teleop config``."""
 
 from __future__ import annotations
 

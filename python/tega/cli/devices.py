@@ -1,4 +1,4 @@
-"""``tega-teleop devices``: which drivers are there, and which devices they see."""
+"""List the drivers, and the devices that they see: ``tega-teleop devices``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop doctor``: what is wrong with the bench, why, and what to do."""
+"""Check the devices and tell what is wrong, why, and what to do: ``tega-teleop doctor``."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _WIDTHS = (60, 110)
 def doctor(
     *, config: Path | None, person: str | None, sets: tuple[str, ...], udev_rules: bool, as_json: bool
 ) -> None:
-    """Look for the devices, try them, and say what is wrong, why, and what to do.
+    """Check the devices; print what is wrong, why, and what to do.
 
     Without SETTINGS.toml a DIGIT, an EMG amplifier, a vest and an Allegro Hand are looked for, within 10 s. With it,
     exactly the devices it names are opened, read for a moment and closed, within 30 s, and the calibration is looked

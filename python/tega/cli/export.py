@@ -1,4 +1,4 @@
-"""``tega-teleop export``: a recording as tables and pictures, or as a dataset to learn from."""
+"""Write a recording as tables and pictures, or as a dataset to learn from: ``tega-teleop export``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop forward``: which way is forward for the operator, and a check that can be seen."""
+"""Align the forearm's tracker with the operator: ``tega-teleop forward``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _WIDTH = 79
 @json_option
 @debug_option
 def forward(*, config: Path, seconds: float, as_json: bool) -> None:
-    """Find which way is forward for the tracker of CONFIG.toml, and check it.
+    """Align the forearm's tracker of CONFIG.toml with the operator, and check it.
 
     The operator moves the forearm straight forward by 20 cm and stops, twice: the first movement gives
     arm.mapping.yaw_rad, the second shows whether forward comes out as forward. No robot is opened and nothing moves.

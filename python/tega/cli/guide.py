@@ -1,4 +1,4 @@
-"""How a calibration looks: large prompts and live bars on a terminal, one line at a time anywhere else."""
+"""Show the prompts of a calibration: large with live bars on a terminal, one line at a time anywhere else."""
 
 from __future__ import annotations
 

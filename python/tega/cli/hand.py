@@ -1,4 +1,4 @@
-"""``tega-teleop hand``: look at the robot hand, teach its closure levels, time its loop."""
+"""Check the robot hand, teach its closure poses, time its loop: ``tega-teleop hand``."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _opened(
 
 @click.group(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
 def hand() -> None:
-    """Look at the robot hand, teach its closure levels, time its loop."""
+    """Check the robot hand, teach its closure poses, time its loop."""
 
 
 @hand.command(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
@@ -108,7 +108,7 @@ def show(*, as_json: bool, **where: Any) -> None:
 @_hand_options
 @debug_option
 def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
-    """Put the fingers where a closure level should be, motors off, and write their angles to a pose FILE.
+    """Teach the pose of a closure level: move the fingers by hand, motors off, and write FILE.
 
     The other levels stay as they are in the file; where there is no file yet, they are the built-in ones.
     """

@@ -1,4 +1,4 @@
-"""``tega-teleop identify``: which motor is where."""
+"""Switch on one motor of the vest at a time: ``tega-teleop identify``."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def identify(
     person: str | None,
     sets: tuple[str, ...],
 ) -> None:
-    """Light the vest's motors one at a time and say where each should be felt.
+    """Switch on the vest's motors one at a time and print where each should be felt.
 
     Wear the vest and compare: row 1 is at the top, column 1 at your own left on both panels. Where the front is
     felt mirrored, set front_mirror (bhaptics-ble). The settings of the person (threshold, step, mirror) are left out.

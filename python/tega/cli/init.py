@@ -1,4 +1,4 @@
-"""``tega-teleop init``: a settings file with what is plugged in."""
+"""Write a settings file for the devices that are plugged in: ``tega-teleop init``."""
 
 from __future__ import annotations
 

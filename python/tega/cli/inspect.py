@@ -1,4 +1,4 @@
-"""``tega-teleop inspect``: what is in a recording."""
+"""Print what a recording holds: ``tega-teleop inspect``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop``: the table of verbs, and how every failure is told."""
+"""List the verbs of ``tega-teleop``, call one, and report every failure."""
 
 from __future__ import annotations
 
@@ -27,40 +27,59 @@ class _Verb(NamedTuple):
 
 # The summaries stand here so that `--help` imports no verb.
 _VERBS = {
-    "demo": _Verb("Run", "tega.cli.demo", "demo", "See the loop work on input made up here; needs nothing."),
-    "run": _Verb("Run", "tega.cli.run", "run", "Run a session from its settings."),
-    "operator": _Verb("Run", "tega.cli.station", "operator", "Run the operator's station of two machines."),
-    "robot": _Verb("Run", "tega.cli.station", "robot", "Run the robot's station of two machines."),
-    "replay": _Verb(
-        "Run", "tega.cli.replay", "replay", "Run the loop on recordings, and compare or write tables."
+    "demo": _Verb(
+        "Run", "tega.cli.demo", "demo", "Watch a simulated person lift three objects; no hardware."
     ),
-    "play": _Verb("Run", "tega.cli.play", "play", "Play a recorded session to a vest and a hand."),
-    "inspect": _Verb("Run", "tega.cli.inspect", "inspect", "Print what a recording holds."),
-    "export": _Verb("Run", "tega.cli.export", "export", "Write a recording as tables and pictures."),
-    "trim": _Verb("Run", "tega.cli.trim", "trim", "Write a part of a recording into a new session."),
-    "merge": _Verb("Run", "tega.cli.trim", "merge", "Put the recordings of several sessions into one."),
-    "study": _Verb("Study", "tega.cli.study", "study", "Plan a user study, keep its data, report it."),
+    "run": _Verb("Run", "tega.cli.run", "run", "Run a session on the devices of a settings file."),
+    "operator": _Verb(
+        "Run", "tega.cli.station", "operator", "Run the operator's half of a session on two machines."
+    ),
+    "robot": _Verb("Run", "tega.cli.station", "robot", "Run the robot's half of a session on two machines."),
+    "replay": _Verb(
+        "Run", "tega.cli.replay", "replay", "Compute a recording again, or the loop's output for your files."
+    ),
+    "play": _Verb("Run", "tega.cli.play", "play", "Feel a recorded session again on a vest and a hand."),
+    "inspect": _Verb(
+        "Run", "tega.cli.inspect", "inspect", "Print what a recording holds: streams, rates, gaps, losses."
+    ),
+    "export": _Verb(
+        "Run",
+        "tega.cli.export",
+        "export",
+        "Write a recording as tables and pictures, or as a LeRobot dataset.",
+    ),
+    "trim": _Verb("Run", "tega.cli.trim", "trim", "Cut a part out of a recording."),
+    "merge": _Verb("Run", "tega.cli.trim", "merge", "Join the recordings of several sessions."),
+    "study": _Verb("Study", "tega.cli.study", "study", "Plan, lead, score and report a user study."),
     "sim-trials": _Verb(
         "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
     ),
     "calibrate": _Verb(
         "Hardware", "tega.cli.calibrate", "calibrate", "Calibrate fingertips, muscles and vest for a person."
     ),
-    "practice": _Verb("Hardware", "tega.cli.practice", "practice", "Follow a level with the muscles."),
+    "practice": _Verb(
+        "Hardware", "tega.cli.practice", "practice", "Practise: follow a level with the muscles, get a score."
+    ),
     "doctor": _Verb(
-        "Hardware", "tega.cli.doctor", "doctor", "Say what is wrong with the bench, and what to do."
+        "Hardware", "tega.cli.doctor", "doctor", "Check the devices; say what is wrong and what to do."
     ),
-    "init": _Verb("Hardware", "tega.cli.init", "init", "Write a settings file with what is plugged in."),
-    "devices": _Verb("Hardware", "tega.cli.devices", "devices", "List drivers, and devices that are there."),
+    "init": _Verb(
+        "Hardware", "tega.cli.init", "init", "Write a settings file for the devices that are plugged in."
+    ),
+    "devices": _Verb(
+        "Hardware", "tega.cli.devices", "devices", "List the drivers, and the devices that they see."
+    ),
     "hand": _Verb(
-        "Hardware", "tega.cli.hand", "hand", "Look at the robot hand, teach its levels, time its loop."
+        "Hardware", "tega.cli.hand", "hand", "Check the robot hand, teach its closure poses, time its loop."
     ),
-    "arm": _Verb("Hardware", "tega.cli.arm", "arm", "Say whether a Franka robot can be steered from here."),
+    "arm": _Verb("Hardware", "tega.cli.arm", "arm", "Check whether a Franka robot can be steered from here."),
     "forward": _Verb(
-        "Hardware", "tega.cli.forward", "forward", "Find which way is forward for the forearm's tracker."
+        "Hardware", "tega.cli.forward", "forward", "Align the forearm's tracker with the operator."
     ),
-    "net": _Verb("Hardware", "tega.cli.net", "net", "Make keys for two stations."),
-    "identify": _Verb("Hardware", "tega.cli.identify", "identify", "Light the vest's motors one at a time."),
+    "net": _Verb("Hardware", "tega.cli.net", "net", "Make the keys that two stations share."),
+    "identify": _Verb(
+        "Hardware", "tega.cli.identify", "identify", "Switch on the vest's motors one at a time."
+    ),
     "vest": _Verb(
         "Hardware", "tega.cli.vest", "vest", "Measure how long a motor of the vest takes to start."
     ),
@@ -68,17 +87,19 @@ _VERBS = {
         "Tooling",
         "tega.cli.audit",
         "audit",
-        "Compare readings of the contact equations.",
+        "Compare readings of the contact equations on a recording.",
     ),
     "emg": _Verb("Hardware", "tega.cli.emg", "emg", "Fit a decoder to a person, and compare decoders."),
     "emg-score": _Verb(
-        "Tooling", "tega.cli.emg_score", "emg_score", "Score the levels against a measured force."
+        "Tooling", "tega.cli.emg_score", "emg_score", "Score the closure levels against a measured force."
     ),
-    "bench": _Verb("Tooling", "tega.cli.bench", "bench", "Measure run time against error."),
-    "soak": _Verb("Tooling", "tega.cli.soak", "soak", "Run everything emulated, with faults at random."),
-    "stress": _Verb("Tooling", "tega.cli.stress", "stress", "Try the kernels where numbers go wrong."),
+    "bench": _Verb("Tooling", "tega.cli.bench", "bench", "Measure the run time and error of each kernel."),
+    "soak": _Verb(
+        "Tooling", "tega.cli.soak", "soak", "Run all emulated devices for long, with random faults."
+    ),
+    "stress": _Verb("Tooling", "tega.cli.stress", "stress", "Test each kernel at its numerical extremes."),
     "stages": _Verb("Tooling", "tega.cli.stages", "stages", "List metrics, decoders, mappings and layouts."),
-    "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a session's settings."),
+    "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a settings file."),
 }
 
 
@@ -109,8 +130,20 @@ def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None: 
         ctx.exit()
 
 
+_GREETING = """\
+TEGA lets a person steer a robot hand with the muscles of the forearm, and feel on a vest what its fingertips touch.
+
+Type one of these first:
+  tega-teleop demo             watch a simulated person lift three objects: no hardware, under a minute
+  tega-teleop init             write lab.toml for the devices that are plugged in
+  tega-teleop doctor           look for devices, say what is missing
+  tega-teleop run lab.toml     start a session
+  tega-teleop --help           list all verbs; tega-teleop VERB --help explains one"""
+
+
 @click.group(
     cls=_Verbs,
+    invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --out results",
 )
@@ -120,8 +153,10 @@ def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None: 
 )
 @click.pass_context
 def cli(ctx: click.Context, debug: bool) -> None:  # noqa: FBT001  # click's signature
-    """Tactile-enhanced grasping: muscle signals steer a robot hand, its fingertips are felt on a vest."""
+    """Steer a robot hand with muscle signals (EMG), and feel its fingertips on a vibrating vest."""
     ctx.obj = {"debug": debug}
+    if ctx.invoked_subcommand is None:
+        click.echo(_GREETING)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""``tega-teleop net``: keys for two stations."""
+"""Make the keys that two stations share: ``tega-teleop net``."""
 
 from __future__ import annotations
 

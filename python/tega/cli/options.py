@@ -1,4 +1,4 @@
-"""Options and habits that verbs share: --json, --debug, Ctrl-C, progress."""
+"""Define the options and habits that verbs share: --json, --debug, Ctrl-C, progress."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``--view``: the page in the browser, beside whatever the terminal shows."""
+"""Serve the page in the browser beside the terminal's view: ``--view``."""
 
 from __future__ import annotations
 

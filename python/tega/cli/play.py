@@ -1,4 +1,4 @@
-"""``tega-teleop play``: a recorded session felt and done again."""
+"""Play a recorded session to a vest and a hand: ``tega-teleop play``."""
 
 from __future__ import annotations
 

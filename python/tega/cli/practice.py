@@ -1,4 +1,4 @@
-"""``tega-teleop practice``: follow a level with the muscles, and see how well it goes."""
+"""Practise to follow a level with the muscles, for a score: ``tega-teleop practice``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["practice"]
 def practice(
     *, settings: Path, person: str, seconds: float, seed: int, yes: bool, sets: tuple[str, ...], as_json: bool
 ) -> None:
-    """Follow a target level with the muscles; the score is kept with the person's calibration.
+    """Practise to follow a target level with the muscles; keep the score with the calibration.
 
     With --json: {"person", "seconds", "seed", "in_target_percent", "rms_error_levels", "delay_s", "file"}.
     """

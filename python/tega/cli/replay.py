@@ -1,4 +1,4 @@
-"""``tega-teleop replay``: the loop on recordings."""
+"""Run the loop on recordings: ``tega-teleop replay``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop replay SESSION``: a recorded session computed again."""
+"""Compute a recorded session again and compare: ``tega-teleop replay SESSION``."""
 
 from __future__ import annotations
 

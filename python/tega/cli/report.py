@@ -1,4 +1,4 @@
-"""The summary of a run, for people."""
+"""Print the summary of a run, for people."""
 
 from __future__ import annotations
 

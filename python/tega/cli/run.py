@@ -1,4 +1,4 @@
-"""``tega-teleop run``: a session from its settings."""
+"""Run a session from its settings: ``tega-teleop run``."""
 
 from __future__ import annotations
 

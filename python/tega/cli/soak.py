@@ -1,4 +1,4 @@
-"""``tega-teleop soak``: the whole system on emulated devices, with faults at random."""
+"""Run the whole system on emulated devices, with faults at random: ``tega-teleop soak``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run shows on a terminal while it lasts: a bar for the preparation, then the live view."""
+"""Show a run on the terminal: a bar for the preparation, then the live view."""
 
 from __future__ import annotations
 

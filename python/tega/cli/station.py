@@ -1,4 +1,4 @@
-"""``tega-teleop operator`` and ``tega-teleop robot``: a session over two machines."""
+"""Run a session over two machines: ``tega-teleop operator`` and ``tega-teleop robot``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop stress``: every kernel at its extremes, judged by exact arithmetic."""
+"""Test every kernel at its extremes against exact arithmetic: ``tega-teleop stress``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop trim`` and ``merge``: sessions made out of sessions."""
+"""Cut and join recorded sessions: ``tega-teleop trim`` and ``merge``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop vest``: measure the vest itself."""
+"""Measure the vest's motors: ``tega-teleop vest``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop study``: plan a user study, run it, see how it stands, let people withdraw, report it."""
+"""Plan, lead, score and report a user study: ``tega-teleop study``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["study"]
 
 @click.group(epilog="Example: tega-teleop study plan --participants 12 --out my-study")
 def study() -> None:
-    """Plan a user study, run it, see how it stands, let people withdraw, and report it."""
+    """Plan, lead, score and report a user study."""
 
 
 for _verb in (

@@ -1,4 +1,4 @@
-"""``tega-teleop study detect``."""
+"""Find lift-off, slip and deformation in the signals of trials: ``tega-teleop study detect``."""
 
 from __future__ import annotations
 

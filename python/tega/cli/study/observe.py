@@ -1,4 +1,4 @@
-"""``tega-teleop study observe``."""
+"""Score trials, live or recorded: ``tega-teleop study observe``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tega-teleop study plan`` and ``status``."""
+"""Write a study's plan and show how far it is: ``tega-teleop study plan`` and ``status``."""
 
 from __future__ import annotations
 

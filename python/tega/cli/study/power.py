@@ -1,4 +1,4 @@
-"""``tega-teleop study power``."""
+"""Estimate how many people a study needs: ``tega-teleop study power``."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ __all__ = ["power"]
 @json_option
 @debug_option
 def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_json: bool) -> None:
-    """Say how many people find a difference in counts, by simulated studies with people who differ.
+    """Estimate how many people a study needs to find a difference in counts.
 
-    Shown for people who hardly differ, who differ, and who differ a lot. With --tests the level is that of
+    Simulates studies with people who hardly differ, who differ, and who differ a lot. With --tests the level is that of
     Holm's first step.
     """
     from tega.study.power import SPREADS, count_power, people_for

@@ -1,4 +1,4 @@
-"""``tega-teleop study withdraw`` and ``export``."""
+"""Delete a person's data, or write an anonymised copy: ``tega-teleop study withdraw`` and ``export``."""
 
 from __future__ import annotations
 

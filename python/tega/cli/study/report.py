@@ -1,4 +1,4 @@
-"""``tega-teleop study report``."""
+"""Analyse a study and write its report: ``tega-teleop study report``."""
 
 from __future__ import annotations
 

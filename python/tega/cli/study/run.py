@@ -1,4 +1,4 @@
-"""``tega-teleop study run``."""
+"""Lead a participant through the planned trials: ``tega-teleop study run``."""
 
 from __future__ import annotations
 

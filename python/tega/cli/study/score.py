@@ -1,4 +1,4 @@
-"""``tega-teleop study score``."""
+"""Compare raters of the same trials: ``tega-teleop study score``."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def score(
     rater: str | None,
     as_json: bool,
 ) -> None:
-    """Compare what raters, experimenter and, in simulation, the truth say of the same trials.
+    """Compare raters, experimenter and, in simulation, the truth on the same trials.
 
     F1 of matched events with its chance level, delay, Cohen's kappa in bins of a second, ICC of the counts. With
     --json: {"agreements": [...], "imported": {person: trials}, "boris": file}.

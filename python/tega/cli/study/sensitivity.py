@@ -1,4 +1,4 @@
-"""``tega-teleop study sensitivity``."""
+"""Vary the simulated study's assumptions: ``tega-teleop study sensitivity``."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def sensitivity(
     dask: str,
     as_json: bool,
 ) -> None:
-    """Find out over which range of the assumptions the paper's directions hold.
+    """Vary the simulated study's assumptions and print where the paper's directions hold.
 
     FOLDER is a study in silico. One assumption at a time is changed: a parameter to either end of its range, the vest
     to a sham, the readings to those printed; each change is a small study in FOLDER/sensitivity. The table goes into

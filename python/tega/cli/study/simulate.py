@@ -1,4 +1,4 @@
-"""``tega-teleop study simulate``."""
+"""Run a whole study with simulated people: ``tega-teleop study simulate``."""
 
 from __future__ import annotations
 

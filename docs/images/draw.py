@@ -1,0 +1,352 @@
+"""Draw the pictures of README and the teaching pages: ``make pictures``.
+
+Set-up, hardware and objects are the counterparts of the paper's Figures 5, 2 and 4, drawn by us; object sizes are those of
+the simulated world. The animation is one simulated lift. The tutorials' pictures are what their commands compute.
+"""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+import tempfile
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Ellipse, FancyArrowPatch, FancyBboxPatch, Polygon, Rectangle
+from PIL import Image
+
+from tega.sim.demo import run_demo
+from tega.sim.trials import plan_trials
+from tega.sim.world import OBJECTS, World
+from tega.sim.world.solids import add_solids
+from tega.view.state import ViewState
+
+HERE = Path(__file__).resolve().parent
+FINGERS = {"thumb": "#e07b39", "index": "#4a90d9", "middle": "#58a55c", "ring": "#b07cc6"}
+INK, PALE, ROBOT, PERSON = "#2b3440", "#eef1f5", "#d9e8f5", "#fbeadb"
+STEADY = {"svg.hashsalt": "tega", "svg.fonttype": "none", "font.family": "sans-serif"}
+FRAME_S, FAST_FORWARD = 0.2, 2
+
+
+def _canvas(width: float, height: float, title: str) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(width, height))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_xlim(0, 10 * width)
+    axes.set_ylim(0, 10 * height)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.text(5 * width, 10 * height - 3, title, ha="center", va="center", weight="bold", fontsize=12, color=INK)
+    return figure, axes
+
+
+def _save_svg(figure: Figure, name: str) -> None:
+    from matplotlib import rc_context
+
+    with rc_context(STEADY):
+        figure.savefig(HERE / name, metadata={"Date": None})
+
+
+def _box(axes: Any, x: float, y: float, width: float, height: float, text: str, colour: str) -> None:
+    axes.add_patch(
+        FancyBboxPatch((x, y), width, height, boxstyle="round,pad=0,rounding_size=1.2", fc=colour, ec=INK, lw=1)
+    )
+    axes.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=8.5, color=INK)
+
+
+def _arrow(axes: Any, begin: tuple[float, float], end: tuple[float, float], text: str, above: float = 1.4) -> None:
+    axes.add_patch(FancyArrowPatch(begin, end, arrowstyle="-|>", mutation_scale=11, color=INK, lw=1.2))
+    middle = np.add(begin, end) / 2
+    axes.text(middle[0], middle[1] + above, text, ha="center", va="center", fontsize=7.5, color="#4b5866")
+
+
+def hardware() -> None:
+    """Draw which device is connected to what (the paper's Figure 2)."""
+    figure, axes = _canvas(9, 4.4, "Hardware and its connections")
+    for y, text in (
+        (31, "EMG: three electrode pairs\nand a reference"),
+        (21, "tracker of the forearm\n(headset, controller)"),
+        (11, "dead-man switch\n(pedal, SpaceMouse)"),
+        (1, "vest: 40 motors,\na column a finger"),
+    ):
+        _box(axes, 2, y, 22, 7, text, PERSON)
+    _box(axes, 36, 8, 18, 24, "computer\n\nLinux, Python 3.11\n\ntouch: 60 Hz\nvest: 30 Hz\nhand: 333 Hz", PALE)
+    for y, text in (
+        (31, "arm: Franka Panda, FR3"),
+        (18, "hand: Allegro Hand v4"),
+        (5, "fingertips: four DIGIT\ncameras in soft gel"),
+    ):
+        _box(axes, 66, y, 22, 7, text, ROBOT)
+    _arrow(axes, (24, 34.5), (36, 29), "USB, radio")
+    _arrow(axes, (24, 24.5), (36, 23), "network")
+    _arrow(axes, (24, 14.5), (36, 17), "USB")
+    _arrow(axes, (36, 11), (24, 4.5), "Bluetooth", above=-2.4)
+    _arrow(axes, (54, 29), (66, 34.5), "Ethernet")
+    _arrow(axes, (54, 20), (66, 21.5), "CAN, 1 Mbit/s")
+    _arrow(axes, (66, 8.5), (54, 12), "USB", above=-2.0)
+    axes.text(13, 39.8, "on the person", ha="center", fontsize=9, color="#a05a1c")
+    axes.text(77, 39.8, "on the robot", ha="center", fontsize=9, color="#2f6690")
+    axes.text(77, 14.5, "a switch in the 12 V line,\nan emergency stop within reach", ha="center", fontsize=7.5, color="#b00020")
+    _save_svg(figure, "setup-hardware.svg")
+
+
+def objects() -> None:
+    """Draw the three objects with their sizes (the paper's Figure 4)."""
+    figure, axes = _canvas(9, 4.2, "The three objects, to scale")
+    for n, (spec, text) in enumerate(
+        zip(OBJECTS.values(), ("rigid and heavy", "medium stiffness", "soft, deforms"), strict=True)
+    ):
+        x, floor = 16 + 28 * n, 9.0
+        scale = 90.0  # drawing units a metre
+        width, height = scale * spec.diameter_m, scale * spec.height_m
+        colour = spec.rgba[:3]
+        if spec.name == "bottle":
+            body = [(-1, 0), (1, 0), (1, 0.72), (0.35, 0.9), (0.35, 1), (-0.35, 1), (-0.35, 0.9), (-1, 0.72)]
+        elif spec.name == "container":
+            body = [(-0.95, 0), (0.95, 0), (1, 0.88), (1.05, 0.88), (1.05, 1), (-1.05, 1), (-1.05, 0.88), (-1, 0.88)]
+        else:
+            body = [(-0.8, 0), (0.8, 0), (1, 0.2), (0.9, 0.5), (1, 0.75), (0.3, 0.86), (0.5, 1), (-0.5, 1), (-0.3, 0.86)]
+            body += [(-1, 0.75), (-0.9, 0.5), (-1, 0.2)]
+        axes.add_patch(
+            Polygon([(x + a * width / 2, floor + b * height) for a, b in body], fc=colour, ec=INK, lw=1.2)
+        )
+        if spec.name == "bag":
+            axes.plot([x - 1.4, x + 1.4], [floor + 0.86 * height] * 2, color="#b00020", lw=2)
+        axes.text(x, 5.6, f"{n + 1}  {spec.name}: {text}", ha="center", fontsize=9, weight="bold", color=INK)
+        axes.text(
+            x,
+            2.2,
+            f"{1000 * spec.diameter_m:.0f} mm wide, {1000 * spec.height_m:.0f} mm high, {spec.mass_kg:.2f} kg\n"
+            f"{spec.stiffness_n_m:.0f} N/m, friction {spec.friction}",
+            ha="center",
+            va="center",
+            fontsize=8,
+            color="#4b5866",
+        )
+    axes.plot([2, 88], [9, 9], color=INK, lw=1.5)
+    axes.plot([4, 4], [9, 18], color=INK, lw=1)
+    axes.text(4.8, 13.5, "10 cm", fontsize=8, va="center", color=INK)
+    _save_svg(figure, "setup-objects.svg")
+
+
+def bench() -> None:
+    """Draw operator, robot and table (the paper's Figure 5)."""
+    figure, axes = _canvas(9, 4.6, "The set-up: the operator leads arm and hand, and feels the fingertips on the vest")
+    # The operator, from the front: column 1 is at their own left, which is at the right as drawn.
+    axes.add_patch(Circle((17, 34), 3.6, fc=PERSON, ec=INK))
+    axes.add_patch(Polygon([(9, 29), (25, 29), (23, 9), (11, 9)], fc="#dfe5ec", ec=INK))
+    for column, colour in enumerate(reversed(FINGERS.values())):
+        for row in range(5):
+            axes.add_patch(Circle((12.6 + 2.9 * column, 26 - 3.4 * row), 0.95, fc=colour, ec=INK, lw=0.5))
+    axes.plot([24.5, 30, 38], [27, 19, 23], color="#e0b48c", lw=11, solid_capstyle="round", zorder=0)
+    for x, y in ((32, 20), (34, 21), (36, 22)):
+        axes.add_patch(Rectangle((x - 0.5, y - 0.8), 1, 1.6, fc="#ffd54d", ec=INK, lw=0.7))
+    axes.add_patch(Rectangle((29, 16.6), 2, 2, fc="#7a5ea8", ec=INK, lw=0.7))
+    axes.annotate("three EMG channels", (34, 21.5), (31, 29), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK})
+    axes.annotate("tracker", (30, 17), (29, 11), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK})
+    axes.text(17, 5.6, "vest, seen from the front:\na column a finger, CCI here, EDA on the back", ha="center", fontsize=7.5, color=INK)
+    # The robot.
+    axes.plot([46, 89], [8, 8], color=INK, lw=3)
+    axes.text(67, 4.6, "table, with the two places of the task", ha="center", fontsize=8, color=INK)
+    axes.plot([84, 84, 77, 68, 63], [8, 20, 33, 34, 27], color="#c3cad3", lw=13, solid_capstyle="round", solid_joinstyle="round", zorder=1)
+    for x, y in ((84, 20), (77, 33), (68, 34)):
+        axes.add_patch(Circle((x, y), 1.6, fc="#8d99a6", ec=INK, lw=0.7, zorder=2))
+    axes.add_patch(Rectangle((59.5, 23.5), 7, 4.5, fc="#39424e", ec=INK, zorder=3))
+    for x, bend, colour in zip((60, 62, 64, 66), (-1.2, -0.4, 0.4, 1.2), FINGERS.values(), strict=True):
+        axes.plot([x, x + bend, x + 0.2 * bend], [23.5, 20.5, 17.5], color="#39424e", lw=4, zorder=3)
+        axes.add_patch(Ellipse((x + 0.2 * bend, 17.2), 1.7, 2.2, fc=colour, ec=INK, lw=0.7, zorder=4))
+    axes.add_patch(Rectangle((61, 8.4), 4.6, 9.6, fc=OBJECTS["bottle"].rgba[:3], ec=INK, lw=0.8, zorder=2))
+    axes.add_patch(Ellipse((52, 8.6), 6, 1.2, fc="none", ec="#b00020", lw=1.2))
+    axes.add_patch(Ellipse((63.3, 8.6), 7, 1.2, fc="none", ec="#b00020", lw=1.2))
+    axes.text(86, 36, "Franka arm,\n7 joints", ha="center", fontsize=8, color=INK)
+    axes.annotate("Allegro Hand", (60, 26), (47.5, 30), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK})
+    axes.annotate("a DIGIT at each\nfingertip", (60, 17), (47, 20), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK})
+    _save_svg(figure, "setup-bench.svg")
+
+
+class Moment(NamedTuple):
+    """What one picture of the animation shows."""
+
+    t_s: float
+    poses: Any
+    motors: Any
+    level: int
+    height_m: float
+
+
+def animation(name: str = "bottle") -> None:
+    """Record one simulated lift and draw it, twice as fast as it goes."""
+    moments: list[Moment] = []
+
+    def see(state: ViewState) -> None:
+        t_s = state.loop.t_ns / 1e9
+        if state.poses is not None and (not moments or t_s >= moments[-1].t_s + FRAME_S - 1e-6):
+            motors = np.zeros(40) if state.loop.vest is None else state.loop.vest.x40()
+            level = 1 if state.loop.block is None else state.loop.block.level
+            moments.append(Moment(t_s, np.array(state.poses), np.array(motors), int(level), 0.0))
+
+    plans = plan_trials([name], ["haptic"], [1])
+    _, (course,) = run_demo(plans, real_time=False, observer=see)
+    times, heights = (course.array("truth", key) for key in ("t_s", "object_height_m"))
+    shapes = World(name, start_m=(0.0, 0.0)).shapes()
+    pictures = [
+        _frame(m._replace(height_m=float(np.interp(m.t_s, times, heights))), shapes, name) for m in moments
+    ]
+    pictures[0].save(
+        HERE / "demo-lift.webp",
+        save_all=True,
+        append_images=pictures[1:],
+        duration=int(1000 * FRAME_S / FAST_FORWARD),
+        loop=0,
+        quality=60,
+        method=4,
+    )
+
+
+def _frame(moment: Moment, shapes: Any, name: str) -> Image.Image:
+    figure = Figure(figsize=(7.2, 3.6), dpi=100)
+    scene = figure.add_axes((0.0, 0.0, 0.52, 0.92), projection="3d", computed_zorder=False)
+    add_solids(scene, shapes, moment.poses)
+    scene.set_xlim(-0.27, 0.23)
+    scene.set_ylim(-0.2, 0.3)
+    scene.set_zlim(0.05, 0.55)
+    scene.set_box_aspect((1, 1, 1), zoom=1.5)
+    scene.view_init(elev=20, azim=-12)
+    scene.set_axis_off()
+    axes = figure.add_axes((0.5, 0, 0.5, 1))
+    axes.set_xlim(0, 100)
+    axes.set_ylim(0, 100)
+    axes.set_axis_off()
+    for left, title, first in ((3, "front (CCI): how sharp", 0), (53, "back (EDA): how wide", 20)):
+        axes.text(left + 22, 88, title, ha="center", fontsize=9, color=INK)
+        axes.text(left + 2, 25, "L", ha="center", fontsize=8, color=INK)
+        axes.text(left + 42, 25, "R", ha="center", fontsize=8, color=INK)
+        for motor in range(20):
+            row, column = divmod(motor, 4)
+            colour = list(FINGERS.values())[column]
+            share = float(moment.motors[first + motor]) / 100
+            centre = (left + 6 + 10.6 * column, 78 - 11 * row)
+            axes.add_patch(Circle(centre, 4.2, fc="white", ec="#b9c2cc", lw=1))
+            axes.add_patch(Circle(centre, 4.2, fc=colour, alpha=share, lw=0))
+    axes.text(3, 15, "level", fontsize=9, color=INK)
+    for level in range(1, 6):
+        filled = level <= moment.level
+        axes.add_patch(Rectangle((15 + 6 * level, 13), 5, 6, fc="#c8202f" if filled else "#eceff2", lw=0))
+    axes.text(3, 4, f"{name} {100 * max(moment.height_m, 0):.0f} cm up, {moment.t_s:.1f} s", fontsize=9, color=INK)
+    figure.text(0.02, 0.94, "a simulated lift, twice as fast", fontsize=9, color="#4b5866")
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png")
+    return Image.open(buffer).convert("RGB")
+
+
+def _blocks(page: str) -> list[Any]:
+    sys.path.insert(0, str(HERE.parents[1] / "tests"))
+    from reference.page_blocks import blocks_of
+
+    return blocks_of(HERE.parent / "tutorials" / page)
+
+
+def _computed(page: str, folder: Path, until: str) -> None:
+    """Do what a tutorial says in a folder, up to the command that has these words."""
+    for block in _blocks(page):
+        if block.title:
+            (folder / block.title).write_text(block.text, encoding="utf-8")
+        elif block.language == "python":
+            subprocess.run([sys.executable, "-c", block.text], cwd=folder, check=True)
+        elif block.language == "sh" and not block.mark:
+            for line in filter(None, block.text.splitlines()):
+                if line.startswith("tega-teleop"):
+                    words = [sys.executable, "-m", "tega.cli", *line.split()[1:]]
+                    subprocess.run(words, cwd=folder, check=True, capture_output=True)
+                if until in line:
+                    return
+
+
+def _columns(path: Path, *, finger: str = "") -> dict[str, Any]:
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if not finger or row["finger"] == finger]
+    return {k: np.array([float(r[k]) for r in rows]) for k in rows[0] if k != "finger"}
+
+
+def tutorial_vest(folder: Path) -> None:
+    """Draw touch of the tutorial's fingertip and the vest's first columns."""
+    _computed("only-the-vest.md", folder, "run vest.toml")
+    touch = _columns(folder / "vest-results/contacts.csv", finger="thumb")
+    vest = _columns(folder / "vest-results/vest.csv")
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    above.plot(touch["t_s"], touch["cci_norm"], color="#0072B2", label="CCI over its maximum")
+    above.plot(touch["t_s"], touch["eda_norm"], color="#009E73", label="EDA over its maximum")
+    above.set_title("A synthetic fingertip is pressed and released", fontsize=10)
+    below.plot(vest["t_s"], vest["m0"], color="#0072B2", label="front, column 1")
+    below.plot(vest["t_s"], vest["m20"], color="#009E73", label="back, column 1")
+    below.set_ylabel("motor, %")
+    below.set_xlabel("time, s")
+    for axes in (above, below):
+        axes.legend(loc="upper left", fontsize=8)
+    figure.savefig(HERE / "tutorial-vest.png", dpi=100)
+
+
+def tutorial_emg(folder: Path) -> None:
+    """Draw the levels of the tutorial's synthetic muscles."""
+    _computed("only-emg.md", folder, "run emg.toml")
+    levels = _columns(folder / "emg-results/levels.csv")
+    figure = Figure(figsize=(9, 3.2), layout="constrained")
+    axes = figure.subplots()
+    channels = [k for k in levels if k not in {"t_s", "fused"}]
+    for n, channel in enumerate(channels):
+        axes.step(levels["t_s"], levels[channel] + 0.04 * (n - 1), where="post", lw=1, label=f"channel {n + 1}")
+    axes.step(levels["t_s"], levels["fused"], where="post", color="#c8202f", lw=2.5, label="fused level")
+    axes.set_yticks(range(1, 6))
+    axes.set_ylabel("level")
+    axes.set_xlabel("time, s")
+    axes.set_title("Three synthetic muscles, and the level that the hand gets", fontsize=10)
+    axes.legend(ncols=4, fontsize=8, loc="upper left")
+    figure.savefig(HERE / "tutorial-emg.png", dpi=100)
+
+
+def tutorial_webcam(folder: Path) -> None:
+    """Draw the tutorial's video: untouched, pressed, and what counts as touched."""
+    import cv2
+
+    _computed("webcam-fingertip.md", folder, "run press.toml")
+    video = cv2.VideoCapture(str(folder / "press.avi"))
+    pictures = []
+    while (read := video.read())[0]:
+        pictures.append(read[1])
+    touch = _columns(folder / "noise-floor/contacts.csv", finger="index")
+    baseline = np.mean(pictures[35:55], axis=0)
+    pressed = int(np.argmax(touch["eda"][:30]))
+    grey = np.abs(pictures[pressed] - baseline) @ (0.114, 0.587, 0.299)
+    figure = Figure(figsize=(11, 2.9), layout="constrained")
+    first, second, third, fourth = figure.subplots(1, 4, width_ratios=[1, 1, 1, 1.3])
+    first.imshow(baseline[..., ::-1].astype(np.uint8))
+    first.set_title("baseline", fontsize=10)
+    second.imshow(pictures[pressed][..., ::-1])
+    second.set_title(f"pressed, {touch['t_s'][pressed]:.2f} s", fontsize=10)
+    third.imshow(grey, cmap="gray")
+    third.contour(cv2.blur(grey, (5, 5)) > 6, [0.5], colors="#4a90d9")
+    third.set_title("difference; inside the line: EDA", fontsize=10)
+    for axes in (first, second, third):
+        axes.set_axis_off()
+    fourth.plot(touch["t_s"], touch["eda"], color="#009E73")
+    fourth.set_title("EDA, pixels", fontsize=10)
+    fourth.set_xlabel("time, s")
+    figure.savefig(HERE / "tutorial-webcam.png", dpi=100)
+
+
+def main() -> None:
+    """Draw what is named on the command line, or all."""
+    drawn = [hardware, objects, bench, animation, tutorial_vest, tutorial_emg, tutorial_webcam]
+    for draw in drawn:
+        if len(sys.argv) > 1 and draw.__name__ not in sys.argv[1:]:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            draw(Path(folder)) if draw.__name__.startswith("tutorial") else draw()  # type: ignore[operator]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""Fenced blocks of a page, in order: what a reader types, and the files that they save."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+__all__ = ["Block", "blocks_of", "commands_of"]
+
+
+class Block(NamedTuple):
+    """One fenced block.
+
+    Attributes:
+        language: ``sh``, ``toml``, ``python`` or ``""``.
+        mark: The comment above it: ``install``, ``background``, ``hardware`` or ``""``.
+        title: Name of the file that it is saved as, or ``""``.
+        text: What stands in it.
+    """
+
+    language: str
+    mark: str
+    title: str
+    text: str
+
+
+_BLOCK = re.compile(
+    r'^(?:<!-- (?P<mark>\w+) -->\n)?```(?P<language>\w*)(?: title="(?P<title>[^"]+)")?\n(?P<text>.*?)^```$',
+    re.DOTALL | re.MULTILINE,
+)
+
+
+def blocks_of(page: Path) -> list[Block]:
+    """Return the blocks of a page."""
+    return [
+        Block(m["language"], m["mark"] or "", m["title"] or "", m["text"])
+        for m in _BLOCK.finditer(page.read_text(encoding="utf-8"))
+    ]
+
+
+def commands_of(page: Path) -> list[list[str]]:
+    """Return the words of every ``tega-teleop`` command that a page shows, comments and paths of the program left out."""
+    found = []
+    for block in blocks_of(page):
+        if block.language == "sh":
+            lines = re.sub(r"\s+#.*$", "", block.text.replace("\\\n", " "), flags=re.MULTILINE)
+            for line in re.split(r"\n|&&|;", lines):
+                if words := re.match(r"\s*(?:\S*/)?tega-teleop\b(.*)", line):
+                    found.append(words[1].split())
+    return found
