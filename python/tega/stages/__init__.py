@@ -10,10 +10,12 @@ from tega.stages.base import (
     Decoder,
     FingerSetup,
     Mapping,
+    MeasuredPicture,
     Metric,
     MuscleSetup,
     StageOptions,
     TouchEvent,
+    TouchMap,
     VestSetup,
 )
 from tega.stages.registry import StageRecord, list_stages, stage_class, stage_names
@@ -24,6 +26,7 @@ __all__ = [
     "FingerSetup",
     "Intent",
     "Mapping",
+    "MeasuredPicture",
     "Metric",
     "Motor",
     "MotorLayout",
@@ -32,6 +35,7 @@ __all__ = [
     "StageOptions",
     "StageRecord",
     "TouchEvent",
+    "TouchMap",
     "VestSetup",
     "find_layout",
     "list_stages",

@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import msgspec
 
 from tega.records import Contact, NamedValue
-from tega.stages.base import FingerSetup, Metric, StageOptions
-from tega.tactile import ContactMetrics, ContactReader, Outline, TouchTracker, nominal_light
+from tega.stages.base import FingerSetup, Metric, StageOptions, TouchMap
+from tega.tactile import (
+    ContactMetrics,
+    ContactReader,
+    Outline,
+    TouchTracker,
+    contact_mask,
+    nominal_light,
+    pressure_map,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -57,11 +65,18 @@ class PaperMetric(Metric):
 
     def __init__(self, setup: FingerSetup, _options: StageOptions) -> None:
         self._finger = setup.finger
+        self._baseline, self._frame = setup.baseline, setup.baseline
         self._reader = ContactReader(setup.baseline, reading="paper")
 
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
         """Measure a frame."""
+        self._frame = frame
         return contact_record(self._finger, t_ns, self._reader.read(frame))
+
+    def touch_map(self) -> TouchMap:
+        """Return the masked, blurred difference and the pixels of it that exceed T."""
+        pictures = self._frame, self._baseline
+        return TouchMap(pressure_map(*pictures, "paper"), "grey", contact_mask(*pictures, "paper"))
 
 
 class LiveOptions(StageOptions, frozen=True):
@@ -110,7 +125,7 @@ class LiveMetric(Metric):
         # The first frame, and one whose time stands still or goes back, counts for one period.
         dt_s = None if self._last_ns is None or t_ns <= self._last_ns else (t_ns - self._last_ns) / 1e9
         self._last_ns = t_ns
-        found = self._tracker.update(frame, dt_s=dt_s)
+        found = self._tracker.update(frame, dt_s=dt_s, loaded=self.loaded)
         x, y = found.centroid_xy
         return Contact(
             finger=self._finger,
@@ -130,3 +145,7 @@ class LiveMetric(Metric):
             strength=found.strength,
             broad=found.broad,
         )
+
+    def touch_map(self) -> TouchMap:
+        """Return the depth that shading shows, a value a cell, and the outlined pixels."""
+        return TouchMap(self._tracker.depth_map(), "mm", self._tracker.mask())

@@ -12,6 +12,7 @@ from tega.devices.registry import driver_class
 from tega.priority import ahead_of_others
 from tega.safety.guard import Guard
 from tega.safety.states import Transition
+from tega.stages.base import MeasuredPicture
 from tega.teleop.arm import Steering, open_arm
 from tega.teleop.beside import open_beside
 from tega.teleop.inputs import Inputs
@@ -107,8 +108,9 @@ def open_rig(
     if station is not None:
         prepared = station.prepared(prepared)
     prepared = on_prepared(prepared)
-    if recording is not None:
+    if recording is not None or bus.wants(MeasuredPicture):
         prepared = to_be_read(prepared)
+    if recording is not None:
         open_beside(stack, config, prepared, bus)
     sinks = open_sinks(stack, config, prepared, bus)
     inputs = open_inputs(stack, config)

@@ -1,0 +1,215 @@
+"""The tracker in a run: told when other fingers are loaded, replayed to the bit, and drawn as it reads."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import ExitStack
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame, touching
+from reference.sessions import rewritten, stream
+from tega.bus import Bus
+from tega.calibration import Calibration, FingerMaxima, TouchMaxima
+from tega.config import check_tree
+from tega.devices.base import DeviceInfo, TactileFrame
+from tega.records import Picture
+from tega.replay import replay_file
+from tega.sim.gel import Gel, ball
+from tega.stages import FingerSetup
+from tega.stages.base import MeasuredPicture
+from tega.stages.metrics import LiveMetric, LiveOptions
+from tega.teleop import run_session
+from tega.teleop.flows import Touching, contact_stream
+from tega.teleop.prepare import Finger, Prepared
+from tega.teleop.sources import SourceReport
+
+PERIOD_NS = 16_666_667
+# A finger is pressed from here to there; the other for the whole time.
+PRESSED = range(20, 70)
+N_FRAMES = 190
+
+
+@lru_cache
+def gel_frames(seed: int, *, held: bool) -> tuple[list[np.ndarray[Any, Any]], np.ndarray[Any, Any]]:
+    """Return the frames of a gel that keeps something after a release, and its baseline."""
+    gel = Gel(seed, memory=True)
+    baseline = np.rint(np.mean([gel.frame([], k).astype(float) for k in range(10)], axis=0)).astype(np.uint8)
+    gel.forget()
+    press = [ball(force_n=4.0)]
+    frames = [gel.frame(press if k in PRESSED or (held and k >= 20) else [], k) for k in range(N_FRAMES)]
+    return frames, baseline
+
+
+def measured(flags: list[bool]) -> list[Any]:
+    """Return what a metric says of the finger that is let go, told these flags."""
+    frames, baseline = gel_frames(3, held=False)
+    metric = LiveMetric(FingerSetup("ring", baseline), LiveOptions())
+    found = []
+    for k, (frame, loaded) in enumerate(zip(frames, flags, strict=True)):
+        metric.loaded = loaded
+        found.append(metric.update(frame, k * PERIOD_NS))
+    return found
+
+
+def test_no_rest_is_taken_anew_while_another_finger_is_loaded() -> None:
+    alone, loaded = measured([False] * N_FRAMES), measured([True] * N_FRAMES)
+    assert [c.in_contact for c in alone[30:70]] == [True] * 40
+    assert not any(c.in_contact for c in (*alone[80:], *loaded[80:]))
+    after = PRESSED.stop + 75  # longer than the second after which the rest is taken anew
+    assert repr(alone[: after - 20]) == repr(loaded[: after - 20])
+    assert alone[after].threshold != loaded[after].threshold
+
+
+def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
+    frames = [live_frame(k) for k in range(8)]
+    camera: Any = ScriptedCamera(frames)
+    finger = Finger(camera, frames[0].image, "given", SourceReport())
+    told: list[Picture] = []
+    given: list[bool] = []
+    bus, touched = Bus(), Touching()
+    bus.subscribe(Picture, told.append, vital=True)
+
+    class Listening(LiveMetric):
+        def update(self, frame: Any, t_ns: int) -> Any:
+            given.append(self.loaded)
+            if len(given) == 4:
+                touched.note("ring", (t_ns, touching(eda=50)))
+            return super().update(frame, t_ns)
+
+    with ExitStack() as stack:
+        contacts = contact_stream(
+            stack,
+            "thumb",
+            finger,
+            metric=lambda: Listening(FingerSetup("thumb", frames[0].image), LiveOptions()),
+            touching=touched,
+            start_ns=STARTED_NS,
+            trace=None,
+            bell=None,
+            bus=bus,
+        )
+        while not contacts.ended:
+            contacts.next_until(10**12)
+    assert [picture.loaded for picture in told] == given
+    # The fourth frame's metric heard of the ring; what is older than 100 ms says nothing.
+    assert given == [False] * 4 + [True] * 4
+    assert not touched.beside("ring", 0)
+    assert touched.beside("thumb", 48 * MS + 100 * MS)
+    assert not touched.beside("thumb", 48 * MS + 101 * MS)
+    touched.note("ring", (60 * MS, touching(eda=0)))
+    assert not touched.beside("thumb", 60 * MS)
+
+
+class _Sensor:
+    """A live sensor that gives a gel's frames at 60 a second."""
+
+    def __init__(self, frames: list[Any]) -> None:
+        self._frames, self._next, self._began_ns = frames, 0, 0
+        self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=True, rate_hz=60.0)
+
+    @property
+    def ended(self) -> bool:
+        return self._next == len(self._frames)
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        del timeout_s
+        k, self._next = self._next, self._next + 1
+        self._began_ns = self._began_ns or time.monotonic_ns()
+        due_ns = self._began_ns + k * PERIOD_NS
+        time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
+        return TactileFrame(due_ns, k, self._frames[k], f"frame {k}")
+
+
+@pytest.mark.slow
+def test_a_run_in_which_one_finger_holds_on_is_replayed_with_what_each_was_told(tmp_path: Path) -> None:
+    fingers = {}
+    for name, seed, held in (("thumb", 1, True), ("ring", 3, False)):
+        frames, baseline = gel_frames(seed, held=held)
+        sensor: Any = _Sensor(frames)
+        fingers[name] = Finger(sensor, baseline, "given", SourceReport())
+    full = TouchMaxima(cci_max=1.0, eda_max=20_000.0)
+    calibration = Calibration(preset="live", origin="", tactile=FingerMaxima(thumb=full, ring=full))
+    tree = {
+        "session": {"pace": "real"},
+        "recording": {"dir": str(tmp_path / "run"), "lossless": True, "stop_free_mib": 0.0},
+    }
+    config = check_tree(tree, {}, base=tmp_path).config
+    summary = run_session(config, prepared=Prepared(fingers, None, calibration, ""))
+    path = tmp_path / "run" / summary["recording"]["file"]
+    assert replay_file(path).same
+
+    flags: dict[str, list[bool]] = {"thumb": [], "ring": []}
+
+    def forget(topic: str, value: Any) -> Any:
+        if topic.endswith("/frame") and topic.startswith("/tactile/"):
+            flags[topic.split("/")[2]].append(value.loaded)
+            value.loaded = False
+        return value
+
+    forgotten = rewritten(path, tmp_path / "forgotten.mcap", forget)
+    assert sum(flags["ring"]) > 100
+    assert 20 < sum(flags["thumb"]) < 80
+    assert stream(replay_file(forgotten), "/tactile/ring/contact").differ > 0
+
+
+def test_maps_are_those_of_the_picture_and_asking_for_them_changes_nothing() -> None:
+    frames, baseline = gel_frames(3, held=False)
+    plain = LiveMetric(FingerSetup("ring", baseline), LiveOptions())
+    drawn = LiveMetric(FingerSetup("ring", baseline), LiveOptions())
+    stop = threading.Event()
+
+    def paint() -> None:
+        """Ask from another thread, as a page might."""
+        while not stop.is_set():
+            drawn.touch_map()
+
+    painter = threading.Thread(target=paint)
+    painter.start()
+    try:
+        for k, frame in enumerate(frames):
+            contact = drawn.update(frame, k * PERIOD_NS)
+            assert repr(contact) == repr(plain.update(frame, k * PERIOD_NS))
+            touch_map = plain.touch_map()
+            assert np.count_nonzero(touch_map.mask) == contact.eda
+            assert (touch_map.height.max() > 0) == contact.in_contact
+    finally:
+        stop.set()
+        painter.join()
+
+
+def test_nothing_is_drawn_where_nobody_looks() -> None:
+    frames = [live_frame(k) for k in range(3)]
+    asked = []
+
+    class Asked(LiveMetric):
+        def touch_map(self) -> Any:
+            asked.append(threading.current_thread().name)
+            return super().touch_map()
+
+    for watched in (False, True):
+        camera: Any = ScriptedCamera(frames)
+        bus = Bus()
+        if watched:
+            bus.subscribe(MeasuredPicture, lambda picture: picture.metric.touch_map(), vital=True)
+        with ExitStack() as stack:
+            contacts = contact_stream(
+                stack,
+                "thumb",
+                Finger(camera, frames[0].image, "given", SourceReport()),
+                metric=lambda: Asked(FingerSetup("thumb", frames[0].image), LiveOptions()),
+                touching=Touching(),
+                start_ns=STARTED_NS,
+                trace=None,
+                bell=None,
+                bus=bus,
+            )
+            while not contacts.ended:
+                contacts.next_until(10**12)
+        # In the thread that measures: the loop's deadlines do not pay.
+        assert asked == (["tega-thumb"] * 3 if watched else [])
