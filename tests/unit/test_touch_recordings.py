@@ -26,7 +26,7 @@ from tega.sim.touch_recordings import (
     wedge,
 )
 from tega.tactile import contact_mask, read_contact
-from tega.touch import Contact, TouchTracker
+from tega.touch import TouchTracker, TrackedContact
 
 pytest.importorskip("cv2", reason="needs the extra tega[lab]")
 Image = NDArray[np.uint8]
@@ -47,7 +47,7 @@ def median(frames: NDArray[np.uint8]) -> Image:
     return middle
 
 
-def follow(frames: list[Image] | NDArray[np.uint8], baseline: Image, rate_hz: float) -> list[Contact]:
+def follow(frames: list[Image] | NDArray[np.uint8], baseline: Image, rate_hz: float) -> list[TrackedContact]:
     tracker = TouchTracker(baseline, rate_hz=rate_hz)
     return [tracker.update(frame) for frame in frames]
 

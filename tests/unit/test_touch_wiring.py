@@ -6,6 +6,7 @@ import threading
 import time
 from contextlib import ExitStack
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +17,22 @@ from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame, touch
 from reference.sessions import rewritten, stream
 from tega.bus import Bus
 from tega.calibration import Calibration, FingerMaxima, TouchMaxima
-from tega.config import check_tree
+from tega.config import check_tree, load_config
 from tega.devices.base import DeviceInfo, TactileFrame
+from tega.haptics import contact_type
 from tega.records import Picture
 from tega.replay import replay_file
 from tega.sim.gel import Gel, ball
-from tega.stages import FingerSetup
+from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
+from tega.stages.choose import finger_metric, vest_mapping
 from tega.stages.metrics import LiveMetric, LiveOptions
 from tega.teleop import run_session
 from tega.teleop.flows import Touching, contact_stream
 from tega.teleop.prepare import Finger, Prepared
 from tega.teleop.sources import SourceReport
+from tega.teleop.touch import Felt
+from tega.view.labels import ContactLabels
 
 PERIOD_NS = 16_666_667
 # A finger is pressed from here to there; the other for the whole time.
@@ -213,3 +218,63 @@ def test_nothing_is_drawn_where_nobody_looks() -> None:
                 contacts.next_until(10**12)
         # In the thread that measures: the loop's deadlines do not pay.
         assert asked == (["tega-thumb"] * 3 if watched else [])
+
+
+def test_the_trend_of_a_press_can_be_felt_in_a_column() -> None:
+    gel = Gel(5)
+    baseline = gel.still()
+    config = load_config(
+        None,
+        environ={},
+        sets=[
+            "stages.metric.name=live",
+            "stages.metric.options.trend=rise",
+            "stages.mapping.name=columns",
+            "stages.mapping.options.front=trend_mm_s",
+            "stages.mapping.options.front_max=1.0",
+        ],
+    ).config
+    metric = finger_metric(config.stages, "live", "index", baseline)
+    setup = VestSetup(find_layout("paper32"), ("index",), {"index": {"eda": 20_000.0}})
+    mapping = vest_mapping(config.stages, "live")(setup)
+    rates, fronts = [], []
+    for k in range(150):  # a second of rest, half a second of pressing, holding, and letting go from 2 s on
+        force_n = 4.0 * min(max((k - 60) / 30, 0.0), 1.0) if k < 120 else max(4.0 - (k - 120) / 5, 0.0)
+        contact = metric.update(gel.frame([ball(force_n=force_n)], k), k * PERIOD_NS)
+        rates.append(next(v.value for v in contact.more if v.name == "trend_mm_s"))
+        fronts.append(mapping.columns("index", contact)[0])
+    assert max(rates[:60]) == 0.0
+    rising, held, easing = rates[68:90], rates[110:120], rates[125:140]
+    assert min(rising) > 5 * max(held)
+    assert max(held) < 0.1
+    assert max(easing) < 0.05
+    assert max(fronts[:60]) == 0.0
+    assert np.mean(fronts[70:88]) > 3 * np.mean(fronts[110:120])
+    both = LiveMetric(FingerSetup("index", baseline), LiveOptions(trend="change", trend_s=0.05))
+    assert LiveMetric.units(LiveOptions(trend="change")) == {"trend_mm_s": "mm/s"}
+    assert LiveMetric.units(LiveOptions()) == {}
+    gel.forget()
+    falls = [
+        both.update(gel.frame([ball(force_n=4.0)] if k < 30 else [], k), k * PERIOD_NS) for k in range(40)
+    ]
+    assert falls[-1].more[0].value >= 0.0
+    assert max(c.more[0].value for c in falls[30:]) > 1.0
+
+
+def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
+    labels, rng = ContactLabels(), np.random.default_rng(1)
+    names, plain = [], []
+    for k in range(2000):
+        noise = rng.normal(0, 0.01, 2)
+        felt = Felt(0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000), 0.0, 0.0)
+        names.append(labels.name("thumb", felt, in_contact=True))
+        plain.append(contact_type(felt.cci_norm, felt.eda_norm))
+    flips = [sum(a != b for a, b in pairwise(said)) for said in (names, plain)]
+    assert flips[1] > 500
+    assert flips[0] <= 1
+    # What changes clearly is told at once, and a contact that ends forgets.
+    assert labels.name("thumb", Felt(0.2, 0.9, 0.0, 0.0), in_contact=True) == "broad"
+    assert labels.name("thumb", Felt(0.52, 0.9, 0.0, 0.0), in_contact=True) == "broad"
+    assert labels.name("thumb", Felt(0.2, 0.9, 0.0, 0.0), in_contact=False) == "none"
+    assert labels.name("thumb", Felt(0.52, 0.48, 0.0, 0.0), in_contact=True) == "focal"
+    assert labels.name("index", Felt(0.52, 0.0, 0.0, 0.0), in_contact=True) == "none"

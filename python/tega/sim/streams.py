@@ -118,11 +118,11 @@ class Streams:
         return self._firmest.picture(finger, lab.touch[finger], lab.baselines[finger])
 
     def firmest(self) -> tuple[str, TouchImage] | None:
-        """Return the finger that had the largest contact area, and its picture then; ``None`` without a contact."""
+        """Return the finger that was touched most firmly, and its picture then; ``None`` without a contact."""
         images = self._firmest.images
         if not images:
             return None
-        finger = max(images, key=lambda one: images[one].metrics.eda)
+        finger = max(images, key=lambda one: images[one].metrics.mass)
         return finger, images[finger]
 
     def course(self) -> Course:

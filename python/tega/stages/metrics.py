@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar
+import math
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import msgspec
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = ["LiveMetric", "LiveOptions", "PaperMetric", "contact_metrics_of", "contact_record"]
 
+
+# Between the frames of a DIGIT, seconds, where their times do not say it.
+_PERIOD_S = 1 / 60
 
 NoiseCounts = Annotated[float, msgspec.Meta(gt=0, le=255)]
 
@@ -89,14 +93,19 @@ class LiveOptions(StageOptions, frozen=True):
         noise_counts: Noise of the sensor's cells in blue, green and red, from :func:`tega.tactile.sensor_noise`;
             none takes that
             of a DIGIT. How much the sensor varies at rest is learned in any case.
-        mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none leaves that out, and depth and
-            force are nominal.
+        mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none takes the calibration's. Without
+            either that is left out, and depth and force are nominal.
+        trend: Measures the value ``trend_mm_s``, the rate of change of the dent's depth, for a column to show:
+            ``rise`` while it grows, ``change`` whichever way; ``none`` does not measure it.
+        trend_s: Time constant of that rate, seconds.
     """
 
     outline: Outline = "dent"
     rezero: bool = True
     noise_counts: tuple[NoiseCounts, NoiseCounts, NoiseCounts] | None = None
     mm_per_px: Annotated[float, msgspec.Meta(gt=0.001, lt=1.0)] | None = None
+    trend: Literal["none", "rise", "change"] = "none"
+    trend_s: Annotated[float, msgspec.Meta(ge=0.01, le=5.0)] = 0.1
 
 
 class LiveMetric(Metric):
@@ -107,8 +116,17 @@ class LiveMetric(Metric):
     version: ClassVar[int] = 2
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
+    @classmethod
+    def units(cls, options: StageOptions) -> dict[str, str]:
+        """Return the unit of the trend, where it is measured."""
+        return (
+            {} if not isinstance(options, LiveOptions) or options.trend == "none" else {"trend_mm_s": "mm/s"}
+        )
+
     def __init__(self, setup: FingerSetup, options: LiveOptions) -> None:
         self._finger = setup.finger
+        self._trend, self._trend_s = options.trend, options.trend_s
+        self._depth_mm = 0.0
         scale = options.mm_per_px
         light = None if scale is None else nominal_light()._replace(mm_per_px=scale)
         self._tracker = TouchTracker(
@@ -126,6 +144,7 @@ class LiveMetric(Metric):
         dt_s = None if self._last_ns is None or t_ns <= self._last_ns else (t_ns - self._last_ns) / 1e9
         self._last_ns = t_ns
         found = self._tracker.update(frame, dt_s=dt_s, loaded=self.loaded)
+        more = () if self._trend == "none" else (self._rate(found.depth_mm, dt_s or _PERIOD_S),)
         x, y = found.centroid_xy
         return Contact(
             finger=self._finger,
@@ -144,7 +163,16 @@ class LiveMetric(Metric):
             force_n=found.force_n,
             strength=found.strength,
             broad=found.broad,
+            more=more,
         )
+
+    def _rate(self, depth_mm: float, dt_s: float) -> NamedValue:
+        """Return how fast the depth changes: its difference to its own low-pass over that one's time constant."""
+        off_mm = depth_mm - self._depth_mm
+        self._depth_mm += -math.expm1(-dt_s / self._trend_s) * off_mm
+        rate_mm_s = off_mm / self._trend_s
+        rate_mm_s = abs(rate_mm_s) if self._trend == "change" else max(rate_mm_s, 0.0)
+        return NamedValue("trend_mm_s", rate_mm_s, "mm/s")
 
     def touch_map(self) -> TouchMap:
         """Return the depth that shading shows, a value a cell, and the outlined pixels."""

@@ -43,7 +43,7 @@ _FRAME_NS = 16_666_667
 
 
 class FingerPicture(NamedTuple):
-    """One fingertip, at the frame of its largest contact area.
+    """One fingertip, at the frame in which the sum of its touch map is largest.
 
     Attributes:
         finger: Which.
@@ -153,7 +153,7 @@ def read_touch_picture(path: Path) -> FingerPicture:
 
 
 def recorded_picture(folder: Path) -> FingerPicture | None:
-    """Find the frame with the largest contact area in a trial's recording.
+    """Find the firmest contact in a trial's recording: the largest sum of the touch map.
 
     Args:
         folder: Of the attempt: ``recordings/p01/p01-t07-a1``.
@@ -178,7 +178,7 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
     firmest: Contact | None = None
     for message in reader.messages(lambda topic: topic.endswith("/contact")):
         value = message.value
-        if value is not None and value.in_contact and (firmest is None or value.eda > firmest.eda):
+        if value is not None and value.in_contact and (firmest is None or value.mass > firmest.mass):
             firmest = read(Contact, value, finger=message.topic.split("/")[-2])
     if firmest is None:
         return None

@@ -53,7 +53,9 @@ class TouchPicture(NamedTuple):
 
 
 class Firmest:
-    """Keeps each finger's picture with the largest contact area; :meth:`take` is for the bus.
+    """Keeps each finger's picture at its firmest, when the sum of its touch map was largest.
+
+    Subscribe :meth:`take` to a bus.
 
     Attributes:
         images: By finger; one that never touched is missing.
@@ -65,7 +67,7 @@ class Firmest:
     def take(self, picture: MeasuredPicture) -> None:
         """Look at a picture that has just been measured; its map is asked for if it is the firmest so far."""
         before = self.images.get(picture.finger)
-        if picture.metrics.eda > (0 if before is None else before.metrics.eda):
+        if picture.metrics.in_contact and (before is None or picture.metrics.mass > before.metrics.mass):
             image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
             self.images[picture.finger] = image
 

@@ -30,7 +30,7 @@ class SessionPicture:
     def __init__(self, bus: Bus) -> None:
         new_figure(figsize=(1, 1))  # what cannot be drawn is said before the run, not after it
         self._firmest = Firmest()
-        self._felt: dict[str, tuple[int, float, float]] = {}
+        self._felt: dict[str, tuple[float, float, float]] = {}
         self._touch: dict[int, list[tuple[float, float]]] = {}
         self._levels: list[tuple[int, int]] = []
         bus.subscribe(MeasuredPicture, self._firmest.take, name="picture")
@@ -41,8 +41,8 @@ class SessionPicture:
         touching = self._touch.setdefault(contact.t_ns, [])
         if contact.in_contact:
             touching.append((contact.cci_norm, contact.eda_norm))
-        if contact.eda > self._felt.get(contact.finger, (0, 0.0, 0.0))[0]:
-            self._felt[contact.finger] = contact.eda, contact.cci_norm, contact.eda_norm
+        if contact.in_contact and contact.mass > self._felt.get(contact.finger, (0.0, 0.0, 0.0))[0]:
+            self._felt[contact.finger] = contact.mass, contact.cci_norm, contact.eda_norm
 
     def write(self, path: Path, title: str) -> None:
         """Draw the run into a PNG file; a finger that never touched is left out.
@@ -52,7 +52,7 @@ class SessionPicture:
             title: Heading.
         """
         pictures = {
-            finger: TouchPicture(image, *self._felt.get(finger, (0, 0.0, 0.0))[1:])
+            finger: TouchPicture(image, *self._felt.get(finger, (0.0, 0.0, 0.0))[1:])
             for finger, image in self._firmest.images.items()
         }
         times = sorted(self._touch)
