@@ -17,18 +17,22 @@ from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame, touch
 from reference.sessions import rewritten, stream
 from tega.bus import Bus
 from tega.calibration import Calibration, FingerMaxima, TouchMaxima
-from tega.config import check_tree, load_config
+from tega.calibration.known_press import Ball, fit_gel, held
+from tega.calibration.store import calibration_text, parse_calibration
+from tega.config import StagesSection, check_tree, load_config
 from tega.devices.base import DeviceInfo, TactileFrame
-from tega.haptics import contact_type
+from tega.errors import CalibrationError
+from tega.haptics import contact_type, intensity
 from tega.records import Picture
 from tega.replay import replay_file
 from tega.sim.gel import Gel, ball
 from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric, vest_mapping
-from tega.stages.metrics import LiveMetric, LiveOptions
+from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
 from tega.teleop import run_session
 from tega.teleop.flows import Touching, contact_stream
+from tega.teleop.maxima import guided_maxima, touch_maxima
 from tega.teleop.prepare import Finger, Prepared
 from tega.teleop.sources import SourceReport
 from tega.teleop.touch import Felt
@@ -134,8 +138,8 @@ class _Sensor:
 @pytest.mark.slow
 def test_a_run_in_which_one_finger_holds_on_is_replayed_with_what_each_was_told(tmp_path: Path) -> None:
     fingers = {}
-    for name, seed, held in (("thumb", 1, True), ("ring", 3, False)):
-        frames, baseline = gel_frames(seed, held=held)
+    for name, seed in (("thumb", 1), ("ring", 3)):
+        frames, baseline = gel_frames(seed, held=name == "thumb")
         sensor: Any = _Sensor(frames)
         fingers[name] = Finger(sensor, baseline, "given", SourceReport())
     full = TouchMaxima(cci_max=1.0, eda_max=20_000.0)
@@ -278,3 +282,80 @@ def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
     assert labels.name("thumb", Felt(0.2, 0.9, 0.0, 0.0), in_contact=False) == "none"
     assert labels.name("thumb", Felt(0.52, 0.48, 0.0, 0.0), in_contact=True) == "focal"
     assert labels.name("index", Felt(0.52, 0.0, 0.0, 0.0), in_contact=True) == "none"
+
+
+def _pressed_with(gel: Gel, indenter: Any, metric: LiveMetric, first: int) -> list[Any]:
+    """Return what a metric says of a press of a second and of the rest after it."""
+    return [
+        metric.update(gel.frame([indenter] if k < 60 else [], first + k), (first + k) * PERIOD_NS)
+        for k in range(180)
+    ]
+
+
+def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> None:
+    ball_of = Ball(diameter_mm=12.0, force_n=3.0)
+    near, off = [], []
+    for seed in (11, 12, 13):
+        gel = Gel(seed, memory=True)
+        baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
+        plain = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
+        known = ball(force_n=ball_of.force_n, radius_mm=ball_of.diameter_mm / 2)
+        presses = [_pressed_with(gel, known, plain, 30 + 180 * n) for n in range(3)]
+        gain, stiffness_n_mm3 = fit_gel(presses, ball_of)
+        full = TouchMaxima(cci_max=1.0, eda_max=9000.0, depth_gain=gain, stiffness_n_mm3=stiffness_n_mm3)
+        fitted = finger_metric(StagesSection(), "live", "thumb", baseline, full)
+        assert isinstance(fitted, LiveMetric)
+        gel.forget()
+        # Another ball and another force than those that it was fitted to.
+        for metric, errors in ((fitted, near), (plain, off)):
+            gel.forget()
+            contact = held(_pressed_with(gel, ball(force_n=5.0, radius_mm=9.0), metric, 0))
+            assert contact is not None
+            assert contact.area_mm2 is None, "the scale is not known"
+            errors.append(abs(contact.force_n / 5.0 - 1))
+    assert max(near) < 0.25
+    assert np.mean(near) < np.mean(off) / 2
+    with pytest.raises(CalibrationError, match="no press with the known ball was felt"):
+        fit_gel([[]], ball_of)
+
+
+def test_a_calibration_file_keeps_what_is_known_of_the_gel() -> None:
+    full = TouchMaxima(
+        cci_max=1.0,
+        eda_max=9000.0,
+        noise_counts=(1.5, 0.8, 1.25),
+        depth_gain=1.25,
+        stiffness_n_mm3=0.4,
+    )
+    calibration = Calibration(preset="live", origin="presses", tactile=FingerMaxima(thumb=full))
+    text = calibration_text(calibration)
+    assert parse_calibration(text, "calibration.toml") == calibration
+    assert "stiffness_n_mm3 = 0.4" in text
+    # One of an earlier version says nothing of it, and nothing is assumed.
+    old = text.replace("noise_counts = [1.5, 0.8, 1.25]\ndepth_gain = 1.25\nstiffness_n_mm3 = 0.4\n", "")
+    assert parse_calibration(old, "old.toml").tactile.thumb == TouchMaxima(cci_max=1.0, eda_max=9000.0)
+
+
+def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
+    gel = Gel(7, memory=True)
+    baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
+    metric = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
+    marble, board = (
+        ball(force_n=6.0, radius_mm=4.0),
+        ball(force_n=6.0)._replace(shape="plane", size_mm=(0.0, 0.0, 0.0)),
+    )
+    presses = {}
+    for number, (name, indenter) in enumerate((("round", marble), ("flat", board))):
+        contacts = _pressed_with(gel, indenter, metric, 30 + 180 * number)
+        presses[name] = [(c.t_ns, contact_metrics_of(c)) for c in contacts]
+    both = guided_maxima(presses["round"] + presses["flat"])
+    single = {name: touch_maxima(frames) for name, frames in presses.items()}
+    assert single["flat"].eda_max > 1.3 * single["round"].eda_max
+    assert both.cci_max == pytest.approx(single["round"].cci_max, rel=0.02)
+    assert both.eda_max == pytest.approx(1.3 * single["flat"].eda_max, rel=0.02)
+    # Held with either object, as firmly as can be, no column is full.
+    felt = [
+        (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for _, m in frames[20:55]
+    ]
+    full_share = np.mean([intensity(max(shares), 1.0) > 99.5 for shares in felt])
+    assert full_share == 0.0

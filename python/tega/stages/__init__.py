@@ -9,6 +9,7 @@ from tega.records import Contact, Intent, NamedValue
 from tega.stages.base import (
     Decoder,
     FingerSetup,
+    GelTraits,
     Mapping,
     MeasuredPicture,
     Metric,
@@ -24,6 +25,7 @@ __all__ = [
     "Contact",
     "Decoder",
     "FingerSetup",
+    "GelTraits",
     "Intent",
     "Mapping",
     "MeasuredPicture",

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Decoder",
     "FingerSetup",
+    "GelTraits",
     "Mapping",
     "MeasuredPicture",
     "Metric",
@@ -43,6 +44,20 @@ class StageOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     """
 
 
+class GelTraits(NamedTuple):
+    """What a calibration knows of one sensor; what is ``None`` is not known.
+
+    Attributes:
+        noise_counts: Noise of its cells, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
+        depth_gain: Depth by depth as a gel's nominal light has it.
+        stiffness_n_mm3: Of its gel, newtons per cubic millimetre.
+    """
+
+    noise_counts: tuple[float, float, float] | None = None
+    depth_gain: float | None = None
+    stiffness_n_mm3: float | None = None
+
+
 class FingerSetup(NamedTuple):
     """What a metric is made with.
 
@@ -50,11 +65,13 @@ class FingerSetup(NamedTuple):
         finger: ``"thumb"``, ``"index"``, ``"middle"`` or ``"ring"``.
         baseline: Picture of the untouched gel, uint8 (H, W, 3), BGR.
         maxima: What counts as full, by value: ``cci`` and ``eda`` of the calibration, where they are known already.
+        gel: What the calibration knows of the sensor.
     """
 
     finger: str
     baseline: NDArray[np.uint8]
     maxima: collections.abc.Mapping[str, float] = {}
+    gel: GelTraits = GelTraits()
 
 
 class MuscleSetup(NamedTuple):

@@ -12,6 +12,7 @@ from tega.stages.base import FingerSetup, Metric, StageOptions, TouchMap
 from tega.tactile import (
     ContactMetrics,
     ContactReader,
+    GelLight,
     Outline,
     TouchTracker,
     contact_mask,
@@ -91,10 +92,10 @@ class LiveOptions(StageOptions, frozen=True):
             object.
         rezero: Whether the untouched gel is learned anew a second after a release.
         noise_counts: Noise of the sensor's cells in blue, green and red, from :func:`tega.tactile.sensor_noise`;
-            none takes that
-            of a DIGIT. How much the sensor varies at rest is learned in any case.
-        mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none takes the calibration's. Without
-            either that is left out, and depth and force are nominal.
+            none takes the calibration's, or else that of a DIGIT. How much the sensor varies at rest is learned in any
+            case.
+        mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none leaves that out. Depth and force are
+            nominal unless the calibration had a press of known force.
         trend: Measures the value ``trend_mm_s``, the rate of change of the dent's depth, for a column to show:
             ``rise`` while it grows, ``change`` whichever way; ``none`` does not measure it.
         trend_s: Time constant of that rate, seconds.
@@ -127,11 +128,21 @@ class LiveMetric(Metric):
         self._finger = setup.finger
         self._trend, self._trend_s = options.trend, options.trend_s
         self._depth_mm = 0.0
-        scale = options.mm_per_px
-        light = None if scale is None else nominal_light()._replace(mm_per_px=scale)
+        scale, gel = options.mm_per_px, setup.gel
+        self._scaled = scale is not None
+        light = None
+        if scale is not None or gel.depth_gain is not None or gel.stiffness_n_mm3 is not None:
+            nominal, gain = nominal_light(), gel.depth_gain or 1.0
+            light = GelLight(
+                tuple(
+                    tuple(tuple(term / gain for term in axis) for axis in colour) for colour in nominal.terms
+                ),
+                scale or nominal.mm_per_px,
+                gel.stiffness_n_mm3 or nominal.stiffness_n_mm3,
+            )
         self._tracker = TouchTracker(
             setup.baseline,
-            noise=options.noise_counts,
+            noise=options.noise_counts or gel.noise_counts,
             light=light,
             outline=options.outline,
             rezero=options.rezero,
@@ -158,7 +169,7 @@ class LiveMetric(Metric):
             peak=found.peak,
             peak_xy=(round(x), round(y)) if found.in_contact else (0, 0),
             in_contact=found.in_contact,
-            area_mm2=found.area_mm2,
+            area_mm2=found.area_mm2 if self._scaled else None,
             depth_mm=found.depth_mm,
             force_n=found.force_n,
             strength=found.strength,
