@@ -24,8 +24,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+import msgspec
+
 from tega.errors import TegaError
-from tega.records import Record
 
 __all__ = ["Backlog", "Bus"]
 
@@ -34,13 +35,13 @@ _LOG = logging.getLogger(__name__)
 _DRAIN_S = 10.0
 _WAIT_S = 0.01
 
-Kind = TypeVar("Kind", bound=Record)
+Kind = TypeVar("Kind", bound=msgspec.Struct)
 
 
 class _Subscription:
     def __init__(
         self,
-        topic: type[Record],
+        topic: type[msgspec.Struct],
         function: Callable[[Any], object],
         name: str,
         *,
@@ -58,7 +59,7 @@ class Bus:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._subscriptions: tuple[_Subscription, ...] = ()
-        self._of: dict[type[Record], tuple[_Subscription, ...]] = {}
+        self._of: dict[type[msgspec.Struct], tuple[_Subscription, ...]] = {}
         self._backlogs: list[Backlog] = []
         self._failed: dict[str, str] = {}
 
@@ -89,11 +90,11 @@ class Bus:
                 self._backlogs.append(backlog)
                 backlog.start()
 
-    def wants(self, topic: type[Record]) -> bool:
+    def wants(self, topic: type[msgspec.Struct]) -> bool:
         """Whether anybody would be told of a record of exactly this kind."""
         return bool(self._found(topic))
 
-    def publish(self, record: Record) -> None:
+    def publish(self, record: msgspec.Struct) -> None:
         """Tell everybody who has subscribed.
 
         Raises:
@@ -112,19 +113,19 @@ class Bus:
         lost = [said for backlog in self._backlogs if (said := backlog.problem())]
         return "; ".join([*self._failed.values(), *lost])
 
-    def _found(self, kind: type[Record]) -> tuple[_Subscription, ...]:
+    def _found(self, kind: type[msgspec.Struct]) -> tuple[_Subscription, ...]:
         found = self._of.get(kind)
         if found is None:
             with self._lock:
                 found = tuple(
                     s
                     for s in self._subscriptions
-                    if issubclass(kind, s.topic) and (kind.topic or s.topic is kind)
+                    if issubclass(kind, s.topic) and (s.topic is kind or getattr(kind, "topic", ""))
                 )
                 self._of[kind] = found
         return found
 
-    def _deliver(self, subscription: _Subscription, record: Record) -> None:
+    def _deliver(self, subscription: _Subscription, record: msgspec.Struct) -> None:
         if subscription.left_out:
             return
         try:
@@ -169,7 +170,7 @@ class Backlog:
         rank: Callable[[Callable[[], None]], Callable[[], None]] = lambda work: work,
     ) -> None:
         self._name, self._most = name, most
-        self._waiting: deque[tuple[Callable[[Any, Any], None], Any, Record]] = deque()
+        self._waiting: deque[tuple[Callable[[Any, Any], None], Any, msgspec.Struct]] = deque()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=rank(self._work), name=f"tega-{name}", daemon=True)
         self.n_dropped = 0
@@ -178,7 +179,7 @@ class Backlog:
         """Begin to hand over."""
         self._thread.start()
 
-    def put(self, deliver: Callable[[Any, Any], None], to: Any, record: Record) -> None:
+    def put(self, deliver: Callable[[Any, Any], None], to: Any, record: msgspec.Struct) -> None:
         """Let a record wait; returns at once."""
         if len(self._waiting) >= self._most or self._closing.is_set():
             self.n_dropped += 1

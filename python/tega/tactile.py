@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, cast
 from tega import _native
 from tega.errors import ShapeError
 from tega.records.touch import NamedValue
-from tega.touch import Contact, GelLight, TouchTracker, nominal_light, sensor_noise
+from tega.touch import GelLight, TouchTracker, TrackedContact, nominal_light, sensor_noise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
-    "Contact",
     "ContactGate",
     "ContactMetrics",
     "ContactReader",
@@ -32,6 +31,7 @@ __all__ = [
     "Outline",
     "Reading",
     "TouchTracker",
+    "TrackedContact",
     "contact_mask",
     "contact_metrics",
     "contact_metrics_many",

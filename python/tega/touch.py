@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from tega import _native
-from tega._native import Contact
+from tega._native import TrackedContact
 from tega.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from tega.tactile import Order, Outline
 
 __all__ = [
-    "Contact",
     "GelLight",
     "KnownPress",
     "TouchTracker",
+    "TrackedContact",
     "calibrate_light",
     "nominal_light",
     "sensor_noise",
@@ -56,7 +56,7 @@ def nominal_light() -> GelLight:
 class KnownPress(NamedTuple):
     """What a tracker read of a press whose force, and depth where it is known, was measured by other means."""
 
-    contact: Contact
+    contact: TrackedContact
     force_n: float
     """Normal force, newtons: of a scale, say."""
     depth_mm: float | None = None
@@ -162,7 +162,7 @@ class TouchTracker:
         >>> pressed = gel.copy()
         >>> pressed[100:160, 80:140] += 40
         >>> tracker.update(pressed), tracker.update(pressed).in_contact  # doctest: +ELLIPSIS
-        (Contact(in_contact=True, eda=..., ...), True)
+        (TrackedContact(in_contact=True, eda=..., ...), True)
     """
 
     def __init__(
@@ -180,7 +180,9 @@ class TouchTracker:
             baseline, rate_hz=rate_hz, noise=noise, light=light, order=order, outline=outline, rezero=rezero
         )
 
-    def update(self, frame: NDArray[np.uint8], *, dt_s: float | None = None, loaded: bool = False) -> Contact:
+    def update(
+        self, frame: NDArray[np.uint8], *, dt_s: float | None = None, loaded: bool = False
+    ) -> TrackedContact:
         """Read the next frame.
 
         Args:
@@ -213,7 +215,7 @@ class TouchTracker:
 
 def update_fingers(
     trackers: Sequence[TouchTracker], frames: Sequence[NDArray[np.uint8]], *, dt_s: float | None = None
-) -> list[Contact]:
+) -> list[TrackedContact]:
     """Read the next frame of several fingers of one hand in one call that leaves the interpreter to others meanwhile.
 
     A finger is told to be ``loaded`` while another one of them touched in its frame before: what an object does to one

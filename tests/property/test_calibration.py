@@ -18,6 +18,7 @@ from tega.calibration.records import EmgRecord, VestRecord, read_record, write_r
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
 from tega.calibration.wearing import SITES, judge_wearing
 from tega.haptics import FeltMap, vest_frame
+from tega.calibration.maxima import touch_maxima
 from tega.tactile import ContactMetrics
 from tega.wire import vest_levels
 
@@ -90,7 +91,7 @@ def test_maxima_are_of_the_firm_presses_and_no_spike_decides(
     middle = float(np.median(sizes))
     assert len(meter.firm) == sum(size >= middle / 2 for size in sizes)
     assert bool(meter.problems()) == (len(meter.firm) < PRESSES)
-    maximum = meter.maxima("live").eda_max
+    maximum = touch_maxima(meter.frames("live")).eda_max
     assert maximum is not None
     assert min(sizes) <= maximum <= max(sizes)
 

@@ -15,7 +15,14 @@ from tega import _native
 from tega.emg import ButterworthLowpass, GraspIntent
 from tega.sim.gel import Gel
 from tega.sim.seams import Indenter
-from tega.tactile import Contact, TouchTracker, contact_mask, contact_metrics, pressure_map, read_contact
+from tega.tactile import (
+    TouchTracker,
+    TrackedContact,
+    contact_mask,
+    contact_metrics,
+    pressure_map,
+    read_contact,
+)
 
 SIZES = ((120, 160), (240, 320), (61, 83))
 
@@ -47,7 +54,7 @@ def presses() -> list[Indenter]:
     ]
 
 
-def _values(contact: Contact) -> list[object]:
+def _values(contact: TrackedContact) -> list[object]:
     names = sorted(name for name in dir(contact) if not name.startswith("_"))
     return [getattr(contact, name) for name in names]
 

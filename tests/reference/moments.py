@@ -9,7 +9,8 @@ import numpy as np
 from tega.haptics import FINGERS, intensity, vest_frame
 from tega.inbox.sources import Block
 from tega.sim.gel import Gel, ball
-from tega.tactile import read_contact
+from tega.stages.choose import preset_metric
+from tega.stages.metrics import contact_metrics_of
 from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
 from tega.view.state import EmgTail, Shape, TouchImage, ViewState
@@ -43,8 +44,10 @@ class Moments:
                 force_n=6 * squeeze, centre_xy=(120.0 + 10 * k, 150.0), radius_mm=_RADII_MM[finger]
             )
             frame = self._gels[finger].frame([pressed], round(t_s * 60))
-            picture = TouchImage(frame, self._baselines[finger], "live")
-            metrics = read_contact(*picture[:2], reading=picture.reading)
+            metric = preset_metric("live", self._baselines[finger], finger)
+            for moment in range(6):  # one picture, until the memory has settled
+                metrics = contact_metrics_of(metric.update(frame, moment * 16_666_667))
+            picture = TouchImage(frame, metrics, metric.touch_map())
             cci, eda = (
                 (min(metrics.cci / 4, 1.0), min(metrics.eda / 20_000, 1.0))
                 if metrics.in_contact

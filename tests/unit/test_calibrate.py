@@ -62,7 +62,7 @@ class Presser:
 
     def __init__(self, sensor: Emulator, firmness: list[float] | None = None) -> None:
         self._sensor = sensor
-        self._firmness = [0.8, 0.9, 1.0, 0.9, 0.8] if firmness is None else firmness
+        self._firmness = [0.8, 0.9, 1.0] if firmness is None else firmness
 
     def __call__(self, prompt: str) -> str | None:
         if "press firmly" in prompt:
@@ -117,7 +117,7 @@ def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest
         assert [name.split("/")[0] for name in kept] == ["gels", "gels", "people"]
         assert kept[-1] == "people/p01/touch-D20641.toml"
         tree = tomllib.loads((tmp_path / "calibrations" / kept[-1]).read_text())
-        assert (tree["person"], tree["finger"], tree["n_presses"]) == ("p01", "thumb", 5)
+        assert (tree["person"], tree["finger"], tree["n_presses"]) == ("p01", "thumb", 6)
         assert tree["live"]["eda_max"] > 4000
         assert tree["live"]["cci_max"] > 10 * tree["paper"]["cci_max"] > 0
         assert wizard.told["files"][0]["record"]["device"] == "D20641"
@@ -310,9 +310,9 @@ def test_a_mirrored_back_is_told_and_the_vest_rests_after_sigterm(tmp_path: Path
 def test_too_few_presses_are_told_and_gone_on_with(tmp_path: Path) -> None:
     with Emulator("digit") as sensor:
         file = lab(tmp_path, thumb(sensor))
-        wizard = calibrate(file, Presser(sensor, [0.9, 0.9]), "--time-scale", "0.05")
+        wizard = calibrate(file, Presser(sensor, [0.9]), "--time-scale", "0.05")
         assert wizard.code == 130
-        assert "only 2 of 5 firm presses were seen" in wizard.said
+        assert "only 1 of 3 firm presses were seen" in wizard.said
         assert "Left: tactile.thumb" in wizard.said
         # The baseline is kept, and not asked for again.
         again = calibrate(file, Presser(sensor))

@@ -218,4 +218,4 @@ def test_a_weak_press_and_an_accident_do_not_count() -> None:
         "",
         "much weaker than the others; it does not count",
     ]
-    assert meter.problems() == ("2 of 5 firm presses; 2 were too weak",)
+    assert meter.problems() == ("2 of 3 firm presses; 2 were too weak",)

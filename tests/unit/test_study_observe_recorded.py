@@ -405,6 +405,8 @@ def bits(value: Any) -> Any:
         return value.shape, value.tobytes()
     if isinstance(value, Mapping):
         return {name: bits(one) for name, one in value.items()}
+    if isinstance(value, float):
+        return repr(value)  # without contact places are no numbers
     return [bits(one) for one in value] if isinstance(value, tuple | list) else value
 
 

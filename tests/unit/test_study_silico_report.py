@@ -22,7 +22,7 @@ from tega.study.report import write_report
 from tega.study.silico.sensitivity import ARMS, SENSITIVITY, read_sensitivity
 from tega.study.silico.simulate import made_study
 from tega.study.state import events_path
-from tega.study.touch_picture import FingerPicture, picture_path, read_touch_picture, write_touch_picture
+from tega.study.touch_picture import picture_path, read_touch_picture, write_touch_picture
 from tega.study.trials import Trial
 
 SHA = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
@@ -63,8 +63,12 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     frame = baseline.copy()
     y, x = np.ogrid[:320, :240]
     frame[(y - 150) ** 2 + (x - 120) ** 2 < 40**2] += 60
-    write_touch_picture(
-        picture_path(folder, plan.trials[0]), FingerPicture("thumb", "live", baseline, frame, 0.0, 9e4)
+    path = picture_path(folder, plan.trials[0])
+    path.parent.mkdir(parents=True)
+    # As an earlier version wrote it, without what the loop measured.
+    maxima = np.array([0.0, 9e4])
+    np.savez_compressed(
+        path, finger=np.array("thumb"), preset=np.array("live"), baseline=baseline, frame=frame, maxima=maxima
     )
     for name, everyone, first in (
         ("base", {}, "haptic"),
@@ -159,6 +163,21 @@ def test_the_sensitivity_table_says_where_a_direction_turns(study: Path) -> None
     (study / SENSITIVITY / "base" / "sessions" / "p02" / "events.jsonl").rename(study / "kept")
     assert [row.what for row in read_sensitivity(study)] == ["vest.weber", "vest.weber", "arm"]
     (study / "kept").rename(study / SENSITIVITY / "base" / "sessions" / "p02" / "events.jsonl")
+
+
+def test_a_picture_is_read_as_it_was_written_with_what_the_loop_measured(study: Path, tmp_path: Path) -> None:
+    old = read_touch_picture(picture_path(study, read_plan(study).trials[0]))
+    assert old.touch.metrics.in_contact
+    assert old.touch.map is not None
+    assert np.count_nonzero(old.touch.map.mask) == old.touch.metrics.eda
+    moved = old._replace(touch=old.touch._replace(metrics=old.touch.metrics._replace(eda=7, cci=0.5)))
+    for number, written in enumerate((moved, moved._replace(touch=moved.touch._replace(map=None)))):
+        write_touch_picture(tmp_path / f"{number}.npz", written)
+        again = read_touch_picture(tmp_path / f"{number}.npz")
+        assert again.touch.metrics == written.touch.metrics._replace(more=()), (
+            "not what would be measured now"
+        )
+        assert (again.touch.map is None) == (written.touch.map is None)
 
 
 def test_a_damaged_picture_is_told(study: Path, tmp_path: Path) -> None:

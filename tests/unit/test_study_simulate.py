@@ -11,6 +11,7 @@ from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("mujoco")
@@ -82,8 +83,14 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path
         "study.toml",
     ]
     picture = read_touch_picture(small / "pictures" / "p01" / "p01-t01.npz")
-    assert picture.frame.shape == (320, 240, 3)
-    assert (picture.frame != picture.baseline).any()
+    frame, metrics, touch_map = picture.touch
+    assert frame.shape == (320, 240, 3)
+    assert (frame != picture.baseline).any()
+    assert touch_map is not None
+    assert touch_map.unit == "mm"
+    assert touch_map.height.max() > 0.1
+    # What the loop measured, and the outline that it counted.
+    assert np.count_nonzero(touch_map.mask) == metrics.eda > 1000
     (small / "sessions" / "p01" / "events.jsonl").write_bytes(whole["sessions/p01/events.jsonl"][:300])
     (small / ".running" / "p01" / "courses" / "p01").mkdir(parents=True)  # left by the run that was ended
     (small / ".running" / "p01" / "courses" / "p01" / "p01-t01.csv").write_bytes(b"half")

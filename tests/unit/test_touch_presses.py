@@ -11,7 +11,7 @@ from tega.sim.check_touch_live import felt_of_slow_press
 from tega.sim.gel import Gel
 from tega.sim.gel_sequences import SHAPES, Moment, press_sequence, ramp
 from tega.sim.touch_presses import score_press, unit_seeds
-from tega.touch import Contact, GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
+from tega.touch import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light, nominal_light
 
 pytest.importorskip("scipy", reason="needs the extra tega[lab]")
 UNITS = unit_seeds(2)
@@ -70,7 +70,9 @@ def test_an_hour_untouched_is_no_contact(seed: int) -> None:
     assert untouched(seed, 60.0, 60.0) == 0
 
 
-def held(name: str, seed: int, force_n: float, light: GelLight | None = None) -> tuple[Contact, Moment]:
+def held(
+    name: str, seed: int, force_n: float, light: GelLight | None = None
+) -> tuple[TrackedContact, Moment]:
     """Press and hold; return the last reading and what is true then."""
     curve = ramp(peak_n=force_n, wait_s=1.0, rise_s=1.0, hold_s=1.0, fall_s=0.1)
     moments = list(press_sequence(name, seed=seed, force_n=curve, duration_s=2.5, rate_hz=30.0))

@@ -26,7 +26,7 @@ from tega.sim.touch_recordings import (
     wedge,
 )
 from tega.tactile import contact_mask, read_contact
-from tega.touch import Contact, TouchTracker, sensor_noise, update_fingers
+from tega.touch import TouchTracker, TrackedContact, sensor_noise, update_fingers
 
 pytest.importorskip("cv2", reason="needs the extra tega[lab]")
 Image = NDArray[np.uint8]
@@ -52,7 +52,7 @@ def follow(
     baseline: Image,
     rate_hz: float,
     noise: tuple[float, float, float] | None = None,
-) -> list[Contact]:
+) -> list[TrackedContact]:
     tracker = TouchTracker(baseline, rate_hz=rate_hz, noise=noise)
     return [tracker.update(frame) for frame in frames]
 

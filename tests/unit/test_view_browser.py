@@ -18,7 +18,6 @@ from reference.moments import SHAPES, Moments
 from reference.waiting import until
 from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
-from tega.tactile import read_contact
 from tega.view.browser import BrowserView, Controls
 from tega.view.browser.charts import drives
 from tega.view.browser.scene import Scene
@@ -314,7 +313,8 @@ def test_the_touch_map_has_its_marks_where_the_contact_is(moments):
     left = TILE_WIDTH + GAP
     assert np.unique(sheet[:, :TILE_WIDTH].reshape(-1, 3), axis=0).tolist() == [[236] * 3, [255] * 3]
     tile = sheet[TILE_HEIGHT + GAP :, left : left + TILE_WIDTH]
-    metrics = read_contact(*finger[:2], reading=finger.reading)
+    metrics = finger.metrics
+    assert np.count_nonzero(finger.map.mask) == metrics.eda > 1000
     scale = np.array([TILE_WIDTH / 240, TILE_HEIGHT / 320])
     for colour, middle, radius in (
         (PEAK_GREEN, metrics.peak_xy, 7.0),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from reference.recordings import write_folder
-from reference.scripted import ScriptedCamera, live_frame
+from reference.scripted import ScriptedCamera, live_frame, touching
 from reference.waiting import until
 from tega.bus import Bus
 from tega.calibration import Calibration
@@ -20,7 +20,7 @@ from tega.config import check_tree
 from tega.errors import MissingExtraError
 from tega.inbox.prepared import Finger, Prepared
 from tega.inbox.sources import SourceReport, picture_of
-from tega.tactile import read_contact
+from tega.inbox.stream import PulledStream
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
 from tega.view.browser import BrowserView
@@ -41,7 +41,7 @@ def settings(tmp_path, **session):
 def test_a_sessions_moments_are_completed_with_pictures_signal_and_hand(tmp_path):
     config = settings(tmp_path)
     bus = Bus()
-    feed = SessionFeed(config, {"preset": "live"}, bus)
+    feed = SessionFeed({"preset": "live"}, bus)
     done: list[Any] = []
     run_session(
         config,
@@ -49,35 +49,38 @@ def test_a_sessions_moments_are_completed_with_pictures_signal_and_hand(tmp_path
         observer=lambda loop: done.append(feed.complete(ViewState(loop.t_ns, loop))),
         bus=bus,
     )
-    feed.close()
     assert len(done) == round(30 * SECONDS) + 1
     assert [state.loop.state for state in done[-2:]] == ["active", "stopped"]
     state = done[45]
     assert set(state.images) == {"thumb", "ring"}
-    frame, baseline, reading = state.images["thumb"]
-    assert (frame.shape, baseline.shape, reading) == ((320, 240, 3), (320, 240, 3), "live")
+    assert state.images["thumb"].frame.shape == (320, 240, 3)
     assert len(state.emg.samples) == 1500
     assert state.emg.rate_hz == 1000
     assert state.poses.shape == (len(state.shapes), 7)
     assert state.rows == {"preset": "live"}
     assert 0 <= state.latency_ms["picture to vest"] < 1000 / 60
-    # The picture is the one that was measured last, though it is read a second time.
-    for state in done[::10]:
-        read = read_contact(*state.images["thumb"][:2], reading="live")
-        assert read.in_contact == state.loop.contacts["thumb"][1].in_contact
+    # The picture is the one that was measured last, and map and outline are those of the metric that did.
+    n_touched = 0
+    for state in done[1::5]:
+        image, metrics = state.images["thumb"], state.loop.contacts["thumb"][1]
+        assert image.metrics == metrics or not metrics.in_contact
+        assert image.map.unit == "mm"
+        assert np.count_nonzero(image.map.mask) == metrics.eda
+        assert (image.map.height.max() > 0) == metrics.in_contact
+        n_touched += metrics.in_contact
+    assert 3 < n_touched < len(done[1::5])
 
 
 def test_looking_changes_nothing(tmp_path):
     plain, seen = settings(tmp_path, out_dir="plain"), settings(tmp_path, out_dir="seen")
     run_session(plain)
     bus = Bus()
-    feed = SessionFeed(seen, {}, bus)
+    feed = SessionFeed({}, bus)
 
     def look(loop: LoopView) -> None:
         feed.complete(ViewState(loop.t_ns, loop))
 
     run_session(seen, on_prepared=feed.watch, observer=look, bus=bus)
-    feed.close()
     for name in ("contacts.csv", "levels.csv", "vest.csv", "can.csv", "summary.json"):
         assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "seen" / name).read_bytes()
 
@@ -179,20 +182,22 @@ def test_without_viser_the_extra_is_named(monkeypatch):
         BrowserView(port=0).__enter__()
 
 
-def test_a_live_sensor_is_looked_at_as_its_frames_pass(tmp_path):
+def test_a_live_sensor_is_looked_at_as_its_frames_pass():
     frames = [live_frame(k) for k in range(3)]
     camera: Any = ScriptedCamera(frames)
-    finger = Finger(camera, frames[0].image, "given", SourceReport())
+    # Measured at another station: pictures come alone, contacts with the loop's moments.
+    finger = Finger(camera, frames[0].image, "given", SourceReport(), stream=PulledStream(iter(())))
     bus = Bus()
-    feed = SessionFeed(settings(tmp_path), {}, bus)
+    feed = SessionFeed({}, bus)
     feed.watch(Prepared({"thumb": finger}, None, Calibration(preset="live", origin=""), ""))
-    loop = LoopView(0, {}, [], None, None, None, {})
+    loop = LoopView(0, {"thumb": (0, touching(eda=90))}, [], None, None, None, {})
     assert feed.complete(ViewState(0, loop)).images == {}
     for frame in frames:
         bus.publish(picture_of("thumb", frame, live=True, start_ns=0))
         images = feed.complete(ViewState(0, loop)).images
         assert images is not None
         assert images["thumb"].frame is frame.image
+        assert images["thumb"].metrics.eda == 90
 
 
 def test_replay_with_view_keeps_time_and_takes_in_the_same(tmp_path, capsys):
@@ -223,8 +228,7 @@ def test_a_page_that_paints_nothing_fills_no_memory(tmp_path):
     emg = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 60.0}}
     tree = {"session": {"pace": "fast", "duration_s": 60.0}, "emg": emg}
     bus = Bus()
-    feed = SessionFeed(check_tree(tree, {}, base=tmp_path).config, {}, bus)
+    feed = SessionFeed({}, bus)
     run_session(check_tree(tree, {}, base=tmp_path).config, on_prepared=feed.watch, bus=bus)
-    feed.close()
     kept_s = sum(len(chunk.samples) // chunk.n_channels for chunk in feed._chunks) / 1000
     assert 1 < kept_s < 16

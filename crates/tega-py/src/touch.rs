@@ -11,7 +11,7 @@ use crate::errors::BindError;
 use crate::tactile::{ORDERS, OUTLINES, noise_of};
 
 /// What one frame says of a fingertip's contact.
-#[pyclass(module = "tega.tactile", name = "Contact", frozen, get_all)]
+#[pyclass(module = "tega.tactile", name = "TrackedContact", frozen, get_all)]
 #[allow(clippy::struct_field_names)] // the name that every record of a contact has
 pub(crate) struct Contact {
     /// Whether something touches.
@@ -50,7 +50,7 @@ pub(crate) struct Contact {
 impl Contact {
     fn __repr__(&self) -> String {
         format!(
-            "Contact(in_contact={}, eda={}, cci={:.4}, peak={:.3}, depth_mm={:.3}, force_n={:.3}, strength={:.2})",
+            "TrackedContact(in_contact={}, eda={}, cci={:.4}, peak={:.3}, depth_mm={:.3}, force_n={:.3}, strength={:.2})",
             if self.in_contact { "True" } else { "False" },
             self.eda,
             self.cci,

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import CalibrationError
-from tega.tactile import read_contact
+from tega.tactile import read_contact, sensor_noise
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LEAST_PICTURES", "GelChange", "Rest", "compare_gels", "judge_rest", "suspect_contact"]
+__all__ = ["LEAST_PICTURES", "GelChange", "Rest", "compare_gels", "dark", "judge_rest", "suspect_contact"]
 
 LEAST_PICTURES = 20
 """Averaging over fewer leaves noise in the baseline."""
@@ -34,9 +34,13 @@ _DENT_PEAK = 33.0
 _SURFACE_ORDER = 5
 
 # Far from contact a baseline and later pictures differ by up to 12 to 15 counts (99th percentile to 99.9th).
-_SPOT = 15.0
+# In units of the noise of that sensor's noisiest colour, 3.1 counts: 15 and 6 counts.
+_SPOT = 4.8
 _SPOT_PX = 20
-_SHIFTED = 6.0
+_SHIFTED = 1.9
+# A DIGIT's colours are at 80 to 130 counts, 25 to 40 times its noise.
+_DARK_NOISES = 8.0
+_LEAST_NOISE, _MOST_NOISE = 0.8, 12.0
 _NOISIER = 1.5
 _WORN_SHARE = 0.02
 _BOX = 5
@@ -48,12 +52,14 @@ class Rest(NamedTuple):
     Attributes:
         picture: Mean of the pictures, uint8 (H, W, 3), blue, green, red.
         noise: Standard deviation of a pixel in time, counts, blue, green, red.
+        cell_noise: Standard deviation of a cell's mean, likewise (:func:`tega.tactile.sensor_noise`).
         n_pictures: How many it is the mean of.
         problems: Why it is no good baseline, one sentence each; empty where it is one.
     """
 
     picture: NDArray[np.uint8]
     noise: tuple[float, float, float]
+    cell_noise: tuple[float, float, float]
     n_pictures: int
     problems: tuple[str, ...]
 
@@ -98,13 +104,40 @@ def judge_rest(pictures: Sequence[NDArray[np.uint8]]) -> Rest:
         problems.append(
             f"the picture is very noisy ({noise.max():.1f} counts, a DIGIT has about 3): look at its cable"
         )
-    n_touched = sum(read_contact(p, mean).in_contact for p in pictures)
+    if said := dark(mean, float(noise.max())):
+        problems.append(said)
+    cell_noise = sensor_noise(pictures)
+    n_touched = sum(read_contact(p, mean, noise=cell_noise).in_contact for p in pictures)
     if n_touched > _MOVED_SHARE * len(pictures):
         problems.append("the pictures differ: something moved on the gel")
-    return Rest(mean, _bgr(noise), len(pictures), tuple(problems))
+    return Rest(mean, _bgr(noise), _bgr(np.array(cell_noise)), len(pictures), tuple(problems))
 
 
-def suspect_contact(picture: NDArray[np.uint8], before: NDArray[np.uint8] | None) -> str:
+def dark(picture: NDArray[np.uint8], noise: float) -> str:
+    """Say whether an untouched gel's picture is too dark to tell touch by.
+
+    Args:
+        picture: The mean of some pictures, uint8 (H, W, 3).
+        noise: Of the noisiest colour, counts.
+
+    Returns:
+        A sentence, or an empty string.
+    """
+    level = float(np.median(picture, axis=(0, 1)).max())
+    if level >= _DARK_NOISES * max(noise, _LEAST_NOISE):
+        return ""
+    return (
+        f"the picture is dark: its brightest colour is at {level:.0f} of 255, {level / max(noise, _LEAST_NOISE):.0f} "
+        f"times its noise, {_DARK_NOISES:g} are needed: look at the sensor's lights"
+    )
+
+
+def suspect_contact(
+    picture: NDArray[np.uint8],
+    before: NDArray[np.uint8] | None,
+    *,
+    noise: tuple[float, float, float] | None = None,
+) -> str:
     """Say whether something seems to touch a gel that should be at rest.
 
     Against an earlier baseline of the same sensor a dent is seen as in a run. Without one the picture is compared with
@@ -113,12 +146,13 @@ def suspect_contact(picture: NDArray[np.uint8], before: NDArray[np.uint8] | None
     Args:
         picture: The mean of now, uint8 (H, W, 3).
         before: The sensor's last baseline, or ``None``.
+        noise: Of its cells; ``None`` takes a DIGIT's.
 
     Returns:
         A sentence, or an empty string.
     """
     if before is not None and before.shape == picture.shape:
-        found = read_contact(picture, before)
+        found = read_contact(picture, before, noise=noise)
         if found.in_contact:
             x, y = found.centroid_xy
             return (
@@ -180,7 +214,7 @@ def compare_gels(
     Args:
         now: The newest, uint8 (H, W, 3).
         then: An earlier one of the same size.
-        noise_now: Noise of the noisiest colour, counts.
+        noise_now: Noise of the noisiest colour, counts; what is a spot, and what a change of light, is judged in it.
         noise_then: Likewise, above 0.
         when: How the earlier one is called in the sentences, such as ``2026-11-02``.
 
@@ -194,14 +228,15 @@ def compare_gels(
     difference = now.astype(np.float64) - then
     shift = np.median(difference, axis=(0, 1))
     grey = _blurred((difference - shift).mean(axis=2))
-    dark, bright = grey < -_SPOT, grey > _SPOT
-    dark_px, bright_px = int(dark.sum()), int(bright.sum())
+    noise = min(max(noise_now, noise_then, _LEAST_NOISE), _MOST_NOISE)
+    darker, brighter = grey < -_SPOT * noise, grey > _SPOT * noise
+    dark_px, bright_px = int(darker.sum()), int(brighter.sum())
     wear = (dark_px + bright_px) / grey.size
     ratio = noise_now / max(noise_then, 0.1)
     row, column = divmod(int(grey.argmin()), grey.shape[1])
     words = []
     level = float(shift.mean())
-    if float(np.abs(shift).max()) > _SHIFTED:
+    if float(np.abs(shift).max()) > _SHIFTED * noise:
         words.append(
             f"the picture is {abs(level):.0f} counts {'darker' if level < 0 else 'brighter'} than on {when}: "
             "lights, cable or gel have aged"

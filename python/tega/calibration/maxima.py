@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
+import msgspec
 import numpy as np
 
 from tega.calibration import EmgMaxima, TouchMaxima
@@ -20,7 +21,15 @@ from tega.inbox.sources import Contact
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["SELF_CALIBRATED", "TAU_S", "block_length", "emg_conditions", "emg_maxima", "touch_maxima"]
+__all__ = [
+    "SELF_CALIBRATED",
+    "TAU_S",
+    "block_length",
+    "emg_conditions",
+    "emg_maxima",
+    "guided_maxima",
+    "touch_maxima",
+]
 
 SELF_CALIBRATED = "self-calibrated from the recording, not causal"
 
@@ -29,6 +38,9 @@ TAU_S = 0.1
 
 TOUCH_PERCENTILE = 99.5
 """One spike must not deaden the vest: the maximum is this percentile of the frames in contact."""
+
+HEADROOM = 1.3
+"""A hold may dent the gel more widely than a flat board in a guided press does; it shall still be felt to grow."""
 
 LEAST_CONTACT_PX = 30
 """A CCI from fewer pixels than this says nothing about how sharp a press can be."""
@@ -52,6 +64,19 @@ def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
         cci_max=_percentile([m.cci for m in touching if m.eda >= LEAST_CONTACT_PX]),
         eda_max=_percentile([float(m.eda) for m in touching]),
     )
+
+
+def guided_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
+    """Derive a finger's maxima from guided presses, round and flat.
+
+    Args:
+        contacts: Their frames.
+
+    Returns:
+        Those of :func:`touch_maxima`, EDA times :data:`HEADROOM`.
+    """
+    full = touch_maxima(contacts)
+    return full if full.eda_max is None else msgspec.structs.replace(full, eda_max=HEADROOM * full.eda_max)
 
 
 def _percentile(values: Sequence[float]) -> float | None:

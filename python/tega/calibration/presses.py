@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from tega.calibration.maxima import touch_maxima
-from tega.calibration.store import TouchMaxima
-
 if TYPE_CHECKING:
     from tega.tactile import ContactMetrics
 
 __all__ = ["LEAST_SHARE", "PRESSES", "Press", "PressMeter"]
 
-PRESSES = 5
-"""Repetitions: one spike, or one odd press, must not decide."""
+PRESSES = 3
+"""Repetitions of each object: one spike, or one odd press, must not decide."""
 
 LEAST_SHARE = 0.015
 """A press that dents less of the picture is too weak to say what full is; firm ones of a ball dent 9 to 18 %."""
@@ -116,8 +113,7 @@ class PressMeter:
         said = f"{len(firm)} of {PRESSES} firm presses"
         return (f"{said}; {weak} were too weak" if weak else f"only {said} were seen",)
 
-    def maxima(self, preset: _Preset) -> TouchMaxima:
-        """Return what is full: the 99.5 percentile over the frames of the firm presses."""
+    def frames(self, preset: _Preset) -> list[tuple[int, ContactMetrics]]:
+        """Return the measured frames of the firm presses."""
         firm = self.firm
-        frames = [(t, m) for t, m in self._seen[preset] if any(p.start_ns <= t <= p.end_ns for p in firm)]
-        return touch_maxima(frames)
+        return [(t, m) for t, m in self._seen[preset] if any(p.start_ns <= t <= p.end_ns for p in firm)]

@@ -62,6 +62,7 @@ class GelRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega
         shift_counts: Change of the whole picture since the first baseline of this sensor.
         dark_px: Pixels darker than in the first baseline.
         wear_percent: Pixels that are another than in the first baseline.
+        cell_noise_counts: Standard deviation of a cell's mean, blue, green, red; ``None`` in earlier records.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -76,6 +77,7 @@ class GelRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega
     shift_counts: tuple[float, float, float] = (0.0, 0.0, 0.0)
     dark_px: int = 0
     wear_percent: float = 0.0
+    cell_noise_counts: tuple[float, float, float] | None = None
 
 
 class TouchRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-touch"):
@@ -88,13 +90,13 @@ class TouchRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="te
         baseline_made: When that was taken.
         width_px: Of the picture.
         height_px: Likewise.
-        n_presses: Firm presses.
+        n_presses: Firm presses, round and flat.
         live: Maxima under the preset ``live``.
         paper: And under ``paper``.
     """
 
     comments: ClassVar[dict[str, str]] = {
-        "live": "99.5 percentile of the frames in contact; cci_max in counts per root pixel, eda_max in pixels",
+        "live": "99.5 percentile of the frames in contact; cci_max in counts per root pixel, eda_max in pixels, x 1.3",
         "paper": "likewise; cci_max in counts per pixel",
     }
 

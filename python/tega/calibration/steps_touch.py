@@ -7,22 +7,32 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import msgspec
+
 from tega.calibration.folder import CalibrationFolder, Gel, device_name
 from tega.calibration.gel import LEAST_PICTURES, GelChange, Rest, compare_gels, judge_rest, suspect_contact
 from tega.calibration.guide import Bar, Guide
+from tega.calibration.known_press import Ball, fit_gel
+from tega.calibration.maxima import guided_maxima
 from tega.calibration.presses import PRESSES, PressMeter
 from tega.calibration.records import GelRecord, TouchRecord
 from tega.calibration.settling import until_good
+from tega.calibration.store import TouchMaxima
 from tega.calibration.times import Times
 from tega.errors import CalibrationError
 from tega.opencv import read_image
-from tega.tactile import read_contact
+from tega.stages.choose import Preset, preset_metric
+from tega.stages.metrics import contact_metrics_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy as np
     from numpy.typing import NDArray
 
     from tega.devices.base import TactileSource
+    from tega.records import Contact
+    from tega.stages.base import Metric
 
 __all__ = ["TakenBaseline", "take_baseline", "take_presses"]
 
@@ -39,12 +49,14 @@ class TakenBaseline(NamedTuple):
         file: Where it is kept.
         made: When it was taken.
         notes: What it was accepted in spite of, and what has become of the gel.
+        cell_noise: Noise of the sensor's cells, counts; ``None`` where it is not known.
     """
 
     picture: NDArray[np.uint8]
     file: Path
     made: datetime
     notes: tuple[str, ...]
+    cell_noise: tuple[float, float, float] | None = None
 
 
 def take_baseline(
@@ -83,7 +95,7 @@ def take_baseline(
             guide.ready(f"{finger}: take everything off the fingertip")
         free = False
         rest = judge_rest(_pictures(finger, source, guide, times))
-        said = suspect_contact(rest.picture, last)
+        said = suspect_contact(rest.picture, last, noise=rest.cell_noise)
         return rest._replace(problems=(*rest.problems, *([said] if said else [])))
 
     rest, notes = until_good(guide, f"{finger}: baseline", attempt, lambda r: r.problems)
@@ -95,17 +107,14 @@ def take_baseline(
         notes=notes,
         noise_counts=rest.noise,
         n_pictures=rest.n_pictures,
+        cell_noise_counts=rest.cell_noise,
     )
     changes = _changes(record, rest.picture, before)
     if changes:
         first = changes[0]
-        record = GelRecord(
-            device=device,
-            driver=source.info.driver,
-            made=now,
+        record = msgspec.structs.replace(
+            record,
             notes=(*notes, *dict.fromkeys(words for change in changes for words in change.words)),
-            noise_counts=rest.noise,
-            n_pictures=rest.n_pictures,
             shift_counts=first.shift,
             dark_px=first.dark_px,
             wear_percent=round(100 * first.wear, 2),
@@ -118,7 +127,7 @@ def take_baseline(
     )
     for words in record.notes[len(notes) :]:
         guide.say(f"{finger}: {words}", tone="warn")
-    return TakenBaseline(rest.picture, file, now, record.notes)
+    return TakenBaseline(rest.picture, file, now, record.notes, rest.cell_noise)
 
 
 def _changes(record: GelRecord, picture: NDArray[np.uint8], before: list[Gel]) -> list[GelChange]:
@@ -169,6 +178,14 @@ def _pictures(finger: str, source: TactileSource, guide: Guide, times: Times) ->
     return pictures
 
 
+# What is pressed in turn: the most focal and the broadest of what is grasped, so that neither column of the vest is
+# full for a whole hold.
+_PRESSED = {
+    "round": "with something small and round, such as a marble or the end of a pen",
+    "flat": "with something flat and wide, such as a board or the lid of a tin",
+}
+
+
 def take_presses(
     finger: str,
     source: TactileSource,
@@ -179,8 +196,9 @@ def take_presses(
     person: str,
     folder: CalibrationFolder,
     now: datetime,
+    ball: Ball | None = None,
 ) -> TouchRecord:
-    """Have a person press a fingertip, and take what is full on it.
+    """Have a person press a fingertip with something round, then with something flat, and take what is full on it.
 
     Args:
         finger: For the words.
@@ -191,32 +209,60 @@ def take_presses(
         person: Who presses.
         folder: Where the record will be kept.
         now: When this is.
+        ball: A ball and a force that somebody knows, to fit depth and stiffness by; nobody needs one.
 
     Raises:
         CalibrationError: There were too few presses, and nobody is there to press.
         DeviceUnavailableError: The sensor went away.
     """
     height, width = baseline.picture.shape[:2]
-    meter = PressMeter(height * width)
-
-    def attempt() -> PressMeter:
-        guide.ready(
-            f"{finger}: press firmly, as firmly as it will be in use, and let go; {PRESSES} times, "
-            "with something round and with your own fingertip"
+    wanted = {
+        name: f"{finger}: press firmly, as firmly as it will be in use, {how}"
+        for name, how in _PRESSED.items()
+    }
+    if ball is not None:
+        wanted["known"] = (
+            f"{finger}: press firmly with the ball of {ball.diameter_mm:g} mm, with {ball.force_n:g} N, and hold for a "
+            "second"
         )
-        _follow(finger, source, baseline.picture, meter, guide, times=times)
-        return meter
+    metrics: dict[Preset, Metric] = {
+        preset: preset_metric(preset, baseline.picture, finger, TouchMaxima(noise_counts=baseline.cell_noise))
+        for preset in ("live", "paper")
+    }
+    meters: dict[str, PressMeter] = {}
+    known: list[list[Contact]] = []
+    notes: tuple[str, ...] = ()
+    for name, asked in wanted.items():
+        meter = meters[name] = PressMeter(height * width)
+        felt: list[Contact] = []
 
-    _, notes = until_good(
-        guide,
-        f"{finger}: presses",
-        attempt,
-        lambda m: m.problems(),
-        can_keep=lambda m: bool(m.firm) and not m.touched,
+        def attempt(meter: PressMeter = meter, asked: str = asked, felt: list[Contact] = felt) -> PressMeter:
+            guide.ready(f"{asked}, and let go; {PRESSES} times")
+            _follow(finger, source, metrics, meter, guide, times=times, felt=felt)
+            return meter
+
+        _, said = until_good(
+            guide,
+            f"{finger}: {name} presses",
+            attempt,
+            lambda m: m.problems(),
+            can_keep=lambda m: bool(m.firm) and not m.touched,
+        )
+        notes += said
+        if name == "known":
+            known = [[c for c in felt if p.start_ns <= c.t_ns <= p.end_ns] for p in meter.firm]
+    full = {
+        preset: guided_maxima([frame for name in _PRESSED for frame in meters[name].frames(preset)])
+        for preset in metrics
+    }
+    gain = stiffness_n_mm3 = None
+    if ball is not None:
+        gain, stiffness_n_mm3 = fit_gel(known, ball)
+    live = msgspec.structs.replace(
+        full["live"], noise_counts=baseline.cell_noise, depth_gain=gain, stiffness_n_mm3=stiffness_n_mm3
     )
-    live, paper = meter.maxima("live"), meter.maxima("paper")
-    firm = meter.firm
-    guide.say(f"{finger}: {len(firm)} firm presses, full is {live.eda_max or 0:.0f} pixels", tone="good")
+    n_firm = sum(len(meters[name].firm) for name in _PRESSED)
+    guide.say(f"{finger}: {n_firm} firm presses, full is {live.eda_max or 0:.0f} pixels", tone="good")
     return TouchRecord(
         person=person,
         device=device_name(source.info),
@@ -228,20 +274,21 @@ def take_presses(
         baseline_made=baseline.made,
         width_px=width,
         height_px=height,
-        n_presses=len(firm),
+        n_presses=n_firm,
         live=live,
-        paper=paper,
+        paper=full["paper"],
     )
 
 
 def _follow(
     finger: str,
     source: TactileSource,
-    picture: NDArray[np.uint8],
+    metrics: Mapping[Preset, Metric],
     meter: PressMeter,
     guide: Guide,
     *,
     times: Times,
+    felt: list[Contact],
 ) -> None:
     """Measure frames until there are enough firm presses and the gel is free, or it takes too long."""
     began_s, seq, fullest = time.monotonic(), -1, 1
@@ -251,9 +298,10 @@ def _follow(
         if frame is None or frame.seq == seq:
             continue
         seq = frame.seq
-        live = read_contact(frame.image, picture, reading="live")
-        paper = read_contact(frame.image, picture, reading="paper")
-        press = meter.take(frame.t_ns, {"live": live, "paper": paper})
+        found = {preset: metric.update(frame.image, frame.t_ns) for preset, metric in metrics.items()}
+        live = found["live"]
+        felt.append(live)
+        press = meter.take(frame.t_ns, {preset: contact_metrics_of(one) for preset, one in found.items()})
         if press is not None:
             said = meter.judge(press)
             guide.say(

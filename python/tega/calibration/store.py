@@ -53,10 +53,17 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     Attributes:
         cci_max: Largest CCI; ``None`` where no press was seen, which keeps the front column still.
         eda_max: Largest EDA in pixels; ``None`` likewise, for the back column.
+        noise_counts: Noise of the sensor's cells, blue, green, red, as :func:`tega.tactile.sensor_noise` measures it;
+            ``None`` takes a DIGIT's.
+        depth_gain: Depth by depth as the nominal light of a gel has it; ``None`` where no known press was taken.
+        stiffness_n_mm3: Of the gel, newtons per cubic millimetre; ``None`` likewise.
     """
 
     cci_max: _Positive | None = None
     eda_max: _Positive | None = None
+    noise_counts: tuple[_Positive, _Positive, _Positive] | None = None
+    depth_gain: _Positive | None = None
+    stiffness_n_mm3: _Positive | None = None
 
 
 class FingerMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -216,7 +223,7 @@ def calibration_text(calibration: Calibration) -> str:
         lines += ["", f"[tactile.{finger}]"]
         if touch.cci_max is None and touch.eda_max is None:
             lines.append("# no press was seen: this finger's columns stay still")
-        for name in ("cci_max", "eda_max"):
+        for name in TouchMaxima.__struct_fields__:
             if (value := getattr(touch, name)) is not None:
                 lines.append(f"{name} = {toml_value(value)}")
     if (emg := calibration.emg) is not None:

@@ -11,8 +11,9 @@ import msgspec
 
 from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.calibration.guide import Guide, Undecided
+from tega.calibration.known_press import Ball
 from tega.calibration.person import closed_info
-from tega.calibration.records import EmgRecord, TouchRecord, VestRecord
+from tega.calibration.records import EmgRecord, GelRecord, TouchRecord, VestRecord, read_record
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, highest_level
 from tega.calibration.steps_emg import (
     Maxima,
@@ -89,6 +90,7 @@ class Calibrating:
         ceiling_percent: Nothing stronger is shown on the vest.
         each_motor: Ask about every motor of the vest, not about its columns.
         each_step: Look for the step at every column or motor, not at one of each face.
+        ball: A ball and a force that somebody knows, to fit each gel's depth and stiffness by.
         seed: Of the order in which the vest's columns are shown.
     """
 
@@ -104,8 +106,10 @@ class Calibrating:
         ceiling_percent: int = 60,
         each_motor: bool = False,
         each_step: bool = False,
+        ball: Ball | None = None,
         seed: int = 0,
     ) -> None:
+        self._ball = ball
         self._config = config
         self._person = person
         self._folder = folder
@@ -189,8 +193,8 @@ class Calibrating:
     def _finger(self, finger: str, section: TactileConfig) -> TouchRecord:
         self._guide.part(
             f"Fingertip: {finger}{self._place}",
-            "A picture of the untouched gel, against which touch is measured, then five firm presses that say what is "
-            "full on the vest.",
+            "A picture of the untouched gel, against which touch is measured, then firm presses with something "
+            "round and with something flat, which say what is full on the vest.",
         )
         with driver_class(section.driver, "tactile")(section.options) as source:
             _check_live(source)
@@ -210,6 +214,7 @@ class Calibrating:
                 person=self._person,
                 folder=self._folder,
                 now=self._now(),
+                ball=self._ball,
             )
 
     def _baseline(self, step: str) -> TakenBaseline | None:
@@ -221,7 +226,9 @@ class Calibrating:
         if not path.is_file():
             return None
         picture = read_image(path, driver="calibrate")
-        return TakenBaseline(picture, path, datetime.fromisoformat(str(kept["made"])), tuple(kept["notes"]))
+        made = datetime.fromisoformat(str(kept["made"]))
+        noise = read_record(path.with_suffix(".toml"), GelRecord).cell_noise_counts
+        return TakenBaseline(picture, path, made, tuple(kept["notes"]), noise)
 
     # Muscles.
 

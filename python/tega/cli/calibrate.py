@@ -43,6 +43,10 @@ __all__ = ["calibrate"]
     "--pause-s", type=click.FloatRange(0, 300), default=30.0, show_default=True, metavar="SECONDS",
     help="Rest between strong squeezes.",
 )  # fmt: skip
+@click.option(
+    "--known-ball", type=(click.FloatRange(1, 100), click.FloatRange(0.1, 30)), metavar="MM NEWTON",
+    help="A ball's diameter and the force you press it with, by a scale: fits depth and force. Never needed.",
+)  # fmt: skip
 @click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter; asks nothing.")
 @click.option(
     "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
@@ -63,6 +67,7 @@ def calibrate(
     each_motor: bool,
     each_step: bool,
     pause_s: float,
+    known_ball: tuple[float, float] | None,
     yes: bool,
     time_scale: float,
     sets: tuple[str, ...],
@@ -70,13 +75,14 @@ def calibrate(
 ) -> None:
     """Calibrate the devices of SETTINGS.toml for one person, step by step.
 
-    Fingertips: baseline and five presses. Muscles: rest, three squeezes, each muscle alone. Vest: where, threshold,
-    step. Ctrl-C keeps what is done; the same command goes on from there. Then: tega-teleop run SETTINGS.toml
-    --person ID.
+    Fingertips: baseline, presses with something round and something flat. Muscles: rest, three squeezes, each muscle
+    alone. Vest: where, threshold, step. Ctrl-C keeps what is done; the same command goes on from there. Then:
+    tega-teleop run SETTINGS.toml --person ID.
 
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
     """
     from tega.calibration.folder import CalibrationFolder
+    from tega.calibration.known_press import Ball
     from tega.calibration.records import utc_now
     from tega.calibration.refresh import refresh as refresh_all
     from tega.calibration.times import Times
@@ -101,6 +107,7 @@ def calibrate(
         ceiling_percent=ceiling,
         each_motor=each_motor,
         each_step=each_step,
+        ball=None if known_ball is None else Ball(*known_ball),
         seed=sum(person.encode()),
     )
     where = [] if folder is None else ["--set", f"calibration.folder={folder}"]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.teleop.moment import LoopView
     from tega.view.browser import BrowserView, Controls
@@ -71,6 +72,7 @@ def run_viewed(
     observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
     can_pause: bool = False,
+    bus: Bus | None = None,
     run: Callable[..., dict[str, Any]] | None = None,
     **options: Any,
 ) -> dict[str, Any]:
@@ -83,15 +85,14 @@ def run_viewed(
         observer: Of the terminal's view, called as well.
         stop: Asked whether to end; the page's button is another way.
         can_pause: Whether the run may stand still: with recordings, and with nothing that moves.
+        bus: The run's, where others listen as well.
         run: Runs it, called like ``run_session``; that itself when ``None``.
         options: Further arguments of it.
 
     Returns:
         The summary.
     """
-    from contextlib import closing
-
-    from tega.bus import Bus
+    from tega import bus as run_bus
     from tega.clock import PausableClock
     from tega.safety.stop import Stop
     from tega.teleop import run_session
@@ -99,17 +100,15 @@ def run_viewed(
     from tega.view.browser.feed import SessionFeed
     from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
 
-    bus = Bus()
+    bus = run_bus.Bus() if bus is None else bus
     controls = Controls(can_pause=can_pause, can_mute=True)
     ends = Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")
-    with (
-        closing(SessionFeed(config, {"preset": config.session.preset}, bus)) as feed,
-        browser_observer(
-            title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M
-        ) as view,
-    ):
+    feed = SessionFeed({"preset": config.session.preset}, bus)
+    with browser_observer(
+        title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M
+    ) as view:
 
         def observe(loop: LoopView) -> None:
             view(loop)

@@ -67,6 +67,11 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     type=click.Path(path_type=Path),
     help="Folder for the tables: new, empty, or an earlier run's.",
 )
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="PNG to draw: each finger's firmest contact with its touch map, and the course of touch and pose.",
+)
 @view_options
 @json_option
 @debug_option
@@ -86,6 +91,7 @@ def replay(
     """
     import time
 
+    from tega.bus import Bus
     from tega.cli.options import progress_bar
     from tega.cli.page import run_viewed
     from tega.cli.replay_session import check_flags, replay_session
@@ -105,15 +111,22 @@ def replay(
     if view:
         tree["session"]["pace"] = "real"
     settings = check_tree(tree, {}, base=Path.cwd()).config
+    bus, drawn = Bus(), None
+    if (picture := flags["picture"]) is not None:
+        from tega.view.session import SessionPicture
+
+        drawn = SessionPicture(bus)
     started = time.perf_counter()
     with Stop() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
                 settings, title="TEGA · replay", port=view_port, observer=None, progress=progress, stop=stop,
-                can_pause=True,
+                can_pause=True, bus=bus,
             )  # fmt: skip
         else:
-            summary = run_session(settings, progress=progress, stop=stop)
+            summary = run_session(settings, progress=progress, stop=stop, bus=bus)
+    if drawn is not None:
+        drawn.write(picture, f"TEGA replay, preset {flags['preset']}")
     tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
     return None
 

@@ -39,18 +39,23 @@ def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -
     """
     goal = np.asarray(target, np.float64)
     if goal.shape != (len(samples),):
-        raise ShapeError(f"target has shape {goal.shape}, samples {samples.shape}: one target a sample is needed")
+        raise ShapeError(
+            f"target has shape {goal.shape}, samples {samples.shape}: one target a sample is needed"
+        )
     if model.model == "kernel":
         raise CalibrationError("a kernel is not fitted anew in ten seconds", "fit it again with emg fit")
     if len(samples) < LEAST_S * model.rate_hz:
         raise CalibrationError(
-            f"{len(samples) / model.rate_hz:.1f} s are too short to fit the decoder anew", "give about ten seconds"
+            f"{len(samples) / model.rate_hz:.1f} s are too short to fit the decoder anew",
+            "give about ten seconds",
         )
     blocks = Blocks(model.rate_hz, model.tau, model.kind, len(model.channels)).take(samples)
     y = np.clip(goal[: len(blocks) * model.tau].reshape(-1, model.tau).mean(axis=1), 0.0, 1.0)
     good = np.array([not block.bad.any() for block in blocks])
     if (y[good] < 0.25).mean() < 0.1 or (y[good] > 0.5).mean() < 0.1:
-        raise CalibrationError("rest or effort is missing", "half the time at rest, half with the hand closed")
+        raise CalibrationError(
+            "rest or effort is missing", "half the time at rest, half with the hand closed"
+        )
     scorer = Scorer(model)
     smoothed = np.array([scorer.smooth(block.samples) for block, ok in zip(blocks, good, strict=True) if ok])
     wanted = _effort_of(model, y[good])

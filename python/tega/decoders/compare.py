@@ -201,7 +201,9 @@ def _run(
     ends = times_ns[train.tau - 1 :: train.tau]
     at = np.searchsorted(np.array([intent.t_ns for intent in intents]), ends, side="right") - 1
     if not intents or at[0] < 0:
-        raise ConfigError(f"decoder {name!r} says nothing in the first 100 ms", "it cannot be compared block by block")
+        raise ConfigError(
+            f"decoder {name!r} says nothing in the first 100 ms", "it cannot be compared block by block"
+        )
     newest = [intents[n] for n in at]
     closure = np.array([(i.level - 1) / 4 if i.closure is None else i.closure for i in newest])
     level = np.array([i.level if i.closure is None else np.floor(4 * i.closure + 1.5) for i in newest])

@@ -6,7 +6,7 @@ Amplitudes (MAV, WL, LOGVAR) enter a model as logarithms above the floor at rest
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -134,7 +134,9 @@ class Blocks:
             if self._raw:
                 bad |= np.ptp(flat[part], axis=0) == 0
             blocks.append(
-                Block(np.ascontiguousarray(values[part]), bad | self._before, (number + 1) * tau - n_before - 1)
+                Block(
+                    np.ascontiguousarray(values[part]), bad | self._before, (number + 1) * tau - n_before - 1
+                )
             )
             self._before = bad
         rest = n_blocks * tau

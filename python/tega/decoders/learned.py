@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["Decoded", "LearnedDecoder", "Scorer"]
 
 
-
 class Decoded(msgspec.Struct, frozen=True):
     """What one block says.
 

@@ -38,6 +38,7 @@ class FrameMeter:
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
 
     Attributes:
+        metric: Measures them.
         seq: Number of the newest frame; ``None`` before the first.
         next_seq: Number of the frame that should come next.
     """
@@ -52,18 +53,13 @@ class FrameMeter:
         start_ns: int = 0,
     ) -> None:
         self._shape = baseline.shape
-        self._metric = metric
+        self.metric = metric
         self._report = report
         self._live = live
         self._start_ns = start_ns if live else 0
         self._last = LastFrame()
         self.seq: int | None = None
         self.next_seq = 0
-
-    @property
-    def memory(self) -> bool:
-        """Whether what is measured depends on the frames before."""
-        return self._metric.memory
 
     def take(self, frame: TactileFrame) -> Contact | None:
         """Measure a frame.
@@ -105,7 +101,7 @@ class FrameMeter:
                 f"{frame.name}: {_size(frame.image.shape)} pixels, its baseline has {_size(self._shape)}",
                 "give the baseline taken with the same sensor and mode",
             )
-        return contact_metrics_of(self._metric.update(frame.image, frame.t_ns - self._start_ns))
+        return contact_metrics_of(self.metric.update(frame.image, frame.t_ns - self._start_ns))
 
 
 def measured_contacts(

@@ -67,12 +67,20 @@ def metrics_of(contact: ContactRecord) -> ContactMetrics:
     return ContactMetrics(**{name: getattr(contact, name) for name in ContactMetrics._fields})
 
 
-def picture_of(finger: str, frame: TactileFrame, *, live: bool, start_ns: int) -> Picture:
+def picture_of(
+    finger: str, frame: TactileFrame, *, live: bool, start_ns: int, loaded: bool = False
+) -> Picture:
     """Return the record of a picture that was read just now; one out of a file was received long ago."""
     t_ns = frame.t_ns - start_ns if live else frame.t_ns
     received_ns = time.monotonic_ns() - start_ns if live else t_ns
     return Picture(
-        finger=finger, image=frame.image, t_ns=t_ns, received_ns=received_ns, seq=frame.seq, name=frame.name
+        finger=finger,
+        image=frame.image,
+        t_ns=t_ns,
+        received_ns=received_ns,
+        seq=frame.seq,
+        name=frame.name,
+        loaded=loaded,
     )
 
 

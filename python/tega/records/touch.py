@@ -42,10 +42,12 @@ class Picture(Record, frozen=True, kw_only=True):
         seq: Its number from the camera; a gap is a lost picture.
         name: What to call it in an error.
         pixels_crc32: Of its pixels; a file tells it, a camera does not.
+        loaded: Whether another finger was in contact when it was measured.
     """
 
     topic: ClassVar[str] = "/tactile/{finger}/image"
     schema: ClassVar[str] = "Frame"
+    version: ClassVar[int] = 2
     unwritten: ClassVar[tuple[str, ...]] = ("finger", "image")
 
     finger: str
@@ -55,6 +57,7 @@ class Picture(Record, frozen=True, kw_only=True):
     seq: int
     name: str
     pixels_crc32: Annotated[int, quantity("1", "uint32")] = 0
+    loaded: bool = False
 
     @property
     def log_ns(self) -> int:

@@ -142,12 +142,14 @@ class Measured:
         )
         return kind if other.emg is None else other.emg.kind
 
-    def frame(self, finger: str, frame: TactileFrame, pixels_crc32: int) -> None:
+    def frame(self, finger: str, frame: TactileFrame, told: Any) -> None:
         """Measure a picture and note its checksum beside the one it had when it was taken."""
         now = zlib.crc32(frame.image.tobytes())
-        self.pixels[finger].append((frame.t_ns, {"pixels_crc32": pixels_crc32}, {"pixels_crc32": now}))
+        self.pixels[finger].append((frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now}))
+        meter = self._meters[finger]
+        meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
         try:
-            contact = self._meters[finger].take(frame)
+            contact = meter.take(frame)
         except TegaError:  # a bad picture of a live sensor, dropped then as now
             return
         if contact is not None:

@@ -99,10 +99,10 @@ def play_file(
     measured = Measured()
     stop = options.get("stop", lambda: False)
 
-    def frame(finger: str, picture: TactileFrame, pixels_crc32: int) -> None:
+    def frame(finger: str, picture: TactileFrame, told: Any) -> None:
         if stop():
             raise KeyboardInterrupt
-        measured.frame(finger, picture, pixels_crc32)
+        measured.frame(finger, picture, told)
 
     recorded = read_recorded(
         path,

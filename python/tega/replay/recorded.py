@@ -114,7 +114,7 @@ def read_recorded(
     path: Path,
     *,
     begin: Callable[[Head], None] = lambda _head: None,
-    frame: Callable[[str, TactileFrame, int], None] = lambda _finger, _frame, _crc32: None,
+    frame: Callable[[str, TactileFrame, Any], None] = lambda _finger, _frame, _told: None,
     chunk: Callable[[EmgChunk], None] = lambda _chunk: None,
     pictures_wanted: Callable[[Head], bool] = lambda _head: True,
 ) -> Recorded:
@@ -123,8 +123,8 @@ def read_recorded(
     Args:
         path: The file.
         begin: Given what is known before the first message.
-        frame: Given every picture, one at a time (all together they do not fit into memory), and the checksum that its
-            pixels had when they were taken.
+        frame: Given every picture, one at a time (all together they do not fit into memory), and its ``tega.Frame``
+            message: the checksum that its pixels had when they were taken, and whether another finger was loaded.
         chunk: Given the EMG samples as they came.
         pictures_wanted: Asked after ``begin`` whether ``frame`` is to be given them; else they are passed over.
 
@@ -151,7 +151,7 @@ def read_recorded(
                 if picture is not None and picture.value is not None:
                     image = read_picture(picture)
                     numbered = TactileFrame(value.t_ns, value.seq, image, value.name)
-                    frame(finger, numbered, value.pixels_crc32)
+                    frame(finger, numbered, value)
                     recorded.n_frames[finger] = recorded.n_frames.get(finger, 0) + 1
             case _:
                 _take(recorded, message, chunk)

@@ -10,11 +10,10 @@ import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
-import msgspec
 import numpy as np
 
 from tega.calibration import EmgMaxima
-from tega.calibration.maxima import touch_maxima
+from tega.calibration.maxima import guided_maxima
 from tega.config import FINGERS
 from tega.device_items import TactileFrame
 from tega.errors import InvalidValueError
@@ -48,8 +47,6 @@ PRESS_FRAMES = 24
 # Between two presses, longer than the gel needs to be told from a touched one.
 PAUSE_FRAMES = 90
 FRAME_NS = round(1e9 / 60)
-# A hold may dent the gel as widely as the board does; it shall still be felt to grow.
-HEADROOM = 1.3
 PRESS_N = 8.0
 MARBLE_RADIUS_MM = 12.0
 BASELINE_FRAMES = 30
@@ -153,10 +150,7 @@ class Lab:
             contact = meter.take(TactileFrame(number, number * FRAME_NS, image, "simulated press"))
             if contact is not None:
                 contacts.append(contact)
-        full = touch_maxima(contacts)
-        if full.eda_max is None:
-            return full
-        return msgspec.structs.replace(full, eda_max=HEADROOM * full.eda_max)
+        return guided_maxima(contacts)
 
 
 def _object(press: int, force_n: float) -> Indenter:

@@ -22,11 +22,12 @@ from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.rig import CAMERA_DELAY_NS, Rig
 from tega.sim.score import LIFT_WINDOW_S, Scorer
+from tega.stages.base import MeasuredPicture
 from tega.stages.choose import vest_mapping
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
 from tega.teleop.touch import TouchLoop
-from tega.view.state import EmgTail, TouchImage, ViewState
+from tega.view.state import EmgTail, ViewState
 from tega.wire import ALLEGRO_RAD_PER_COUNT
 
 if TYPE_CHECKING:
@@ -103,6 +104,7 @@ class Lift:
         self._emg = lab.emg(f"{plan.object} {number}")
         self._emg.fatigue = fatigue
         self._emg.rest(_REST_S)
+        self._bus = self._telling()
         self.rig = Rig(
             world=World(spec, seed=plan.seed + number),
             poses_rad=GRASP_POSES_RAD,
@@ -118,6 +120,7 @@ class Lift:
             blocks=BlockMeter(decoder, SourceReport(), rate_hz=EMG_HZ, live=False),
             block_ns=round(maxima.tau * 1e9 / EMG_HZ),
             scorer=self.scorer,
+            bus=self._bus,
             end_s=LIFT_WINDOW_S + _AFTER_S,
             lift_by_s=LIFT_WINDOW_S,
             muted=muted,
@@ -157,9 +160,8 @@ class Lift:
             angles *= ALLEGRO_RAD_PER_COUNT
             return angles
 
-        bus = self._bus()
         if observer is not None:
-            bus.subscribe(Moment, lambda moment: observer(self._moment(moment.view)), vital=True)
+            self._bus.subscribe(Moment, lambda moment: observer(self._moment(moment.view)), vital=True)
         clock = PausableClock(paused, SystemClock() if real_time else ManualClock())
         pacer = SimulatedPacer(clock, rig.advance_to)
         pacer.start()
@@ -171,7 +173,7 @@ class Lift:
             hand=SimulatedAllegro(self._controller, encoders),
             vests=[rig] if self._streams is None else [rig, self._streams],
             hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
-            bus=bus,
+            bus=self._bus,
             guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
         )
         loop.run(stop=stop)
@@ -199,14 +201,13 @@ class Lift:
             person=self._lab.digest if self._plan.operator == "simulated" else "",
         )
 
-    def _bus(self) -> Bus:
+    def _telling(self) -> Bus:
         """Return a bus that tells levels, and where somebody keeps them contacts."""
         bus, streams = Bus(), self._streams
         bus.subscribe(Intent, self._levels, vital=True)
         if streams is not None:
-            bus.subscribe(
-                Contact, lambda c: streams.contact(c, self.rig.frames[FINGERS.index(c.finger)]), vital=True
-            )
+            bus.subscribe(Contact, streams.contact, vital=True)
+            bus.subscribe(MeasuredPicture, streams.picture_of, vital=True)
             bus.subscribe(Intent, streams.levels, vital=True)
         return bus
 
@@ -232,11 +233,7 @@ class Lift:
 
     def _moment(self, view: LoopView) -> ViewState:
         """Return what there is to see; nothing in it is written into afterwards."""
-        rig, world, lab = self.rig, self.rig.world, self._lab
-        images = {
-            finger: TouchImage(frame, lab.baselines[finger], self._plan.preset)
-            for finger, frame in zip(FINGERS, rig.frames, strict=True)
-        }
+        rig, world = self.rig, self.rig.world
         tail = (
             EmgTail(np.concatenate(rig.emg_tail), EMG_HZ, self._emg_full, "raw", "µV")
             if rig.emg_tail
@@ -245,7 +242,7 @@ class Lift:
         return ViewState(
             view.t_ns,
             view._replace(vest=rig.vest),  # what is worn, which need not be what the loop sent
-            images=images,
+            images=rig.touch_images(),
             shapes=self._shapes,
             poses=world.poses(),
             contact_points=world.contact_points(),

@@ -24,11 +24,15 @@ from tega.inbox.sources import Block, BlockMeter, Contact
 from tega.inbox.stream import LiveStream
 from tega.sim.gel import CAMERA_HZ
 from tega.sim.seams import Act, Percept
+from tega.stages.base import MeasuredPicture
+from tega.tactile import ContactMetrics
+from tega.view.state import TouchImage
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tega.bus import Bus
     from tega.haptics import VestFrame
     from tega.sim.gel import Gel
     from tega.sim.operator import ForearmEmg
@@ -75,6 +79,7 @@ class Rig:
         blocks: Turns EMG into levels.
         block_ns: How long a block is.
         scorer: Counts what happens.
+        bus: Told of every measured picture.
         end_s: When the trial is over whatever happens, seconds.
         lift_by_s: When it is over unless the object was lifted by then, seconds.
         muted: Asked whether somebody has switched the vest off.
@@ -85,6 +90,7 @@ class Rig:
         contacts: Stream of measured frames, by finger, for the loop.
         levels: Stream of EMG blocks, for the loop.
         frames: The newest picture of each finger.
+        metrics: What was measured in it.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         vest: What the vest's motors are told now; ``None`` where it is off or not worn.
         act: What the person does now.
@@ -106,6 +112,7 @@ class Rig:
         blocks: BlockMeter,
         block_ns: int,
         scorer: Scorer,
+        bus: Bus,
         end_s: float,
         lift_by_s: float,
         muted: Callable[[], bool] = lambda: False,
@@ -128,6 +135,8 @@ class Rig:
         self._streams = list(self.contacts.values())
         self._still = [baselines[finger] for finger in FINGERS]
         self.frames = list(self._still)
+        self.metrics = [ContactMetrics() for _ in FINGERS]
+        self._bus = bus
         self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
         self._act_ns = self._camera_ns = 0
         self._n_frames = self._n_samples = 0
@@ -160,17 +169,37 @@ class Rig:
         self._camera_ns = round((number + 1) * 1e9 / CAMERA_HZ)
         arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
         for finger, indenters in enumerate(self.world.pads()):
-            gel = self._gels[finger]
+            gel, meter = self._gels[finger], self._meters[finger]
             # A metric that learns from an untouched gel is shown it.
-            seen = not self._skip_untouched or self._meters[finger].memory
+            seen = not self._skip_untouched or meter.metric.memory
             if indenters or seen or gel.remains(number / CAMERA_HZ):
                 image = gel.frame(indenters, number)
             else:
                 image = self._still[finger]
             self.frames[finger] = image
-            contact = self._meters[finger].take(TactileFrame(arrival_ns, number, image, "simulated frame"))
-            if contact is not None:
-                self._streams[finger].put(contact, next_ns=next_ns)
+            meter.metric.loaded = any(m.in_contact for k, m in enumerate(self.metrics) if k != finger)
+            contact = meter.take(TactileFrame(arrival_ns, number, image, "simulated frame"))
+            if contact is None:
+                continue
+            self.metrics[finger] = contact[1]
+            self._streams[finger].put(contact, next_ns=next_ns)
+            if self._bus.wants(MeasuredPicture):
+                self._bus.publish(
+                    MeasuredPicture(
+                        finger=FINGERS[finger],
+                        t_ns=arrival_ns,
+                        image=image,
+                        metrics=contact[1],
+                        metric=meter.metric,
+                    )
+                )
+
+    def touch_images(self) -> dict[str, TouchImage]:
+        """Return each finger's newest picture with what its metric made of it."""
+        return {
+            finger: TouchImage(self.frames[k], self.metrics[k], self._meters[k].metric.touch_map())
+            for k, finger in enumerate(FINGERS)
+        }
 
     def _look(self, t_ns: int) -> None:
         """Deliver the EMG of the last 10 ms, score the truth, let the person perceive and act."""

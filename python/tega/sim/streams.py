@@ -9,8 +9,7 @@ import numpy as np
 
 from tega.config import FINGERS
 from tega.csv_writer import CsvWriter
-from tega.tactile import contact_mask, pressure_map, read_contact
-from tega.view.figures import Course, TouchPicture
+from tega.view.figures import Course, Firmest, TouchPicture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
     from tega.records import Contact, Intent
     from tega.sim.lab import Lab
     from tega.sim.seams import Act, Percept
+    from tega.stages.base import MeasuredPicture
+    from tega.view.state import TouchImage
 
 __all__ = ["Streams"]
 
@@ -56,7 +57,7 @@ class Streams:
     def __init__(self) -> None:
         self.rows: dict[str, list[tuple[Any, ...]]] = {"truth": [], "contacts": [], "levels": [], "vest": []}
         self._motors: tuple[str, ...] = ()
-        self._firmest: dict[str, tuple[int, NDArray[np.uint8]]] = {}
+        self._firmest = Firmest()
 
     def act(self, percept: Percept, act: Act) -> None:
         """Keep one look at the world and what the person did."""
@@ -73,10 +74,12 @@ class Streams:
             )
         )
 
-    def contact(self, contact: Contact, image: NDArray[np.uint8]) -> None:
-        """Keep one measured frame, and the finger's newest picture if no contact before was as large."""
-        if contact.finger not in self._firmest or contact.eda > self._firmest[contact.finger][0]:
-            self._firmest[contact.finger] = contact.eda, image
+    def picture_of(self, picture: MeasuredPicture) -> None:
+        """Keep a finger's picture with its map if no contact before was as large."""
+        self._firmest.take(picture)
+
+    def contact(self, contact: Contact) -> None:
+        """Keep what was measured in one frame."""
         row = tuple(getattr(contact, column) for column in _COLUMNS["contacts"][1:])
         self.rows["contacts"].append((contact.t_ns / 1e9, *row))
 
@@ -111,27 +114,16 @@ class Streams:
         return np.array([row[index] for row in rows])
 
     def picture(self, finger: str, lab: Lab) -> TouchPicture:
-        """Return a finger's firmest contact, ready to be drawn."""
-        baseline, reading = lab.baselines[finger], lab.preset
-        frame = self._firmest[finger][1] if finger in self._firmest else baseline
-        metrics = read_contact(frame, baseline, reading=reading)
-        maxima = lab.touch[finger]
-        return TouchPicture(
-            frame=frame,
-            pressure=pressure_map(frame, baseline, reading=reading),
-            mask=contact_mask(frame, baseline, reading=reading),
-            metrics=metrics,
-            cci_norm=min(metrics.cci / (maxima.cci_max or np.inf), 1.0),
-            eda_norm=min(metrics.eda / (maxima.eda_max or np.inf), 1.0),
-        )
+        """Return a finger's firmest contact, ready to be drawn; the untouched gel where it never touched."""
+        return self._firmest.picture(finger, lab.touch[finger], lab.baselines[finger])
 
-    def firmest(self) -> tuple[str, NDArray[np.uint8]] | None:
-        """Return the finger that had the largest contact area, and its frame then; ``None`` without a contact."""
-        areas = {finger: area for finger, (area, _) in self._firmest.items() if area > 0}
-        if not areas:
+    def firmest(self) -> tuple[str, TouchImage] | None:
+        """Return the finger that was touched most firmly, and its picture then; ``None`` without a contact."""
+        images = self._firmest.images
+        if not images:
             return None
-        finger = max(areas, key=lambda one: areas[one])
-        return finger, self._firmest[finger][1]
+        finger = max(images, key=lambda one: images[one].metrics.mass)
+        return finger, images[finger]
 
     def course(self) -> Course:
         """Return touch, as the mean over the fingers in contact, and level over time."""

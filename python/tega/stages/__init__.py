@@ -9,11 +9,14 @@ from tega.records import Contact, Intent, NamedValue
 from tega.stages.base import (
     Decoder,
     FingerSetup,
+    GelTraits,
     Mapping,
+    MeasuredPicture,
     Metric,
     MuscleSetup,
     StageOptions,
     TouchEvent,
+    TouchMap,
     VestSetup,
 )
 from tega.stages.registry import StageRecord, list_stages, stage_class, stage_names
@@ -22,8 +25,10 @@ __all__ = [
     "Contact",
     "Decoder",
     "FingerSetup",
+    "GelTraits",
     "Intent",
     "Mapping",
+    "MeasuredPicture",
     "Metric",
     "Motor",
     "MotorLayout",
@@ -32,6 +37,7 @@ __all__ = [
     "StageOptions",
     "StageRecord",
     "TouchEvent",
+    "TouchMap",
     "VestSetup",
     "find_layout",
     "list_stages",

@@ -19,15 +19,19 @@ if TYPE_CHECKING:
 
     from tega.motor_layout import MotorLayout
     from tega.records import Contact, Intent
+    from tega.tactile import ContactMetrics
 
 __all__ = [
     "Decoder",
     "FingerSetup",
+    "GelTraits",
     "Mapping",
+    "MeasuredPicture",
     "Metric",
     "MuscleSetup",
     "StageOptions",
     "TouchEvent",
+    "TouchMap",
     "VestSetup",
 ]
 
@@ -40,6 +44,20 @@ class StageOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     """
 
 
+class GelTraits(NamedTuple):
+    """What a calibration knows of one sensor; what is ``None`` is not known.
+
+    Attributes:
+        noise_counts: Noise of its cells, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
+        depth_gain: Depth by depth as a gel's nominal light has it.
+        stiffness_n_mm3: Of its gel, newtons per cubic millimetre.
+    """
+
+    noise_counts: tuple[float, float, float] | None = None
+    depth_gain: float | None = None
+    stiffness_n_mm3: float | None = None
+
+
 class FingerSetup(NamedTuple):
     """What a metric is made with.
 
@@ -47,11 +65,13 @@ class FingerSetup(NamedTuple):
         finger: ``"thumb"``, ``"index"``, ``"middle"`` or ``"ring"``.
         baseline: Picture of the untouched gel, uint8 (H, W, 3), BGR.
         maxima: What counts as full, by value: ``cci`` and ``eda`` of the calibration, where they are known already.
+        gel: What the calibration knows of the sensor.
     """
 
     finger: str
     baseline: NDArray[np.uint8]
     maxima: collections.abc.Mapping[str, float] = {}
+    gel: GelTraits = GelTraits()
 
 
 class MuscleSetup(NamedTuple):
@@ -86,6 +106,21 @@ class VestSetup(NamedTuple):
     layout: MotorLayout
     fingers: tuple[str, ...]
     maxima: collections.abc.Mapping[str, collections.abc.Mapping[str, float]]
+
+
+class TouchMap(NamedTuple):
+    """A metric's map of a fingertip and the outline of the contact, for drawing.
+
+    Attributes:
+        height: How deep or how strong the contact is, float32 (rows, columns), 0 or more; coarser than the picture
+            where the metric has no more.
+        unit: Of the height, ``"mm"`` or ``"grey"``.
+        mask: Pixels that EDA counts, bool (H, W) as the picture; none of them without contact.
+    """
+
+    height: NDArray[np.float32]
+    unit: str
+    mask: NDArray[np.bool_]
 
 
 class TouchEvent(NamedTuple):
@@ -124,6 +159,8 @@ class Metric(_Stage, ABC):
     The class is called with a :class:`FingerSetup` and its options, once a finger and run.
     """
 
+    loaded: bool = False
+    """Whether another finger is in contact; set before each :meth:`update`, and recorded with the picture."""
     memory: ClassVar[bool] = False
     """Whether what it says of a frame depends on those before: a part of a recording cannot measure it again then."""
     version: ClassVar[int] = 1
@@ -146,6 +183,34 @@ class Metric(_Stage, ABC):
             The contact, with the finger and the time given; ``more`` holds a
             :class:`tega.records.NamedValue` for every name of :meth:`units`, finite where there is contact.
         """
+
+    def touch_map(self) -> TouchMap | None:
+        """Return the map and the outline of the frame that was measured last; called only where it is drawn.
+
+        ``None`` where the metric has none.
+        """
+        return None
+
+
+class MeasuredPicture(msgspec.Struct, frozen=True, kw_only=True):
+    """A fingertip's picture that has just been measured, for those who draw it: no record, and not recorded.
+
+    It is published in the thread that measures, and only where somebody has subscribed. A subscriber that wants the
+    map asks the metric for it before it returns: the metric goes on to the next picture then.
+
+    Attributes:
+        finger: Whose it is.
+        t_ns: When it was taken, since the start of the session.
+        image: uint8 (H, W, 3), blue, green, red; borrowed, nobody writes into it.
+        metrics: What was measured in it.
+        metric: The stage that measured it.
+    """
+
+    finger: str
+    t_ns: int
+    image: NDArray[np.uint8]
+    metrics: ContactMetrics
+    metric: Metric
 
 
 class Decoder(_Stage, ABC):

@@ -10,7 +10,7 @@ import msgspec
 from tega.config_errors import explain
 from tega.config_sections import DEFAULT_STAGES, StageConfig
 from tega.errors import ConfigError, TegaError
-from tega.stages.base import Decoder, FingerSetup, Metric, MuscleSetup, VestSetup
+from tega.stages.base import Decoder, FingerSetup, GelTraits, Metric, MuscleSetup, VestSetup
 from tega.stages.registry import stage_class
 
 if TYPE_CHECKING:
@@ -103,10 +103,12 @@ def finger_metric(
 ) -> Metric:
     """Make the metric of a finger."""
     maxima: dict[str, float] = {}
+    gel = GelTraits()
     if calibration is not None:
+        gel = GelTraits(*(getattr(calibration, name) for name in GelTraits._fields))
         known: Mapping[str, float | None] = {"cci": calibration.cci_max, "eda": calibration.eda_max}
         maxima = {name: value for name, value in known.items() if value is not None}
-    metric: Metric = chosen_stage("metric", stages, preset).make(FingerSetup(finger, baseline, maxima))
+    metric: Metric = chosen_stage("metric", stages, preset).make(FingerSetup(finger, baseline, maxima, gel))
     return metric
 
 
@@ -116,11 +118,16 @@ def metric_told(stages: StagesSection, preset: Preset) -> str:
     return f"{chosen.name} {chosen.kind.version}"
 
 
-def preset_metric(preset: Preset, baseline: NDArray[Any], finger: str = "thumb") -> Metric:
+def preset_metric(
+    preset: Preset,
+    baseline: NDArray[Any],
+    finger: str = "thumb",
+    calibration: TouchMaxima | None = None,
+) -> Metric:
     """Make the metric of a preset with its default options."""
     from tega.config_sections import StagesSection
 
-    return finger_metric(StagesSection(), preset, finger, baseline)
+    return finger_metric(StagesSection(), preset, finger, baseline, calibration)
 
 
 def muscle_setup(calibration: EmgMaxima, preset: Preset) -> MuscleSetup:

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar
+import math
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import msgspec
 
 from tega.records import Contact, NamedValue
-from tega.stages.base import FingerSetup, Metric, StageOptions
-from tega.tactile import ContactMetrics, ContactReader, Outline, TouchTracker, nominal_light
+from tega.stages.base import FingerSetup, Metric, StageOptions, TouchMap
+from tega.tactile import (
+    ContactMetrics,
+    ContactReader,
+    GelLight,
+    Outline,
+    TouchTracker,
+    contact_mask,
+    nominal_light,
+    pressure_map,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,6 +26,9 @@ if TYPE_CHECKING:
 
 __all__ = ["LiveMetric", "LiveOptions", "PaperMetric", "contact_metrics_of", "contact_record"]
 
+
+# Between the frames of a DIGIT, seconds, where their times do not say it.
+_PERIOD_S = 1 / 60
 
 NoiseCounts = Annotated[float, msgspec.Meta(gt=0, le=255)]
 
@@ -57,11 +70,18 @@ class PaperMetric(Metric):
 
     def __init__(self, setup: FingerSetup, _options: StageOptions) -> None:
         self._finger = setup.finger
+        self._baseline, self._frame = setup.baseline, setup.baseline
         self._reader = ContactReader(setup.baseline, reading="paper")
 
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
         """Measure a frame."""
+        self._frame = frame
         return contact_record(self._finger, t_ns, self._reader.read(frame))
+
+    def touch_map(self) -> TouchMap:
+        """Return the masked, blurred difference and the pixels of it that exceed T."""
+        pictures = self._frame, self._baseline
+        return TouchMap(pressure_map(*pictures, "paper"), "grey", contact_mask(*pictures, "paper"))
 
 
 class LiveOptions(StageOptions, frozen=True):
@@ -72,16 +92,21 @@ class LiveOptions(StageOptions, frozen=True):
             object.
         rezero: Whether the untouched gel is learned anew a second after a release.
         noise_counts: Noise of the sensor's cells in blue, green and red, from :func:`tega.tactile.sensor_noise`;
-            none takes that
-            of a DIGIT. How much the sensor varies at rest is learned in any case.
-        mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none leaves that out, and depth and
-            force are nominal.
+            none takes the calibration's, or else that of a DIGIT. How much the sensor varies at rest is learned in any
+            case.
+        mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none leaves that out. Depth and force are
+            nominal unless the calibration had a press of known force.
+        trend: Measures the value ``trend_mm_s``, the rate of change of the dent's depth, for a column to show:
+            ``rise`` while it grows, ``change`` whichever way; ``none`` does not measure it.
+        trend_s: Time constant of that rate, seconds.
     """
 
     outline: Outline = "dent"
     rezero: bool = True
     noise_counts: tuple[NoiseCounts, NoiseCounts, NoiseCounts] | None = None
     mm_per_px: Annotated[float, msgspec.Meta(gt=0.001, lt=1.0)] | None = None
+    trend: Literal["none", "rise", "change"] = "none"
+    trend_s: Annotated[float, msgspec.Meta(ge=0.01, le=5.0)] = 0.1
 
 
 class LiveMetric(Metric):
@@ -92,13 +117,32 @@ class LiveMetric(Metric):
     version: ClassVar[int] = 2
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
+    @classmethod
+    def units(cls, options: StageOptions) -> dict[str, str]:
+        """Return the unit of the trend, where it is measured."""
+        return (
+            {} if not isinstance(options, LiveOptions) or options.trend == "none" else {"trend_mm_s": "mm/s"}
+        )
+
     def __init__(self, setup: FingerSetup, options: LiveOptions) -> None:
         self._finger = setup.finger
-        scale = options.mm_per_px
-        light = None if scale is None else nominal_light()._replace(mm_per_px=scale)
+        self._trend, self._trend_s = options.trend, options.trend_s
+        self._depth_mm = 0.0
+        scale, gel = options.mm_per_px, setup.gel
+        self._scaled = scale is not None
+        light = None
+        if scale is not None or gel.depth_gain is not None or gel.stiffness_n_mm3 is not None:
+            nominal, gain = nominal_light(), gel.depth_gain or 1.0
+            light = GelLight(
+                tuple(
+                    tuple(tuple(term / gain for term in axis) for axis in colour) for colour in nominal.terms
+                ),
+                scale or nominal.mm_per_px,
+                gel.stiffness_n_mm3 or nominal.stiffness_n_mm3,
+            )
         self._tracker = TouchTracker(
             setup.baseline,
-            noise=options.noise_counts,
+            noise=options.noise_counts or gel.noise_counts,
             light=light,
             outline=options.outline,
             rezero=options.rezero,
@@ -110,7 +154,8 @@ class LiveMetric(Metric):
         # The first frame, and one whose time stands still or goes back, counts for one period.
         dt_s = None if self._last_ns is None or t_ns <= self._last_ns else (t_ns - self._last_ns) / 1e9
         self._last_ns = t_ns
-        found = self._tracker.update(frame, dt_s=dt_s)
+        found = self._tracker.update(frame, dt_s=dt_s, loaded=self.loaded)
+        more = () if self._trend == "none" else (self._rate(found.depth_mm, dt_s or _PERIOD_S),)
         x, y = found.centroid_xy
         return Contact(
             finger=self._finger,
@@ -124,9 +169,22 @@ class LiveMetric(Metric):
             peak=found.peak,
             peak_xy=(round(x), round(y)) if found.in_contact else (0, 0),
             in_contact=found.in_contact,
-            area_mm2=found.area_mm2,
+            area_mm2=found.area_mm2 if self._scaled else None,
             depth_mm=found.depth_mm,
             force_n=found.force_n,
             strength=found.strength,
             broad=found.broad,
+            more=more,
         )
+
+    def _rate(self, depth_mm: float, dt_s: float) -> NamedValue:
+        """Return how fast the depth changes: its difference to its own low-pass over that one's time constant."""
+        off_mm = depth_mm - self._depth_mm
+        self._depth_mm += -math.expm1(-dt_s / self._trend_s) * off_mm
+        rate_mm_s = off_mm / self._trend_s
+        rate_mm_s = abs(rate_mm_s) if self._trend == "change" else max(rate_mm_s, 0.0)
+        return NamedValue("trend_mm_s", rate_mm_s, "mm/s")
+
+    def touch_map(self) -> TouchMap:
+        """Return the depth that shading shows, a value a cell, and the outlined pixels."""
+        return TouchMap(self._tracker.depth_map(), "mm", self._tracker.mask())

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, ShapeError
-from tega.stages.base import FingerSetup, Metric, StageOptions
+from tega.stages.base import FingerSetup, Metric, StageOptions, TouchMap
 from tega.stages.metrics import contact_record
 from tega.tactile import ContactGate, ContactMetrics, contact_metrics
 
@@ -99,6 +99,7 @@ class ReadingMetric(Metric):
         # As decimals they are whole numbers of millionths, so that the map's sums are exact.
         parts = [Fraction(str(weight)) * 1_000_000 for weight in options.weights]
         self._millionths = np.array([float(part) for part in parts[::-1]])
+        self._frame, self._metrics = setup.baseline, ContactMetrics()
 
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
         """Measure a frame."""
@@ -107,7 +108,17 @@ class ReadingMetric(Metric):
         metrics = self._read(frame)
         if self._options.cci == "root" and metrics.eda:
             metrics = metrics._replace(cci=metrics.peak / math.sqrt(metrics.eda))
+        self._frame, self._metrics = frame, metrics
         return contact_record(self._finger, t_ns, metrics)
+
+    def touch_map(self) -> TouchMap:
+        """Return the grey map of the last frame and its pixels above T."""
+        if self._options.threshold in {"D1", "D2"}:
+            grey = self._difference(self._frame) @ self._millionths / 1e6
+        else:
+            grey, _ = self._map(self._frame)
+        mask = grey > self._metrics.threshold if self._metrics.in_contact else np.zeros(grey.shape, np.bool_)
+        return TouchMap(np.maximum(grey, 0).astype(np.float32), "grey", mask)
 
     def _printed(self, frame: NDArray[np.uint8]) -> ContactMetrics:
         o = self._options
@@ -165,14 +176,17 @@ class ReadingMetric(Metric):
             case _:
                 return value - self._options.factor * spread
 
+    def _difference(self, frame: NDArray[np.uint8]) -> NDArray[np.int32]:
+        o = self._options
+        difference: NDArray[np.int32] = frame.astype(np.int32) - self._baseline
+        kind = o.difference or {"D1": "signed", "D2": "rectified"}.get(o.threshold, "absolute")
+        if kind == "absolute":
+            return np.abs(difference)
+        return difference if kind == "signed" else np.maximum(difference, 0)
+
     def _map(self, frame: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
         """Return the grey map after blur and noise floor, and how many of its pixels are above the floor."""
-        o = self._options
-        difference = frame.astype(np.int32) - self._baseline
-        if o.difference is None or o.difference == "absolute":
-            difference = np.abs(difference)
-        elif o.difference == "rectified":
-            difference = np.maximum(difference, 0)
+        o, difference = self._options, self._difference(frame)
         # Sums of whole numbers below 2⁵³: exact in float64 where the weights are millionths.
         grey = _box_sums(difference) @ self._millionths / 25e6
         counted = int(np.count_nonzero(grey > o.noise_floor))

@@ -79,8 +79,7 @@ class _Keeper(Streams):
         self.speed.append((percept.t_s, percept.scene.slip_m_s))
         self.narrowing.append((percept.t_s, 1e3 * percept.scene.deformation_m))
 
-    def contact(self, contact: Contact, image: NDArray[np.uint8]) -> None:
-        del image
+    def contact(self, contact: Contact) -> None:
         self.touch.append(
             TouchRow(
                 contact.t_ns / 1e9,

@@ -10,7 +10,7 @@ import numpy as np
 from tega.study.figures import new_figure
 from tega.study.finger_rows import FingerRow
 from tega.study.touch_picture import FingerPicture
-from tega.tactile import contact_mask, pressure_map
+from tega.view.figures import draw_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = ["figure_3"]
 
-GREEN, BLUE = "#27d045", "#3b8cff"
-
 
 def figure_3(rows: Sequence[FingerRow], pictures: Mapping[str, FingerPicture]) -> Figure | None:
-    """Draw Fig 3: untouched gel, frame, difference, pressure map with the marks of CCI and EDA."""
+    """Draw Fig 3: untouched gel, frame, difference, the metric's map with the marks of CCI and EDA."""
     if not rows:
         return None
     figure = new_figure(7.0, 2.05 * len(rows) + 0.3)
@@ -33,17 +31,13 @@ def figure_3(rows: Sequence[FingerRow], pictures: Mapping[str, FingerPicture]) -
 
 
 def _row(axes: Sequence[Axes], row: FingerRow, picture: FingerPicture, *, titled: bool) -> None:
-    off = np.abs(picture.frame.astype(np.int16) - picture.baseline).mean(axis=2)
-    pressure = pressure_map(picture.frame, picture.baseline, reading=picture.preset)
-    mask = contact_mask(picture.frame, picture.baseline, reading=picture.preset)
+    frame, metrics, touch_map = picture.touch
+    off = np.abs(frame.astype(np.int16) - picture.baseline).mean(axis=2)
     axes[0].imshow(picture.baseline[..., ::-1])
-    axes[1].imshow(picture.frame[..., ::-1])
+    axes[1].imshow(frame[..., ::-1])
     axes[2].imshow(off, cmap="gray", vmin=0, vmax=max(float(off.max()), 1.0))
-    axes[3].imshow(pressure, cmap="gray", vmin=0, vmax=max(float(pressure.max()), 1.0))
-    if mask.any() and not mask.all():
-        axes[3].contour(mask, levels=[0.5], colors=[BLUE], linewidths=1.4)
-    axes[3].plot([row.peak_x], [row.peak_y], "o", ms=10, mfc="none", mec=GREEN, mew=1.8)
-    for ax, title in zip(axes, ("untouched", "touched", "difference", "pressure map"), strict=True):
+    draw_map(axes[3], frame.shape, metrics, touch_map)
+    for ax, title in zip(axes, ("untouched", "touched", "difference", "touch map"), strict=True):
         ax.set_xticks([])
         ax.set_yticks([])
         if titled:

@@ -8,7 +8,6 @@ import msgspec
 
 from tega.study.touch_picture import FingerPicture
 from tega.study.trials import Trial
-from tega.tactile import read_contact
 
 __all__ = ["FingerRow", "finger_rows"]
 
@@ -44,11 +43,11 @@ class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def finger_rows(pictures: Mapping[str, FingerPicture], trials: Sequence[Trial]) -> tuple[FingerRow, ...]:
-    """Measure the pictures, by trial id, as the loop does."""
+    """Return what the loop measured in the pictures, by trial id."""
     of = {trial.id: trial for trial in trials}
     rows = []
     for trial, picture in pictures.items():
-        metrics = read_contact(picture.frame, picture.baseline, reading=picture.preset)
+        metrics = picture.touch.metrics
         rows.append(
             FingerRow(
                 trial=trial,

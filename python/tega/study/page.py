@@ -249,10 +249,10 @@ def _fig_3_caption(analysis: Analysis) -> str:
     kind = "simulated" if analysis.simulated else "recorded"
     trials = ", ".join(row.trial for row in analysis.fingers)
     return (
-        f"Fig 3. From a fingertip's picture to CCI and EDA, {kind}: the untouched gel; the frame with the largest "
-        "contact area of the trial; their difference, scaled; the pressure map. Green circle: the peak, where CCI is "
-        "taken; blue line: the pixels that EDA counts. Both as shares of the calibrated press, as the vest gets "
-        f"them. Trials {trials}."
+        f"Fig 3. From a fingertip's picture to CCI and EDA, {kind}: the untouched gel; the frame of the trial's "
+        "firmest contact; their difference, scaled; the touch map of the loop's own reading. Green circle: the peak, "
+        "where CCI is taken; blue line: the pixels that EDA counts. Both as shares of the calibrated press, as "
+        f"the vest gets them. Trials {trials}."
     )
 
 

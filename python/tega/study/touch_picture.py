@@ -5,15 +5,23 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
 from tega.errors import MissingExtraError, RecordingError
+from tega.foreign_file import parse_toml
+from tega.inbox.sources import metrics_of
+from tega.stages.base import TouchMap
+from tega.stages.choose import finger_metric, preset_metric
+from tega.stages.metrics import contact_metrics_of
+from tega.tactile import ContactMetrics
+from tega.view.state import TouchImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tega.stages.base import Metric
     from tega.study.plan import PlannedTrial
     from tega.study.trials import Trial
 
@@ -27,22 +35,29 @@ __all__ = [
 ]
 
 
+Preset: TypeAlias = Literal["paper", "live"]
+
+# So often a metric with a memory is shown one picture, until what it says of it no longer changes.
+_SETTLED_FRAMES = 6
+_FRAME_NS = 16_666_667
+
+
 class FingerPicture(NamedTuple):
-    """One fingertip, at the frame of its largest contact area.
+    """One fingertip, at the frame in which the sum of its touch map is largest.
 
     Attributes:
         finger: Which.
-        preset: Readings of the loop, which turn the picture into a pressure map.
+        preset: Of the loop.
         baseline: The untouched gel, BGR, uint8 (H, W, 3).
-        frame: The gel when touched most, likewise.
+        touch: The gel when touched most, with the metrics and the map of the metric that the loop used.
         cci_max: CCI that counts as full; 0 where it is not known.
         eda_max: EDA that counts as full, pixels; likewise.
     """
 
     finger: str
-    preset: Literal["paper", "live"]
+    preset: Preset
     baseline: NDArray[np.uint8]
-    frame: NDArray[np.uint8]
+    touch: TouchImage
     cci_max: float
     eda_max: float
 
@@ -56,14 +71,61 @@ def write_touch_picture(path: Path, picture: FingerPicture) -> None:
     """Write a picture; equal pictures give equal bytes."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:
-        np.savez_compressed(
-            file,
+        arrays: dict[str, Any] = dict(
             finger=np.array(picture.finger),
             preset=np.array(picture.preset),
             baseline=picture.baseline,
-            frame=picture.frame,
+            frame=picture.touch.frame,
             maxima=np.array([picture.cci_max, picture.eda_max]),
+            **_measured(picture.touch),
         )
+        np.savez_compressed(file, **arrays)
+
+
+# Numbers of a contact in the order in which a picture's file has them.
+_NUMBERS = ("mass", "spread", "threshold", "eda", "cci", "peak")
+
+
+def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
+    """Return what was measured in a picture as arrays."""
+    m = touch.metrics
+    found: dict[str, NDArray[Any]] = {
+        "numbers": np.array([getattr(m, name) for name in _NUMBERS]),
+        "places": np.array([*m.centroid_xy, *m.peak_xy]),
+        "in_contact": np.array(m.in_contact),
+    }
+    if touch.map is not None:
+        found |= {"height": touch.map.height, "unit": np.array(touch.map.unit), "mask": touch.map.mask}
+    return found
+
+
+def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
+    """Return a picture with what was measured in it, out of the arrays of its file."""
+    numbers = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
+    x, y, peak_x, peak_y = (float(one) for one in file["places"])
+    metrics = ContactMetrics(
+        mass=numbers["mass"],
+        centroid_xy=(x, y),
+        spread=numbers["spread"],
+        threshold=numbers["threshold"],
+        eda=int(numbers["eda"]),
+        cci=numbers["cci"],
+        peak=numbers["peak"],
+        peak_xy=(int(peak_x), int(peak_y)),
+        in_contact=bool(file["in_contact"]),
+    )
+    if "mask" not in file:
+        return TouchImage(frame, metrics)
+    touch_map = TouchMap(file["height"].astype(np.float32), str(file["unit"]), file["mask"].astype(np.bool_))
+    return TouchImage(frame, metrics, touch_map)
+
+
+def _measured_now(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], preset: Preset) -> TouchImage:
+    """Measure a picture of an earlier version's file, which does not say what the loop measured in it."""
+    metric = preset_metric(preset, baseline)
+    for k in range(_SETTLED_FRAMES):
+        contact = metric.update(frame, k * _FRAME_NS)
+    return TouchImage(frame, contact_metrics_of(contact), metric.touch_map())
 
 
 def read_touch_picture(path: Path) -> FingerPicture:
@@ -77,6 +139,7 @@ def read_touch_picture(path: Path) -> FingerPicture:
             finger, preset = str(file["finger"]), str(file["preset"])
             baseline, frame = file["baseline"], file["frame"]
             cci_max, eda_max = (float(one) for one in file["maxima"])
+            known = _touch(file, frame) if "numbers" in file else None
     except Exception as error:  # a damaged archive raises what its decoder raises
         raise RecordingError(f"{path}: no picture of a finger: {error}", "restore it from a copy") from error
     if preset not in {"paper", "live"} or frame.dtype != np.uint8 or frame.shape != baseline.shape:
@@ -84,12 +147,13 @@ def read_touch_picture(path: Path) -> FingerPicture:
             f"{path}: preset {preset!r}, frame {frame.dtype} {frame.shape}, baseline {baseline.shape}",
             "restore it from a copy",
         )
-    readings = cast("Literal['paper', 'live']", preset)
-    return FingerPicture(finger, readings, baseline, frame, cci_max, eda_max)
+    readings = cast("Preset", preset)
+    touch = _measured_now(frame, baseline, readings) if known is None else known
+    return FingerPicture(finger, readings, baseline, touch, cci_max, eda_max)
 
 
 def recorded_picture(folder: Path) -> FingerPicture | None:
-    """Find the frame with the largest contact area in a trial's recording.
+    """Find the firmest contact in a trial's recording: the largest sum of the touch map.
 
     Args:
         folder: Of the attempt: ``recordings/p01/p01-t07-a1``.
@@ -103,31 +167,41 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
     """
     from tega.calibration.store import parse_calibration
     from tega.recording.mcap_reader import McapReader
+    from tega.records import Contact
+    from tega.records.schema import read
+    from tega.replay.recorded import without_devices
 
     files = sorted(folder.glob("*.mcap"))
     if not files:
         return None
     reader = McapReader(files[0])
-    firmest: tuple[int, str, int] | None = None
+    firmest: Contact | None = None
     for message in reader.messages(lambda topic: topic.endswith("/contact")):
         value = message.value
-        if value is not None and value.in_contact and (firmest is None or value.eda > firmest[0]):
-            firmest = value.eda, message.topic.split("/")[-2], value.t_ns
+        if value is not None and value.in_contact and (firmest is None or value.mass > firmest.mass):
+            firmest = read(Contact, value, finger=message.topic.split("/")[-2])
     if firmest is None:
         return None
-    _, finger, t_ns = firmest
+    finger = firmest.finger
     calibration = parse_calibration(reader.files["calibration.toml"].decode(), files[0].name)
     baseline = np.load(io.BytesIO(reader.files[f"baseline-{finger}.npy"]), allow_pickle=False)
-    frame = _frame_at(files[0], finger, t_ns)
+    maxima = calibration.touch(finger)
+    stages = without_devices(parse_toml(reader.files["session.toml"].decode())).stages
+    metric = finger_metric(stages, calibration.preset, finger, baseline, maxima)
+    frame = _follow(files[0], finger, metric, firmest.t_ns)
     if frame is None:
         return None
-    maxima = calibration.touch(finger)
+    touch = TouchImage(frame, metrics_of(firmest), metric.touch_map())
     full = (0.0, 0.0) if maxima is None else (maxima.cci_max or 0.0, maxima.eda_max or 0.0)
-    return FingerPicture(finger, calibration.preset, baseline, frame, *full)
+    return FingerPicture(finger, calibration.preset, baseline, touch, *full)
 
 
-def _frame_at(path: Path, finger: str, t_ns: int) -> NDArray[np.uint8] | None:
-    """Return a finger's picture of a time; its numbers are written right behind it."""
+def _follow(path: Path, finger: str, metric: Metric, t_ns: int) -> NDArray[np.uint8] | None:
+    """Show a metric a finger's pictures up to a time, and return the last; ``None`` where it is not recorded.
+
+    A picture's numbers are written right behind it. Numbers are those recorded; the map of a recording with JPEG
+    pictures is as near as these.
+    """
     from tega.recording.mcap_reader import McapReader, read_picture
 
     image = f"/tactile/{finger}/image"
@@ -137,8 +211,12 @@ def _frame_at(path: Path, finger: str, t_ns: int) -> NDArray[np.uint8] | None:
             continue
         if message.topic == image:
             newest = message
-        elif newest is not None and message.value.t_ns == t_ns:
-            return read_picture(newest)
+        elif newest is not None and (metric.memory or message.value.t_ns == t_ns):
+            frame = read_picture(newest)
+            metric.loaded = getattr(message.value, "loaded", False)
+            metric.update(frame, message.value.t_ns)
+            if message.value.t_ns >= t_ns:
+                return frame if message.value.t_ns == t_ns else None
     return None
 
 

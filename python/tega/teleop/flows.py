@@ -12,7 +12,9 @@ from tega.inbox.reader import ReadAhead, Reader
 from tega.inbox.sources import Block, Contact, grasp_blocks, picture_of, samples_of
 from tega.inbox.stream import LiveStream, PulledStream, Stream
 from tega.records import EmgSamples, Picture
+from tega.stages.base import MeasuredPicture
 from tega.teleop.latency import LatencyTrace
+from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from tega.teleop.pacing import Pacer
     from tega.teleop.sinks import Sinks
 
-__all__ = ["contact_stream", "latency_trace", "level_stream"]
+__all__ = ["Touching", "contact_stream", "latency_trace", "level_stream"]
 
 
 def latency_trace(
@@ -54,12 +56,37 @@ def latency_trace(
     )
 
 
+class Touching:
+    """Knows which fingers are in contact while each is measured by a thread of its own.
+
+    Whether a finger is loaded when a picture is measured hangs on how far the other threads are: it is recorded with
+    the picture, so that a replay measures alike.
+    """
+
+    def __init__(self) -> None:
+        self._since_ns: dict[str, int] = {}
+
+    def note(self, finger: str, contact: Contact) -> None:
+        """Take note of a finger's newest contact."""
+        t_ns, metrics = contact
+        if metrics.in_contact:
+            self._since_ns[finger] = t_ns
+        else:
+            self._since_ns.pop(finger, None)
+
+    def beside(self, finger: str, t_ns: int) -> bool:
+        """Return whether another finger is in contact by a picture that is not older than 100 ms at a time."""
+        others = tuple(self._since_ns.items())  # threads note meanwhile
+        return any(other != finger and t_ns - seen_ns <= STALE_NS for other, seen_ns in others)
+
+
 def contact_stream(
     stack: ExitStack,
     name: str,
     finger: Finger,
     *,
     metric: Callable[[], Metric],
+    touching: Touching,
     start_ns: int,
     trace: LatencyTrace | None,
     bell: Bell | None,
@@ -76,21 +103,41 @@ def contact_stream(
     if trace is not None and live:
         told["stamp"] = trace.source(name)
 
-    def see(frame: TactileFrame) -> None:
-        if bus.wants(Picture):
-            bus.publish(picture_of(name, frame, live=live, start_ns=start_ns))
-
     def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
-        return measured_contacts(
+        stage = metric()
+        newest: TactileFrame | None = None
+
+        def see(frame: TactileFrame) -> None:
+            nonlocal newest
+            newest = frame
+            # The fingers of a recording are read apart from each other: what the others feel is not known in time.
+            stage.loaded = live and touching.beside(name, frame.t_ns - start_ns)
+            if bus.wants(Picture):
+                bus.publish(picture_of(name, frame, live=live, start_ns=start_ns, loaded=stage.loaded))
+
+        contacts = measured_contacts(
             finger.source,
             finger.baseline,
-            metric(),
+            stage,
             finger.report,
             start_ns=start_ns,
             stopped=stopped,
             see=see,
             **told,
         )
+        while True:
+            try:
+                contact = next(contacts)
+            except StopIteration as end:
+                end_ns: int = end.value
+                return end_ns
+            touching.note(name, contact)
+            if newest is not None and bus.wants(MeasuredPicture):
+                t_ns, metrics = contact
+                bus.publish(
+                    MeasuredPicture(finger=name, t_ns=t_ns, image=newest.image, metrics=metrics, metric=stage)
+                )
+            yield contact
 
     if not live:
         read = PulledStream(ReadAhead(name, produce))

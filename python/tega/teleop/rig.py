@@ -14,6 +14,7 @@ from tega.inbox.prepared import Prepared
 from tega.priority import ahead_of_others
 from tega.safety.guard import Guard
 from tega.safety.states import Transition
+from tega.stages.base import MeasuredPicture
 from tega.teleop.arm import Steering, open_arm
 from tega.teleop.beside import open_beside
 from tega.teleop.pacing import refuse_live
@@ -108,8 +109,9 @@ def open_rig(
     if station is not None:
         prepared = station.prepared(prepared)
     prepared = on_prepared(prepared)
-    if recording is not None:
+    if recording is not None or bus.wants(MeasuredPicture):
         prepared = to_be_read(prepared)
+    if recording is not None:
         open_beside(stack, config, prepared, bus)
     sinks = open_sinks(stack, config, prepared, bus)
     inputs = open_inputs(stack, config)

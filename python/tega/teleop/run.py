@@ -16,7 +16,7 @@ from tega.records import Alert, RunState, Value
 from tega.stages.choose import finger_metric
 from tega.teleop.collector import settle
 from tega.teleop.feedback import touch_loop
-from tega.teleop.flows import contact_stream, latency_trace, level_stream
+from tega.teleop.flows import Touching, contact_stream, latency_trace, level_stream
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
@@ -105,6 +105,7 @@ def run_loop(
         station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
         flows.callback(station.end)
     _steer(flows, rig, start_ns)
+    touching = Touching()
     loop = DualLoop(
         pacer=pacer,
         touch=touch_loop(config, prepared.calibration, prepared.fingers),
@@ -114,6 +115,7 @@ def run_loop(
                 name,
                 finger,
                 metric=partial(_metric, rig, name),
+                touching=touching,
                 start_ns=start_ns,
                 trace=trace,
                 bell=bell,

@@ -5,42 +5,81 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import MissingExtraError
 from tega.tactile import ContactMetrics
+from tega.view.state import TouchImage
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-__all__ = ["Course", "TouchPicture", "draw_course", "draw_touch", "new_figure", "session_figure"]
+    from tega.calibration import TouchMaxima
+    from tega.stages.base import MeasuredPicture, TouchMap
+
+__all__ = [
+    "Course",
+    "Firmest",
+    "TouchPicture",
+    "draw_course",
+    "draw_map",
+    "draw_touch",
+    "new_figure",
+    "session_figure",
+]
+
+# Under this a map is not stretched to white.
+_LEAST_TOP = {"mm": 0.02, "grey": 1.0}
 
 CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
 
 
-@dataclass(frozen=True)
-class TouchPicture:
+class TouchPicture(NamedTuple):
     """One finger's contact as Fig 3 shows it.
 
-    Args:
-        frame: The camera picture, uint8 (H, W, 3), BGR.
-        pressure: The pressure map, grey values, float32 (H, W).
-        mask: The pixels that EDA counts, bool (H, W).
-        metrics: The contact metrics of the frame.
+    Attributes:
+        touch: Its picture, metrics and map.
         cci_norm: CCI over its maximum, 0 to 1.
         eda_norm: EDA over its maximum, 0 to 1.
     """
 
-    frame: NDArray[np.uint8]
-    pressure: NDArray[np.float32]
-    mask: NDArray[np.bool_]
-    metrics: ContactMetrics
+    touch: TouchImage
     cci_norm: float
     eda_norm: float
+
+
+class Firmest:
+    """Keeps each finger's picture at its firmest, when the sum of its touch map was largest.
+
+    Subscribe :meth:`take` to a bus.
+
+    Attributes:
+        images: By finger; one that never touched is missing.
+    """
+
+    def __init__(self) -> None:
+        self.images: dict[str, TouchImage] = {}
+
+    def take(self, picture: MeasuredPicture) -> None:
+        """Look at a picture that has just been measured; its map is asked for if it is the firmest so far."""
+        before = self.images.get(picture.finger)
+        if picture.metrics.in_contact and (before is None or picture.metrics.mass > before.metrics.mass):
+            image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
+            self.images[picture.finger] = image
+
+    def picture(self, finger: str, maxima: TouchMaxima | None, baseline: NDArray[np.uint8]) -> TouchPicture:
+        """Return a finger's firmest contact, ready to be drawn; the untouched gel where it never touched."""
+        touch = self.images.get(finger, TouchImage(baseline))
+        full = (None, None) if maxima is None else (maxima.cci_max, maxima.eda_max)
+        shares = (
+            min(value / (most or np.inf), 1.0)
+            for value, most in zip((touch.metrics.cci, touch.metrics.eda), full, strict=True)
+        )
+        return TouchPicture(touch, *shares)
 
 
 @dataclass(frozen=True)
@@ -63,27 +102,37 @@ class Course:
 
 
 def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None:
-    """Draw the camera picture into ``axes[0]`` and the pressure map with its marks into ``axes[1]``.
+    """Draw the camera picture into ``axes[0]`` and the metric's map with its marks into ``axes[1]``.
 
-    Green circle: the peak, which is the brightest pixel (`paper`) or the middle of the highest dent (`live`).
+    Green circle: the peak, which is the brightest pixel (`paper`) or the middle of the contact (`live`).
     Blue line: the border of the pixels that EDA counts.
     """
     for ax in axes:
         ax.set_xticks([])
         ax.set_yticks([])
     camera, touch = axes
-    camera.imshow(picture.frame[..., ::-1])
+    frame, metrics, touch_map = picture.touch
+    camera.imshow(frame[..., ::-1])
     camera.set_title(finger, fontsize=10, loc="left")
-    top = max(float(picture.pressure.max()), 1.0)
-    touch.imshow(picture.pressure / top, cmap="gray", vmin=0, vmax=1)
-    if picture.metrics.in_contact:
-        if picture.mask.any() and not picture.mask.all():
-            touch.contour(picture.mask, levels=[0.5], colors=["#3b8cff"], linewidths=1.4)
-        touch.plot(*picture.metrics.peak_xy, "o", ms=11, mfc="none", mec="#27d045", mew=1.8)
-        caption = f"CCI {picture.cci_norm:.2f}   EDA {picture.eda_norm:.2f}"
-    else:
-        caption = "no contact"
+    draw_map(touch, frame.shape, metrics, touch_map)
+    caption = (
+        f"CCI {picture.cci_norm:.2f}   EDA {picture.eda_norm:.2f}" if metrics.in_contact else "no contact"
+    )
     touch.set_title(caption, fontsize=9)
+
+
+def draw_map(ax: Axes, shape: tuple[int, ...], metrics: ContactMetrics, touch_map: TouchMap | None) -> None:
+    """Draw a metric's map over the area of a picture of a shape, with the marks of a contact."""
+    height, width = shape[:2]
+    values = np.zeros((1, 1)) if touch_map is None else touch_map.height
+    top = max(float(values.max()), _LEAST_TOP.get("" if touch_map is None else touch_map.unit, 1.0))
+    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+    ax.imshow(values / top, cmap="gray", vmin=0, vmax=1, extent=extent, interpolation="nearest")
+    if not metrics.in_contact:
+        return
+    if touch_map is not None and touch_map.mask.any() and not touch_map.mask.all():
+        ax.contour(touch_map.mask, levels=[0.5], colors=["#3b8cff"], linewidths=1.4)
+    ax.plot(*metrics.peak_xy, "o", ms=11, mfc="none", mec="#27d045", mew=1.8)
 
 
 def draw_course(ax: Axes, course: Course) -> None:

@@ -1,113 +1,69 @@
-"""The picture of a finished run, from its tables and its sources."""
+"""The picture of a run: each finger's firmest contact, and the course of touch and pose, kept as the run goes by."""
 
 from __future__ import annotations
 
-import csv
-from collections import defaultdict
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tega.devices.base import SkippingSource, TactileSource
-from tega.devices.registry import driver_class
-from tega.tactile import contact_mask, pressure_map, read_contact
-from tega.teleop.baseline import find_baseline
-from tega.view.figures import Course, TouchPicture, session_figure
+from tega.records import Contact, Intent
+from tega.stages.base import MeasuredPicture
+from tega.view.figures import Course, Firmest, TouchPicture, new_figure, session_figure
 
 if TYPE_CHECKING:
-    from tega.config import SessionConfig
+    from tega.bus import Bus
 
-__all__ = ["write_figure"]
-
-
-class _Firmest(NamedTuple):
-    """The frame of a finger with the largest contact."""
-
-    seq: int
-    cci_norm: float
-    eda_norm: float
+__all__ = ["SessionPicture"]
 
 
-def write_figure(config: SessionConfig, folder: Path, path: Path, *, title: str) -> None:
-    """Draw a run on recorded or simulated input: each finger's firmest contact, and the course of touch and pose.
+class SessionPicture:
+    """Keeps what the picture of a run needs; give its bus to ``run_session``.
 
     Args:
-        config: The settings the run was made with; its sources are read again.
-        folder: The run's output folder.
-        path: The PNG to write.
-        title: Heading.
+        bus: Tells what is measured and felt.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
-        RecordingError: A source can no longer be read.
     """
-    contacts = list(_rows(folder / "contacts.csv"))
-    pictures = {}
-    for finger, firmest in _firmest(contacts).items():
-        section = config.tactile.in_use()[finger]
-        driver: Any = driver_class(section.driver, "tactile")
-        source: TactileSource = driver(section.options)
-        with source:
-            baseline, _ = find_baseline(source, section.baseline, finger=finger)
-            frame = _frame(source, firmest.seq)
-        reading = config.session.preset
-        pictures[finger] = TouchPicture(
-            frame=frame,
-            pressure=pressure_map(frame, baseline, reading=reading),
-            mask=contact_mask(frame, baseline, reading=reading),
-            metrics=read_contact(frame, baseline, reading=reading),
-            cci_norm=firmest.cci_norm,
-            eda_norm=firmest.eda_norm,
+
+    def __init__(self, bus: Bus) -> None:
+        new_figure(figsize=(1, 1))  # what cannot be drawn is said before the run, not after it
+        self._firmest = Firmest()
+        self._felt: dict[str, tuple[float, float, float]] = {}
+        self._touch: dict[int, list[tuple[float, float]]] = {}
+        self._levels: list[tuple[int, int]] = []
+        bus.subscribe(MeasuredPicture, self._firmest.take, name="picture")
+        bus.subscribe(Contact, self._contact, name="picture")
+        bus.subscribe(Intent, lambda intent: self._levels.append((intent.t_ns, intent.level)), name="picture")
+
+    def _contact(self, contact: Contact) -> None:
+        touching = self._touch.setdefault(contact.t_ns, [])
+        if contact.in_contact:
+            touching.append((contact.cci_norm, contact.eda_norm))
+        if contact.in_contact and contact.mass > self._felt.get(contact.finger, (0.0, 0.0, 0.0))[0]:
+            self._felt[contact.finger] = contact.mass, contact.cci_norm, contact.eda_norm
+
+    def write(self, path: Path, title: str) -> None:
+        """Draw the run into a PNG file; a finger that never touched is left out.
+
+        Args:
+            path: The file to write.
+            title: Heading.
+        """
+        pictures = {
+            finger: TouchPicture(image, *self._felt.get(finger, (0.0, 0.0, 0.0))[1:])
+            for finger, image in self._firmest.images.items()
+        }
+        times = sorted(self._touch)
+        means = [np.mean(self._touch[t], axis=0) if self._touch[t] else np.zeros(2) for t in times]
+        touch = np.array(means, np.float64).reshape(-1, 2)
+        levels = np.array(self._levels, np.int64).reshape(-1, 2)
+        course = Course(
+            touch_t_s=np.array(times) / 1e9,
+            cci_norm=touch[:, 0],
+            eda_norm=touch[:, 1],
+            level_t_s=levels[:, 0] / 1e9,
+            level=levels[:, 1],
         )
-    levels = list(_rows(folder / "levels.csv"))
-    touch = _mean_over_contacts(contacts)
-    course = Course(
-        touch_t_s=touch[:, 0],
-        cci_norm=touch[:, 1],
-        eda_norm=touch[:, 2],
-        level_t_s=np.array([float(row["t_s"]) for row in levels]),
-        level=np.array([int(row["fused"]) for row in levels], np.int64),
-    )
-    session_figure(path, pictures, course, title)
-
-
-def _rows(path: Path) -> Iterator[dict[str, Any]]:
-    if path.is_file():
-        with path.open(newline="", encoding="utf-8") as file:
-            yield from csv.DictReader(file)
-
-
-def _firmest(contacts: list[dict[str, Any]]) -> dict[str, _Firmest]:
-    seen: dict[str, int] = defaultdict(int)
-    best: dict[str, tuple[int, _Firmest]] = {}
-    for row in contacts:
-        finger, area = row["finger"], int(row["eda"])
-        if finger not in best or area > best[finger][0]:
-            firmest = _Firmest(seen[finger], float(row["cci_norm"]), float(row["eda_norm"]))
-            best[finger] = (area, firmest)
-        seen[finger] += 1
-    return {finger: firmest for finger, (_, firmest) in best.items()}
-
-
-def _frame(source: TactileSource, seq: int) -> NDArray[np.uint8]:
-    if isinstance(source, SkippingSource):
-        source.skip(seq)
-    while (frame := source.read(0.0)) is None or frame.seq < seq:
-        pass
-    return frame.image
-
-
-def _mean_over_contacts(contacts: list[dict[str, Any]]) -> NDArray[np.float64]:
-    """Return time, CCI and EDA (shares of their maxima), each the mean over the fingers in contact; 0 without one."""
-    at: dict[str, list[tuple[float, float]]] = {}
-    for row in contacts:
-        touching = at.setdefault(row["t_s"], [])
-        if row["in_contact"] == "1":
-            touching.append((float(row["cci_norm"]), float(row["eda_norm"])))
-    course = [
-        (float(t), *(np.mean(touching, axis=0) if touching else (0.0, 0.0))) for t, touching in at.items()
-    ]
-    return np.array(course, np.float64).reshape(-1, 3)
+        session_figure(path, pictures, course, title)

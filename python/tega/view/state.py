@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
+from tega.tactile import ContactMetrics
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.tactile import Reading
+    from tega.stages.base import TouchMap
     from tega.teleop.moment import LoopView
 
 __all__ = ["EmgTail", "Shape", "ShapeKind", "TouchImage", "ViewState"]
@@ -30,17 +32,17 @@ a cylinder or capsule; half lengths in x and y of a plane. Colour: red, green, b
 
 
 class TouchImage(NamedTuple):
-    """A fingertip's picture.
+    """A fingertip's picture, and what the run's own metric made of it.
 
     Attributes:
         frame: uint8 (H, W, 3), BGR.
-        baseline: The untouched gel, same shape.
-        reading: How the touch map and its marks are read.
+        metrics: What was measured in it; no contact where that is not known.
+        map: Map and outline of the metric; ``None`` where it has none, or measured somewhere else.
     """
 
     frame: NDArray[np.uint8]
-    baseline: NDArray[np.uint8]
-    reading: Reading
+    metrics: ContactMetrics = ContactMetrics()
+    map: TouchMap | None = None
 
 
 class EmgTail(NamedTuple):

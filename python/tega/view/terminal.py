@@ -14,8 +14,9 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from tega.haptics import CONTACT_RULES, FINGERS, contact_type
+from tega.haptics import CONTACT_RULES, FINGERS
 from tega.teleop.touch import STALE_NS
+from tega.view.labels import ContactLabels
 from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def _bar(share: float, colour: str, width: int = _BAR_WIDTH) -> Text:
     return Text("█" * filled, style=colour) + Text("─" * (width - filled), style="grey37")
 
 
-def _touch(view: LoopView) -> Table:
+def _touch(view: LoopView, labels: ContactLabels) -> Table:
     table = Table(box=None, padding=(0, 1), expand=False)
     for name in ("", "CCI (front)", "EDA (back)", "contact"):
         table.add_column(name, no_wrap=True)
@@ -56,7 +57,7 @@ def _touch(view: LoopView) -> Table:
             # Never the last value: nobody knows what is so now.
             table.add_row(finger, Text("no data", style="bold yellow"))
             continue
-        kind = contact_type(felt.cci_norm, felt.eda_norm) if contact.in_contact else "none"
+        kind = labels.name(finger, felt, in_contact=contact.in_contact)
         table.add_row(
             finger,
             _bar(felt.cci_norm, "blue") + Text(f" {felt.front:3.0f}"),
@@ -155,6 +156,7 @@ def render(
     rates_hz: Mapping[str, float],
     rows: Mapping[str, str] = {},
     age_s: float = 0.0,
+    labels: ContactLabels | None = None,
 ) -> RenderableType:
     """Draw one moment of the loop.
 
@@ -164,6 +166,7 @@ def render(
         rates_hz: Measured rates to show, by name.
         rows: What else to tell, by name; one line in all.
         age_s: How old the moment is; an old one is told to be, unless it is the last.
+        labels: Names the contacts, and remembers what it called them.
     """
     late = age_s >= NO_NEWS_S and view.state != "stopped"
     rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
@@ -175,7 +178,7 @@ def render(
         ),
         *([_state(view, late=late)] if view.state else []),
         *([_task(rows)] if rows else []),
-        _touch(view),
+        _touch(view, labels or ContactLabels()),
         Text(f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}", style="grey50"),
         _vest(view.vest),
         _intent(view),
@@ -213,6 +216,7 @@ class TerminalView:
         self._drawn_s = -_REFRESH_S
         self._counted: tuple[float, dict[str, int]] | None = None
         self._rates_hz: dict[str, float] = {}
+        self._labels = ContactLabels()
 
     def __enter__(self) -> Self:
         """Take the screen."""
@@ -236,7 +240,14 @@ class TerminalView:
         self._drawn_s = now_s
         self._measure(now_s, view)
         try:
-            drawn = render(view, title=self._title, rates_hz=self._rates_hz, rows=rows, age_s=age_s)
+            drawn = render(
+                view,
+                title=self._title,
+                rates_hz=self._rates_hz,
+                rows=rows,
+                age_s=age_s,
+                labels=self._labels,
+            )
         except Exception as error:  # the run goes on, and its state is told all the same
             drawn = Text(f"{view.state.upper()}  not drawn: {type(error).__name__}: {error}", "bold red")
         self._live.update(drawn, refresh=True)

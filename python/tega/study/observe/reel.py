@@ -1,4 +1,4 @@
-"""What of a trial's recording a rater is shown: the fingertips' pictures and the hand, at any moment of the trial.
+"""What of a trial's recording a rater is shown: the fingertips' pictures, the contacts in them, and the hand.
 
 Nothing else of the recording is read: not what the vest was told nor whether it was on, not the settings, and no muscle
 signal, in which motors that turn could be seen.
@@ -17,16 +17,17 @@ import numpy as np
 
 from tega.errors import RecordingError, TegaError
 from tega.hand import JOINT_NAMES
+from tega.inbox.sources import metrics_of
+from tega.records import Contact
+from tega.records.schema import read
 from tega.study.hand_rows import read_hand
+from tega.tactile import ContactMetrics
 from tega.teleop.moment import LoopView
 from tega.teleop.touch import STALE_NS
 from tega.view.state import TouchImage, ViewState
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tega.study.observe.recorded import RecordedTrial
-    from tega.tactile import Reading
 
 __all__ = ["Reel", "read_reel"]
 
@@ -41,10 +42,11 @@ _SHORT_NS = 500_000_000
 
 
 class _Strip:
-    """A fingertip's pictures as JPEG, rising in time."""
+    """A fingertip's pictures as JPEG, rising in time, and what the run measured in each, by its time."""
 
-    def __init__(self, baseline: NDArray[np.uint8]) -> None:
-        self.baseline = baseline
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.shape = shape
+        self.metrics: dict[int, ContactMetrics] = {}
         self.t_ns: list[int] = []
         self.jpegs: list[bytes] = []
 
@@ -61,7 +63,6 @@ class Reel:
     """A recording, ready to be looked at. Times count from the trial's start.
 
     Args:
-        reading: How touch maps are read.
         strips: Pictures by finger.
         hand_t_ns: Times of the hand's angles, rising.
         angles_rad: Its 16 joint angles at those times.
@@ -72,14 +73,12 @@ class Reel:
     def __init__(
         self,
         *,
-        reading: Reading = "live",
         strips: dict[str, _Strip] | None = None,
         hand_t_ns: Sequence[int] = (),
         angles_rad: Sequence[Sequence[float]] = (),
         truth_t_ns: Sequence[int] = (),
         truth: Sequence[Truth] = (),
     ) -> None:
-        self._reading = reading
         self._strips = strips or {}
         self._hand_t_ns, self._angles = hand_t_ns, angles_rad
         self._truth_t_ns, self._truth = truth_t_ns, truth
@@ -124,9 +123,12 @@ class Reel:
             import cv2
 
             frame: Any = cv2.imdecode(np.frombuffer(strip.jpegs[place], np.uint8), cv2.IMREAD_COLOR)
-            if frame is None or frame.shape != strip.baseline.shape:
+            if frame is None or frame.shape != strip.shape:
                 return None
-            self._decoded[finger] = place, TouchImage(frame, strip.baseline, self._reading)
+            self._decoded[finger] = (
+                place,
+                TouchImage(frame, strip.metrics.get(strip.t_ns[place], ContactMetrics())),
+            )
         return self._decoded[finger][1]
 
 
@@ -145,7 +147,6 @@ def read_reel(trial: RecordedTrial) -> Reel:
 
 def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     """Read an MCAP file once, from its beginning to its end."""
-    from tega.calibration.store import parse_calibration
     from tega.lifecycle import require
     from tega.recording.mcap_reader import McapReader
 
@@ -157,7 +158,9 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     pictures: dict[str, Any] = {}
     newest_ns = 0
     try:
-        for message in reader.messages(lambda topic: topic.endswith(("/image", "/frame", "/hand/joints"))):
+        for message in reader.messages(
+            lambda topic: topic.endswith(("/image", "/frame", "/contact", "/hand/joints"))
+        ):
             since_ns = message.log_ns - int(reader.metadata["tega"]["epoch_ns"]) - trial.zero_ns
             newest_ns = max(newest_ns, since_ns)
             if message.schema in {"foxglove.RawImage", "foxglove.CompressedImage"}:
@@ -165,10 +168,14 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
             elif message.schema == "foxglove.JointStates":
                 hand_t_ns.append(since_ns)
                 angles.append(_angles(message.value))
-            elif message.schema == "tega.Frame":
+            elif message.schema in {"tega.Frame", "tega.Contact"}:
                 finger = message.topic.split("/")[2]
                 if finger not in strips:
-                    strips[finger] = _Strip(np.load(io.BytesIO(reader.files[f"baseline-{finger}.npy"])))
+                    strips[finger] = _Strip(np.load(io.BytesIO(reader.files[f"baseline-{finger}.npy"])).shape)
+                if message.schema == "tega.Contact":
+                    contact = read(Contact, message.value, finger=finger)
+                    strips[finger].metrics[contact.t_ns - trial.zero_ns] = metrics_of(contact)
+                    continue
                 _keep(strips[finger], message.value.t_ns - trial.zero_ns, pictures.pop(finger, None), cv2)
     except TegaError:
         raise
@@ -178,13 +185,12 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
         raise RecordingError(f"{path.name} is damaged or was never finished")
     try:
         began_ns = int(reader.metadata["tega"]["start_ns"])
-        reading = parse_calibration(reader.files["calibration.toml"].decode(), path.name).preset
     except (KeyError, ValueError) as error:
         raise RecordingError(f"{path.name} is damaged: {error}") from error
     if abs(began_ns - (trial.start_ns - trial.zero_ns)) > _FAR_NS:
         raise RecordingError(f"{path.name} is of another trial: it was begun at another time")
     _reaches(trial, newest_ns)
-    return Reel(reading=reading, strips=strips, hand_t_ns=hand_t_ns, angles_rad=angles)
+    return Reel(strips=strips, hand_t_ns=hand_t_ns, angles_rad=angles)
 
 
 def _angles(states: Any) -> list[float]:

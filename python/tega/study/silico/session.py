@@ -174,10 +174,10 @@ def _picture(folder: Path, trial: PlannedTrial, streams: Streams, lab: Lab) -> N
     found = streams.firmest()
     if found is None:
         return
-    finger, frame = found
+    finger, touch = found
     full = lab.touch[finger]
     picture = FingerPicture(
-        finger, lab.preset, lab.baselines[finger], frame, full.cci_max or 0.0, full.eda_max or 0.0
+        finger, lab.preset, lab.baselines[finger], touch, full.cci_max or 0.0, full.eda_max or 0.0
     )
     write_touch_picture(picture_path(folder, trial), picture)
 

@@ -1,7 +1,8 @@
 """What a session has to show beyond the loop's own view: pictures, muscle signal, hand.
 
-Of a live sensor the bus tells the frames that are measured. Of a recording they may have been measured
-before the run; its pictures are read a second time, at the page's own pace, by the thread that paints.
+The bus tells every picture that is measured, in the thread that measures it, which asks the metric for its map there
+and then: what is drawn is what the loop was given, and the loop's own thread has no part in it. Pictures of a
+recording come ahead of the run's time and wait for it here.
 """
 
 from __future__ import annotations
@@ -11,18 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.devices.base import SkippingSource, TactileFrame, TactileSource
-from tega.devices.registry import driver_class
 from tega.records import EmgSamples, Picture
+from tega.stages.base import MeasuredPicture
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.hand_figure import HandFigure
 from tega.view.state import EmgTail, TouchImage, ViewState
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tega.bus import Bus
-    from tega.config import SessionConfig, TactileConfig
     from tega.inbox.prepared import Muscles, Prepared
 
 __all__ = ["SessionFeed"]
@@ -31,6 +28,8 @@ __all__ = ["SessionFeed"]
 _KEPT_S = 5.0
 # A recording is read ahead of the run's time, by no more than this.
 _AHEAD_S = 10.0
+# Pictures of a finger that wait to be shown; a recording's thread is at most 64 ahead, the rest is for a slow page.
+_MOST_PICTURES = 128
 
 
 class SessionFeed:
@@ -39,30 +38,27 @@ class SessionFeed:
     Give the bus and :meth:`watch` (as ``on_prepared``) to ``run_session``, and :meth:`complete` to the view.
 
     Args:
-        config: The session's settings.
         rows: Lines of text to show.
         bus: Tells pictures and samples.
     """
 
-    def __init__(self, config: SessionConfig, rows: dict[str, str], bus: Bus) -> None:
-        self._config = config
+    def __init__(self, rows: dict[str, str], bus: Bus) -> None:
         self._rows = rows
         self._figure = HandFigure()
-        self._pictures: dict[str, _Live | _Reread] = {}
+        self._pictures: dict[str, _Pictures] = {}
         self._prepared: Prepared | None = None
         self._chunks: deque[EmgSamples] = deque()
         self._n_kept, self._live_emg, self._emg_unit = 0.0, False, ""
         bus.subscribe(Picture, self._see, name="page")
+        bus.subscribe(MeasuredPicture, self._measured, name="page")
         bus.subscribe(EmgSamples, self._hear, name="page")
 
     def watch(self, prepared: Prepared) -> Prepared:
         """Take note of what a run starts with, and return it."""
-        sections = self._config.tactile.in_use()
         for name, finger in prepared.fingers.items():
-            if finger.source.info.live:
-                self._pictures[name] = _Live()
-            elif name in sections:  # a session that is played has no pictures to be read
-                self._pictures[name] = _Reread(sections[name])
+            info = finger.source.info
+            # What another station measured comes as a picture alone.
+            self._pictures[name] = _Pictures(live=info.live, measured=finger.stream is None)
         if (muscles := prepared.muscles) is not None:
             # Asked here once, not by the thread that paints: the source is the reader's from now on.
             info = muscles.source.info
@@ -76,11 +72,11 @@ class SessionFeed:
         if (prepared := self._prepared) is None:
             return state
         images = {}
-        for name, finger in prepared.fingers.items():
-            pictures = self._pictures.get(name)
-            image = None if pictures is None else pictures.at(state.t_ns)
-            if image is not None and image.shape == finger.baseline.shape:
-                images[name] = TouchImage(image, finger.baseline, self._config.session.preset)
+        for name, pictures in self._pictures.items():
+            if (image := pictures.at(state.t_ns)) is not None:
+                if not pictures.measured and name in state.loop.contacts:
+                    image = image._replace(metrics=state.loop.contacts[name][1])
+                images[name] = image
         shapes = poses = None
         if (angles := state.loop.angles_rad) is not None:
             shapes, poses = self._figure.shapes, self._figure.poses(angles)
@@ -98,15 +94,15 @@ class SessionFeed:
             latency_ms={"picture to vest": float(np.mean(ages_ms))} if ages_ms else {},
         )
 
-    def close(self) -> None:
-        """Close what was opened to read pictures again."""
-        for pictures in self._pictures.values():
-            pictures.close()
-
     def _see(self, picture: Picture) -> None:
         shown = self._pictures.get(picture.finger)
-        if isinstance(shown, _Live):
-            shown.image = picture.image
+        if shown is not None and not shown.measured:
+            shown.put(picture.t_ns, TouchImage(picture.image))
+
+    def _measured(self, picture: MeasuredPicture) -> None:
+        if (shown := self._pictures.get(picture.finger)) is not None:
+            image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
+            shown.put(picture.t_ns, image)
 
     def _hear(self, chunk: EmgSamples) -> None:
         """Keep the newest signal and no more, whether or not anybody paints it."""
@@ -130,46 +126,24 @@ class SessionFeed:
         return EmgTail(samples, maxima.rate_hz, full_scale, maxima.kind, self._emg_unit)
 
 
-class _Live:
-    """The newest picture of a sensor."""
+class _Pictures:
+    """The pictures of a finger that are there: put in by the thread that measures, shown by the one that paints.
 
-    def __init__(self) -> None:
-        self.image: NDArray[np.uint8] | None = None
+    Attributes:
+        measured: Whether they are measured in this run.
+    """
 
-    def at(self, t_ns: int) -> NDArray[np.uint8] | None:  # noqa: ARG002  # a sensor has no past
-        return self.image
+    def __init__(self, *, live: bool, measured: bool) -> None:
+        self.measured = measured
+        self._live = live
+        self._waiting: deque[tuple[int, TouchImage]] = deque(maxlen=1 if live else _MOST_PICTURES)
+        self._shown: TouchImage | None = None
 
-    def close(self) -> None:
-        self.image = None
+    def put(self, t_ns: int, image: TouchImage) -> None:
+        self._waiting.append((t_ns, image))
 
-
-class _Reread:
-    """A recording, read once more as far as time has come; pictures in between are passed over where that is cheap."""
-
-    def __init__(self, section: TactileConfig) -> None:
-        self._source: TactileSource = driver_class(section.driver, "tactile")(section.options)
-        self._source.open()
-        self._newest: TactileFrame | None = None
-        self._next = 0
-
-    def at(self, t_ns: int) -> NDArray[np.uint8] | None:
-        source, rate_hz = self._source, self._source.info.rate_hz
-        if rate_hz and isinstance(source, SkippingSource):
-            wanted = int(t_ns * 1e-9 * rate_hz + 1e-6)
-            if wanted > self._next:
-                source.skip(wanted - self._next)
-                self._next = wanted
-            if wanted == self._next and not source.ended:
-                self._newest = source.read(0.0) or self._newest
-                self._next += 1
-            return self._shown
-        while (self._newest is None or self._newest.t_ns < t_ns) and not source.ended:
-            self._newest = source.read(0.0) or self._newest
+    def at(self, t_ns: int) -> TouchImage | None:
+        """Return the newest one by a time; a sensor has no past."""
+        while self._waiting and (self._live or self._waiting[0][0] <= t_ns):
+            self._shown = self._waiting.popleft()[1]
         return self._shown
-
-    @property
-    def _shown(self) -> NDArray[np.uint8] | None:
-        return None if self._newest is None else self._newest.image
-
-    def close(self) -> None:
-        self._source.close()

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.haptics import FINGERS, contact_type
+from tega.haptics import FINGERS
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.view.browser.vest import vest_svg
+from tega.view.labels import ContactLabels
 from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class Page:
     ) -> None:
         gui = server.gui
         self._server, self._blind = server, controls is None
-        self._sheet = TouchSheet()
+        self._sheet, self._labels = TouchSheet(), ContactLabels()
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
@@ -151,7 +152,7 @@ class Page:
                 self.status.content = _status(state)
             elif turn == 1:
                 self.paint_text(state)
-                self._captions.content = _captions(state)
+                self._captions.content = _captions(state, self._labels)
                 self._vest.content = vest_svg(state.loop.vest)
                 self._rates.content = _rates(rates_hz, latency_ms)
             else:
@@ -272,7 +273,7 @@ def _status(state: ViewState) -> str:
     return f'<table style="{_FONT};margin:2px 8px;line-height:1.5">{lines}</table>'
 
 
-def _captions(state: ViewState) -> str:
+def _captions(state: ViewState, labels: ContactLabels) -> str:
     cells = []
     for finger, felt in zip(FINGERS, state.loop.felt, strict=True):
         contact = state.loop.contacts.get(finger)
@@ -281,7 +282,7 @@ def _captions(state: ViewState) -> str:
         elif state.t_ns - contact[0] > STALE_NS:
             text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
         else:
-            kind = contact_type(felt.cci_norm, felt.eda_norm) if contact[1].in_contact else "none"
+            kind = labels.name(finger, felt, in_contact=contact[1].in_contact)
             word = "no contact" if kind == "none" else kind
             text = (
                 f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"

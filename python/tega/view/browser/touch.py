@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from tega.haptics import FINGERS
-from tega.tactile import contact_mask, pressure_map, read_contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,20 +24,22 @@ TILE_HEIGHT, TILE_WIDTH, GAP = 160, 120, 6
 # RGB.
 PEAK_GREEN, EDA_BLUE = (39, 208, 69), (59, 140, 255)
 _PAPER, _NO_SENSOR = 255, 236
-# Until a finger has been pressed harder, so many counts of the map are white: noise stays dark.
-_LEAST_WHITE = 12.0
+# Until a finger has been pressed harder, so much of the map is white: noise stays dark.
+_LEAST_WHITE = {"mm": 0.1, "grey": 12.0}
 _PEAK_RADIUS_PX = 5.0
 
 
 class TouchSheet:
     """Draws the fingers' pictures side by side, thumb first.
 
-    A touch map is grey, white being the most this finger has shown so far. Green circle: the peak. Blue line: the
-    border of the pixels that EDA counts; blue circle: a disc of their area at their middle.
+    A touch map is the metric's own, grey, white being the most this finger has shown so far: depth with ``live``,
+    pressure with ``paper``. Green circle: the peak. Blue line: the border of the pixels that EDA counts; blue circle: a
+    disc of their area at their middle. Where there is no map, as of a sensor at another station, the marks are on the
+    dimmed picture.
     """
 
     def __init__(self) -> None:
-        self._white = dict.fromkeys(FINGERS, _LEAST_WHITE)
+        self._white: dict[tuple[str, str], float] = {}
 
     def draw(self, images: Mapping[str, TouchImage]) -> NDArray[np.uint8]:
         """Return the sheet, uint8 (326, 498, 3), RGB; a finger without a picture is two grey tiles."""
@@ -59,20 +60,26 @@ class TouchSheet:
     def _map(
         self, tile: NDArray[np.uint8], finger: str, image: TouchImage, rows: Pixels, columns: Pixels
     ) -> None:
-        frame, baseline, reading = image
-        pressure = pressure_map(frame, baseline, reading)[rows, columns]
-        white = self._white[finger] = max(self._white[finger], float(pressure.max()))
-        tile[...] = (pressure * (255 / white)).astype(np.uint8)[..., None]
-        metrics = read_contact(frame, baseline, reading=reading)
+        frame, metrics, touch_map = image
+        if touch_map is None:
+            tile[...] = frame[rows, columns].mean(axis=2, keepdims=True) / 3
+        else:
+            height = touch_map.height[_nearest(touch_map.height.shape)]
+            kind = finger, touch_map.unit
+            least = _LEAST_WHITE.get(touch_map.unit, 1.0)
+            white = self._white[kind] = max(self._white.get(kind, least), float(height.max()))
+            tile[...] = (height * (255 / white)).astype(np.uint8)[..., None]
         if not metrics.in_contact:
             return
-        height, width = frame.shape[:2]
-        scale_x, scale_y = TILE_WIDTH / width, TILE_HEIGHT / height
-        mask = contact_mask(frame, baseline, reading)[rows, columns]
-        if n := int(np.count_nonzero(mask)):
+        scale_x, scale_y = TILE_WIDTH / frame.shape[1], TILE_HEIGHT / frame.shape[0]
+        middle_x, middle_y = (
+            at * scale for at, scale in zip(metrics.centroid_xy, (scale_x, scale_y), strict=True)
+        )
+        if touch_map is not None and (n := int(np.count_nonzero(mask := touch_map.mask[rows, columns]))):
             tile[_border(mask)] = EDA_BLUE
             middle_x = float(mask.sum(axis=0) @ np.arange(TILE_WIDTH)) / n
             middle_y = float(mask.sum(axis=1) @ np.arange(TILE_HEIGHT)) / n
+        if math.isfinite(middle_x + middle_y):
             _circle(tile, middle_x, middle_y, math.sqrt(metrics.eda / math.pi * scale_x * scale_y), EDA_BLUE)
         x, y = metrics.peak_xy
         _circle(tile, x * scale_x, y * scale_y, _PEAK_RADIUS_PX, PEAK_GREEN)
@@ -83,6 +90,12 @@ def _sampling(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:
     height, width = shape[:2]
     if height % TILE_HEIGHT == 0 and width % TILE_WIDTH == 0:
         return slice(None, None, height // TILE_HEIGHT), slice(None, None, width // TILE_WIDTH)
+    return _nearest(shape)
+
+
+def _nearest(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:
+    """Return the row and column of an array that is nearest to each pixel of a tile."""
+    height, width = shape[:2]
     rows = (np.arange(TILE_HEIGHT) * height // TILE_HEIGHT)[:, None]
     columns = (np.arange(TILE_WIDTH) * width // TILE_WIDTH)[None, :]
     return rows, columns

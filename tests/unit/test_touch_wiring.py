@@ -1,0 +1,361 @@
+"""The tracker in a run: told when other fingers are loaded, replayed to the bit, and drawn as it reads."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import ExitStack
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame, touching
+from reference.sessions import rewritten, stream
+from tega.bus import Bus
+from tega.calibration import Calibration, FingerMaxima, TouchMaxima
+from tega.calibration.known_press import Ball, fit_gel, held
+from tega.calibration.maxima import guided_maxima, touch_maxima
+from tega.calibration.store import calibration_text, parse_calibration
+from tega.config import StagesSection, check_tree, load_config
+from tega.devices.base import DeviceInfo, TactileFrame
+from tega.errors import CalibrationError
+from tega.haptics import contact_type, intensity
+from tega.inbox.prepared import Finger, Prepared
+from tega.inbox.sources import SourceReport
+from tega.records import Picture
+from tega.replay import replay_file
+from tega.sim.gel import Gel, ball
+from tega.stages import FingerSetup, VestSetup, find_layout
+from tega.stages.base import MeasuredPicture
+from tega.stages.choose import finger_metric, vest_mapping
+from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
+from tega.teleop import run_session
+from tega.teleop.flows import Touching, contact_stream
+from tega.teleop.touch import Felt
+from tega.view.labels import ContactLabels
+
+PERIOD_NS = 16_666_667
+# A finger is pressed from here to there; the other for the whole time.
+PRESSED = range(20, 70)
+N_FRAMES = 190
+
+
+@lru_cache
+def gel_frames(seed: int, *, held: bool) -> tuple[list[np.ndarray[Any, Any]], np.ndarray[Any, Any]]:
+    """Return the frames of a gel that keeps something after a release, and its baseline."""
+    gel = Gel(seed, memory=True)
+    baseline = np.rint(np.mean([gel.frame([], k).astype(float) for k in range(10)], axis=0)).astype(np.uint8)
+    gel.forget()
+    press = [ball(force_n=4.0)]
+    frames = [gel.frame(press if k in PRESSED or (held and k >= 20) else [], k) for k in range(N_FRAMES)]
+    return frames, baseline
+
+
+def measured(flags: list[bool]) -> list[Any]:
+    """Return what a metric says of the finger that is let go, told these flags."""
+    frames, baseline = gel_frames(3, held=False)
+    metric = LiveMetric(FingerSetup("ring", baseline), LiveOptions())
+    found = []
+    for k, (frame, loaded) in enumerate(zip(frames, flags, strict=True)):
+        metric.loaded = loaded
+        found.append(metric.update(frame, k * PERIOD_NS))
+    return found
+
+
+def test_no_rest_is_taken_anew_while_another_finger_is_loaded() -> None:
+    alone, loaded = measured([False] * N_FRAMES), measured([True] * N_FRAMES)
+    assert [c.in_contact for c in alone[30:70]] == [True] * 40
+    assert not any(c.in_contact for c in (*alone[80:], *loaded[80:]))
+    after = PRESSED.stop + 75  # longer than the second after which the rest is taken anew
+    assert repr(alone[: after - 20]) == repr(loaded[: after - 20])
+    assert alone[after].threshold != loaded[after].threshold
+
+
+def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
+    frames = [live_frame(k) for k in range(8)]
+    camera: Any = ScriptedCamera(frames)
+    finger = Finger(camera, frames[0].image, "given", SourceReport())
+    told: list[Picture] = []
+    given: list[bool] = []
+    bus, touched = Bus(), Touching()
+    bus.subscribe(Picture, told.append, vital=True)
+
+    class Listening(LiveMetric):
+        def update(self, frame: Any, t_ns: int) -> Any:
+            given.append(self.loaded)
+            if len(given) == 4:
+                touched.note("ring", (t_ns, touching(eda=50)))
+            return super().update(frame, t_ns)
+
+    with ExitStack() as stack:
+        contacts = contact_stream(
+            stack,
+            "thumb",
+            finger,
+            metric=lambda: Listening(FingerSetup("thumb", frames[0].image), LiveOptions()),
+            touching=touched,
+            start_ns=STARTED_NS,
+            trace=None,
+            bell=None,
+            bus=bus,
+        )
+        while not contacts.ended:
+            contacts.next_until(10**12)
+    assert [picture.loaded for picture in told] == given
+    # The fourth frame's metric heard of the ring; what is older than 100 ms says nothing.
+    assert given == [False] * 4 + [True] * 4
+    assert not touched.beside("ring", 0)
+    assert touched.beside("thumb", 48 * MS + 100 * MS)
+    assert not touched.beside("thumb", 48 * MS + 101 * MS)
+    touched.note("ring", (60 * MS, touching(eda=0)))
+    assert not touched.beside("thumb", 60 * MS)
+
+
+class _Sensor:
+    """A live sensor that gives a gel's frames at 60 a second."""
+
+    def __init__(self, frames: list[Any]) -> None:
+        self._frames, self._next, self._began_ns = frames, 0, 0
+        self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=True, rate_hz=60.0)
+
+    @property
+    def ended(self) -> bool:
+        return self._next == len(self._frames)
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        del timeout_s
+        k, self._next = self._next, self._next + 1
+        self._began_ns = self._began_ns or time.monotonic_ns()
+        due_ns = self._began_ns + k * PERIOD_NS
+        time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
+        return TactileFrame(due_ns, k, self._frames[k], f"frame {k}")
+
+
+@pytest.mark.slow
+def test_a_run_in_which_one_finger_holds_on_is_replayed_with_what_each_was_told(tmp_path: Path) -> None:
+    fingers = {}
+    for name, seed in (("thumb", 1), ("ring", 3)):
+        frames, baseline = gel_frames(seed, held=name == "thumb")
+        sensor: Any = _Sensor(frames)
+        fingers[name] = Finger(sensor, baseline, "given", SourceReport())
+    full = TouchMaxima(cci_max=1.0, eda_max=20_000.0)
+    calibration = Calibration(preset="live", origin="", tactile=FingerMaxima(thumb=full, ring=full))
+    tree = {
+        "session": {"pace": "real"},
+        "recording": {"dir": str(tmp_path / "run"), "lossless": True, "stop_free_mib": 0.0},
+    }
+    config = check_tree(tree, {}, base=tmp_path).config
+    summary = run_session(config, prepared=Prepared(fingers, None, calibration, ""))
+    path = tmp_path / "run" / summary["recording"]["file"]
+    assert replay_file(path).same
+
+    flags: dict[str, list[bool]] = {"thumb": [], "ring": []}
+
+    def forget(topic: str, value: Any) -> Any:
+        if topic.endswith("/frame") and topic.startswith("/tactile/"):
+            flags[topic.split("/")[2]].append(value.loaded)
+            value.loaded = False
+        return value
+
+    forgotten = rewritten(path, tmp_path / "forgotten.mcap", forget)
+    assert sum(flags["ring"]) > 100
+    assert 20 < sum(flags["thumb"]) < 80
+    assert stream(replay_file(forgotten), "/tactile/ring/contact").differ > 0
+
+
+def test_maps_are_those_of_the_picture_and_asking_for_them_changes_nothing() -> None:
+    frames, baseline = gel_frames(3, held=False)
+    plain = LiveMetric(FingerSetup("ring", baseline), LiveOptions())
+    drawn = LiveMetric(FingerSetup("ring", baseline), LiveOptions())
+    stop = threading.Event()
+
+    def paint() -> None:
+        """Ask from another thread, as a page might."""
+        while not stop.is_set():
+            drawn.touch_map()
+
+    painter = threading.Thread(target=paint)
+    painter.start()
+    try:
+        for k, frame in enumerate(frames):
+            contact = drawn.update(frame, k * PERIOD_NS)
+            assert repr(contact) == repr(plain.update(frame, k * PERIOD_NS))
+            touch_map = plain.touch_map()
+            assert np.count_nonzero(touch_map.mask) == contact.eda
+            assert (touch_map.height.max() > 0) == contact.in_contact
+    finally:
+        stop.set()
+        painter.join()
+
+
+def test_nothing_is_drawn_where_nobody_looks() -> None:
+    frames = [live_frame(k) for k in range(3)]
+    asked = []
+
+    class Asked(LiveMetric):
+        def touch_map(self) -> Any:
+            asked.append(threading.current_thread().name)
+            return super().touch_map()
+
+    for watched in (False, True):
+        camera: Any = ScriptedCamera(frames)
+        bus = Bus()
+        if watched:
+            bus.subscribe(MeasuredPicture, lambda picture: picture.metric.touch_map(), vital=True)
+        with ExitStack() as stack:
+            contacts = contact_stream(
+                stack,
+                "thumb",
+                Finger(camera, frames[0].image, "given", SourceReport()),
+                metric=lambda: Asked(FingerSetup("thumb", frames[0].image), LiveOptions()),
+                touching=Touching(),
+                start_ns=STARTED_NS,
+                trace=None,
+                bell=None,
+                bus=bus,
+            )
+            while not contacts.ended:
+                contacts.next_until(10**12)
+        # In the thread that measures: the loop's deadlines do not pay.
+        assert asked == (["tega-thumb"] * 3 if watched else [])
+
+
+def test_the_trend_of_a_press_can_be_felt_in_a_column() -> None:
+    gel = Gel(5)
+    baseline = gel.still()
+    config = load_config(
+        None,
+        environ={},
+        sets=[
+            "stages.metric.name=live",
+            "stages.metric.options.trend=rise",
+            "stages.mapping.name=columns",
+            "stages.mapping.options.front=trend_mm_s",
+            "stages.mapping.options.front_max=1.0",
+        ],
+    ).config
+    metric = finger_metric(config.stages, "live", "index", baseline)
+    setup = VestSetup(find_layout("paper32"), ("index",), {"index": {"eda": 20_000.0}})
+    mapping = vest_mapping(config.stages, "live")(setup)
+    rates, fronts = [], []
+    for k in range(150):  # a second of rest, half a second of pressing, holding, and letting go from 2 s on
+        force_n = 4.0 * min(max((k - 60) / 30, 0.0), 1.0) if k < 120 else max(4.0 - (k - 120) / 5, 0.0)
+        contact = metric.update(gel.frame([ball(force_n=force_n)], k), k * PERIOD_NS)
+        rates.append(next(v.value for v in contact.more if v.name == "trend_mm_s"))
+        fronts.append(mapping.columns("index", contact)[0])
+    assert max(rates[:60]) == 0.0
+    rising, held, easing = rates[68:90], rates[110:120], rates[125:140]
+    assert min(rising) > 5 * max(held)
+    assert max(held) < 0.1
+    assert max(easing) < 0.05
+    assert max(fronts[:60]) == 0.0
+    assert np.mean(fronts[70:88]) > 3 * np.mean(fronts[110:120])
+    both = LiveMetric(FingerSetup("index", baseline), LiveOptions(trend="change", trend_s=0.05))
+    assert LiveMetric.units(LiveOptions(trend="change")) == {"trend_mm_s": "mm/s"}
+    assert LiveMetric.units(LiveOptions()) == {}
+    gel.forget()
+    falls = [
+        both.update(gel.frame([ball(force_n=4.0)] if k < 30 else [], k), k * PERIOD_NS) for k in range(40)
+    ]
+    assert falls[-1].more[0].value >= 0.0
+    assert max(c.more[0].value for c in falls[30:]) > 1.0
+
+
+def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
+    labels, rng = ContactLabels(), np.random.default_rng(1)
+    names, plain = [], []
+    for k in range(2000):
+        noise = rng.normal(0, 0.01, 2)
+        felt = Felt(0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000), 0.0, 0.0)
+        names.append(labels.name("thumb", felt, in_contact=True))
+        plain.append(contact_type(felt.cci_norm, felt.eda_norm))
+    flips = [sum(a != b for a, b in pairwise(said)) for said in (names, plain)]
+    assert flips[1] > 500
+    assert flips[0] <= 1
+    # What changes clearly is told at once, and a contact that ends forgets.
+    assert labels.name("thumb", Felt(0.2, 0.9, 0.0, 0.0), in_contact=True) == "broad"
+    assert labels.name("thumb", Felt(0.52, 0.9, 0.0, 0.0), in_contact=True) == "broad"
+    assert labels.name("thumb", Felt(0.2, 0.9, 0.0, 0.0), in_contact=False) == "none"
+    assert labels.name("thumb", Felt(0.52, 0.48, 0.0, 0.0), in_contact=True) == "focal"
+    assert labels.name("index", Felt(0.52, 0.0, 0.0, 0.0), in_contact=True) == "none"
+
+
+def _pressed_with(gel: Gel, indenter: Any, metric: LiveMetric, first: int) -> list[Any]:
+    """Return what a metric says of a press of a second and of the rest after it."""
+    return [
+        metric.update(gel.frame([indenter] if k < 60 else [], first + k), (first + k) * PERIOD_NS)
+        for k in range(180)
+    ]
+
+
+def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> None:
+    ball_of = Ball(diameter_mm=12.0, force_n=3.0)
+    near, off = [], []
+    for seed in (11, 12, 13):
+        gel = Gel(seed, memory=True)
+        baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
+        plain = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
+        known = ball(force_n=ball_of.force_n, radius_mm=ball_of.diameter_mm / 2)
+        presses = [_pressed_with(gel, known, plain, 30 + 180 * n) for n in range(3)]
+        gain, stiffness_n_mm3 = fit_gel(presses, ball_of)
+        full = TouchMaxima(cci_max=1.0, eda_max=9000.0, depth_gain=gain, stiffness_n_mm3=stiffness_n_mm3)
+        fitted = finger_metric(StagesSection(), "live", "thumb", baseline, full)
+        assert isinstance(fitted, LiveMetric)
+        gel.forget()
+        # Another ball and another force than those that it was fitted to.
+        for metric, errors in ((fitted, near), (plain, off)):
+            gel.forget()
+            contact = held(_pressed_with(gel, ball(force_n=5.0, radius_mm=9.0), metric, 0))
+            assert contact is not None
+            assert contact.area_mm2 is None, "the scale is not known"
+            errors.append(abs(contact.force_n / 5.0 - 1))
+    assert max(near) < 0.25
+    assert np.mean(near) < np.mean(off) / 2
+    with pytest.raises(CalibrationError, match="no press with the known ball was felt"):
+        fit_gel([[]], ball_of)
+
+
+def test_a_calibration_file_keeps_what_is_known_of_the_gel() -> None:
+    full = TouchMaxima(
+        cci_max=1.0,
+        eda_max=9000.0,
+        noise_counts=(1.5, 0.8, 1.25),
+        depth_gain=1.25,
+        stiffness_n_mm3=0.4,
+    )
+    calibration = Calibration(preset="live", origin="presses", tactile=FingerMaxima(thumb=full))
+    text = calibration_text(calibration)
+    assert parse_calibration(text, "calibration.toml") == calibration
+    assert "stiffness_n_mm3 = 0.4" in text
+    # One of an earlier version says nothing of it, and nothing is assumed.
+    old = text.replace("noise_counts = [1.5, 0.8, 1.25]\ndepth_gain = 1.25\nstiffness_n_mm3 = 0.4\n", "")
+    assert parse_calibration(old, "old.toml").tactile.thumb == TouchMaxima(cci_max=1.0, eda_max=9000.0)
+
+
+def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
+    gel = Gel(7, memory=True)
+    baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
+    metric = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
+    marble, board = (
+        ball(force_n=6.0, radius_mm=4.0),
+        ball(force_n=6.0)._replace(shape="plane", size_mm=(0.0, 0.0, 0.0)),
+    )
+    presses = {}
+    for number, (name, indenter) in enumerate((("round", marble), ("flat", board))):
+        contacts = _pressed_with(gel, indenter, metric, 30 + 180 * number)
+        presses[name] = [(c.t_ns, contact_metrics_of(c)) for c in contacts]
+    both = guided_maxima(presses["round"] + presses["flat"])
+    single = {name: touch_maxima(frames) for name, frames in presses.items()}
+    assert single["flat"].eda_max > 1.3 * single["round"].eda_max
+    assert both.cci_max == pytest.approx(single["round"].cci_max, rel=0.02)
+    assert both.eda_max == pytest.approx(1.3 * single["flat"].eda_max, rel=0.02)
+    # Held with either object, as firmly as can be, no column is full.
+    felt = [
+        (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for _, m in frames[20:55]
+    ]
+    full_share = np.mean([intensity(max(shares), 1.0) > 99.5 for shares in felt])
+    assert full_share == 0.0
