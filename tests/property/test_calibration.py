@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.calibration.gel import compare_gels, judge_rest
+from tega.calibration.maxima import touch_maxima
 from tega.calibration.person import felt_by
 from tega.calibration.practice import Curve, score
 from tega.calibration.presses import PRESSES, PressMeter
@@ -18,7 +19,6 @@ from tega.calibration.records import EmgRecord, VestRecord, read_record, write_r
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
 from tega.calibration.wearing import SITES, judge_wearing
 from tega.haptics import FeltMap, vest_frame
-from tega.calibration.maxima import touch_maxima
 from tega.tactile import ContactMetrics
 from tega.wire import vest_levels
 
