@@ -63,7 +63,7 @@ def track(
         while source.read(0.0) is not None:
             pass
         start_ns = time.monotonic_ns()
-        meter = BlockMeter(decoder, SourceReport(), rate_hz=maxima.rate_hz, live=True, start_ns=start_ns)
+        meter = BlockMeter(decoder, SourceReport(), maxima=maxima, live=True, start_ns=start_ns)
         times: list[float] = []
         levels: list[int] = []
         while (gone_s := (time.monotonic_ns() - start_ns) * 1e-9) < duration_s:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from tega.teleop.arm import Steering
     from tega.teleop.prepare import Prepared
     from tega.teleop.sinks import Sinks
+    from tega.teleop.sources import SourceReport
 
 __all__ = ["watch_over"]
 
@@ -48,6 +49,7 @@ def watch_over(
     if (m := prepared.muscles) is not None and m.source.info.live:
         streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
         alerts["signal"] = partial(_signal, m.source)
+        alerts["votes"] = partial(_votes, m.report)
 
     needs: dict[str, Callable[[], str]] = {}
     kept = sinks.kept
@@ -79,3 +81,8 @@ def _signal(source: EmgSource) -> str:
     """Say what is wrong with the newest second of a live amplifier's signal, as far as its driver looks."""
     faults = optional(source, "faults")
     return f"emg: {'; '.join(faults)}" if faults else ""
+
+
+def _votes(report: SourceReport) -> str:
+    """Say which channels have no vote, and why."""
+    return f"emg: no vote for {'; '.join(report.faults)}" if report.faults else ""
