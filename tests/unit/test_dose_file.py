@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tega
 from tega.calibration.folder import CalibrationFolder
 from tega.config import check_tree
 from tega.errors import CalibrationError
@@ -121,3 +123,23 @@ def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
     assert totals[0] == 0.0
     assert 0 < totals[1] < totals[2] == totals[3]
     assert len(json.loads(nameless.read_bytes())) == 2
+
+
+def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> None:
+    """Whatever makes a motor vibrate goes through `worn_vest`, and none of it says that the wearer has no day."""
+    package = Path(tega.__file__).parent
+    made, worn = set(), []
+    for file in package.rglob("*.py"):
+        where = file.relative_to(package).as_posix()
+        for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if not isinstance(call, ast.Call):
+                continue
+            name = ast.unparse(call.func)
+            if name == "driver_class" and any(ast.unparse(a) == "'vest'" for a in call.args):
+                made.add(where)
+            if name == "worn_vest":
+                worn.append(ast.unparse(call.args[1]))
+    # The doctor sends zeros alone; the bench of the tests has no wearer.
+    assert made == {"worn_vest.py", "doctor/vest.py", "testing/vest_bench.py"}
+    assert len(worn) == 4
+    assert all("dose" in file for file in worn)
