@@ -204,7 +204,7 @@ def test_a_vest_that_takes_no_frame_counts_as_lost_after_a_second(served: Callab
 
 def _hand(rate_hz: float) -> tuple[HandLink, float, int]:
     """Let a hand push, with so many sets of positions a second; return it, the time and the period in ms."""
-    o = AllegroOptions()
+    o = AllegroOptions(interface="virtual", channel="x")
     link = HandLink(HandController(), silent_after_ms=o.silent_after_ms, lowest_rate_hz=o.lowest_rate_hz)
     t_ms = 0.0
     period = 1000 / rate_hz
