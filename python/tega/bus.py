@@ -120,7 +120,7 @@ class Bus:
                 found = tuple(
                     s
                     for s in self._subscriptions
-                    if issubclass(kind, s.topic) and (s.topic is kind or getattr(kind, "topic", ""))
+                    if issubclass(kind, s.topic) and (s.topic is kind or bool(getattr(kind, "topic", None)))
                 )
                 self._of[kind] = found
         return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from tega.devices.registry import driver_class
 from tega.safety.dose_file import KeptDose
@@ -14,13 +14,16 @@ if TYPE_CHECKING:
     from tega.config import CalibrationConfig, VestConfig
     from tega.devices.base import VestSink
 
-__all__ = ["dose_file", "worn_vest"]
+__all__ = ["NAMELESS", "dose_file", "worn_vest"]
+
+NAMELESS: Final = "nameless-vest-dose.json"
+"""File, in the folder of calibrations, of those who wore the vest without being named."""
 
 
 def dose_file(calibration: CalibrationConfig) -> Path | None:
-    """Return the file of the person that settings name; ``None`` where they name nobody."""
+    """Return the file of the person that settings name, or of whoever is not named; ``None`` without a folder."""
     if calibration.person is None:
-        return None
+        return None if calibration.folder is None else calibration.folder / NAMELESS
     from tega.calibration.person import whose
 
     person, calibrations = whose(calibration)
@@ -36,7 +39,7 @@ def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
 
     Args:
         section: The settings; a driver is set.
-        file: The wearer's file (:func:`dose_file`); ``None`` for nobody who is named, whose day is not known.
+        file: The wearer's file (:func:`dose_file`); ``None`` for one whose day is kept nowhere.
 
     Raises:
         CalibrationError: The file cannot be read.
@@ -48,5 +51,7 @@ def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
     with ExitStack() as stack:
         budget = getattr(vest, "budget", None)
         if budget is not None and file is not None:
-            stack.enter_context(KeptDose(file, budget))
+            # Who is not named may be any of those who are, and begins where the one who had most of it left off.
+            may_be = sorted(file.parent.glob("people/*/vest-dose.json")) if file.name == NAMELESS else []
+            stack.enter_context(KeptDose(file, budget, may_be=may_be))
         yield stack.enter_context(vest)

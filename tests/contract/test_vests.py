@@ -247,6 +247,36 @@ def test_a_vest_that_a_dead_program_left_connected_is_found_and_silenced() -> No
             make("bhaptics-ble", scan_s=0.3, address="00:11").open()
 
 
+@pytest.mark.parametrize("fault", ["off", "freeze"])
+def test_a_vest_that_takes_no_zeros_is_not_left_alone(fault: str, caplog: pytest.LogCaptureFixture) -> None:
+    with bench("bhaptics-ble") as made:
+        with made.vest:
+            made.feed(lambda: made.shows(TOUCH))
+            made.peer.say(fault)
+        assert seen_by(made.peer).motors != SILENT
+        assert "USE THE VEST'S SWITCH: C0:FF:EE:00:40:01" in caplog.text
+        made.peer.say("clear")
+        made.wait(lambda: seen_by(made.peer).motors == SILENT)
+
+
+def test_a_vest_whose_link_comes_back_is_guarded_by_the_same_process(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with bench("bhaptics-ble") as made:
+        with made.vest as vest:
+            made.feed(lambda: made.shows(TOUCH))
+            guard = vest._watch.guard  # type: ignore[attr-defined]
+            made.peer.say("drop")
+            made.feed(lambda: vest.counters.lost == 1)
+            made.peer.say("clear")
+            made.feed(lambda: vest.reached and made.shows(OTHER), OTHER)
+            assert vest._watch.guard is guard  # type: ignore[attr-defined]
+            assert guard._process.poll() is None
+        assert seen_by(made.peer).motors == SILENT
+        assert guard._process.poll() == 0
+        assert "SWITCH" not in caplog.text
+
+
 def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DeviceUnavailableError, match=r"cannot be reached.*start the bHaptics Player"):
         make("bhaptics-player", port=9).open()

@@ -17,6 +17,7 @@ from hazards.bench import LONGEST_S, Lab, lab
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.recording.inspection import inspect_file
+from tega.teleop.loop import LoopView
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by
@@ -99,6 +100,59 @@ def test_emg_that_comes_back_steers_again(tmp_path: Path) -> None:
         assert made.limp()
     assert states(made) == ["armed", "active", "hold", "idle", "armed", "active", "stopped"]
     assert any("lost 1 times and found again" in note for note in made.summary["notes"])
+
+
+@pytest.mark.parametrize(
+    ("signal", "words"), [("rail", "stays at"), ("hum", "mostly 50 Hz mains"), ("flat", "stays at 0")]
+)
+def test_electrodes_that_are_off_hold_the_level_then_open_the_hand(
+    tmp_path: Path, signal: str, words: str
+) -> None:
+    lowest: list[int] = []
+
+    def note(view: LoopView) -> None:
+        if view.state in {"active", "hold"} and view.block is not None:
+            lowest.append(view.block.level)
+
+    with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 1500.0}) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made))
+            lowest.clear()
+            made.emg.say(f"signal {signal}")
+            made.until(lambda: made.state == "hold")
+            reason = made.changes[-1].reason
+            assert "emg: no channel can be believed: ch1: " in reason
+            assert words in reason
+            assert closed(made)
+            made.until(lambda: "no vote for ch1" in made.said())
+            made.until(lambda: made.state == "idle")
+            # All the while the run asked for nothing else than before.
+            assert set(lowest) == {5}
+            made.until(lambda: opened(made))
+            made.emg.say("signal emg")
+            made.until(lambda: made.state == "active" and closed(made))
+
+        made.run(script, observe=note)
+        assert made.limp()
+    assert states(made) == ["armed", "active", "hold", "idle", "armed", "active", "stopped"]
+
+
+def test_one_electrode_that_is_off_has_no_vote_and_the_others_go_on(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, hand=True) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active" and closed(made))
+            made.emg.say("signal rail 2")
+            made.until(lambda: "no vote for ch2: stays at" in made.said())
+            assert made.views[0].block is not None
+            made.until(lambda: made.views[0].block.channels[1] == 0)  # type: ignore[union-attr]
+            time.sleep(0.5)
+            assert made.state == "active"
+            assert closed(made)
+
+        made.run(script)
+        assert made.limp()
 
 
 @pytest.mark.parametrize("fault", ["pause", "freeze", "black", "cut"])

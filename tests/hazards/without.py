@@ -1,8 +1,9 @@
 """Takes one guard after another out of a copy of the program, and shows that a test or a soak then fails.
 
-``python tests/hazards/without.py`` tries all of them, ``--only WORD`` those with the word in their name or test. Each
-test has to pass with everything in place, and to fail without the guard. The working tree is not touched. On a machine
-that does nothing else it takes some fifteen minutes; ``--markdown FILE`` writes what came of it.
+``python tests/hazards/without.py`` tries all of them, ``--only WORD`` those with the word in their name or test,
+``--third K`` every third. It makes each time of the hazard table ten times as long as well. Each test has to pass with
+everything in place, and to fail without the guard. The working tree is not touched. On a machine that does nothing else
+it takes some twenty minutes; ``--markdown FILE`` writes what came of it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -20,7 +22,7 @@ from typing import Final, Literal, NamedTuple
 
 from tega import _native
 
-__all__ = ["GUARDS", "Guard", "place"]
+__all__ = ["GUARDS", "LATE", "Guard", "place"]
 
 ROOT: Final = Path(__file__).parents[2]
 _LONGEST_S: Final = 120.0
@@ -30,6 +32,9 @@ _STOP: Final = "tests/hazards/test_stop.py::test_"
 _LAWS: Final = "tests/property/test_safety.py::test_"
 _HAND: Final = "tests/unit/test_hand_guard.py::test_"
 _NAMES: Final = "tests/unit/test_hostile_names.py::test_"
+_TIMES: Final = "tests/hazards/test_times.py::test_"
+_VOTES: Final = "tests/unit/test_emg_votes.py::test_"
+_LEAD: Final = "tests/unit/test_study_lead.py::test_"
 _LIMB: Final = "tests/unit/test_limb_loss.py::test_"
 
 Outcome = Literal["passes", "fails", "unproven"]
@@ -264,6 +269,78 @@ GUARDS: Final = (
         f"{_NAMES}an_attachment_s_name_never_leaves_the_folder",
     ),
     Guard(
+        "electrodes that are off keep their vote",
+        "        found = {**self._mains(), **self._stuck()}",
+        "        found: dict[int, tuple[str, int]] = {}",
+        f"{_LOST}electrodes_that_are_off_hold_the_level_then_open_the_hand[rail]",
+    ),
+    Guard(
+        "one electrode that is off keeps its vote",
+        "        found = {**self._mains(), **self._stuck()}",
+        "        found: dict[int, tuple[str, int]] = {}",
+        f"{_LOST}one_electrode_that_is_off_has_no_vote_and_the_others_go_on",
+    ),
+    Guard(
+        "the level that a fault has made is what the run holds",
+        "            block = block._replace(level=before.level, closure=before.closure)",
+        "            pass",
+        f"{_VOTES}a_fault_of_every_channel_keeps_the_level_before_it",
+    ),
+    Guard(
+        "a tracker's jump is believed",
+        '            return f"it jumped by {1e3 * step_m:.0f} mm"',
+        '            return ""',
+        "tests/unit/test_arm.py::test_a_jump_is_believed_once_the_hand_was_lost",
+    ),
+    Guard(
+        "the guard of a Bluetooth vest is dismissed whatever the vest took",
+        "        if self.silent:\n            guard.dismiss()",
+        "        if True:\n            guard.dismiss()",
+        "tests/contract/test_vests.py::test_a_vest_that_takes_no_zeros_is_not_left_alone",
+    ),
+    Guard(
+        "a run begins with a day of its own",
+        "        budget.carry(dose_s=self._carried_s, heat=heat)",
+        "        pass",
+        "tests/unit/test_dose_file.py::test_a_second_run_of_the_day_begins_where_the_first_ended",
+    ),
+    Guard(
+        "who is not named has a day of their own",
+        "        if others:",
+        "        if False:",
+        "tests/unit/test_dose_file.py::test_who_is_not_named_begins_where_the_one_who_had_most_left_off",
+    ),
+    Guard(
+        "a rehearsal passes for a session",
+        '    if where != "lab" and not plan.settings.simulated:',
+        "    if False:",
+        f"{_LEAD}a_rehearsal_in_a_plan_of_people_and_people_in_one_of_rehearsals_are_refused",
+    ),
+    Guard(
+        "a stray key ends a trial",
+        "QUIET_S = 1.0",
+        "QUIET_S = 0.0",
+        f"{_LEAD}the_key_that_begins_a_trial_does_not_end_it_and_its_first_second_is_quiet",
+    ),
+    Guard(
+        "an attempt that was to be repeated counts",
+        "            if any(event in redone for event in runs[-1]):",
+        "            if False:",
+        f"{_LEAD}a_trial_that_was_to_be_done_again_and_was_not_is_no_data",
+    ),
+    Guard(
+        "any page may press the buttons",
+        '            if (why := _refused(request, token, allow_remote=allow_remote)) != "":',
+        '            if (why := "") != "":',
+        "tests/unit/test_view_browser.py::test_only_pages_of_this_server_with_its_token_can_connect",
+    ),
+    Guard(
+        "one refusal of the transport ends the sending",
+        "                self._not_sent(_first_line(error))",
+        "                return",
+        "tests/unit/test_net_stations.py::test_a_message_that_the_transport_refuses_does_not_end_the_sending",
+    ),
+    Guard(
         "no limit and heat before the vest",
         "allowed = self.budget.allow(time.monotonic_ns(), frame.x40())",
         "allowed = frame.x40()",
@@ -295,6 +372,111 @@ GUARDS: Final = (
     ),
 )
 """Every guard, with what shows that it is needed."""
+
+
+def _late(what: str, old: str, new: str, shown_by: str) -> Guard:
+    return Guard(f"{what} takes ten times as long", old, new, shown_by)
+
+
+LATE: Final = (
+    _late(
+        "the vest's watchdog",
+        "WATCHDOG_S: Final = 0.2",
+        "WATCHDOG_S: Final = 2.0",
+        f"{_TIMES}a_vest_that_is_told_nothing_rests_within_200_ms",
+    ),
+    _late(
+        "a vest that takes no frame",
+        "_STALLED_S = 1.0  #",
+        "_STALLED_S = 10.0  #",
+        f"{_TIMES}a_vest_that_takes_no_frame_counts_as_lost_after_a_second",
+    ),
+    _late(
+        "a stale finger",
+        "\nSTALE_NS = 100_000_000",
+        "\nSTALE_NS = 1_000_000_000",
+        f"{_TIMES}a_stale_finger_is_silent_after_100_ms_and_a_refresh",
+    ),
+    _late(
+        "a lost picture",
+        "_STALE_PICTURE_NS = 100_000_000",
+        "_STALE_PICTURE_NS = 1_000_000_000",
+        f"{_TIMES}a_lost_picture_holds_within_120_ms_where_the_settings_say_so",
+    ),
+    _late(
+        "a look at everything",
+        "_LOOK_NS = 10_000_000",
+        "_LOOK_NS = 100_000_000",
+        f"{_TIMES}a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look",
+    ),
+    _late(
+        "a late loop",
+        "msgspec.Meta(ge=5, le=5000)] = 100.0",
+        "msgspec.Meta(ge=5, le=5000)] = 1000.0",
+        f"{_TIMES}a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look",
+    ),
+    _late(
+        "lost EMG",
+        "msgspec.Meta(ge=20, le=5000)] = 150.0",
+        "msgspec.Meta(ge=20, le=5000)] = 1500.0",
+        f"{_TIMES}emg_lost_holds_within_260_ms_of_its_last_block_and_opens_2_s_later",
+    ),
+    _late(
+        "a hold",
+        "hold_ms: _Ms = 2000.0",
+        "hold_ms: _Ms = 20_000.0",
+        f"{_TIMES}emg_lost_holds_within_260_ms_of_its_last_block_and_opens_2_s_later",
+    ),
+    _late(
+        "a stuck electrode",
+        "\n_STUCK_S = 0.1",
+        "\n_STUCK_S = 1.0",
+        f"{_VOTES}a_fault_of_every_channel_keeps_the_level_before_it",
+    ),
+    _late(
+        "mains",
+        "_MAINS_S = 0.2",
+        "_MAINS_S = 2.0",
+        f"{_VOTES}a_fault_of_every_channel_keeps_the_level_before_it",
+    ),
+    _late(
+        "a silent hand",
+        "msgspec.Meta(ge=10, le=10_000)] = 30.0",
+        "msgspec.Meta(ge=10, le=10_000)] = 300.0",
+        f"{_TIMES}a_silent_hand_is_let_go_within_30_ms",
+    ),
+    _late(
+        "a slow hand",
+        "msgspec.Meta(ge=0, le=1000)] = 250.0",
+        "msgspec.Meta(ge=0, le=1000)] = 25.0",
+        f"{_TIMES}a_slow_hand_is_let_go_within_a_second",
+    ),
+    _late(
+        "a program that stands still",
+        "STUCK_S: Final = 1.0",
+        "STUCK_S: Final = 10.0",
+        f"{_TIMES}a_program_that_stands_still_is_taken_over_from_within_a_second",
+    ),
+    _late(
+        "a guard that stands still",
+        "DEAF_S: Final = 2.0",
+        "DEAF_S: Final = 20.0",
+        f"{_TIMES}a_guard_that_stands_still_is_replaced_within_two_seconds",
+    ),
+    _late(
+        "a dead-man that says nothing",
+        "if t_ns - self._heard_ns > limit_ms * 1e6:",
+        "if t_ns - self._heard_ns > limit_ms * 1e7:",
+        f"{_TIMES}a_dead_man_that_says_nothing_is_let_go_after_its_time",
+    ),
+    _late(
+        "an old message",
+        "ttl_ms: _Ms = 100.0",
+        "ttl_ms: _Ms = 1000.0",
+        f"{_TIMES}a_message_older_than_100_ms_is_not_used",
+    ),
+)
+"""The times of the hazard table, each ten times as long, with the test on a clock of its own that fails then."""
 
 
 def place(text: str, package: Path = ROOT / "python/tega") -> Path:
@@ -373,11 +555,15 @@ def main() -> int:
     """Take out what is asked for; return 0 if each was missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="a word of the name or the test")
+    parser.add_argument("--third", type=int, metavar="K", help="every third only, from the K-th on, for CI")
     parser.add_argument("--markdown", type=Path, help="write the table here")
+    parser.add_argument("--page", action="store_true", help="write commit and count into docs/safety.md")
     asked = parser.parse_args()
     # A job in the background is deaf to Ctrl-C, and so are its children.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    chosen = [guard for guard in GUARDS if asked.only in f"{guard.what} {guard.shown_by}"]
+    chosen = [guard for guard in (*GUARDS, *LATE) if asked.only in f"{guard.what} {guard.shown_by}"]
+    if asked.third is not None:
+        chosen = chosen[asked.third % 3 :: 3]
     rows, missed = [], 0
     whole_outcome: dict[str, Outcome] = {}
     with tempfile.TemporaryDirectory(prefix="tega-without-") as name:
@@ -406,8 +592,14 @@ def main() -> int:
                 f"| {guard.what} | `{file.relative_to(copy / 'python')}` | `{guard.shown_by}` | {said} |"
             )
     _say(f"{missed} of {len(chosen)} guards are missed when they are taken out")
+    summary = f"Commit {_commit()}: {missed} of {len(chosen)} guards are missed when they are taken out."
+    if asked.page:
+        page = ROOT / "docs/safety.md"
+        text = page.read_text(encoding="utf-8")
+        page.write_text(
+            re.sub(r"Commit [^\n]* are missed when they are taken out\.", summary, text), encoding="utf-8"
+        )
     if asked.markdown is not None:
-        summary = f"Commit {_commit()}: {missed} of {len(chosen)} guards are missed when they are taken out."
         head = ["| without it | guard in | what then fails | |", "|---|---|---|---|"]
         asked.markdown.write_text("\n".join([summary, "", *head, *rows, ""]), encoding="utf-8")
     return 0 if missed == len(chosen) else 1

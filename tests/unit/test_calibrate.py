@@ -248,6 +248,9 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
         assert wearer.loudest == 37
         assert not seen_by(peer).errors
         record = second.told["files"][0]["record"]
+        # Both parts count to the person's day.
+        worn = json.loads((tmp_path / "calibrations/people/p01/vest-dose.json").read_bytes())
+        assert [sum(run["dose_s"]) > 0 for run in worn] == [True, True]
         by_site = dict(zip(record["sites"], record["threshold_percent"], strict=True))
         assert by_site == {s: {9: 10.0, 15: 17.0, 200: -1.0}[t] for s, t in THRESHOLD.items()}
         assert record["step_percent"][0] == pytest.approx(200 / 15, abs=0.01)

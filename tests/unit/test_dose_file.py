@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tega
 from tega.calibration.folder import CalibrationFolder
 from tega.config import check_tree
 from tega.errors import CalibrationError
@@ -16,6 +18,7 @@ from tega.safety.dose_file import DAY_S, KeptDose
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.teleop import run_session
 from tega.testing.lab import emulated_lab
+from tega.worn_vest import NAMELESS
 
 FULL = np.full(40, 100, np.uint8)
 
@@ -79,12 +82,33 @@ def test_a_file_that_cannot_be_read_is_no_clean_slate(tmp_path: Path) -> None:
         KeptDose(file, MotorBudget())
 
 
+def test_who_is_not_named_begins_where_the_one_who_had_most_left_off(tmp_path: Path) -> None:
+    people = {name: tmp_path / "people" / name / "vest-dose.json" for name in ("p01", "p02")}
+    run(people["p01"], at_s=1000.0, seconds=40.0)
+    run(people["p02"], at_s=2000.0, seconds=20.0)
+    nameless, now_s = tmp_path / NAMELESS, 3000.0
+
+    def wear() -> float:
+        budget = MotorBudget(heat_share=1.0, dose_s=100.0)
+        with KeptDose(nameless, budget, may_be=sorted(people.values()), now_s=lambda: now_s):
+            drive(budget, 15.0)
+        return float(budget.carried_s[0])
+
+    assert wear() == pytest.approx(40.0)
+    assert wear() == pytest.approx(55.0)
+    # Only the own part is kept, so that nobody's is counted twice.
+    runs = json.loads(nameless.read_bytes())
+    assert [kept["dose_s"][0] for kept in runs] == pytest.approx([15.0, 15.0], abs=0.2)
+    assert run(people["p02"], at_s=4000.0, seconds=1.0).carried_s[0] == pytest.approx(20.0)
+
+
 @pytest.mark.slow
 def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
     with emulated_lab(tmp_path, vest=True, fingers=("thumb",)) as lab:
         kept = CalibrationFolder(tmp_path / "calibrations").person("p01") / "vest-dose.json"
+        nameless = tmp_path / "calibrations" / NAMELESS
         totals: list[float] = []
-        for person in (None, "p01", "p01"):
+        for person in (None, "p01", "p01", None):
             tree: dict[str, Any] = {**lab.tree, "session": {"duration_s": 1.5}}
             if person is not None:
                 tree["calibration"] = {
@@ -97,4 +121,25 @@ def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
                 sum(sum(r["dose_s"]) for r in json.loads(kept.read_bytes())) if kept.is_file() else 0.0
             )
     assert totals[0] == 0.0
-    assert 0 < totals[1] < totals[2]
+    assert 0 < totals[1] < totals[2] == totals[3]
+    assert len(json.loads(nameless.read_bytes())) == 2
+
+
+def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> None:
+    """Whatever makes a motor vibrate goes through `worn_vest`, and none of it says that the wearer has no day."""
+    package = Path(tega.__file__).parent
+    made, worn = set(), []
+    for file in package.rglob("*.py"):
+        where = file.relative_to(package).as_posix()
+        for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if not isinstance(call, ast.Call):
+                continue
+            name = ast.unparse(call.func)
+            if name == "driver_class" and any(ast.unparse(a) == "'vest'" for a in call.args):
+                made.add(where)
+            if name == "worn_vest":
+                worn.append(ast.unparse(call.args[1]))
+    # The doctor sends zeros alone; the bench of the tests has no wearer.
+    assert made == {"worn_vest.py", "doctor/vest.py", "testing/vest_bench.py"}
+    assert len(worn) == 4
+    assert all("dose" in file for file in worn)

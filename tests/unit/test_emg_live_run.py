@@ -40,7 +40,8 @@ def test_missing_samples_take_their_time() -> None:
     source: Any = Gappy([EmgChunk(200_000_000, 0, ones), EmgChunk(1_100_000_000, 450, ones)])
     setup = MuscleSetup("envelope", 500.0, 50, ("a",), (1.0,), "paper")
     report = SourceReport()
-    blocks = list(grasp_blocks(source, RulesDecoder(setup, RulesOptions()), report, rate_hz=500.0))
+    maxima = EmgMaxima(kind="envelope", rate_hz=500.0, tau=50, channels=("a",), maxima=(1.0,))
+    blocks = list(grasp_blocks(source, RulesDecoder(setup, RulesOptions()), report, maxima=maxima))
     assert (report.n_items, report.n_missing) == (200, 350)
     assert len(blocks) == 11
     assert [block.channels[0] for block in blocks][:2] == [5, 5]

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from hazards.without import GUARDS, Guard, place
+from hazards.without import GUARDS, LATE, Guard, place
 
 PAGE = Path(__file__).parents[2] / "docs/safety.md"
 
 
-@pytest.mark.parametrize("guard", GUARDS, ids=lambda guard: guard.what)
+@pytest.mark.parametrize("guard", [*GUARDS, *LATE], ids=lambda guard: guard.what)
 def test_every_guard_stands_where_it_can_be_taken_out(guard: Guard) -> None:
     assert place(guard.old).suffix == ".py"
 

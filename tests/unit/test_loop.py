@@ -373,6 +373,7 @@ def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> Non
 
 
 def test_chunk_size_does_not_change_levels_or_stamps() -> None:
+    from tega.calibration import EmgMaxima
     from tega.inbox.sources import grasp_blocks
     from tega.stages.base import MuscleSetup
     from tega.stages.decoders import RulesDecoder, RulesOptions
@@ -398,7 +399,8 @@ def test_chunk_size_does_not_change_levels_or_stamps() -> None:
         source: Any = Chunks(size)
         setup = MuscleSetup("raw", 200.0, 20, ("a", "b"), (2.0, 2.0), "live")
         decoder = RulesDecoder(setup, RulesOptions())
-        return list(grasp_blocks(source, decoder, SourceReport(), rate_hz=200.0))
+        maxima = EmgMaxima(kind="raw", rate_hz=200.0, tau=20, channels=("a", "b"), maxima=(2.0, 2.0))
+        return list(grasp_blocks(source, decoder, SourceReport(), maxima=maxima))
 
     whole = blocks(1000)
     assert [t for t, *_ in whole] == [k * 100 * MS for k in range(1, 51)]

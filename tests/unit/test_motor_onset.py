@@ -34,6 +34,7 @@ from tega.testing.emulators.sound_port import SoundPort
 from tega.testing.emulators.vests import seen_by
 from tega.testing.lab import PRESSED, emulated_lab, pressing
 from tega.testing.vest_bench import vest_bench
+from tega.worn_vest import NAMELESS
 
 pytest.importorskip("scipy")
 
@@ -273,6 +274,9 @@ def test_through_driver_and_microphone(
     assert not any(seen.motors)
     assert {max(values) for _, values in seen.history} <= {0, *range(55, 61)}
     assert {i for _, values in seen.history for i, v in enumerate(values) if v} == {7}
+    # Nobody was named, and the day counts all the same.
+    (worn,) = json.loads((tmp_path / NAMELESS).read_bytes())
+    assert {i for i, dose_s in enumerate(worn["dose_s"]) if dose_s} == {7}
     (wav,) = (tmp_path / "raw").glob("*.wav")
     again = found_in(*read_wav(wav), read_log(wav.with_suffix(".json")))
     assert float(np.median(again.onsets.delays_s)) * 1e3 == pytest.approx(record["onset_ms"], abs=1.0)

@@ -37,9 +37,20 @@ def test_it_arms_once_the_rate_is_known_and_nothing_was_wrong_for_a_while() -> N
 def test_emg_that_cannot_be_believed_holds_like_emg_that_is_lost() -> None:
     guard, _ = active()
     assert guard.level(4) == 4
-    show(guard, 2100, good_emg=False)
+    show(guard, 2100, unvoted=4)
     assert (guard.state, guard.reason) == ("hold", "emg: no channel can be believed")
     assert guard.level(1) == 4
+
+
+def test_a_fault_of_every_channel_holds_the_level_before_it_and_says_why() -> None:
+    guard, report = active()
+    assert guard.level(3) == 3
+    # Made of samples in which the fault had begun.
+    assert guard.level(5) == 5
+    report.faults = ("ch1: mostly 50 Hz mains", "ch2: stays at 187500")
+    show(guard, 2100, unvoted=3)
+    assert guard.reason == "emg: no channel can be believed: ch1: mostly 50 Hz mains; ch2: stays at 187500"
+    assert guard.level(1) == 3
 
 
 def test_a_block_that_is_late_by_less_than_allowed_changes_nothing() -> None:

@@ -20,6 +20,7 @@ from reference.waiting import until
 from tega.clock import SystemClock
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.study import make_plan, read_plan, write_plan
+from tega.study.analyse import analyse_study
 from tega.study.coupling import read_course
 from tega.study.finger_rows import finger_rows
 from tega.study.journal import Event, Journal, read_events
@@ -33,6 +34,7 @@ from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
 from tega.study.lead.trial import LedTrial
 from tega.study.observe.recorded import recorded_trials
 from tega.study.observe.reel import read_reel
+from tega.study.page import _flow
 from tega.study.plan import PlannedTrial
 from tega.study.state import Where, derive, events_path, rehearsed, resume
 from tega.study.touch_picture import pictures_of
@@ -259,6 +261,85 @@ def test_broken_off_trials_come_once_more_and_safety_stops_do_not(tmp_path: Path
     assert state.next == (2, 1)
 
 
+class _Lifting(_Standing):
+    """Devices on which every object is lifted and held."""
+
+    sees_height = True
+
+    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:  # noqa: ARG002
+        going.tell("armed", "stands ready")
+        while not going.over() and not going.may_go():
+            time.sleep(0.001)
+        going.begin(0)
+        time.sleep(0.2)  # so that the experimenter sees the trial, and can press a key in it
+        for t_ms in range(0, 1500, 50):
+            going.see("height", t_ms * 1_000_000, 0.25)
+        while not going.over():
+            time.sleep(0.001)
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool, tmp_path: Path) -> None:
+    """The first of a block, or the last of the session; the report says which, and why."""
+    folder = study(tmp_path, trials=2)
+    desk = _Repeating(after=4 if last else 1)
+    state = lead_session(folder, "p01", _Lifting(), desk, time_scale=0.001)
+    assert state.next is None
+    ran = [(e.trial, e.attempt) for e in events_of(folder) if e.kind == "trial_start"]
+    block = [trial.trial for trial in read_plan(folder).of("p01") if trial.block == 1]
+    rest = [(k, 1) for k in (1, 2, 3, 4) if k not in block]
+    first = [(k, 1) for k in block]
+    assert ran == ([*first, *rest, (4, 2)] if last else [*first, (1, 2), *rest])
+    (asked,) = [event for event in events_of(folder) if event.kind == "redo"]
+    number = 4 if last else 1
+    assert (asked.trial, asked.attempt, asked.text) == (number, 1, "the gel came off")
+    # The slip that was keyed in each attempt is counted once.
+    trials = study_trials(folder)[1]
+    assert [trial.status for trial in trials] == ["done"] * 4
+    assert [trial.redone for trial in trials] == [
+        "the gel came off" if k == number else "" for k in (1, 2, 3, 4)
+    ]
+    assert [trial.slips + trial.slips_before for trial in trials] == [1] * 4
+    analysis, _ = analyse_study(folder)
+    assert analysis.flow.redone == {trials[number - 1].id: "the gel came off"}
+    assert (
+        f"Done again, so that the first attempt does not count: {trials[number - 1].id}: the gel came off."
+        in _flow(analysis)
+    )
+
+
+class _Repeating(Experimenter):
+    """Keys a slip in each trial, and wants one again."""
+
+    def __init__(self, after: int) -> None:
+        super().__init__({"trial": "s"}, answer="the gel came off")
+        self._after = after
+
+    def show(self, screen: Screen) -> None:
+        if screen.phase == "ready" and self.phases.count("trial") == self._after:
+            self._after = -1
+            self._waiting.append("r")
+            return
+        super().show(screen)
+
+    def line(self, prompt: str) -> str:
+        return super().line(prompt) if prompt.startswith("why") else "-"
+
+
+def test_a_trial_that_was_to_be_done_again_and_was_not_is_no_data(tmp_path: Path) -> None:
+    folder = study(tmp_path, trials=2)
+    lead_session(folder, "p01", _Lifting(), _Repeating(after=9), time_scale=0.001, trials=2)
+    with Journal(events_path(folder, "p01")) as journal:
+        journal.add(
+            "redo", t_ns=journal.events[-1].t_ns, trial=1, text="the gel came off", source="experimenter"
+        )
+        assert derive(read_plan(folder).of("p01"), journal.events).next == (1, 2)
+        (first, second) = study_trials(folder)[1]
+        assert (first.counts, second.counts) == (False, True)
+        journal.add("undo", t_ns=journal.events[-1].t_ns, trial=1, undone=journal.events[-1].n)
+    assert all(trial.counts and not trial.redone for trial in study_trials(folder)[1])
+
+
 KILLED = """
 import sys
 from pathlib import Path
@@ -374,6 +455,26 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     assert row.finger == "thumb"
     assert (row.eda_norm or 0) > 0.5
     assert row.cci > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
+def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    from tega.testing.lab import emulated_lab
+    from tega.toml_text import tree_text
+
+    folder = study(tmp_path, simulated=False, window_s=2.0)
+    assert read_plan(folder).of("p01")[0].condition == "haptic"
+    with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=("thumb",)) as lab:
+        # The maxima come from a file, which names nobody.
+        assert set(lab.tree["calibration"]) == {"file"}
+        (tmp_path / "lab.toml").write_text(tree_text(lab.tree))
+        words = ["study", "run", str(folder), "p01", "--lab", str(tmp_path / "lab.toml"), "--yes"]
+        words += ["--trials", "1", "--time-scale", "0.1"]
+        subprocess.run([sys.executable, "-m", "tega.cli", *words], check=True)
+    worn = json.loads((tmp_path / "calibrations/people/p01/vest-dose.json").read_bytes())
+    assert sum(sum(run["dose_s"]) for run in worn) > 0
 
 
 @pytest.mark.slow

@@ -3,8 +3,8 @@
 /// Magnitudes above this would overflow inside a filter and are treated like infinities.
 pub const LARGEST_SAMPLE: f64 = 1e300;
 
-/// Holds the last good value of each channel. A channel is bad once `patience` samples in a row were bad, and good
-/// again once as many in a row were good.
+/// Holds the last good value of each channel. A channel is bad once `patience` samples in a row were bad, or at an
+/// infinite one, and good again once as many in a row were good.
 #[derive(Debug, Clone)]
 pub(crate) struct Guard {
     patience: usize,
@@ -101,6 +101,10 @@ impl Channel {
         if self.run >= patience {
             (self.bad, self.run) = (!self.bad, 0);
         }
+        if x.is_infinite() {
+            // Whoever sends it knows that the channel is at fault: nothing is waited for.
+            (self.bad, self.run) = (true, 0);
+        }
         self.was_bad |= self.bad;
         if good {
             self.last = Some(x);
@@ -135,6 +139,16 @@ mod tests {
         assert_eq!(take(&mut guard, &[5.0, 6.0, 7.0]), (vec![5.0, 6.0, 7.0], vec![0]));
         assert!(!guard.is_bad(0) && guard.take_was_bad(0) && !guard.take_was_bad(0));
         assert_eq!(guard.held(), [4]);
+    }
+
+    #[test]
+    fn an_infinite_sample_makes_a_channel_bad_at_once() {
+        let mut guard = Guard::new(2, 3);
+        let (taken, _) = take(&mut guard, &[1.0, 1.0, f64::INFINITY, LOST, 4.0, 4.0]);
+        assert_eq!(taken, [1.0, 1.0, 1.0, 1.0]);
+        assert!(guard.is_bad(0) && !guard.is_bad(1));
+        take(&mut guard, &[5.0; 6]);
+        assert!(!guard.is_bad(0) && guard.take_was_bad(0) && !guard.take_was_bad(1));
     }
 
     #[test]

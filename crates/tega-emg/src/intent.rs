@@ -83,8 +83,9 @@ pub struct Blocks {
 /// EMG samples of several channels to one closure level per block of τ samples.
 ///
 /// A sample that is not finite, or larger than [`LARGEST_SAMPLE`](crate::LARGEST_SAMPLE), is replaced by the
-/// channel's last good one and counted. After 100 ms of them the channel is bad and loses its vote for every block
-/// it is bad in; after 100 ms of good samples it is good again, its filters having started afresh. With every
+/// channel's last good one and counted. After 100 ms of them, or at once if it is infinite, the channel is bad and
+/// loses its vote for every block it is bad in; after 100 ms of good samples it is good again, its filters having
+/// started afresh. With every
 /// channel bad the last fused level is held (1 if there was none).
 ///
 /// # Examples

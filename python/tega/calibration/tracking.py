@@ -65,7 +65,7 @@ def track(
         while source.read(0.0) is not None:
             pass
         start_ns = time.monotonic_ns()
-        meter = BlockMeter(decoder, SourceReport(), rate_hz=maxima.rate_hz, live=True, start_ns=start_ns)
+        meter = BlockMeter(decoder, SourceReport(), maxima=maxima, live=True, start_ns=start_ns)
         times: list[float] = []
         levels: list[int] = []
         chunks: list[EmgChunk] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -115,7 +116,9 @@ def onset(
         raise click.UsageError("--wav needs the --log that was written when the bursts were played")
     if log_file is not None and len(motors) > 1:
         raise click.UsageError("one --log is for one --motor")
-    settings = load_config(config, sets=sets).config
+    # The bursts count to the day of who wears the vest, which is kept in the same folder.
+    where = () if folder is None else (f"calibration.folder={json.dumps(str(folder.absolute()))}",)
+    settings = load_config(config, sets=(*sets, *where)).config
     kept = folder or settings.calibration.folder or _beside(config) / "calibrations"
     if wav is not None and log_file is not None:
         measured: Iterator[tuple[OnsetRecord, str]] = _read(wav, log_file)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from tega.devices.base import Found, Options
 from tega.devices.bluetooth_state import bluetooth_trouble
 from tega.devices.guard_process import GuardProcess
-from tega.devices.vest_ble_guard import MOTORS, guard_vest
+from tega.devices.vest_ble_guard import LONGEST_S, MOTORS, guard_vest
 from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
+from tega.devices.ways_out import last_words
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
 from tega.wire import x40_ble_frame
@@ -67,6 +68,7 @@ class BleVest(StreamedVest):
     def __init__(self, options: BleOptions) -> None:
         super().__init__(options)
         self._options = options
+        self._watch = _Watch()
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:
@@ -105,17 +107,61 @@ class BleVest(StreamedVest):
         return self._options.address or "first vest heard"
 
     def _new_link(self) -> VestLink:
-        return _BleLink(self._options)
+        return _BleLink(self._options, self._watch)
+
+    def close(self) -> None:
+        """Send zeros and disconnect; the process that guards the vest is dismissed if the vest took them."""
+        try:
+            super().close()
+        finally:
+            if self._thread is None:
+                self._watch.end()
+
+
+class _Watch:
+    """What one link after the other keeps: the process that silences the vest, and whether the vest is silent.
+
+    Attributes:
+        guard: The process; ``None`` before the first link.
+        silent: Whether zeros were the last that the vest is known to have taken, and nothing was sent since.
+    """
+
+    def __init__(self) -> None:
+        self.guard: GuardProcess | None = None
+        self.silent = True
+        self._of = ("", "")
+
+    def over(self, address: str, path: str) -> None:
+        """Have a process watch over a vest."""
+        if self.guard is not None and self._of != (address, path):
+            self.end()
+        if self.guard is None:
+            self.guard, self._of, self.silent = guard_vest(address, path), (address, path), True
+
+    def end(self) -> None:
+        """Dismiss the process if the vest is known to be silent; else leave the vest to it, and say so."""
+        guard, self.guard = self.guard, None
+        if guard is None:
+            return
+        if self.silent:
+            guard.dismiss()
+            return
+        guard.leave_to_it()
+        last_words(
+            f"USE THE VEST'S SWITCH: {self._of[0]}: it has not confirmed that its motors rest, so it may still be "
+            f"vibrating; another process goes on telling it to, for {LONGEST_S / 60:g} minutes"
+        )
 
 
 class _BleLink:
-    def __init__(self, options: BleOptions) -> None:
+    def __init__(self, options: BleOptions, watch: _Watch) -> None:
         self._options = options
+        self._watch = watch
+        self._confirms = self._rests = False
         self._runner: asyncio.Runner | None = None
         self._client: Any = None
         self._broken: tuple[type[Exception], ...] = (OSError, EOFError)
         self._gone = False
-        self._guard: GuardProcess | None = None
         self._battery: int | None = None
 
     @property
@@ -143,7 +189,7 @@ class _BleLink:
         self._client = self._bleak.BleakClient(device, disconnected_callback=self._on_disconnected)
         self._call(self._client.connect(), o.open_timeout_s, "connecting")
         details = device.details
-        self._guard = guard_vest(device.address, details.get("path", "") if isinstance(details, dict) else "")
+        self._watch.over(device.address, details.get("path", "") if isinstance(details, dict) else "")
         if self._client.services.get_characteristic(MOTORS) is None:
             raise DeviceUnavailableError(
                 f"{device.name or device.address} has no motor characteristic {MOTORS}",
@@ -153,6 +199,7 @@ class _BleLink:
             with contextlib.suppress(DeviceUnavailableError):
                 value = self._call(self._client.read_gatt_char(_BATTERY), _CALL_S, "reading the battery")
                 self._battery = value[0] if value else None
+                self._confirms = True
 
     def ready(self, timeout_s: float) -> bool:  # noqa: ARG002  # a write returns when the radio's stack has it
         return True
@@ -160,12 +207,15 @@ class _BleLink:
     def send(self, intensities: NDArray[np.uint8]) -> None:
         if self._client is None or self._gone:
             raise DeviceUnavailableError("the vest has disconnected")
-        if self._guard is not None:
-            self._guard.beat()
-            if self._guard.n_lost:  # a new link begins with a new one
+        if (guard := self._watch.guard) is not None:
+            guard.beat()
+            if guard.problem and intensities.any():  # it is being replaced; until then nothing vibrates
                 raise DeviceUnavailableError("the process that would silence the vest was lost")
         frame = x40_ble_frame(intensities, front_mirror=self._options.front_mirror)
+        self._watch.silent = self._rests = False
         self._call(self._client.write_gatt_char(MOTORS, frame, response=False), _CALL_S, "writing a frame")
+        self._rests = not any(frame)
+        self._watch.silent = self._rests and not self._confirms
 
     def poll(self) -> None:
         self._call(asyncio.sleep(0.001), _CALL_S, "listening")
@@ -179,11 +229,13 @@ class _BleLink:
             return
         if client is not None:
             with contextlib.suppress(*self._broken, TimeoutError):
+                if self._rests and self._confirms:
+                    # Packets are taken in their order: with the answer to this the zeros before it have arrived.
+                    runner.run(asyncio.wait_for(client.read_gatt_char(_BATTERY), _CALL_S))
+                    self._watch.silent = True
+            with contextlib.suppress(*self._broken, TimeoutError):
                 runner.run(asyncio.wait_for(client.disconnect(), _CALL_S))
         runner.close()
-        guard, self._guard = self._guard, None
-        if guard is not None:
-            guard.dismiss()
 
     def abort(self) -> None:
         """Nothing: every call has its own end."""

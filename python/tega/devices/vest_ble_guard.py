@@ -2,8 +2,8 @@
 
 A vest is thought to hold its last frame for ever, and BlueZ keeps the connection of a program that died. So a second
 process waits beside the one that drives the vest (:mod:`tega.devices.guard_process`). If its input ends without a word,
-the program is gone: it takes the connection over, writes zeros and disconnects. Nothing helps where both are killed,
-the adapter is pulled out, or the vest is out of reach.
+the program is gone, or could not silence the vest: it takes the connection over, writes zeros and disconnects, and
+tries that for ten minutes. Nothing helps where both are killed, the adapter is pulled out, or the vest is out of reach.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ __all__ = ["MOTORS", "guard_vest", "main"]
 MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 """The characteristic that takes motor frames."""
 
-_TRIES: Final = 5
+LONGEST_S: Final = 600.0
+"""For so long it tries, seconds."""
+
 _CALL_S: Final = 5.0
 _REST_S: Final = 1.0
 
@@ -58,10 +60,11 @@ def main() -> None:
             return
         answer(line)
     stay_alone()
-    for _ in range(_TRIES):
+    until_s = time.monotonic() + LONGEST_S
+    while time.monotonic() < until_s:
         try:
             asyncio.run(_silence(address, path))
-        except (BleakError, OSError, EOFError):
+        except (BleakError, OSError, EOFError, AssertionError):
             # A refusal comes at once; out of reach for a moment is not given up.
             time.sleep(_REST_S)
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,6 +11,7 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame
+from tega.emg_votes import ChannelVotes
 from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
 from tega.hand import joined_level, nearest_level
 from tega.inbox.reader import READ_TIMEOUT_S, opened_again
@@ -17,6 +19,7 @@ from tega.records import EmgSamples, Picture
 from tega.tactile import ContactMetrics
 
 if TYPE_CHECKING:
+    from tega.calibration import EmgMaxima
     from tega.records import Contact as ContactRecord
     from tega.records import Intent
     from tega.stages.base import Decoder
@@ -34,6 +37,9 @@ __all__ = [
 
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
+
+# The level before a fault is looked for among so many blocks; a fault is seen after two thirds of a second at most.
+_KEPT_BLOCKS = 256
 
 Contact = tuple[int, ContactMetrics]
 """Time in nanoseconds, what was measured."""
@@ -113,6 +119,7 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_lost: How often it went away.
         last_lost: Why it did last.
         end_ns: When the source ended, once it has.
+        faults: Channels of EMG that have no vote now, with the reason.
     """
 
     n_items: int = 0
@@ -125,6 +132,7 @@ class SourceReport(msgspec.Struct, kw_only=True):
     n_lost: int = 0
     last_lost: str = ""
     end_ns: int | None = None
+    faults: tuple[str, ...] = ()
 
     def drop(self) -> None:
         """Count an item that was not used."""
@@ -142,7 +150,7 @@ class BlockMeter:
     Args:
         decoder: Samples to intents.
         report: Counted up along the way.
-        rate_hz: Samples per second.
+        maxima: What counts as full, and what the samples are.
         live: Whether the samples come from a device that runs on its own clock.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
 
@@ -155,13 +163,17 @@ class BlockMeter:
         decoder: Decoder,
         report: SourceReport,
         *,
-        rate_hz: float,
+        maxima: EmgMaxima,
         live: bool,
         start_ns: int = 0,
     ) -> None:
         self._decoder = decoder
+        self._votes = ChannelVotes(maxima.rate_hz, maxima.tau, maxima.kind, maxima.channels, maxima.maxima)
+        # Blocks that had a vote, with the number of samples at their end.
+        self._sound: deque[tuple[int, Block]] = deque(maxlen=_KEPT_BLOCKS)
+        self._names = maxima.channels
         self._report = report
-        self._rate_hz = rate_hz
+        self._rate_hz = maxima.rate_hz
         self._live = live
         self._start_ns = start_ns if live else 0
         self._n_samples = self._next_index = 0
@@ -197,13 +209,38 @@ class BlockMeter:
             times_ns = np.full(len(samples), end_ns, np.int64)
         else:
             times_ns = np.rint(n * 1_000_000_000 / self._rate_hz).astype(np.int64)
-        intents = self._decoder.decode(samples, times_ns)
-        self._n_samples += len(samples)
+        blocks, at = list[Block](), 0
+        while at < len(samples):
+            part = slice(at, at + self._votes.room)
+            voting = self._votes.take(samples[part])
+            at += len(voting)
+            self._n_samples += len(voting)
+            blocks += [self._believed(intent) for intent in self._decoder.decode(voting, times_ns[part])]
         report.n_items += len(chunk.samples)
         report.n_missing += n_missing
         self._next_index = chunk.first_index + len(chunk.samples)
         self.end_ns = end_ns
-        return [_block(intent, samples.shape[1]) for intent in intents]
+        report.faults = tuple(f"{name}: {why}" for name, why in self._votes.faults.items())
+        return blocks
+
+    def _believed(self, intent: Intent) -> Block:
+        """Return what a decoder says, without the channels at fault; with none left, as before the fault began."""
+        faults = self._votes.faults
+        block = _block(intent, len(self._names))
+        if faults:
+            levels = zip(self._names, block.channels, strict=True)
+            block = block._replace(channels=tuple(0 if name in faults else level for name, level in levels))
+        if any(block.channels) and self._sound and self._votes.still:
+            # The next block tells whether this is a fault; until then its low level is not passed on.
+            last = self._sound[-1][1]
+            block = block._replace(level=last.level, closure=last.closure)
+        elif any(block.channels):
+            self._sound.append((self._n_samples, block))
+        elif (began := self._votes.began) is not None:
+            # What was made of samples before the fault was seen must not be what the hand holds.
+            before = next((sound for n, sound in reversed(self._sound) if n <= began), block)
+            block = block._replace(level=before.level, closure=before.closure)
+        return block
 
 
 def _block(intent: Intent, n_channels: int) -> Block:
@@ -231,7 +268,7 @@ def grasp_blocks(
     decoder: Decoder,
     report: SourceReport,
     *,
-    rate_hz: float,
+    maxima: EmgMaxima,
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
@@ -248,7 +285,7 @@ def grasp_blocks(
         source: An open source.
         decoder: Samples to intents.
         report: Counted up along the way.
-        rate_hz: Samples per second.
+        maxima: What counts as full, and what the samples are.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Tells when to give up.
         stamp: Told of each block: its time, and the monotonic time at which its last samples were received.
@@ -261,7 +298,7 @@ def grasp_blocks(
         When the source ended, in nanoseconds.
     """
     live = source.info.live
-    meter = BlockMeter(decoder, report, rate_hz=rate_hz, live=live, start_ns=start_ns)
+    meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns)
     while not (stopped() or source.ended):
         try:
             chunk = source.read(READ_TIMEOUT_S)

@@ -108,7 +108,7 @@ class Measured:
             self._muscles = BlockMeter(
                 muscle_decoder(self.config.stages, self.config.session.preset, used),
                 SourceReport(),
-                rate_hz=emg.rate_hz,
+                maxima=used,
                 live=head.sources["emg"].live,
             )
 

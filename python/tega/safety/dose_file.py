@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Annotated, Final, Self
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
 import msgspec
 import numpy as np
@@ -21,6 +21,9 @@ import numpy as np
 from tega.calibration.records import write_bytes
 from tega.errors import CalibrationError
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["DAY_S", "KeptDose"]
 
@@ -48,25 +51,32 @@ class KeptDose:
     Args:
         file: Of the person; written when the run begins, every five seconds, and when it ends.
         budget: The vest's, before its first frame.
+        may_be: Files of the people of whom this may be one: what the one of them had who had most, at each motor, is
+            counted as well.
         now_s: The time of day, seconds.
 
     Raises:
         CalibrationError: The file cannot be read.
     """
 
-    def __init__(self, file: Path, budget: MotorBudget, *, now_s: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        file: Path,
+        budget: MotorBudget,
+        *,
+        may_be: Sequence[Path] = (),
+        now_s: Callable[[], float] = time.time,
+    ) -> None:
         self._file = file
         self._budget = budget
         self._now_s = now_s
         began_s = now_s()
-        self._before = [run for run in _read(file) if began_s - run.ended_s < DAY_S]
-        self._carried_s = np.zeros(40)
-        heat = np.zeros(40)
-        for run in self._before:
-            self._carried_s += run.dose_s
-            # A clock that was set back must not cool anything down.
-            cooled = math.exp(-max(0.0, began_s - run.ended_s) / HEAT_TAU_S)
-            heat = np.maximum(heat, cooled * np.array(run.heat))
+        self._before = _of_the_day(file, began_s)
+        self._carried_s, heat = _left(self._before, began_s)
+        others = [_left(_of_the_day(other, began_s), began_s) for other in may_be]
+        if others:
+            self._carried_s = self._carried_s + np.max([dose_s for dose_s, _ in others], axis=0)
+            heat = np.maximum(heat, np.max([warm for _, warm in others], axis=0))
         budget.carry(dose_s=self._carried_s, heat=heat)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._work, name="tega-dose", daemon=True)
@@ -98,6 +108,21 @@ class KeptDose:
                 self.save()
             except OSError:  # a full disk does not end a run; the last writing tells it
                 continue
+
+
+def _of_the_day(file: Path, now_s: float) -> list[_Run]:
+    return [run for run in _read(file) if now_s - run.ended_s < DAY_S]
+
+
+def _left(runs: Sequence[_Run], now_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the dose of some runs, seconds, and the heat that is left of them."""
+    dose_s, heat = np.zeros(40), np.zeros(40)
+    for run in runs:
+        dose_s += run.dose_s
+        # A clock that was set back must not cool anything down.
+        cooled = math.exp(-max(0.0, now_s - run.ended_s) / HEAT_TAU_S)
+        heat = np.maximum(heat, cooled * np.array(run.heat))
+    return dose_s, heat
 
 
 def _read(file: Path) -> list[_Run]:

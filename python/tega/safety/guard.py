@@ -160,7 +160,7 @@ class Guard:
         late_ns: int,
         stamps: Mapping[str, int],
         counts: Mapping[str, int],
-        good_emg: bool = True,
+        unvoted: float | None = None,
         released: str = "",
     ) -> None:
         """Look at everything.
@@ -170,7 +170,7 @@ class Guard:
             late_ns: How late the loop is.
             stamps: Time of the newest item of each stream that has given one.
             counts: Items of each stream so far.
-            good_emg: Whether any channel of the newest block is to be believed.
+            unvoted: The level before, where no channel of the newest block had a vote; ``None`` where one had.
             released: Why the dead-man does not count as held; ``""`` while it is, or where there is none.
         """
         late = self._too_late(late_ns)
@@ -182,7 +182,7 @@ class Guard:
         if said := self._calibration():
             wrong["calibration"] = said
         for stream in self._streams:
-            if said := self._missing(stream, t_ns, stamps.get(stream.name), good_emg=good_emg):
+            if said := self._missing(stream, t_ns, stamps.get(stream.name), good_emg=unvoted is None):
                 wrong[stream.name] = said
                 if stream.kind == "emg" or s.tactile_lost == "hold":
                     holding[stream.name] = said
@@ -198,12 +198,13 @@ class Guard:
         holding |= needed
         if released:
             holding["dead_man"] = released
-        if late:
-            holding["loop"] = f"the loop was {late_ns / 1e6:.0f} ms late"
+        holding |= {"loop": f"the loop was {late_ns / 1e6:.0f} ms late"} if late else {}
         for name in [*(stream.name for stream in self._streams), *self._vests, *self._needs]:
             self.alert(name, wrong.get(name, ""))
         for name, tells in self._alerts.items():
             self.alert(name, tells())
+        if unvoted is not None:
+            self.level(unvoted)
         self._states.look(t_ns, wrong=wrong, holding=holding, go=self._go())
 
     def stop(self, t_ns: int, reason: str) -> None:
@@ -243,7 +244,8 @@ class Guard:
         if age_ns > stale_ns:
             return f"{name}: lost: {lost}" if lost else f"{name}: no {what} for {age_ns / 1e9:.1f} s"
         if stream.kind == "emg" and not good_emg:
-            return f"{name}: no channel can be believed"
+            why = "; ".join(stream.report.faults)
+            return f"{name}: no channel can be believed" + (f": {why}" if why else "")
         return ""
 
     def _count(self, t_ns: int, counts: Mapping[str, int]) -> None:

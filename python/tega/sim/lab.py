@@ -123,16 +123,17 @@ class Lab:
 
     def decoder(self) -> Decoder:
         """Make the decoder of the muscles."""
-        return muscle_decoder(
-            self.config.stages,
-            self.preset,
-            EmgMaxima(
-                kind="raw",
-                rate_hz=EMG_HZ,
-                tau=self.calibrated.tau,
-                channels=("ECR", "FCU", "FDS"),
-                maxima=tuple(float(maximum) for maximum in self.calibrated.maxima),
-            ),
+        return muscle_decoder(self.config.stages, self.preset, self.emg_maxima)
+
+    @property
+    def emg_maxima(self) -> EmgMaxima:
+        """What counts as full on each channel."""
+        return EmgMaxima(
+            kind="raw",
+            rate_hz=EMG_HZ,
+            tau=self.calibrated.tau,
+            channels=("ECR", "FCU", "FDS"),
+            maxima=tuple(float(maximum) for maximum in self.calibrated.maxima),
         )
 
     def _press(self, finger: str) -> TouchMaxima:

@@ -117,7 +117,7 @@ class Lift:
                 finger: FrameMeter(lab.baselines[finger], lab.metric(finger), SourceReport(), live=False)
                 for finger in FINGERS
             },
-            blocks=BlockMeter(decoder, SourceReport(), rate_hz=EMG_HZ, live=False),
+            blocks=BlockMeter(decoder, SourceReport(), maxima=lab.emg_maxima, live=False),
             block_ns=round(maxima.tau * 1e9 / EMG_HZ),
             scorer=self.scorer,
             bus=self._bus,

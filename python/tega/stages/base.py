@@ -229,7 +229,8 @@ class Decoder(_Stage, ABC):
         """Take the next samples.
 
         Args:
-            samples: float64 (n, channels); NaN where samples are missing.
+            samples: float64 (n, channels); NaN where samples are missing, infinite where the channel is known to be
+                at fault and has no vote (:mod:`tega.emg_votes`).
             times_ns: Time of each, int64 (n,), nanoseconds.
 
         Returns:

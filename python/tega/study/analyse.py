@@ -43,6 +43,7 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
         complete: With all their trials over.
         planned_trials: Of those who have not withdrawn.
         status: Number of trials by how they ended; ``not run`` for the rest.
+        redone: Trials of which an attempt that had taken place does not count, with the experimenter's reason.
     """
 
     planned_people: int | None
@@ -51,6 +52,7 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
     complete: int
     planned_trials: int | None
     status: dict[str, int]
+    redone: dict[str, str] = {}
 
 
 class Planner(msgspec.Struct, frozen=True, kw_only=True):
@@ -183,6 +185,7 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Mat
         complete=complete,
         planned_trials=planned,
         status=status,
+        redone={trial.id: trial.redone for trial in trials if trial.redone},
     )
     courses = {}
     for trial in trials:

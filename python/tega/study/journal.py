@@ -17,7 +17,7 @@ from tega.errors import DeviceUnavailableError, RecordingError
 from tega.file_lock import lock_file
 from tega.foreign_file import check_file, read_foreign
 
-__all__ = ["Event", "Journal", "Kind", "Status", "counting", "read_events"]
+__all__ = ["Event", "Journal", "Kind", "Status", "counting", "read_events", "undone_numbers"]
 
 Kind = Literal[
     "session_start",
@@ -31,6 +31,7 @@ Kind = Literal[
     "drop",
     "note",
     "override",
+    "redo",
     "rating",
     "undo",
 ]
@@ -51,7 +52,7 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
         success: ``trial_end``: as scored by rule. ``override``: as corrected by a person.
         undone: ``undo``: number of the event that does not count.
         source: Who says so: ``auto``, or a rater's id.
-        text: A note, or the reason of an end or a correction. Left out of anonymised copies.
+        text: A note, or the reason of an end, a correction or a repetition (``redo``). Left out of anonymised copies.
         item: ``rating``: what was asked, such as ``tlx.effort``.
         value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over.
     """
@@ -109,9 +110,14 @@ def read_events(path: Path) -> list[Event]:
     return _parse(read_foreign(path, most_mib=256), path)[0] if path.exists() else []
 
 
+def undone_numbers(events: Sequence[Event]) -> set[int]:
+    """Return the numbers of the events that were undone."""
+    return {event.undone for event in events if event.kind == "undo" and event.undone is not None}
+
+
 def counting(events: Sequence[Event], trial: int, attempt: int) -> list[Event]:
     """Return an attempt's events without those that were undone."""
-    undone = {event.undone for event in events if event.kind == "undo"}
+    undone = undone_numbers(events)
     return [e for e in events if e.trial == trial and e.attempt == attempt and e.n not in undone]
 
 

@@ -61,11 +61,13 @@ def _flow(analysis: Analysis) -> str:
     planned = "" if flow.planned_people is None else f" of {flow.planned_people} planned"
     gone = f", {flow.withdrawn} withdrew" if flow.withdrawn else ""
     ended = ", ".join(f"{n} {esc(status.replace('_', ' '))}" for status, n in flow.status.items())
+    redone = "; ".join(f"{esc(trial)}: {esc(why)}" for trial, why in flow.redone.items())
+    again = f" Done again, so that the first attempt does not count: {redone}." if redone else ""
     signed = f" Plan <code>{analysis.plan_sha256[:16]}</code>." if analysis.plan_sha256 else ""
     return (
         f"<p>{flow.people} {_people(flow.people, analysis)}{planned}{gone}; {flow.complete} complete. "
         f"Trials: {ended}. "
-        f"A trial that was failed is data; one that was broken off is not.{signed}</p>"
+        f"A trial that was failed is data; one that was broken off is not.{again}{signed}</p>"
     )
 
 

@@ -10,7 +10,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.plain_name import plain_name
-from tega.study.journal import Event, Journal, Status
+from tega.study.journal import Event, Journal, Status, undone_numbers
 from tega.study.plan import PlannedTrial, StudyPlan
 
 __all__ = ["SessionState", "Where", "check_where", "derive", "events_path", "rehearsed", "resume"]
@@ -18,8 +18,10 @@ __all__ = ["SessionState", "Where", "check_where", "derive", "events_path", "reh
 Where = Literal["lab", "emulated", "simulated"]
 """What the devices of a session are."""
 
-TrialStatus = Literal["planned", "running"] | Status
+TrialStatus = Literal["planned", "running", "redo"] | Status
 MAX_ATTEMPTS = 2
+REPEATABLE = ("done", "failed_task")
+"""How a trial ended that the experimenter may want again; one that was stopped for safety is not repeated."""
 
 
 class SessionState(msgspec.Struct, frozen=True):
@@ -48,7 +50,8 @@ def events_path(folder: Path, participant: str) -> Path:
 def derive(trials: Sequence[PlannedTrial], events: Sequence[Event]) -> SessionState:
     """Work out how a session stands.
 
-    A trial that was broken off for technical reasons is done once more, after the others of its block.
+    A trial that was broken off for technical reasons, or that the experimenter wants again (``redo``), is done once
+    more, after the others of its block.
 
     Args:
         trials: The person's, in their order.
@@ -60,14 +63,22 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[Event]) -> SessionSt
     status: dict[int, TrialStatus] = {trial.trial: "planned" for trial in trials}
     attempts = dict.fromkeys(status, 0)
     running: tuple[int, int] | None = None
+    undone = undone_numbers(events)
     for event in events:
-        if event.kind not in {"trial_start", "trial_end"}:
+        if event.kind not in {"trial_start", "trial_end", "redo"} or event.n in undone:
             continue
         if event.trial not in status:
             raise RecordingError(
                 f"event {event.n}: trial {event.trial} is not in the plan", "restore the plan"
             )
-        if event.kind == "trial_start":
+        if event.kind == "redo":
+            if status[event.trial] not in REPEATABLE or event.attempt != attempts[event.trial]:
+                raise RecordingError(
+                    f"event {event.n}: trial {event.trial} cannot be done again",
+                    "restore the file from a copy",
+                )
+            status[event.trial] = "redo"
+        elif event.kind == "trial_start":
             if running is not None or event.attempt != attempts[event.trial] + 1:
                 raise RecordingError(
                     f"event {event.n}: trial {event.trial} begins out of turn", "restore the file from a copy"
@@ -88,7 +99,8 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[Event]) -> SessionSt
 
 def _open(status: TrialStatus, attempts: int) -> bool:
     """Whether a trial, as it stands, is still to be done."""
-    return status == "planned" or (status in {"aborted_technical", "running"} and attempts < MAX_ATTEMPTS)
+    again = status in {"aborted_technical", "running", "redo"}
+    return status == "planned" or (again and attempts < MAX_ATTEMPTS)
 
 
 def _next(

@@ -16,7 +16,7 @@ from tega.study.state import events_path
 
 __all__ = ["Trial", "bench_trials", "course_path", "study_trials", "trials_of_events"]
 
-_CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override"}
+_CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo"}
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
@@ -39,6 +39,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         lift_off_s: From the start, seconds.
         rater: Who counted slips, deformations and drops at a console of their own; empty where the session's own
             events are counted.
+        redone: Why an attempt that had taken place does not count, as the experimenter said; ``""`` where none.
         first: Whether the condition was the person's first with this object.
         events: Where the row comes from, such as ``sessions/p01/events.jsonl:12``, one for every event used.
     """
@@ -58,6 +59,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     duration_s: float | None
     lift_off_s: float | None = None
     rater: str = ""
+    redone: str = ""
     first: bool = False
     events: tuple[str, ...] = ()
 
@@ -139,6 +141,12 @@ def trials_of_events(
         if runs:
             is_first = first[plan.object] == plan.condition
             done = _trial(plan, runs[-1], undone, where=where, first=is_first)
+            redone = [e for run in runs for e in run if e.kind == "redo" and e.n not in undone]
+            if redone:
+                done = msgspec.structs.replace(done, redone=redone[-1].text)
+            if any(event in redone for event in runs[-1]):
+                # It was to be done again and was not: nothing of it is data.
+                done = msgspec.structs.replace(done, status="aborted_technical")
             attempt = runs[-1][0].attempt
             for rater, seen in observers.items():
                 if saw_whole(seen, plan.trial, attempt):

@@ -104,7 +104,7 @@ class _Decoding:
         self._stage, self._bus = stage, bus
         maxima, live = prepared.muscles.maxima, prepared.muscles.source.info.live
         decoder = muscle_decoder(wanted.stages, config.session.preset, maxima)
-        self._meter = BlockMeter(decoder, SourceReport(), rate_hz=maxima.rate_hz, live=live)
+        self._meter = BlockMeter(decoder, SourceReport(), maxima=maxima, live=live)
 
     def __call__(self, given: EmgSamples) -> None:
         """Decode samples."""

@@ -168,7 +168,7 @@ def level_stream(
         muscles.source,
         muscles.decoder,
         muscles.report,
-        rate_hz=muscles.maxima.rate_hz,
+        maxima=muscles.maxima,
         start_ns=start_ns,
         see=see,
     )

@@ -224,14 +224,14 @@ class DualLoop:
             return
         stamps = {finger: contact[0] for finger, contact in self._newest.items()}
         counts = dict(self.report.n_contacts)
-        good = True
-        if self._block is not None:
-            stamps["emg"], good = self._block[0], any(self._block[1])
+        unvoted = None
+        if (block := self._block) is not None:
+            stamps["emg"], unvoted = block.t_ns, None if any(block.channels) else block.wanted
             counts["emg"] = self.report.n_blocks
         released = ""
         if (dead_man := self._inputs.seen.get("dead_man")) is not None and not dead_man.held:
             released = f"dead-man: {dead_man.words('dead_man')}"
-        guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, good_emg=good, released=released)
+        guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, unvoted=unvoted, released=released)
 
     def _last_look(self, duration_ns: int) -> tuple[int, str]:
         """Take in what came before a set time was over, and tell when and how the run ended."""

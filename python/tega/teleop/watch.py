@@ -14,6 +14,7 @@ from tega.safety.guard import Guard, Watched
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.inbox.prepared import Prepared
+    from tega.inbox.sources import SourceReport
     from tega.markers import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
@@ -48,6 +49,7 @@ def watch_over(
     if (m := prepared.muscles) is not None and m.source.info.live:
         streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
         alerts["signal"] = partial(_signal, m.source)
+        alerts["votes"] = partial(_votes, m.report)
 
     needs: dict[str, Callable[[], str]] = {}
     worn = sinks.live_vests
@@ -79,3 +81,8 @@ def _signal(source: EmgSource) -> str:
     """Say what is wrong with the newest second of a live amplifier's signal, as far as its driver looks."""
     faults = optional(source, "faults")
     return f"emg: {'; '.join(faults)}" if faults else ""
+
+
+def _votes(report: SourceReport) -> str:
+    """Say which channels have no vote, and why."""
+    return f"emg: no vote for {'; '.join(report.faults)}" if report.faults else ""

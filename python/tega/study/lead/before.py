@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from tega.study.journal import Journal, counting
 from tega.study.lead.trial import EXPERIMENTER, undo_last
+from tega.study.state import MAX_ATTEMPTS, REPEATABLE
 
 if TYPE_CHECKING:
     from tega.clock import Clock
@@ -51,7 +52,13 @@ class TrialBefore:
         """Keys that :meth:`take` knows now, and what they do."""
         keys = [("n", "note")]
         if self.which is not None:
-            keys = [("y", "it was a success"), ("f", "it was a failure"), ("u", "undo"), *keys]
+            keys = [
+                ("y", "it was a success"),
+                ("f", "it was a failure"),
+                ("u", "undo"),
+                ("r", "do it again"),
+                *keys,
+            ]
         return keys
 
     def take(self, key: str) -> None:
@@ -67,9 +74,35 @@ class TrialBefore:
             self._journal.add(
                 "override", t_ns=now_ns, trial=trial, attempt=attempt, success=key == "y", source=EXPERIMENTER
             )
+        elif key == "r":
+            self._again(trial, attempt)
         elif key == "u" and (done := undo_last(self._journal, trial, attempt, t_ns=now_ns)) is not None:
             what = self._journal.events[(done.undone or 1) - 1]
             self._desk.say(f"undone: {what.kind} of trial {trial}")
+
+    def _again(self, trial: int, attempt: int) -> None:
+        """Have the trial done once more; the reason is kept, and the attempt that took place does not count."""
+        events = counting(self._journal.events, trial, attempt)
+        ended = next((event.status for event in events if event.kind == "trial_end"), None)
+        if (
+            ended not in REPEATABLE
+            or attempt >= MAX_ATTEMPTS
+            or any(event.kind == "redo" for event in events)
+        ):
+            self._desk.say(
+                f"trial {trial} cannot be done again: {'twice is the most' if attempt > 1 else ended}"
+            )
+            return
+        if why := self._desk.line(f"why trial {trial} is done again (empty: it is not):").strip():
+            self._journal.add(
+                "redo",
+                t_ns=self._clock.now_ns(),
+                trial=trial,
+                attempt=attempt,
+                source=EXPERIMENTER,
+                text=why,
+            )
+            self._desk.say(f"trial {trial} comes again at the end of its block; this attempt does not count")
 
     def note(self, text: str, *, source: str = "auto") -> None:
         """Write a note; before the first trial it belongs to none."""
@@ -95,4 +128,6 @@ class TrialBefore:
                 success = event.success
         n = {kind: sum(event.kind == kind for event in events) for kind in ("slip", "deformation")}
         how = "success" if success else "failure"
+        if any(event.kind == "redo" for event in events):
+            how = "to be done again"
         return [f"trial {trial}: {how}; slips {n['slip']}, deformations {n['deformation']}; {end.text}"]

@@ -21,7 +21,7 @@ def waiting(
 
     Args:
         heading: Where in the session this is.
-        thing: What will be lifted.
+        thing: What will be lifted; ``""`` after the last trial.
         left_s: Of the rest, seconds; it is over at 0.
         before: How the trial before went.
         keys: What can be said of it.
@@ -29,6 +29,8 @@ def waiting(
     stop = ("q q", "stop here")
     if left_s > 0:
         return Screen("rest", heading, f"rest  {_clock(left_s)}", before, [stop, *keys])
+    if not thing:
+        return Screen("ready", heading, "Enter to end the session", before, [("Enter", "end"), *keys])
     big = f"put the {thing} in its place; Enter to begin"
     return Screen("ready", heading, big, before, [("Enter", "begin"), stop, *keys])
 

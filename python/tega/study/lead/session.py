@@ -138,11 +138,14 @@ class _Lead:
         n_done = 0
         while self._questions() and (most is None or n_done < most):
             state = self._state
-            if state.next is None:
+            number, attempt = state.next or (0, 0)
+            trial = self._mine[number - 1] if number else None
+            if trial is None and self._auto:
                 break
-            number, attempt = state.next
-            trial = self._mine[number - 1]
-            if not self._wait(trial, attempt):
+            ready = self._wait(trial, attempt)
+            if self._state.next != state.next:
+                continue  # the trial before is to be done again, and comes first
+            if not ready or trial is None:
                 break
             n_done += self._trial(trial, attempt)
         state = self._state
@@ -159,14 +162,22 @@ class _Lead:
 
     # The parts of a session.
 
-    def _wait(self, trial: PlannedTrial, attempt: int) -> bool:
-        """Rest, then wait until everybody is ready; False to quit."""
-        rest_s = trial.rest_s if attempt == 1 else max(trial.rest_s, self._plan.settings.rest_s)
+    def _wait(self, trial: PlannedTrial | None, attempt: int) -> bool:
+        """Rest, then wait until everybody is ready, or after the last trial until there is no more to be said of it.
+
+        Returns:
+            False to quit; if another trial is next now, either.
+        """
+        next_before = self._state.next
+        rest_s = 0.0 if trial is None else trial.rest_s
+        if attempt > 1:
+            rest_s = max(rest_s, self._plan.settings.rest_s)
         now_ns = self._clock.now_ns()
         ended_ns = self._before.ended_ns(now_ns)
         until_ns = now_ns if ended_ns is None else ended_ns + round(rest_s * self._scale * 1e9)
         again = ", again" if attempt > 1 else ""
-        heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)}{again} · {trial.object}"
+        what = "all trials are over" if trial is None else f"trial {trial.trial} of {len(self._mine)}{again}"
+        heading = f"{self._participant} · {what}" + ("" if trial is None else f" · {trial.object}")
         quitting = False
         while True:
             now_ns = self._clock.now_ns()
@@ -182,9 +193,12 @@ class _Lead:
                     return True
                 else:
                     self._before.take(key)
+                    if self._state.next != next_before:
+                        return False
             if self._auto and not resting:
                 return True
-            screen = waiting(heading, trial.object, left_s, self._before.lines(), self._before.keys)
+            thing = "" if trial is None else trial.object
+            screen = waiting(heading, thing, left_s, self._before.lines(), self._before.keys)
             self._telling.show(
                 screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
             )

@@ -35,6 +35,7 @@ END = "e"
 QUIET_S = 1.0
 """So long after a trial has begun its result cannot be keyed: nobody has lifted or dropped anything by then."""
 
+_OWN = {"slip", "deformation", "drop", "override", "note", "redo"}
 _KEYS: dict[str, Kind] = {"s": "slip", "d": "deformation"}
 
 
@@ -318,7 +319,7 @@ def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> Event
     mine = [
         event
         for event in counting(journal.events, trial, attempt)
-        if event.source == EXPERIMENTER and event.kind in {"slip", "deformation", "drop", "override", "note"}
+        if event.source == EXPERIMENTER and event.kind in _OWN
     ]
     if not mine:
         return None

@@ -1,0 +1,311 @@
+"""How long each guard takes, as the settings come, on clocks that the tests move: the hazard table's "within"."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reference.scripted import MS, touching
+from tega.calibration import TouchMaxima
+from tega.devices import guard_process, hand_guard, vest_stream
+from tega.devices.allegro import AllegroOptions
+from tega.devices.hand_guard import guard_hand
+from tega.devices.pedal import Pedal, PedalOptions
+from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
+from tega.hand import HandController
+from tega.hand_link import HandLink, Received
+from tega.haptics import vest_frame
+from tega.inbox.sources import SourceReport
+from tega.net.clock import Offset
+from tega.net.gate import Gate
+from tega.net.messages import Stamped
+from tega.net.settings import NetSection
+from tega.safety.guard import Guard, Watched
+from tega.safety.settings import SafetySection
+from tega.teleop.hand import HAND_TICK_NS
+from tega.teleop.touch import TouchLoop
+
+TICK_MS = HAND_TICK_NS / MS
+HELLO = Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))
+
+
+class _Run:
+    """A guard in a loop of hand's ticks, with EMG at ten blocks a second and a finger at 60 pictures."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.guard = Guard(
+            SafetySection(**settings),
+            streams=[
+                Watched("emg", "emg", 10.0, SourceReport()),
+                Watched("thumb", "tactile", 60.0, SourceReport()),
+            ],
+            needs={"link": lambda: self.link},
+        )
+        self.link = self.released = ""
+        self.late_ns = 0
+        self.unvoted: float | None = None
+        self.silent_from_ms = {"emg": np.inf, "thumb": np.inf}
+        self.t_ms = 0.0
+        self.until(lambda: self.guard.state == "active")
+
+    def until(self, what: Callable[[], bool]) -> float:
+        """Tick until something is so; return for how long, milliseconds."""
+        began_ms = self.t_ms
+        while not what():
+            assert self.t_ms < began_ms + 10_000
+            self.t_ms += TICK_MS
+            t_ns = round(self.t_ms * MS)
+            stamps, counts = {}, {}
+            for name, period_ms in (("emg", 100.0), ("thumb", 1000 / 60)):
+                n = int(min(self.t_ms, self.silent_from_ms[name]) / period_ms)
+                if n:
+                    stamps[name], counts[name] = round(n * period_ms * MS), n
+            if self.guard.due(t_ns, self.late_ns):
+                self.guard.look(
+                    t_ns,
+                    late_ns=self.late_ns,
+                    stamps=stamps,
+                    counts=counts,
+                    unvoted=self.unvoted,
+                    released=self.released,
+                )
+        return self.t_ms - began_ms
+
+    def held(self) -> float:
+        """Return after how long it holds, milliseconds."""
+        return self.until(lambda: self.guard.state == "hold")
+
+
+def test_emg_lost_holds_within_260_ms_of_its_last_block_and_opens_2_s_later() -> None:
+    run = _Run()
+    run.until(lambda: run.t_ms % 100 < TICK_MS)  # a block has just come
+    run.silent_from_ms["emg"] = run.t_ms
+    assert 250 - TICK_MS < run.held() <= 260 + TICK_MS
+    assert 2000 <= run.until(lambda: run.guard.state == "idle") <= 2010 + TICK_MS
+
+
+def test_emg_without_a_vote_holds_at_the_next_look() -> None:
+    run = _Run()
+    run.unvoted = 3.0
+    assert run.held() <= 10 + TICK_MS
+
+
+def test_a_lost_picture_holds_within_120_ms_where_the_settings_say_so() -> None:
+    run = _Run(tactile_lost="hold")
+    run.silent_from_ms["thumb"] = run.t_ms
+    assert 80 < run.held() <= 120 + TICK_MS
+    told = _Run()
+    told.silent_from_ms["thumb"] = told.t_ms
+    assert told.until(lambda: "thumb" in told.guard.alerts) <= 120 + TICK_MS
+    assert told.guard.state == "active"
+
+
+def test_a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look() -> None:
+    released, late, link = _Run(), _Run(), _Run()
+    released.released = "dead-man: released"
+    link.link = "link: no command"
+    late.late_ns = 101 * MS
+    assert released.held() <= 10 + TICK_MS
+    assert link.held() <= 10 + TICK_MS
+    assert late.held() <= TICK_MS  # is not waited for
+    punctual = _Run()
+    punctual.late_ns = 99 * MS
+    punctual.until(lambda t_ms=punctual.t_ms: punctual.t_ms > t_ms + 500)  # type: ignore[misc]
+    assert punctual.guard.state == "active"
+
+
+def test_a_stale_finger_is_silent_after_100_ms_and_a_refresh() -> None:
+    loop = TouchLoop({"thumb": TouchMaxima(cci_max=0.01, eda_max=10.0)}, layout="x40")
+    loop.update("thumb", 0, touching(50))
+    assert loop.frame(100 * MS).intensities.any()
+    refreshes_ms = np.arange(1, 20) * 1000 / 30
+    silent_ms = next(t for t in refreshes_ms if not loop.frame(round(t * MS)).intensities.any())
+    assert silent_ms <= 100 + 1000 / 30 + 1
+
+
+class _Link:
+    """A link to a vest that moves the clock by 10 ms at each look, and notes what it is sent and when."""
+
+    present, notes = True, ()
+
+    def __init__(self, vest: Any, now: SimpleNamespace, *, stalls: bool = False) -> None:
+        self._vest, self._now, self._stalls = vest, now, stalls
+        self.sent: list[tuple[float, bool]] = []
+
+    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002
+        self._now.s += 0.01
+        self._vest._stopping = self._now.s > 4.0
+        return not self._stalls
+
+    def send(self, intensities: NDArray[np.uint8]) -> None:
+        self.sent.append((self._now.s, bool(intensities.any())))
+
+    def poll(self) -> None:
+        """Nothing comes from there."""
+
+
+class _Vest(StreamedVest):
+    """A vest whose link is the test's."""
+
+    name = "a vest"
+    _label = "here"
+
+    def _new_link(self) -> VestLink:
+        raise NotImplementedError
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> Callable[..., _Link]:
+    """Write one frame to a vest at 0 s and nothing more; return what its writer's thread did then."""
+
+    def serve(*, stalls: bool = False) -> _Link:
+        now = SimpleNamespace(s=0.0)
+        clock = SimpleNamespace(monotonic=lambda: now.s, monotonic_ns=lambda: round(now.s * 1e9))
+        monkeypatch.setattr(vest_stream, "time", clock)
+        monkeypatch.setattr(vest_stream, "_POLL_S", 0.0)
+        vest = _Vest(VestOptions(most_hz=1000.0))
+        vest._begin()
+        vest._thread = SimpleNamespace()  # type: ignore[assignment]
+        vest.write(0, vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40"))
+        link = _Link(vest, now, stalls=stalls)
+        vest._serve(link)  # type: ignore[arg-type]
+        return link
+
+    return serve
+
+
+def test_a_vest_that_is_told_nothing_rests_within_200_ms(served: Callable[..., _Link]) -> None:
+    link = served()
+    assert link.sent[0][1]
+    rests_s = next(t_s for t_s, on in link.sent if not on)
+    assert 0.2 < rests_s <= 0.22
+    assert not any(on for t_s, on in link.sent if t_s >= rests_s)
+    # And is told so again each second.
+    assert sum(t_s > rests_s for t_s, _ in link.sent) >= 3
+
+
+def test_a_vest_that_takes_no_frame_counts_as_lost_after_a_second(served: Callable[..., _Link]) -> None:
+    with pytest.raises(Exception, match="takes no frames, for 1 s now"):
+        served(stalls=True)
+
+
+def _hand(rate_hz: float) -> tuple[HandLink, float, int]:
+    """Let a hand push, with so many sets of positions a second; return it, the time and the period in ms."""
+    o = AllegroOptions(interface="virtual", channel="x")
+    link = HandLink(HandController(), silent_after_ms=o.silent_after_ms, lowest_rate_hz=o.lowest_rate_hz)
+    t_ms = 0.0
+    period = 1000 / rate_hz
+    for k in range(400):
+        t_ms = k * period
+        frames = [Received(0x80 + 4 * f, struct.pack("<4h", k % 3, 2000, 2000, 2000)) for f in range(4)]
+        frames[3] = Received(0x8C, struct.pack("<4h", 9000, 1000 + k % 3, 2000, 2000))
+        link.exchange([HELLO] if k == 20 else frames if k > 20 else [], round(t_ms * MS), 5)
+        if link.phase in {"stopped", "fault"}:
+            break
+    return link, t_ms, round(period)
+
+
+def test_a_silent_hand_is_let_go_within_30_ms() -> None:
+    link, t_ms, _ = _hand(333.0)
+    assert link.phase == "running"
+    waited_ms = next(
+        ms for ms in range(1000) if link.exchange([], round((t_ms + ms) * MS), 5) and link.phase == "silent"
+    )
+    assert link.phase == "silent"
+    assert 29 <= waited_ms <= 33
+
+
+def test_a_slow_hand_is_let_go_within_a_second() -> None:
+    assert _hand(333.0)[0].phase == "running"
+    slow, t_ms, _ = _hand(200.0)
+    assert slow.fault is not None
+    assert t_ms <= 2000
+
+
+def test_a_program_that_stands_still_is_taken_over_from_within_a_second(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now, let_go_s = SimpleNamespace(s=0.0), list[float]()
+    beats = iter([b".\n"] * 5)
+
+    def waiting(_read: Any, _write: Any, _error: Any, timeout: float | None = None) -> Any:
+        if now.s < 0.5:
+            now.s += 0.1
+            return [0], [], []
+        if let_go_s or timeout is None:
+            return [0], [], []  # the program ends
+        now.s += timeout
+        return [], [], []
+
+    class Noted:
+        def __init__(self, **_settings: Any) -> None:
+            pass
+
+        def let_go(self, _given_up: Any) -> None:
+            let_go_s.append(now.s)
+
+    monkeypatch.setattr(hand_guard, "_Hand", Noted)
+    monkeypatch.setattr(select, "select", waiting)
+    monkeypatch.setattr(os, "read", lambda _fd, _n: next(beats, b""))
+    monkeypatch.setattr(hand_guard, "stay_alone", lambda: None)
+    monkeypatch.setattr(hand_guard, "answer", lambda _chunk: None)
+    monkeypatch.setattr(sys, "argv", ["hand_guard", json.dumps({})])
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(fileno=lambda: 0))
+    hand_guard.main()
+    assert let_go_s[0] - 0.5 == pytest.approx(1.0, abs=0.11)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process is stopped there")
+def test_a_guard_that_stands_still_is_replaced_within_two_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A real process, stopped; the program's clock is the test's, so that no time is waited for."""
+    now_s = [100.0]
+    monkeypatch.setattr(guard_process, "time", SimpleNamespace(monotonic=lambda: now_s[0], sleep=time.sleep))
+    guard = guard_hand({"interface": "virtual", "channel": "x", "bitrate": 1_000_000}, [], device_id=0)
+    try:
+        first: subprocess.Popen[bytes] = guard._process
+        os.kill(first.pid, signal.SIGSTOP)
+        for _ in range(60):
+            guard.beat()
+            now_s[0] += 0.101
+            if guard._asked_s - guard._heard_s > guard_process.DEAF_S:
+                break
+        guard.beat()
+        assert now_s[0] - 100.0 <= 2.3
+        assert first.wait(10) == -signal.SIGKILL
+    finally:
+        guard.dismiss()
+
+
+def test_a_dead_man_that_says_nothing_is_let_go_after_its_time() -> None:
+    pedal = Pedal(PedalOptions(report="joystick", vendor_id=0x05F3, button_byte=3, silent_after_ms=100.0))
+    pedal._there, pedal._heard_ns = True, 0
+    list(pedal._buttons.take(-1000 * MS, {"1"}))
+    list(pedal._buttons.settle(0))
+    assert pedal._buttons.held
+    pedal._mind_silence(100 * MS)
+    assert pedal._buttons.held
+    pedal._mind_silence(101 * MS)
+    assert not pedal._buttons.held
+
+
+def test_a_message_older_than_100_ms_is_not_used() -> None:
+    ttl_ns = round(NetSection(station="robot").ttl_ms * MS)
+    assert ttl_ns == 100 * MS
+    for age_ms, refused in ((80, ""), (100, ""), (101, "old")):
+        gate = Gate(ttl_ns=ttl_ns)
+        gate.begin(1)
+        stamp = Stamped(session=1, sequence=0, sent_ns=0)
+        assert gate.refusal(stamp, age_ms * MS, Offset(0, 0)) == refused
