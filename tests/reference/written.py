@@ -28,6 +28,7 @@ def mcap_trouble(data: bytes) -> str:
     records.
     """
     from mcap.reader import make_reader
+    from mcap.records import Message
     from mcap.stream_reader import StreamReader
 
     try:
@@ -35,7 +36,7 @@ def mcap_trouble(data: bytes) -> str:
         topics: Counter[int] = Counter()
         for record in StreamReader(io.BytesIO(data), validate_crcs=True).records:
             kinds[type(record).__name__] += 1
-            if type(record).__name__ == "Message":
+            if isinstance(record, Message):
                 topics[record.channel_id] += 1
         reader = make_reader(io.BytesIO(data), validate_crcs=True)
         summary = reader.get_summary()
@@ -128,5 +129,5 @@ def boris_project(path: Path) -> dict[str, Any] | None:
     assert done.returncode == 0, done.stderr
     told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     project: dict[str, Any] = told.pop("project")
-    assert told == {"name": str(path), "changed": False, "said": "", "fault": ""}
+    assert told == {"name": str(path), "changed": False, "said": "", "fault": ""}, told
     return project
