@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow deep lint fmt fuzz bench counts arm64 wheel clean
+.PHONY: help setup build test slow deep lint fmt fuzz bench counts figures arm64 wheel clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -56,6 +56,9 @@ fuzz: ## one fuzz target for five minutes: make fuzz T=name (needs cargo-fuzz)
 bench: ## run time against error, then the kernels without Python
 	$(BIN)/tega-teleop bench
 	cd benches && cargo bench --quiet
+
+figures: ## measure on an idle machine, and write benches/results.json and docs/performance.md
+	$(BIN)/python benches/figures.py
 
 counts: ## instruction counts against the committed ones (needs valgrind; UPDATE=1 rewrites them)
 	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
