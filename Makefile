@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow deep lint fmt fuzz bench counts figures arm64 wheel clean
+.PHONY: help setup build test slow deep lint fmt fuzz bench counts figures licences arm64 wheel clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -62,6 +62,9 @@ figures: ## measure on an idle machine, and write benches/results.json and docs/
 
 counts: ## instruction counts against the committed ones (needs valgrind; UPDATE=1 rewrites them)
 	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
+
+licences: ## of every crate and package; known faults where cargo-deny and pip-audit are installed
+	$(BIN)/python .ci/licences
 
 # Debian: qemu-user gcc-aarch64-linux-gnu libc6-dev-arm64-cross; rustup target add aarch64-unknown-linux-gnu.
 arm64: ## the crates' tests on an emulated arm64 processor, NEON kernels included
