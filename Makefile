@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow deep lint fmt fuzz bench counts arm64 wheel site pictures clean
+.PHONY: help setup build test slow deep lint fmt fuzz bench counts figures licences arm64 wheel site pictures clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -57,8 +57,14 @@ bench: ## run time against error, then the kernels without Python
 	$(BIN)/tega-teleop bench
 	cd benches && cargo bench --quiet
 
+figures: ## measure on an idle machine, and write benches/results.json and docs/performance.md
+	$(BIN)/python benches/figures.py
+
 counts: ## instruction counts against the committed ones (needs valgrind; UPDATE=1 rewrites them)
 	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
+
+licences: ## of every crate and package; known faults where cargo-deny and pip-audit are installed
+	$(BIN)/python .ci/licences
 
 # Debian: qemu-user gcc-aarch64-linux-gnu libc6-dev-arm64-cross; rustup target add aarch64-unknown-linux-gnu.
 arm64: ## the crates' tests on an emulated arm64 processor, NEON kernels included

@@ -12,6 +12,8 @@ from typing import Final
 import pytest
 from hypothesis import HealthCheck, settings
 
+from reference.written import watch_recordings
+
 settings.register_profile("dev", deadline=None, max_examples=40, print_blob=True)
 settings.register_profile("ci", deadline=None, max_examples=60, print_blob=True, derandomize=True)
 settings.register_profile(
@@ -125,6 +127,21 @@ def pytest_sessionfinish(session: pytest.Session) -> Generator[None]:
 def pytest_unconfigure() -> None:
     """Say which thread keeps the tests from ending, and end: a run of them never hangs after its last line."""
     faulthandler.dump_traceback_later(120, exit=True)
+
+
+@pytest.fixture(scope="session")
+def _recordings_watched() -> Generator[list[str]]:
+    with pytest.MonkeyPatch.context() as patch:
+        yield watch_recordings(patch)
+
+
+@pytest.fixture(autouse=True)
+def _recordings_are_valid(_recordings_watched: list[str]) -> Generator[None]:
+    """Fail a test whose recordings the public reader of MCAP does not take."""
+    yield
+    troubles = list(_recordings_watched)
+    _recordings_watched.clear()
+    assert not troubles, "\n".join(troubles)
 
 
 @pytest.fixture(scope="session")

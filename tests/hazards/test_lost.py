@@ -17,7 +17,7 @@ from hazards.bench import LONGEST_S, Lab, lab
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.recording.inspection import inspect_file
-from tega.teleop.loop import LoopView
+from tega.teleop.moment import LoopView
 from tega.testing.emulators.hid_port import HidBoard, HidPort
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by

@@ -106,12 +106,15 @@ def test_the_worst_error_is_of_each_number():
     assert exact.worst([error(1.0, 0.0, 3.0, 0.5), error(0.0, 2.0, 1.0, 0.7)]) == error(1.0, 2.0, 3.0, 0.7)
 
 
-def test_the_floor_reads_both_images():
+@pytest.mark.parametrize("place", [(0, 0, 0), (7, 7, 2)], ids=str)
+def test_a_floor_reads_all_of_both_images(place):
     frame, baseline = np.zeros((2, 8, 8, 3), np.uint8)
-    read = variants.floor_kernel((frame, baseline))
-    assert read() == 0
-    frame[0, 0, 0] = baseline[7, 7, 2] = 1
-    assert read() == 1 | 1 << 56
+    read, by_numpy = variants.floor_kernels((frame, baseline)).values()
+    assert (read(), by_numpy()) == (0, 0)
+    baseline[place] = 1
+    assert by_numpy() in {1, 1 << 56}
+    frame[place] = 1
+    assert read() != 0
 
 
 def test_every_filter_answers_as_the_50_digit_one():
@@ -218,11 +221,11 @@ def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
         assert name in tables
 
 
-def _counts_module():
-    path = Path(__file__).resolve().parents[2] / "benches" / "counts.py"
+def _module_of_benches(name):
+    path = Path(__file__).resolve().parents[2] / "benches" / f"{name}.py"
     if not path.is_file():
         pytest.skip("no benches beside the tests: not a checkout")
-    spec = importlib.util.spec_from_file_location("counts", path)
+    spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -231,7 +234,7 @@ def _counts_module():
 
 
 def test_a_count_off_by_more_than_the_tolerance_is_told():
-    counts = _counts_module()
+    counts = _module_of_benches("counts")
     committed = {"a": {"avx2": 1000, "baseline": 5000}, "gone": {"baseline": 10}}
     counted = {"a": {"avx2": 1019, "baseline": 4800}, "new": {"baseline": 7}}
     ok = {(row.kernel, row.path): row.ok for row in counts.verdicts(committed, counted)}
@@ -244,13 +247,13 @@ def test_a_count_off_by_more_than_the_tolerance_is_told():
 
 
 def test_a_path_that_this_processor_lacks_is_not_judged():
-    counts = _counts_module()
+    counts = _module_of_benches("counts")
     (avx2, baseline) = counts.verdicts({"a": {"avx2": 1000, "baseline": 5000}}, {"a": {"baseline": 5000}})
     assert (avx2.ok, avx2.change, baseline.ok) == (True, None, True)
 
 
 def test_counts_are_committed_for_both_paths():
-    counts = _counts_module()
+    counts = _module_of_benches("counts")
     committed = tomllib.loads(counts.COMMITTED.read_text(encoding="utf-8"))["counts"]
     tactile = [kernel for kernel in committed if kernel.endswith(counts.SIZE)]
     assert len(tactile) >= 7
@@ -280,3 +283,22 @@ def test_the_time_of_a_simulated_lift_adds_up():
     # What was timed is left as it was.
     assert World.advance_to is advance_to
     cli_bench._print_simulation(msgspec.convert(report, simulation.SimReport))
+
+
+def test_the_page_s_figures_are_those_of_the_committed_results():
+    figures = _module_of_benches("figures")
+    assert figures.PAGE.read_text(encoding="utf-8") == figures.made(), "python benches/figures.py --tables"
+    results = json.loads(figures.RESULTS.read_text(encoding="utf-8"))
+    assert msgspec.convert(results, report.BenchReport, strict=False).missing == []
+    # What the page says of the kernels beside every peer.
+    ours = [r for r in results["contact"] if r["variant"] == "TEGA"]
+    assert all(r["to_best_peer"] < 1 for r in ours)
+
+
+def test_a_page_with_a_part_that_nothing_makes_is_refused():
+    figures = _module_of_benches("figures")
+    results = json.loads(figures.RESULTS.read_text(encoding="utf-8"))
+    committed = tomllib.loads(figures.COUNTS.read_text(encoding="utf-8"))
+    text = figures.PAGE.read_text(encoding="utf-8").replace("made: tick ", "made: tock ")
+    with pytest.raises(SystemExit, match="tock"):
+        figures.page(text, results, committed)

@@ -327,6 +327,27 @@ def test_chords_boards_are_known_by_name_and_channels_by_the_stream() -> None:
             assert source.info.rate_hz == 400.0
 
 
+@pytest.mark.parametrize("arguments", [("--generation", "2024"), ("--generation", "2026")], ids=" ".join)
+def test_chords_boards_of_both_generations_are_found_at_either_speed(arguments: tuple[str, ...]) -> None:
+    # As the sketches of UNO clones: 115200 baud is the second that is tried.
+    board = ("--name", "UNO-CLONE", "--rate", "250", "--bits", "10", "--channels", "6", "--baud", "115200")
+    with emulator("chords", *arguments, *board) as device:
+        for _ in range(2):  # the second time with the stop of the first one still unheard
+            with opened("chords", device) as source:
+                assert source.info.rate_hz == 250.0
+                assert sum(len(chunk.samples) for chunk in chunks_of(source, 50)) >= 50
+
+
+@pytest.mark.parametrize("generation", ["2024", "2026"])
+def test_a_chords_board_left_streaming_by_a_crash_is_asked_again(generation: str) -> None:
+    with emulator("chords", "--generation", generation) as device:
+        crash = "import os, sys\nfrom tega.devices.chords import Chords, ChordsOptions\n"
+        crash += "Chords(ChordsOptions(port=sys.argv[1], measure_s=0.3)).open()\nos._exit(3)\n"
+        assert subprocess.run([sys.executable, "-c", crash, device.port], check=False).returncode == 3
+        with opened("chords", device) as source:
+            chunks_of(source, 50)
+
+
 def test_lines_of_another_kind_are_quoted() -> None:
     with (
         Emulator("ascii_board", "--channels", "2", "--stamp") as device,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tega.clock import ManualClock
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.testing.emulators.ascii_board import AsciiBoard
 from tega.testing.emulators.chords import ChordsBoard
@@ -75,17 +76,62 @@ def test_a_cyton_answers_in_text_only_while_it_does_not_stream() -> None:
     assert board.hear(b"d") == b""
 
 
-def test_chords_packets_are_the_published_bytes() -> None:
-    board = ChordsBoard(signal("flat"), name="NPG-LITE", rate_hz=500, bits=12, n_channels=3, baud=230_400)
-    board.power_on()
-    assert board.packet().hex() == "c77c00" + "0800" * 3 + "01"
-    assert board.packet().hex() == "c77c01" + "0800" * 3 + "01"
-    for _ in range(253):
+def chords(generation: int) -> tuple[ChordsBoard, ManualClock]:
+    clock = ManualClock()
+    board = ChordsBoard(
+        signal("flat"), name="NPG-LITE", rate_hz=500, bits=12, n_channels=3, baud=230_400,
+        generation=generation, now_s=lambda: clock.now_ns() / 1e9,
+    )  # fmt: skip
+    return board, clock
+
+
+@pytest.mark.parametrize(("generation", "first"), [(2024, 0), (2026, 1)])
+def test_chords_packets_are_the_published_bytes(generation: int, first: int) -> None:
+    board, _ = chords(generation)
+    for n in (first, first + 1):
+        assert board.packet().hex() == f"c77c{n:02x}" + "0800" * 3 + "01"
+    for _ in range(253 - first):
         board.packet()
     assert (board.packet()[2], board.packet()[2]) == (255, 0)
-    assert board.hear(b"WHO") == b""
-    assert board.hear(b"RU\nSTART\nSTATUS\n") == b"NPG-LITE\r\nRUNNING\r\n"
+
+
+def test_chords_sketches_of_2024_hear_a_command_after_a_second_of_silence() -> None:
+    board, clock = chords(2024)
+    assert (board.hear(b"STOP\n"), board.go_on()) == (b"", b"")
+    clock.sleep_until(clock.now_ns() + 900_000_000)
+    board.hear(b"WHORU\n")
+    clock.sleep_until(clock.now_ns() + 2_000_000_000)
+    assert board.go_on() == b""  # STOP and WHORU are one command, and no answer is given to that
+    for said, answer in ((b"WHO", b""), (b"RU\n", b""), (b"", b"NPG-LITE\r\n")):
+        if said:
+            board.hear(said)
+        else:
+            clock.sleep_until(clock.now_ns() + 1_000_000_000)
+        assert board.go_on() == answer
+    board.hear(b"START\n")
+    clock.sleep_until(clock.now_ns() + 999_000_000)
+    board.go_on()
+    assert not board.streaming
+    clock.sleep_until(clock.now_ns() + 1_000_000)
+    board.go_on()
+    board.go_on()
     assert board.streaming
+    board.hear(b"x")  # the timer's routine stops at any byte that waits
+    assert not board.streaming
+
+
+def test_chords_sketches_of_2026_take_lines_and_are_deaf_while_they_blink() -> None:
+    board, clock = chords(2026)
+    board.hear(b"whoru\nNAME\nSTART\nSTATUS\n")
+    assert board.go_on() == b"NPG-LITE\r\nUNKNOWN COMMAND\r\n"
+    clock.sleep_until(clock.now_ns() + 400_000_000)
+    assert board.go_on() == b"RUNNING\r\n"
+    assert board.streaming
+    board.hear(b"STATUS\n")
+    clock.sleep_until(clock.now_ns() + 999_000_000)
+    assert board.go_on() == b""
+    clock.sleep_until(clock.now_ns() + 1_000_000)
+    assert board.go_on() == b"STOPPED\r\n"
 
 
 def test_lines_are_what_arduino_prints() -> None:

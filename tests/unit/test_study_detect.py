@@ -11,6 +11,7 @@ from click.testing import CliRunner
 pytest.importorskip("mujoco")
 pytest.importorskip("scipy")
 
+from reference.written import boris_project
 from tega.cli.study import study
 from tega.errors import InvalidValueError, RecordingError
 from tega.study import make_plan, read_plan, write_plan
@@ -87,6 +88,7 @@ def test_events_go_out_to_boris_and_come_back(folder: Path, tmp_path: Path) -> N
     found = detect_study(folder)
     path = tmp_path / "out.boris"
     assert export_boris(folder, path) == 6  # three to fill in, three of the detector
+    boris_project(path)
     project = json.loads(path.read_text())
     observations = {k: v for k, v in project["observations"].items() if k.endswith("_detector")}
     [lift] = [event for event in found[0].events if event.kind == "lift_off"]

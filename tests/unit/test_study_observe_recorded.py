@@ -20,6 +20,7 @@ from click.testing import CliRunner
 
 from reference.sessions import record, rewritten
 from reference.waiting import until
+from reference.written import boris_project
 from tega.cli.main import cli
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.replay.recorded import read_recorded
@@ -192,6 +193,7 @@ def test_a_press_lands_where_the_recording_stood(folder: Path, tmp_path: Path) -
     counted = next(one for one in study_trials(folder)[1] if one.trial == trial)
     assert (counted.rater, counted.slips_before, counted.slips) == ("r3", 1, 2)
     export_boris(folder, tmp_path / "out.boris")
+    boris_project(tmp_path / "out.boris")
     observed = json.loads((tmp_path / "out.boris").read_text())["observations"][f"p01_t{trial:02d}_a1_r3"]
     assert [event[0] for event in observed["events"]] == [0.0, 0.4, 0.6, 0.6, 0.8, 1.3]
 

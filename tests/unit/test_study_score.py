@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
+from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.observe import Observing
@@ -130,6 +131,7 @@ def test_the_report_has_agreement_and_answers(folder: Path) -> None:
 def test_boris_goes_out_and_comes_back(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "out.boris"
     assert export_boris(folder, path) == 8
+    boris_project(path)
     project = json.loads(path.read_text())
     assert project["project_format_version"] == "7.0"
     assert "haptic" not in path.read_text()

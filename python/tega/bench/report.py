@@ -18,18 +18,28 @@ from tega.bench.peers import contact_peers
 from tega.bench.scenes import SIZE_OF_A_FINGER, SIZE_OF_A_SENSOR, SIZES, Scene, scenes
 from tega.bench.tick import TickRow, time_ticks
 from tega.bench.timing import Timing, ratio, single_threaded, take_turns, timing
-from tega.bench.variants import CONTACT_LAWS, ContactKernel, Law, floor_kernel, law_kernel, preset_kernel
+from tega.bench.variants import (
+    CONTACT_LAWS,
+    FLOOR,
+    NUMPY_FLOOR,
+    ContactKernel,
+    Law,
+    floor_kernels,
+    law_kernel,
+    preset_kernel,
+)
 
 __all__ = ["BILINEAR", "FLOOR", "BenchReport", "ContactRow", "FilterRow", "run_bench"]
 
-FLOOR = "both images read once"
 OURS, BILINEAR = "TEGA", "TEGA, bilinear"
+FLOORS = (FLOOR, NUMPY_FLOOR)
 METHOD = (
     "Variants take turns: in every round each is called five times, the first untimed, in an order that reverses "
     "from round to round; two rounds go before the timed ones. Wall clock, garbage collector off, libraries held to "
     "one thread. A ratio is the median over rounds of the ratio of the turns' medians. A variant's time is the call "
     "from Python with arrays in and numbers out. Errors are the worst of three generated presses against exact "
-    "integers and fractions (contact) and against 50 digits (EMG); times are of the second press."
+    "integers and fractions (contact) and against 50 digits (EMG); times are of the second press. The floor is the C "
+    "library's memcmp of a picture and its copy."
 )
 # Every law is measured at the size of a finger's picture; of the other sizes these show how times grow.
 SCALED_LAWS = CONTACT_LAWS[:2]
@@ -45,7 +55,7 @@ class ContactRow(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         reading: The law of the equations, or the preset.
-        variant: TEGA, a peer, or the floor.
+        variant: TEGA, a peer, or a floor: the C library's ``memcmp``, and NumPy's reduction.
         size: Height and width.
         time: What a call took.
         to_floor: Its time over that of reading both images once.
@@ -186,7 +196,7 @@ def _measured(
     errors = {name: _worst_error(kernels[name], pictures, answers) for name, answers in truths.items()}
     timed = pictures[TIMED_SCENE]
     calls: dict[str, Callable[[], object]] = {n: partial(kernel, *timed) for n, kernel in kernels.items()}
-    turns = take_turns(calls | {FLOOR: floor_kernel(timed)}, budget_s=budget_s)
+    turns = take_turns(calls | floor_kernels(timed), budget_s=budget_s)
     best = _best_peer(turns)
     return [
         ContactRow(
@@ -195,7 +205,7 @@ def _measured(
             size=size,
             time=timing(own),
             to_floor=ratio(own, turns[FLOOR]),
-            to_best_peer=ratio(own, turns[best]) if best and name != FLOOR else None,
+            to_best_peer=ratio(own, turns[best]) if best and name not in FLOORS else None,
             error=errors.get(name),
         )
         for name, own in turns.items()
@@ -208,7 +218,7 @@ def _worst_error(kernel: ContactKernel, pictures: list[Scene], answers: list[Exa
 
 
 def _best_peer(turns: Mapping[str, list[list[int]]]) -> str | None:
-    medians = {n: timing(t).median_us for n, t in turns.items() if n != FLOOR and not n.startswith(OURS)}
+    medians = {n: timing(t).median_us for n, t in turns.items() if n not in FLOORS and not n.startswith(OURS)}
     return min(medians, key=lambda name: medians[name]) if medians else None
 
 

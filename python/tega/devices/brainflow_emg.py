@@ -38,6 +38,9 @@ class BrainFlowOptions(LiveEmgOptions, frozen=True, kw_only=True):
         ip_address: Of a board on the network.
         ip_port: Of a board on the network.
         other_info: What else a board wants to know.
+        master_board: Of ``STREAMING_BOARD``, which takes what another program streams: the board that program has,
+            such as ``CYTON_BOARD``. The program streams with ``add_streamer("streaming_board://225.1.1.1:6677")``, and
+            ``ip_address`` and ``ip_port`` are those.
     """
 
     board: str
@@ -47,6 +50,7 @@ class BrainFlowOptions(LiveEmgOptions, frozen=True, kw_only=True):
     ip_address: str = ""
     ip_port: Annotated[int, msgspec.Meta(ge=0, le=65535)] = 0
     other_info: str = ""
+    master_board: str = ""
 
 
 class BrainFlowEmg(LiveEmg):
@@ -89,20 +93,25 @@ class BrainFlowEmg(LiveEmg):
             shim = require("brainflow.board_shim", driver=self.name, extra=self.extra)
             codes = require("brainflow.exit_codes", driver=self.name, extra=self.extra)
             shim.BoardShim.disable_board_logger()
-        if o.board not in shim.BoardIds.__members__:
-            known = ", ".join(sorted(shim.BoardIds.__members__))
-            raise DeviceUnavailableError(
-                f"brainflow: no board is called {o.board!r}", f"boards that this BrainFlow knows: {known}"
-            )
+        # Of a stream the samples are those of the board that somebody else has.
+        described = o.master_board or o.board
+        for board in (o.board, described):
+            if board not in shim.BoardIds.__members__:
+                known = ", ".join(sorted(shim.BoardIds.__members__))
+                raise DeviceUnavailableError(
+                    f"brainflow: no board is called {board!r}", f"boards that this BrainFlow knows: {known}"
+                )
         board_id, self._error = shim.BoardIds[o.board].value, codes.BrainFlowError
         parameters = shim.BrainFlowInputParams()
+        if o.master_board:
+            parameters.master_board = shim.BoardIds[o.master_board].value
         for name in ("serial_port", "serial_number", "mac_address", "ip_address", "ip_port", "other_info"):
             setattr(parameters, name, getattr(o, name))
         try:
-            said = shim.BoardShim.get_board_descr(board_id)
+            said = shim.BoardShim.get_board_descr(shim.BoardIds[described].value)
             self._rows = list(said.get("emg_channels") or said.get("eeg_channels") or ())
             self._stated_hz = float(said["sampling_rate"])
-            self._counter_row = said.get("package_num_channel") if o.board in _COUNTS_TO_256 else None
+            self._counter_row = said.get("package_num_channel") if described in _COUNTS_TO_256 else None
             self._last_count = None
             self._board = shim.BoardShim(board_id, parameters)
             self._board.prepare_session()

@@ -1,7 +1,14 @@
-"""Boards with Chords firmware (Upside Down Labs): raw converter counts in packets with a counter."""
+"""Boards with Chords firmware (Upside Down Labs): raw converter counts in packets with a counter.
+
+Names, rates and converters are those of the vendor's own readers (upsidedownlabs: Chords-Python
+``chordspy/chords_serial.py``, Chords-Web ``src/components/boards.ts``), the way of asking fits the sketches of 2024 and
+of 2026 (Chords-Arduino-Firmware).
+"""
 
 from __future__ import annotations
 
+import itertools
+import re
 import time
 from typing import Annotated, ClassVar, NamedTuple
 
@@ -18,7 +25,14 @@ __all__ = ["Chords", "ChordsOptions"]
 
 # Bytes that show how many channels a packet has: at least three packets of the largest board.
 _LOOK_BYTES = 256
-_ASK_EVERY_S = 0.5
+# A board of 2026 says UNKNOWN COMMAND where it got something else.
+_NAME = re.compile(rb"(?!UNKNOWN COMMAND)([!-~][ -~]*?)\s*\n")
+# Speeds at which boards talk, by sketch and by converter to USB.
+_BAUDS = (230_400, 115_200)
+# The sketches of 2024 take what came before a second of silence for one command; those of 2026 are deaf for a second
+# after a stop. So nothing more is sent before an answer had time to come.
+_ANSWER_S = 1.6
+_SILENCE_S = 1.2
 
 
 class _Board(NamedTuple):
@@ -26,14 +40,23 @@ class _Board(NamedTuple):
     bits: int
 
 
-# As the firmware's own reader lists them; the channel count is read off the stream, since one name can have two.
+# As the vendor's readers list them; the channel count is read off the stream, since one name can have two. Where the
+# two readers differ (STM32G4: 250 and 500 Hz), no rate stands here and it is measured.
 _BOARDS = {
+    "ESP32-S3": _Board(250.0, 12),
+    "GENUINO-UNO": _Board(250.0, 10),
+    "GIGA-R1": _Board(500.0, 16),
+    "MEGA-2560-CLONE": _Board(250.0, 10),
+    "MEGA-2560-R3": _Board(250.0, 10),
+    "NANO-CLASSIC": _Board(250.0, 10),
+    "NANO-CLONE": _Board(250.0, 10),
+    "NPG-LITE": _Board(500.0, 12),
+    "RPI-PICO-RP2040": _Board(500.0, 12),
+    "STM32F4-BLACK-PILL": _Board(500.0, 12),
+    "STM32G4-CORE-BOARD": _Board(0.0, 12),
+    "UNO-CLONE": _Board(250.0, 10),
     "UNO-R3": _Board(250.0, 10),
     "UNO-R4": _Board(500.0, 14),
-    "RPI-PICO-RP2040": _Board(500.0, 12),
-    "NPG-LITE": _Board(500.0, 12),
-    "GIGA-R1": _Board(500.0, 16),
-    "MEGA": _Board(250.0, 10),
 }
 
 
@@ -41,12 +64,12 @@ class ChordsOptions(LiveSerialOptions, frozen=True, kw_only=True):
     """Settings of :class:`Chords`.
 
     Attributes:
-        baud: Bits per second: 230400 or 115200, by board.
+        baud: Bits per second; left out: 230400 is tried, then 115200.
         rate_hz: Samples per second, for a board whose name is not known here.
         bits: Of its converter, likewise.
     """
 
-    baud: BaudRate = 230_400
+    baud: BaudRate | None = None
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100_000)] | None = None
     bits: Annotated[int, msgspec.Meta(ge=8, le=16)] | None = None
 
@@ -81,8 +104,7 @@ class Chords(LiveSerialEmg):
         from tega.wire import ChordsDecoder, chords_channels
 
         o = self._options
-        port = self._connect(o.baud)
-        self._board_name = self._ask(port)
+        self._board_name, port = self._find()
         known = _BOARDS.get(self._board_name)
         if known is None and o.rate_hz is None:
             raise DeviceUnavailableError(
@@ -98,29 +120,51 @@ class Chords(LiveSerialEmg):
             if time.monotonic() > deadline:
                 raise DeviceUnavailableError(
                     f"chords: {self._board_name} was started, but no packets came ({len(data)} bytes did)",
-                    "check the baud rate (230400 or 115200) and that the board runs Chords firmware",
+                    "check that the board runs Chords firmware",
                 )
             data = (data + port.read())[-4096:]
             time.sleep(POLL_S)
         self._n_channels = n_channels
         self._decoder, self._waiting = ChordsDecoder(n_channels), data
 
-    def _ask(self, port: SerialPort) -> str:
-        """Return the board's name; opening the port restarts some boards, so ask until they have started."""
-        deadline, said = time.monotonic() + self._options.start_s, b""
-        while time.monotonic() < deadline:
-            port.write(b"STOP\n")
-            port.drain(quiet_s=0.1, timeout_s=1.0)
-            port.write(b"WHORU\n")
-            said = port.read_until(b"\n", _ASK_EVERY_S)
-            name = said.strip().decode("ascii", "replace")
-            if said.endswith(b"\n") and name and name.isprintable():
-                return name
+    def _find(self) -> tuple[str, SerialPort]:
+        """Return the board's name and its port, open at the board's speed.
+
+        Opening the port restarts some boards, so each speed is tried until all have been, twice at least.
+        """
+        o = self._options
+        said, deadline = b"", time.monotonic() + o.start_s
+        bauds = itertools.cycle(_BAUDS if o.baud is None else (o.baud,))
+        for n, baud in enumerate(bauds):
+            if n >= 2 and time.monotonic() >= deadline:
+                break
+            port = self._connect(baud)
+            name, heard = self._ask(port)
+            if name:
+                return name, port
+            said += heard
+            port.close()
+        tried = " and ".join(str(baud) for baud in (_BAUDS if o.baud is None else (o.baud,)))
         raise DeviceUnavailableError(
-            f"chords: {port.name} did not say which board it is"
+            f"chords: {self._label()} did not say which board it is"
             + (f"; it said {said[:40]!r}" if said else ", and nothing came"),
-            "check the port, the baud rate, and that the board runs Chords firmware",
+            f"check the port, the baud rate (tried: {tried}), and that the board runs Chords firmware",
         )
+
+    @staticmethod
+    def _ask(port: SerialPort) -> tuple[str, bytes]:
+        """Ask for the name, and once more when the board has stopped and has had its silence; also what else came."""
+        said = b""
+        for again in (False, True):
+            if again:
+                port.write(b"STOP\n")
+                port.drain(quiet_s=_SILENCE_S, timeout_s=2 * _SILENCE_S)
+            port.write(b"WHORU\n")
+            heard = port.read_until(b"\n", _ANSWER_S)
+            said += heard
+            if match := _NAME.fullmatch(heard):
+                return match[1].decode("ascii"), said
+        return "", said
 
     def _arrived(self) -> Arrived | None:
         data, arrival_ns = self._received()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,9 @@ _ASK_S = 0.05
 _SEND_S = 0.01
 _REOPEN_NS = 1_000_000_000
 _MOST_FRAMES = 64
+# Buses that give their own frames back, which are then no other program's; python-can cannot tell them apart.
+_ECHOING = frozenset({"udp_multicast"})
+_MOST_ECHOES = 64
 
 
 def can_message(can: Any, frame: CanFrame) -> Any:
@@ -66,6 +70,7 @@ class HandBus:
         self._can: Any = None
         self._bus: Any = None
         self._reopen_ns = 0
+        self._echoes: deque[tuple[int, bytes, bool]] = deque(maxlen=_MOST_ECHOES)
 
     @property
     def label(self) -> str:
@@ -116,6 +121,9 @@ class HandBus:
                 continue
             if message is None:
                 break
+            with contextlib.suppress(ValueError):
+                self._echoes.remove((message.arbitration_id, bytes(message.data), message.is_remote_frame))
+                continue
             frames.append(
                 Received(
                     message.arbitration_id,
@@ -137,6 +145,8 @@ class HandBus:
             try:
                 self._bus.send(can_message(self._can, frame), timeout=_SEND_S)
                 sent.append(frame)
+                if self.settings["interface"] in _ECHOING:
+                    self._echoes.append((frame.id, bytes(frame.data), frame.remote))
             except (self._can.CanError, OSError):
                 self.n_unsent += 1
         return sent

@@ -43,6 +43,10 @@ class Board:
         """Take what the host sent and return the answer."""
         return b""
 
+    def go_on(self) -> bytes:
+        """Do what is due by now and return what it says; asked as often as the line is looked at."""
+        return b""
+
     def power_on(self) -> bytes:
         """Start from nothing and return what the board says of itself when it starts."""
         return b""
@@ -106,6 +110,8 @@ class _Line:
                 self._hear(self._ends[0])
             if sys.stdin.fileno() in ready and not self._obey():
                 return
+            if not self._faults.frozen:
+                self._send(self._board.go_on())
             now_s = time.monotonic()
             if now_s - last_s < burst_s:
                 continue
@@ -123,21 +129,25 @@ class _Line:
             return
         self._heard += data
         if not self._faults.frozen:
-            self._send(self._board.hear(data))
+            self._send(self._board.hear(self._over_the_wire(data)))
 
     def _send(self, data: bytes) -> None:
         """Write to the host; what it does not take is lost, as in an adapter whose buffer is full."""
         if self._ends is None or not data:
             return
-        if self._board.baud and self._speed() != self._board.baud:
-            data = bytes(self._rng.randrange(256) for _ in data)
-        data = self._rest + data
+        data = self._rest + self._over_the_wire(data)
         try:
             n = os.write(self._ends[0], data)
         except BlockingIOError:
             n = 0
         # The rest of a packet that went half goes first next time, a whole one is lost.
         self._rest = data[n:] if 0 < n < len(data) else self._rest if n == 0 else b""
+
+    def _over_the_wire(self, data: bytes) -> bytes:
+        """Return what arrives at the other end: something else where the two have not the same speed."""
+        if self._board.baud and self._speed() != self._board.baud:
+            return bytes(self._rng.randrange(256) for _ in data)
+        return data
 
     def _speed(self) -> int:
         assert self._ends is not None

@@ -1,0 +1,133 @@
+"""Hold every recording that a test writes against the public reader of MCAP, and every BORIS project against BORIS."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import struct
+import subprocess
+import sys
+import zlib
+from collections import Counter
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+__all__ = ["boris_project", "mcap_trouble", "watch_recordings"]
+
+_MAGIC = b"\x89MCAP0\r\n"
+# A footer record: opcode, length, start of the summary, start of its offsets, checksum; the magic follows.
+_FOOTER = struct.Struct("<BQQQI")
+
+
+def mcap_trouble(data: bytes) -> str:
+    """Return what is wrong with a finished recording, ``""`` for nothing.
+
+    Every record is read, with the checksum of every chunk; the summary's checksum, and what it counts, are those of the
+    records.
+    """
+    from mcap.reader import make_reader
+    from mcap.records import Message
+    from mcap.stream_reader import StreamReader
+
+    try:
+        kinds: Counter[str] = Counter()
+        topics: Counter[int] = Counter()
+        for record in StreamReader(io.BytesIO(data), validate_crcs=True).records:
+            kinds[type(record).__name__] += 1
+            if isinstance(record, Message):
+                topics[record.channel_id] += 1
+        reader = make_reader(io.BytesIO(data), validate_crcs=True)
+        summary = reader.get_summary()
+        n_indexed = sum(1 for _ in reader.iter_messages())
+    except Exception as error:  # whatever the public reader does not take is a fault of ours
+        return f"{type(error).__name__}: {error}"
+    _, _, begins, _, stated = _FOOTER.unpack_from(data, len(data) - len(_MAGIC) - _FOOTER.size)
+    checksum = zlib.crc32(data[begins : len(data) - len(_MAGIC) - 4])
+    if not stated or stated != checksum:
+        return f"the summary's checksum is {stated:#x}, its bytes have {checksum:#x}"
+    counts = None if summary is None else summary.statistics
+    if counts is None:
+        return "no statistics"
+    said = {
+        "messages": (counts.message_count, topics.total(), n_indexed),
+        "attachments": (counts.attachment_count, kinds["Attachment"]),
+        "tables": (counts.metadata_count, kinds["Metadata"]),
+        "messages by channel": ({k: n for k, n in counts.channel_message_counts.items() if n}, dict(topics)),
+    }
+    return "; ".join(f"{what} {n}" for what, n in said.items() if any(one != n[0] for one in n))
+
+
+def watch_recordings(patch: Any) -> list[str]:
+    """Look at each recording when this process has finished it; what is wrong is added to the list returned.
+
+    Args:
+        patch: A ``pytest.MonkeyPatch``, which ends the watch when it is undone.
+    """
+    from tega.recording.mcap_copy import McapCopy
+    from tega.recording.mcap_recorder import McapRecorder
+
+    troubles: list[str] = []
+    close, start, finish = McapRecorder._close_file, McapCopy.__init__, McapCopy.finish
+    files: dict[int, Any] = {}
+
+    def look(path: Path) -> None:
+        if said := mcap_trouble(path.read_bytes()):
+            troubles.append(f"{path}: {said}")
+
+    def closed(recorder: Any, summary: bytes) -> None:
+        close(recorder, summary)
+        if recorder.state == "complete" and recorder.path.is_file():  # not a pipe
+            look(recorder.path)
+
+    def started(copy: Any, file: Any) -> None:
+        files[id(copy)] = file
+        start(copy, file)
+
+    def finished(copy: Any) -> None:
+        finish(copy)
+        file = files.pop(id(copy))
+        file.flush()
+        if isinstance(name := getattr(file, "name", None), str | Path):
+            look(Path(name))
+
+    patch.setattr(McapRecorder, "_close_file", closed)
+    patch.setattr(McapCopy, "__init__", started)
+    patch.setattr(McapCopy, "finish", finished)
+    return troubles
+
+
+# A program of its own: BORIS reads the command line of whoever imports it, and opens a display.
+_BORIS = """
+import json, sys
+path = sys.stdin.read()
+from boris import project_functions
+name, changed, project, said = project_functions.open_project_json(path)
+fault = project.get("error") or project_functions.check_project_integrity(project, "seconds", name, False)
+told = {"name": name, "changed": changed, "project": project, "said": said, "fault": fault.replace("<br>", "")}
+print("\\n" + json.dumps(told, default=float))
+"""
+
+
+def boris_project(path: Path) -> dict[str, Any] | None:
+    """Load a project file with BORIS' own loader; ``None`` where BORIS is not installed.
+
+    Raises:
+        AssertionError: BORIS changes it, warns of it, refuses it, or finds fault with an observation.
+    """
+    if find_spec("boris") is None:
+        return None
+    done = subprocess.run(
+        [sys.executable, "-c", _BORIS],
+        input=str(path),
+        env=os.environ | {"QT_QPA_PLATFORM": "offscreen"},
+        check=False,
+        text=True,
+        capture_output=True,
+    )
+    assert done.returncode == 0, done.stderr
+    told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    project: dict[str, Any] = told.pop("project")
+    assert told == {"name": str(path), "changed": False, "said": "", "fault": ""}, told
+    return project
