@@ -115,14 +115,14 @@ def run(
 
 
 def test_the_examples_pass_the_contract_and_are_listed(installed: dict[str, str]) -> None:
-    done = run(installed, "-m", "tega.testing.contract", *EXAMPLES.values())
+    done = run(installed, "-m", "tega.contract", *EXAMPLES.values())
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", n] for n in EXAMPLES.values()]
     listed = json.loads(run(installed, "-m", "tega.cli", "stages", "--json").stdout)
     own = {stage["name"]: stage for stage in listed if stage["package"] != "tega"}
     assert set(own) == set(EXAMPLES.values())
     assert own["embedding"]["values"] == {"pc1": "grey", "pc2": "grey", "pc3": "grey"}
-    done = run(installed, "-m", "tega.testing.contract", "proportional", "--set", "rest=0.9")
+    done = run(installed, "-m", "tega.contract", "proportional", "--set", "rest=0.9")
     assert done.returncode == 2, done.stdout
     assert "a rest below full" in done.stdout
 
@@ -179,7 +179,7 @@ def test_the_contract_finds_what_is_wrong(
     before = source.read_text()
     assert right in before
     source.write_text(before.replace(right, wrong))
-    done = run({**installed, "PYTHONPATH": str(tmp_path)}, "-m", "tega.testing.contract", EXAMPLES[package])
+    done = run({**installed, "PYTHONPATH": str(tmp_path)}, "-m", "tega.contract", EXAMPLES[package])
     assert done.returncode == 1, done.stdout + done.stderr
     assert rule in done.stdout
 

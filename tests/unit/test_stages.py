@@ -13,6 +13,7 @@ import pytest
 from tega.calibration import TouchMaxima
 from tega.cli.main import main
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
+from tega.contract import check_stage
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics import FeltMap, VestFrame, intensity, vest_frame
 from tega.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
@@ -24,7 +25,6 @@ from tega.stages.metrics import contact_metrics_of, contact_record
 from tega.stages.readings import ReadingMetric, ReadingOptions
 from tega.tactile import ContactMetrics, contact_metrics, read_contact
 from tega.teleop.touch import TouchLoop
-from tega.testing.contract import check_stage
 
 
 def pressed(seed: int, depth: float) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:

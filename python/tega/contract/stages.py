@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.contract.rule import rule
 from tega.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Intent
 from tega.stages.base import Decoder, FingerSetup, Mapping, Metric, MuscleSetup, TouchEvent, VestSetup
-from tega.testing.contract.rule import rule
 
 __all__ = ["check_decoder", "check_layout", "check_mapping", "check_metric", "check_stage"]
 
