@@ -83,6 +83,7 @@ __all__ = [
     "check_tree",
     "driver_options",
     "load_config",
+    "override_tree",
     "stage_options",
 ]
 
@@ -132,10 +133,28 @@ def load_config(
         if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
             key = name.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", ".")
             _override(tree, origins, key, text, name)
-    for item in sets:
-        _override(tree, origins, *_key_and_value(item, "session.preset=paper"), "--set")
+    origins |= override_tree(tree, sets)
     base = path.absolute().parent if path is not None else Path.cwd()
     return check_tree(tree, origins, base=base)
+
+
+def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
+    """Put values given as text into a tree of settings.
+
+    Args:
+        tree: Settings as nested tables; changed in place.
+        sets: Values as ``key=value``, in TOML or plain text.
+
+    Returns:
+        Where each of the keys came from: ``--set``.
+
+    Raises:
+        ConfigError: One is not of the form ``key=value``, or goes into what is no table.
+    """
+    origins: dict[str, str] = {}
+    for item in sets:
+        _override(tree, origins, *_key_and_value(item, "session.preset=paper"), "--set")
+    return origins
 
 
 def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:

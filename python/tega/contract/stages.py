@@ -62,6 +62,7 @@ def check_metric(metric: type[Metric], options: Any) -> None:
         for number, frame in enumerate(frames):
             frame.flags.writeable = False
             found.append(made.update(frame, number * _FRAME_NS))
+            _check_area(made.area(frame), found[-1])
         return found
 
     first, again = run(), run()
@@ -78,6 +79,13 @@ def check_metric(metric: type[Metric], options: Any) -> None:
             rule(contact.eda >= 0, "eda is not negative")
     rule(first[3].in_contact, "a press of 90 counts is contact")
     rule(repr(first) == repr(again), "the same frames give the same contacts, whatever was measured before")
+
+
+def _check_area(area: Any, contact: Contact) -> None:
+    if area is None:
+        return
+    rule(area.dtype == np.bool_ and area.shape == (240, 320), "area is bool (H, W)")
+    rule(int(area.sum()) == contact.eda, "area has as many pixels as eda says")
 
 
 def _pressed(baseline: NDArray[np.uint8], depth: float) -> NDArray[np.uint8]:

@@ -147,6 +147,17 @@ class Metric(_Stage, ABC):
             :class:`tega.records.NamedValue` for every name of :meth:`units`, finite where there is contact.
         """
 
+    def area(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_] | None:  # noqa: ARG002  # for those that have one
+        """Return the pixels that count as contact, for pictures and audits; no run asks for them.
+
+        Args:
+            frame: The frame that :meth:`update` was given last.
+
+        Returns:
+            bool (H, W), as many pixels as its ``eda``; ``None`` where it outlines none.
+        """
+        return None
+
 
 class Decoder(_Stage, ABC):
     """Turns EMG samples into the operator's intent: entry-point group ``tega.decoders``.

@@ -8,7 +8,7 @@ import msgspec
 
 from tega.records import Contact, NamedValue
 from tega.stages.base import FingerSetup, Metric, StageOptions
-from tega.tactile import ContactMetrics, ContactReader, Outline, TouchTracker, nominal_light
+from tega.tactile import ContactMetrics, ContactReader, Outline, TouchTracker, contact_mask, nominal_light
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,12 +56,16 @@ class PaperMetric(Metric):
     summary: ClassVar[str] = "the printed law and the least that keeps it from breaking"
 
     def __init__(self, setup: FingerSetup, _options: StageOptions) -> None:
-        self._finger = setup.finger
+        self._finger, self._baseline = setup.finger, setup.baseline
         self._reader = ContactReader(setup.baseline, reading="paper")
 
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
         """Measure a frame."""
         return contact_record(self._finger, t_ns, self._reader.read(frame))
+
+    def area(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return the pixels above the threshold."""
+        return contact_mask(frame, self._baseline, reading="paper")
 
 
 class LiveOptions(StageOptions, frozen=True):
@@ -130,3 +134,7 @@ class LiveMetric(Metric):
             strength=found.strength,
             broad=found.broad,
         )
+
+    def area(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:  # noqa: ARG002  # the tracker remembers it
+        """Return the outlined pixels."""
+        return self._tracker.mask()

@@ -40,6 +40,8 @@ __all__ = ["ReadingMetric", "ReadingOptions"]
 
 Threshold: TypeAlias = Literal["D1", "D2", "D3", "D4", "D5", "D6", "D7", "D8"]
 
+Difference: TypeAlias = Literal["signed", "rectified", "absolute"]
+
 _Weight = Annotated[float, msgspec.Meta(ge=-10, le=10)]
 
 # Of a Gaussian press the value at 1.28 standard deviations is this share of its peak: exp(-1.28² / 2).
@@ -64,7 +66,7 @@ class ReadingOptions(StageOptions, frozen=True):
 
     threshold: Threshold = "D3"
     weights: tuple[_Weight, _Weight, _Weight] = (0.299, 0.587, 0.114)
-    difference: Literal["signed", "rectified", "absolute"] | None = None
+    difference: Difference | None = None
     spread: Literal["spatial", "intensity"] = "spatial"
     factor: Annotated[float, msgspec.Meta(ge=0, le=10)] = 1.28
     centroid_value: Literal["nearest", "bilinear"] = "nearest"
@@ -109,13 +111,26 @@ class ReadingMetric(Metric):
             metrics = metrics._replace(cci=metrics.peak / math.sqrt(metrics.eda))
         return contact_record(self._finger, t_ns, metrics)
 
+    def area(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return the pixels above the threshold."""
+        metrics = self._read(frame)
+        if not metrics.in_contact:
+            return np.zeros(frame.shape[:2], np.bool_)
+        if self._options.threshold in {"D1", "D2"}:
+            # Grey values and threshold are rounded here; the kernel compares exact sums.
+            grey = _signed(frame, self._baseline, self._sign()) @ self._millionths / 1e6
+        else:
+            grey, _ = self._map(frame)
+        above: NDArray[np.bool_] = grey > metrics.threshold
+        return above
+
     def _printed(self, frame: NDArray[np.uint8]) -> ContactMetrics:
         o = self._options
         return contact_metrics(
             frame,
             self._baseline,
             weights=o.weights,
-            difference=o.difference or ("signed" if o.threshold == "D1" else "rectified"),
+            difference=self._sign(),
             spread=o.spread,
             factor=o.factor,
             centroid_value=o.centroid_value,
@@ -152,6 +167,10 @@ class ReadingMetric(Metric):
             in_contact=True,
         )
 
+    def _sign(self) -> Difference:
+        o = self._options
+        return o.difference or {"D1": "signed", "D2": "rectified"}.get(o.threshold, "absolute")  # type: ignore[return-value]
+
     def _threshold(self, value: float, spread: float, peak: float) -> float:
         match self._options.threshold:
             case "D5":
@@ -168,16 +187,22 @@ class ReadingMetric(Metric):
     def _map(self, frame: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
         """Return the grey map after blur and noise floor, and how many of its pixels are above the floor."""
         o = self._options
-        difference = frame.astype(np.int32) - self._baseline
-        if o.difference is None or o.difference == "absolute":
-            difference = np.abs(difference)
-        elif o.difference == "rectified":
-            difference = np.maximum(difference, 0)
+        difference = _signed(frame, self._baseline, self._sign())
         # Sums of whole numbers below 2⁵³: exact in float64 where the weights are millionths.
         grey = _box_sums(difference) @ self._millionths / 25e6
         counted = int(np.count_nonzero(grey > o.noise_floor))
         grey[grey < o.noise_floor] = 0.0
         return grey, counted
+
+
+def _signed(
+    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], difference: Difference
+) -> NDArray[np.int32]:
+    """Return frame - baseline under a sign rule, int32 (H, W, 3)."""
+    left: NDArray[np.int32] = frame.astype(np.int32) - baseline
+    if difference == "absolute":
+        return np.abs(left)
+    return np.maximum(left, 0) if difference == "rectified" else left
 
 
 def _box_sums(image: NDArray[np.int32]) -> NDArray[np.float64]:
