@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import NameList, debug_option, json_option
+from tega.cli.options import NameList, debug_option, json_option, loop_options, loop_sets
 from tega.cli.page import view_options
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     show_default=True,
     help="Who steers; keyboard: you.",
 )
-@click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
 @click.option(
     "--seed",
     type=click.IntRange(0, 2**31),
@@ -55,13 +54,7 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     show_default=True,
     help="Lifts of each object before the one that counts.",
 )
-@click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="A setting of the loop: stages.*, vest.layout, vest.mirror; repeatable.",
-)
+@loop_options
 @click.option("--fast", is_flag=True, help="Do not wait for real time.")
 @view_options
 @click.option(
@@ -82,6 +75,7 @@ def demo(
     preset: str,
     seed: int,
     practice: int,
+    config: Path | None,
     sets: tuple[str, ...],
     fast: bool,
     view: bool,
@@ -113,6 +107,7 @@ def demo(
 
     if operator == "keyboard" and fast:
         raise click.UsageError("--fast leaves no time for a person at the keyboard")
+    sets = loop_sets(config, sets)
     plans = plan_trials(
         objects, [condition], [seed], operator=operator, preset=preset, practice=practice, settings=sets
     )

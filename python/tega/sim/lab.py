@@ -123,19 +123,20 @@ class Lab:
         """Make the metric of a finger."""
         return finger_metric(self.config.stages, self.preset, finger, self.baselines[finger])
 
+    @property
+    def muscles(self) -> EmgMaxima:
+        """The maxima of the muscles, and what they hold under."""
+        return EmgMaxima(
+            kind="raw",
+            rate_hz=EMG_HZ,
+            tau=self.calibrated.tau,
+            channels=("ECR", "FCU", "FDS"),
+            maxima=tuple(float(maximum) for maximum in self.calibrated.maxima),
+        )
+
     def decoder(self) -> Decoder:
         """Make the decoder of the muscles."""
-        return muscle_decoder(
-            self.config.stages,
-            self.preset,
-            EmgMaxima(
-                kind="raw",
-                rate_hz=EMG_HZ,
-                tau=self.calibrated.tau,
-                channels=("ECR", "FCU", "FDS"),
-                maxima=tuple(float(maximum) for maximum in self.calibrated.maxima),
-            ),
-        )
+        return muscle_decoder(self.config.stages, self.preset, self.muscles)
 
     def _press(self, finger: str) -> TouchMaxima:
         """Take the maxima of the guided press of one fingertip."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,18 +12,20 @@ import numpy as np
 from tega.bus import Bus
 from tega.clock import ManualClock, PausableClock, SystemClock
 from tega.config import FINGERS, StageConfig, StagesSection
-from tega.records import Contact, Intent
+from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.arms import PULSES, worn
+from tega.sim.beside import BesideNotes
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.rig import CAMERA_DELAY_NS, Rig
 from tega.sim.score import LIFT_WINDOW_S, Scorer
-from tega.stages.choose import vest_mapping
+from tega.stages.choose import chosen_stage, vest_mapping
+from tega.teleop.beside import look_on
 from tega.teleop.loop import DualLoop, LoopView
-from tega.teleop.sources import BlockMeter, FrameMeter, SourceReport
+from tega.teleop.sources import BlockMeter, FrameMeter, SourceReport, picture_of, samples_of
 from tega.teleop.touch import TouchLoop
 from tega.view.state import EmgTail, TouchImage, ViewState
 from tega.wire import ALLEGRO_RAD_PER_COUNT
@@ -30,6 +33,7 @@ from tega.wire import ALLEGRO_RAD_PER_COUNT
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tega.devices.base import EmgChunk, TactileFrame
     from tega.haptics import Layout
     from tega.sim.lab import Lab
     from tega.sim.rig import Person
@@ -119,9 +123,13 @@ class Lift:
             end_s=LIFT_WINDOW_S + _AFTER_S,
             lift_by_s=LIFT_WINDOW_S,
             muted=muted,
-            skip_untouched=skip_untouched,
+            skip_untouched=skip_untouched and not _remembers(lab),
             on_act=self._note,
+            on_picture=self._show_beside if lab.config.stages.beside else lambda _finger, _frame: None,
+            on_samples=self._tell_beside if lab.config.stages.beside else lambda _chunk: None,
         )
+        self._bus = self._made_bus()
+        self._beside = self._look_on()
 
     @property
     def fatigue(self) -> float:
@@ -170,7 +178,7 @@ class Lift:
             hand=SimulatedAllegro(self._controller, encoders),
             vests=[rig] if self._streams is None else [rig, self._streams],
             hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
-            bus=self._bus(),
+            bus=self._bus,
             observer=None if observer is None else show,
             guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
         )
@@ -197,9 +205,36 @@ class Lift:
             events=tuple(scorer.events),
             simulated_s=simulated_s,
             person=self._lab.digest if self._plan.operator == "simulated" else "",
+            beside=() if self._beside is None else self._beside.results(),
         )
 
-    def _bus(self) -> Bus:
+    def _look_on(self) -> BesideNotes | None:
+        """Have the stages beside look on; return what notes what they say."""
+        lab = self._lab
+        if not lab.config.stages.beside:
+            return None
+        notes = BesideNotes(self._bus)
+        if self._streams is not None:
+            self._bus.subscribe(BesideContact, self._streams.beside_contact)
+            self._bus.subscribe(BesideIntent, self._streams.beside_levels)
+        with ExitStack() as stack:  # nothing in it has a thread of its own
+            look_on(
+                stack,
+                lab.config,
+                self._bus,
+                baselines=lab.baselines,
+                touch=lab.touch.get,
+                muscles=lab.muscles,
+            )
+        return notes
+
+    def _show_beside(self, finger: str, frame: TactileFrame) -> None:
+        self._bus.publish(picture_of(finger, frame, live=False, start_ns=0))
+
+    def _tell_beside(self, chunk: EmgChunk) -> None:
+        self._bus.publish(samples_of(chunk, live=False, start_ns=0))
+
+    def _made_bus(self) -> Bus:
         """Return a bus that tells levels, and where somebody keeps them contacts."""
         bus, streams = Bus(), self._streams
         bus.subscribe(Intent, self._levels, vital=True)
@@ -267,3 +302,9 @@ class Lift:
             "deformed": str(deformations),
             "lifted": "yes" if self.scorer.time_of("lifted") is not None else "no",
         }
+
+
+def _remembers(lab: Lab) -> bool:
+    """Whether a metric that looks on learns from an untouched gel."""
+    beside = (one for one in lab.config.stages.beside if one.group == "metric")
+    return any(chosen_stage("metric", one.stages, lab.preset).kind.memory for one in beside)

@@ -79,6 +79,8 @@ class Rig:
         muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether a fingertip that nothing touches goes without rendering.
         on_act: Told after every 10 ms what was perceived and done.
+        on_picture: Told of every picture of a finger.
+        on_samples: Told of every block of EMG.
 
     Attributes:
         contacts: Stream of measured frames, by finger, for the loop.
@@ -110,6 +112,8 @@ class Rig:
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
         on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
+        on_picture: Callable[[str, TactileFrame], None] = lambda _finger, _frame: None,
+        on_samples: Callable[[EmgChunk], None] = lambda _chunk: None,
     ) -> None:
         self.world = world
         self._closure = ClosureScale(poses_rad)
@@ -121,7 +125,7 @@ class Rig:
         self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
         self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
         self._muted, self._skip_untouched = muted, skip_untouched
-        self._on_act = on_act
+        self._on_act, self._on_picture, self._on_samples = on_act, on_picture, on_samples
         self.contacts = {finger: QueuedStream[Contact](due_ns=CAMERA_DELAY_NS) for finger in FINGERS}
         self.levels = QueuedStream[Block](due_ns=block_ns)
         self._streams = list(self.contacts.values())
@@ -167,7 +171,9 @@ class Rig:
             else:
                 image = self._still[finger]
             self.frames[finger] = image
-            contact = self._meters[finger].take(TactileFrame(arrival_ns, number, image, "simulated frame"))
+            frame = TactileFrame(arrival_ns, number, image, "simulated frame")
+            self._on_picture(FINGERS[finger], frame)
+            contact = self._meters[finger].take(frame)
             if contact is not None:
                 self._streams[finger].put(contact, next_ns=next_ns)
 
@@ -179,6 +185,7 @@ class Rig:
             self.emg_tail.append(samples)
             chunk = EmgChunk(t_ns, self._n_samples, samples)
             self._n_samples += len(samples)
+            self._on_samples(chunk)
             for block in self._blocks.take(chunk):
                 self.levels.put(block, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()
