@@ -187,9 +187,9 @@ class ReadingMetric(Metric):
     def _map(self, frame: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
         """Return the grey map after blur and noise floor, and how many of its pixels are above the floor."""
         o = self._options
-        difference = _signed(frame, self._baseline, self._sign())
         # Sums of whole numbers below 2⁵³: exact in float64 where the weights are millionths.
-        grey = _box_sums(difference) @ self._millionths / 25e6
+        grey = _box_sums(_signed(frame, self._baseline, self._sign()) @ self._millionths)
+        grey /= 25e6
         counted = int(np.count_nonzero(grey > o.noise_floor))
         grey[grey < o.noise_floor] = 0.0
         return grey, counted
@@ -197,24 +197,26 @@ class ReadingMetric(Metric):
 
 def _signed(
     frame: NDArray[np.uint8], baseline: NDArray[np.uint8], difference: Difference
-) -> NDArray[np.int32]:
-    """Return frame - baseline under a sign rule, int32 (H, W, 3)."""
-    left: NDArray[np.int32] = frame.astype(np.int32) - baseline
+) -> NDArray[np.float64]:
+    """Return frame - baseline under a sign rule, float64 (H, W, 3)."""
+    left = frame.astype(np.float64)
+    left -= baseline
     if difference == "absolute":
-        return np.abs(left)
-    return np.maximum(left, 0) if difference == "rectified" else left
+        return np.abs(left, out=left)
+    return np.maximum(left, 0, out=left) if difference == "rectified" else left
 
 
-def _box_sums(image: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Sums over 5 × 5 pixels of each channel, the border mirrored without repeating it."""
+def _box_sums(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return sums over 5 × 5 pixels, float64 (H, W), the border mirrored without repeating it."""
     sums = image
     for axis in (0, 1):
-        pad = [(2, 2) if a == axis else (0, 0) for a in range(3)]
-        mode = "reflect" if image.shape[axis] > 1 else "edge"
-        padded = np.pad(sums, pad, mode=mode)  # type: ignore[call-overload]
         n = image.shape[axis]
-        sums = np.sum([np.take(padded, range(k, k + n), axis=axis) for k in range(5)], axis=0)
-    return sums.astype(np.float64)
+        pad = [(2, 2) if a == axis else (0, 0) for a in range(2)]
+        padded = np.pad(sums, pad, mode="reflect" if n > 1 else "edge")
+        at = padded if axis == 0 else padded.T
+        sums = at[:n] + at[1 : n + 1] + at[2 : n + 2] + at[3 : n + 3] + at[4 : n + 4]
+        sums = sums if axis == 0 else sums.T
+    return sums
 
 
 def _value_at(grey: NDArray[np.float64], x: float, y: float, how: str) -> float:
