@@ -85,6 +85,7 @@ __all__ = [
     "driver_options",
     "file_sets",
     "load_config",
+    "override_recorded",
     "override_tree",
     "stage_options",
 ]
@@ -157,6 +158,19 @@ def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
     for item in sets:
         _override(tree, origins, *_key_and_value(item, "session.preset=paper"), "--set")
     return origins
+
+
+def override_recorded(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
+    """Put values given as text into the settings of a recording, which are written out in full.
+
+    As :func:`override_tree`; a stage that is named anew begins with its own defaults, since it does not know the
+    options of the one that ran.
+    """
+    named = {item.partition("=")[0].strip() for item in sets}
+    for group in STAGE_GROUPS:
+        if f"stages.{group}.name" in named and isinstance(tree.get("stages"), dict):
+            tree["stages"].pop(group, None)
+    return override_tree(tree, sets)
 
 
 # What of a lab's settings a simulated trial has, too.

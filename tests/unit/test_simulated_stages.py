@@ -154,6 +154,7 @@ def test_a_study_in_silico_is_run_with_the_stages_it_says(tmp_path: Path, capsys
     assert "has no such setting" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_session_in_silico_reads_as_its_settings_say(tmp_path: Path) -> None:
     from tega.study.silico.session import run_session
     from tega.study.silico.simulate import jobs_of, made_study

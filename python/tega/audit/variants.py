@@ -12,7 +12,7 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
-from tega.config import SessionConfig, check_tree, override_tree
+from tega.config import SessionConfig, check_tree, override_recorded
 from tega.errors import ConfigError
 
 __all__ = [
@@ -219,10 +219,5 @@ def sweep_variants(tree: Mapping[str, Any], sweep: Sweep, *, sets: Sequence[str]
 
 
 def _checked(tree: dict[str, Any], sets: Sequence[str]) -> SessionConfig:
-    # A recording's settings are written out in full: another stage does not know the options of the one that ran.
-    named = {item.partition("=")[0].strip() for item in sets}
-    for table in _TABLE.values():
-        if f"stages.{table}.name" in named:
-            tree.setdefault("stages", {}).pop(table, None)
-    origins = override_tree(tree, sets)
+    origins = override_recorded(tree, sets)
     return check_tree(tree, origins, base=Path.cwd()).config
