@@ -16,7 +16,7 @@ LAB = """
 [session]
 preset = "live"
 pace = "fast"
-duration_s = 1.5
+duration_s = 4.0
 [tactile.index]
 driver = "synthetic-touch"
 [emg]
