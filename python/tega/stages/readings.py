@@ -40,9 +40,12 @@ __all__ = ["ReadingMetric", "ReadingOptions"]
 
 Threshold: TypeAlias = Literal["D1", "D2", "D3", "D4", "D5", "D6", "D7", "D8"]
 
-Difference: TypeAlias = Literal["signed", "rectified", "absolute"]
+Difference: TypeAlias = Literal["signed", "rectified", "absolute", "l2", "luminance"]
 
 _Weight = Annotated[float, msgspec.Meta(ge=-10, le=10)]
+
+# What the kernels of the equations as printed do not know.
+_MASKED_ONLY = ("l2", "luminance", "disc", "peak", True, "median", "percentile")
 
 # Of a Gaussian press the value at 1.28 standard deviations is this share of its peak: exp(-1.28² / 2).
 GAUSSIAN_SHARE = 0.44
@@ -55,13 +58,19 @@ class ReadingOptions(StageOptions, frozen=True):
         threshold: Reading of Eq 4 and 5, D1 to D8: see :mod:`tega.stages.readings`.
         weights: ω of Eq 1 for red, green, blue; their sum is 1.
         difference: How frame and baseline are subtracted; none means signed for D1, rectified for D2, else absolute.
+            D3 to D8 also know ``l2`` (root mean square over the channels) and ``luminance`` (weighted, then absolute).
         spread: σ of D1 and D2: ``spatial`` in pixels as printed, or ``intensity`` of the whole map.
         factor: The 1.28 of Eq 4.
-        centroid_value: I(µ): the ``nearest`` pixel, or ``bilinear`` between four.
+        centroid_value: I(µ): the ``nearest`` pixel, or ``bilinear`` between four; of D3 to D8 also the largest value
+            within 5 pixels (``disc``), or of the picture (``peak``).
+        ties: Whether a pixel at the threshold counts (D3 to D8); as printed it does not.
+        peak: Largest value of Eq 6 (D3 to D8): that of one pixel (``raw``), of the ``median`` over 3 × 3 pixels, or the
+            ``percentile`` 99.9 of the contact.
         noise_floor: Values under this are noise, grey values; D1 and D2 know no noise where ``gate`` is false.
         min_pixels: Fewer pixels than this above the noise floor are no contact.
         gate: Whether D1 and D2 report no contact below ``min_pixels``; as printed they always report one.
-        cci: ``area``: peak / EDA as printed; ``root``: peak / √EDA, which rises with the press.
+        cci: ``area``: peak / EDA as printed; ``root``: peak / √EDA, which rises with the press; ``peak``: the largest
+            value alone; ``mass``: the sum of all values.
     """
 
     threshold: Threshold = "D3"
@@ -69,11 +78,13 @@ class ReadingOptions(StageOptions, frozen=True):
     difference: Difference | None = None
     spread: Literal["spatial", "intensity"] = "spatial"
     factor: Annotated[float, msgspec.Meta(ge=0, le=10)] = 1.28
-    centroid_value: Literal["nearest", "bilinear"] = "nearest"
+    centroid_value: Literal["nearest", "bilinear", "disc", "peak"] = "nearest"
+    ties: bool = False
+    peak: Literal["raw", "median", "percentile"] = "raw"
     noise_floor: Annotated[float, msgspec.Meta(ge=0, le=255)] = 6.0
     min_pixels: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 30
     gate: bool = False
-    cci: Literal["area", "root"] = "area"
+    cci: Literal["area", "root", "peak", "mass"] = "area"
 
 
 class ReadingMetric(Metric):
@@ -91,6 +102,13 @@ class ReadingMetric(Metric):
         self._read: Callable[[NDArray[np.uint8]], ContactMetrics] = self._masked
         if options.threshold in {"D1", "D2"}:
             self._read = self._printed
+            for name in ("difference", "centroid_value", "ties", "peak"):
+                if (value := getattr(options, name)) in _MASKED_ONLY:
+                    told = str(value).lower() if value is True else repr(value)
+                    raise InvalidValueError(
+                        f"{name} = {told} does not go with threshold {options.threshold}, which is as printed",
+                        "take one of D3 to D8",
+                    )
         elif options.spread != "spatial":
             raise InvalidValueError(
                 f"spread = {options.spread!r} does not go with threshold {options.threshold}",
@@ -107,8 +125,10 @@ class ReadingMetric(Metric):
         if frame.shape != self._baseline.shape:
             raise ShapeError(f"the frame is {frame.shape}, its baseline {self._baseline.shape}")
         metrics = self._read(frame)
-        if self._options.cci == "root" and metrics.eda:
-            metrics = metrics._replace(cci=metrics.peak / math.sqrt(metrics.eda))
+        if self._options.cci != "area" and metrics.eda:
+            root = metrics.peak / math.sqrt(metrics.eda)
+            cci = {"root": root, "peak": metrics.peak, "mass": metrics.mass}[self._options.cci]
+            metrics = metrics._replace(cci=cci)
         return contact_record(self._finger, t_ns, metrics)
 
     def area(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -121,8 +141,7 @@ class ReadingMetric(Metric):
             grey = _signed(frame, self._baseline, self._sign()) @ self._millionths / 1e6
         else:
             grey, _ = self._map(frame)
-        above: NDArray[np.bool_] = grey > metrics.threshold
-        return above
+        return self._above(grey, metrics.threshold)
 
     def _printed(self, frame: NDArray[np.uint8]) -> ContactMetrics:
         o = self._options
@@ -130,10 +149,10 @@ class ReadingMetric(Metric):
             frame,
             self._baseline,
             weights=o.weights,
-            difference=self._sign(),
+            difference=self._sign(),  # type: ignore[arg-type]  # checked when it was made
             spread=o.spread,
             factor=o.factor,
-            centroid_value=o.centroid_value,
+            centroid_value=o.centroid_value,  # type: ignore[arg-type]  # likewise
             gate=ContactGate(o.noise_floor, o.min_pixels) if o.gate else None,
         )
 
@@ -154,7 +173,8 @@ class ReadingMetric(Metric):
             variance = (by_column @ (columns - x) ** 2 + by_row @ (rows - y) ** 2) / mass
             spread = math.sqrt(max(float(variance), 0.0))
         threshold = max(self._threshold(_value_at(grey, x, y, o.centroid_value), spread, peak), o.noise_floor)
-        eda = int(np.count_nonzero(grey > threshold))
+        eda = int(np.count_nonzero(self._above(grey, threshold)))
+        peak = self._peak(grey, peak)
         return ContactMetrics(
             mass=mass,
             centroid_xy=(x, y),
@@ -166,6 +186,21 @@ class ReadingMetric(Metric):
             peak_xy=peak_xy,
             in_contact=True,
         )
+
+    def _above(self, grey: NDArray[np.float64], threshold: float) -> NDArray[np.bool_]:
+        above: NDArray[np.bool_] = grey >= threshold if self._options.ties else grey > threshold
+        return above
+
+    def _peak(self, grey: NDArray[np.float64], raw: float) -> float:
+        match self._options.peak:
+            case "median":
+                padded = np.pad(grey, 1, mode="edge")
+                around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).reshape(*grey.shape, 9)
+                return float(np.median(around, axis=2).max())
+            case "percentile":
+                return float(np.percentile(grey[grey > 0], 99.9))
+            case _:
+                return raw
 
     def _sign(self) -> Difference:
         o = self._options
@@ -188,7 +223,9 @@ class ReadingMetric(Metric):
         """Return the grey map after blur and noise floor, and how many of its pixels are above the floor."""
         o = self._options
         # Sums of whole numbers below 2⁵³: exact in float64 where the weights are millionths.
-        grey = _box_sums(_signed(frame, self._baseline, self._sign()) @ self._millionths)
+        signed, sign = _signed(frame, self._baseline, self._sign()), self._sign()
+        grey = np.sqrt(np.square(signed).mean(axis=2)) * 1e6 if sign == "l2" else signed @ self._millionths
+        grey = _box_sums(np.abs(grey) if sign == "luminance" else grey)
         grey /= 25e6
         counted = int(np.count_nonzero(grey > o.noise_floor))
         grey[grey < o.noise_floor] = 0.0
@@ -221,6 +258,12 @@ def _box_sums(image: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _value_at(grey: NDArray[np.float64], x: float, y: float, how: str) -> float:
     height, width = grey.shape
+    if how == "peak":
+        return float(grey.max())
+    if how == "disc":
+        rows, columns = np.ogrid[:height, :width]
+        near = grey[(columns - x) ** 2 + (rows - y) ** 2 <= 25.0]
+        return float(near.max()) if near.size else 0.0
     x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
     if how == "nearest":
         return float(grey[min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)])
