@@ -241,6 +241,9 @@ with emulated_lab(
         "mapping": {"name": "bars"},
     }
     (folder / "lab.toml").write_text(tree_text(lab.tree))
+    # The emulated muscles are tensed steadily: with these maxima by half.
+    maxima = folder / "calibration.toml"
+    maxima.write_text(maxima.read_text().replace("maxima = [1.0, 1.0, 1.0]", "maxima = [400.0, 400.0, 400.0]"))
     exec(compile(sys.argv[2], "run", "exec"))
 """
 
@@ -252,7 +255,7 @@ def test_the_examples_run_on_emulated_devices_and_are_recorded(installed: Instal
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])
     assert [row[:2] for row in told["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
-    assert told["between"] > 10
+    assert told["between"] > 10, told["range"]
     assert told["exchanged"] > 100
     assert {tuple(row[:2]) for row in told["vest"]} == {("sleeve16", 16)}
     assert any(lit for _, _, lit, _ in told["vest"])
