@@ -54,6 +54,7 @@ from tega.foreign_file import parse_toml, read_words
 from tega.motor_layout import find_layout
 from tega.net.settings import checked_net
 from tega.stages.registry import stage_class
+from tega.toml_text import toml_value
 
 __all__ = [
     "DEFAULT_LAYOUT",
@@ -82,7 +83,10 @@ __all__ = [
     "VestConfig",
     "check_tree",
     "driver_options",
+    "file_sets",
     "load_config",
+    "override_recorded",
+    "override_tree",
     "stage_options",
 ]
 
@@ -132,10 +136,68 @@ def load_config(
         if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
             key = name.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", ".")
             _override(tree, origins, key, text, name)
-    for item in sets:
-        _override(tree, origins, *_key_and_value(item, "session.preset=paper"), "--set")
+    origins |= override_tree(tree, sets)
     base = path.absolute().parent if path is not None else Path.cwd()
     return check_tree(tree, origins, base=base)
+
+
+def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
+    """Put values given as text into a tree of settings.
+
+    Args:
+        tree: Settings as nested tables; changed in place.
+        sets: Values as ``key=value``, in TOML or plain text.
+
+    Returns:
+        Where each of the keys came from: ``--set``.
+
+    Raises:
+        ConfigError: One is not of the form ``key=value``, or goes into what is no table.
+    """
+    origins: dict[str, str] = {}
+    for item in sets:
+        _override(tree, origins, *_key_and_value(item, "session.preset=paper"), "--set")
+    return origins
+
+
+def override_recorded(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
+    """Put values given as text into the settings of a recording, which are written out in full.
+
+    As :func:`override_tree`; a stage that is named anew begins with its own defaults, since it does not know the
+    options of the one that ran.
+    """
+    named = {item.partition("=")[0].strip() for item in sets}
+    for group in STAGE_GROUPS:
+        if f"stages.{group}.name" in named and isinstance(tree.get("stages"), dict):
+            tree["stages"].pop(group, None)
+    return override_tree(tree, sets)
+
+
+# What of a lab's settings a simulated trial has, too.
+_LOOP_KEYS = ("vest.layout", "vest.mirror")
+
+
+def file_sets(path: Path) -> tuple[str, ...]:
+    """Return a settings file's stages, layout and mirror as ``key=value``, for a loop that has no devices.
+
+    Args:
+        path: The TOML file; paths in it are made absolute.
+
+    Raises:
+        ConfigError: The file cannot be read, or a setting in it is unknown, of a wrong type or out of range.
+    """
+    loaded = load_config(path, environ={})
+    found = {
+        key: value.value
+        for key, value in loaded.values.items()
+        if value.origin.startswith(f"{path.name}:") and (key.startswith("stages.") or key in _LOOP_KEYS)
+    }
+    if any("[" in key for key in found):
+        found = {key: value for key, value in found.items() if "[" not in key}
+        found["stages.beside"] = loaded.config.stages.beside
+    return tuple(
+        f"{key}={toml_value(msgspec.to_builtins(value, enc_hook=str))}" for key, value in found.items()
+    )
 
 
 def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
@@ -214,7 +276,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     if kept_there and config.calibration.folder is None:
         beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
         config = msgspec.structs.replace(config, calibration=beside)
-    values = {key: Value(value, origins.get(key, "default")) for key, value in _fields(config)}
+    values = {key: Value(value, _origin_of(key, origins)) for key, value in _fields(config)}
     preset = config.session.preset
     for group in STAGE_GROUPS:
         if getattr(config.stages, group).name is None:
@@ -257,7 +319,7 @@ def _typed_stages(
         try:
             wanted = stage_class(one.group, one.name)
         except ConfigError as error:
-            where = f"{_where(origins, 'stages.beside')}: {key}.name"
+            where = f"{_where(origins, f'{key}.name')}: {key}.name"
             raise ConfigError(f"{where}: {error.message}", error.hint) from None
         typed = convert(one.options, wanted.options_type, f"{key}.options")
         beside.append(msgspec.structs.replace(one, options=typed))
@@ -355,7 +417,14 @@ def _key_and_value(item: str, example: str) -> tuple[str, str]:
 
 
 def _where(origins: Mapping[str, str], key: str) -> str:
-    return origins.get(key, "settings")
+    found = _origin_of(key, origins)
+    return "settings" if found == "default" else found
+
+
+def _origin_of(key: str, origins: Mapping[str, str]) -> str:
+    """Return where a value came from; an array that was given whole brought all that is said in it."""
+    whole = key.partition("[")[0]
+    return origins.get(key) or (origins.get(whole) if whole != key else None) or "default"
 
 
 def _read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
@@ -398,5 +467,8 @@ def _fields(struct: msgspec.Struct, prefix: str = "") -> Iterator[tuple[str, Any
         value = getattr(struct, name)
         if isinstance(value, msgspec.Struct):
             yield from _fields(value, f"{prefix}{name}.")
+        elif isinstance(value, tuple) and value and all(isinstance(one, msgspec.Struct) for one in value):
+            for number, one in enumerate(value):
+                yield from _fields(one, f"{prefix}{name}[{number}].")
         elif name != "options":
             yield f"{prefix}{name}", value

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tega.contract import check_driver, main
+from tega.contract.sources import check_source
 from tega.devices import Found, Options, driver_class, driver_names, list_drivers
 from tega.errors import TegaError
 from tega.testing.benches import BENCHES, why_not
-from tega.testing.contract import check_driver, main
-from tega.testing.contract.sources import check_source
 
 
 def test_every_built_in_driver_is_put_through_the_contract() -> None:
@@ -25,7 +25,7 @@ def test_every_built_in_driver_is_put_through_the_contract() -> None:
 @pytest.mark.parametrize("name", driver_names())
 def test_contract(name: str, tmp_path: Path) -> None:
     if name not in BENCHES:
-        pytest.skip(f"{name} is not TEGA's own: python -m tega.testing.contract {name}")
+        pytest.skip(f"{name} is not TEGA's own: python -m tega.contract {name}")
     missing = {r.name: r.problem for r in list_drivers()}[name]
     if reason := why_not(name) or missing:
         pytest.skip(reason)
@@ -54,7 +54,7 @@ def test_the_contract_from_a_shell(capsys: pytest.CaptureFixture[str], tmp_path:
     assert "set either serial or source" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["--set", "a=b"])
-    words = [sys.executable, "-m", "tega.testing.contract", "synthetic-touch"]
+    words = [sys.executable, "-m", "tega.contract", "synthetic-touch"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stdout.startswith("ok")
     assert done.stderr == ""

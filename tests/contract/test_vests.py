@@ -19,13 +19,13 @@ import numpy as np
 import pytest
 
 from tega.config import check_tree
+from tega.contract import check_driver
 from tega.devices import driver_class
 from tega.devices.vest_player import PlayerVest
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame, vest_frame
 from tega.teleop import run_session
-from tega.testing.contract import check_driver
 from tega.testing.emulators.hid_port import HidPort
 from tega.testing.emulators.process import Emulator
 from tega.testing.emulators.vests import seen_by

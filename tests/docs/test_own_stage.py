@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import re
 import subprocess
 import sys
+import venv
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -35,7 +38,7 @@ folder = Path(sys.argv[1])
 summary = run_session(load_config(folder / "lab.toml", environ={}).config)
 file = folder / "recorded" / summary["recording"]["file"]
 reader = McapReader(file)
-more, closures, commands, vest = Counter(), set(), set(), Counter()
+more, closures, commands, vest, exchanged = Counter(), set(), set(), Counter(), 0
 for message in reader.messages():
     value = message.value
     if message.topic == "/tactile/index/contact":
@@ -44,13 +47,15 @@ for message in reader.messages():
         closures.add(value.closure)
     elif message.topic == "/hand/frames" and value.HasField("closure"):
         commands.add(value.closure)
+    elif message.schema == "tega.HandExchange":
+        exchanged += value.HasField("closure")
     elif message.topic == "/vest/frame":
         vest[value.layout, len(value.intensities), max(value.intensities) > 0] += 1
 print(json.dumps({
     "more": [[*key, n] for key, n in sorted(more.items())],
     "closures": len(closures), "between": len([c for c in closures if 0 < c < 1]),
     "range": [min(closures), max(closures)],
-    "commands": len(commands), "vest": [[*key, n] for key, n in vest.items()],
+    "commands": len(commands), "exchanged": exchanged, "vest": [[*key, n] for key, n in vest.items()],
     "toml": reader.files["session.toml"].decode(),
     "same": replay_file(file).same,
 }))
@@ -82,55 +87,79 @@ lossless = true
 """
 
 
+class Installed(NamedTuple):
+    """A fresh environment with the examples in it, and nothing else of its own."""
+
+    python: Path
+    site: Path
+
+
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Install copies into a folder of their own, without network, and return an environment that sees it."""
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    """Install copies into a fresh environment, without network; it sees the packages of the one that runs the tests."""
     try:
         fits = tuple(map(int, version("setuptools").split(".")[:2])) >= (70, 1)
     except PackageNotFoundError:
         fits = False
     if not fits:
         pytest.skip("setuptools 70.1 or later, which builds the examples, is not installed")
-    place = tmp_path_factory.mktemp("site")
-    words = ["-m", "pip", "install", "--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target"]
+    place = tmp_path_factory.mktemp("fresh")
+    venv.create(place, with_pip=False, symlinks=os.name != "nt")
+    python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    site = Path(
+        run("-c", "import sysconfig; print(sysconfig.get_path('purelib'))", python=python).stdout.strip()
+    )
+    shared = [
+        folder for folder in sys.path if Path(folder).name in {"site-packages", "dist-packages", "python"}
+    ]
+    (site / "shared.pth").write_text("\n".join(shared))
     for name in EXAMPLES:
         copy = tmp_path_factory.mktemp("copy") / name
         for file in (PROJECT / "examples" / name).rglob("*"):
             if file.suffix in {".py", ".toml"}:
-                (copy / file.relative_to(PROJECT / "examples" / name)).parent.mkdir(
-                    parents=True, exist_ok=True
-                )
-                (copy / file.relative_to(PROJECT / "examples" / name)).write_bytes(file.read_bytes())
-        done = run(dict(os.environ), *words, str(place), str(copy))
+                target = copy / file.relative_to(PROJECT / "examples" / name)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(file.read_bytes())
+        words = ("--quiet", "--no-index", "--no-deps", "--no-build-isolation", str(copy))
+        done = run("-m", "pip", "--python", str(python), "install", *words)
         assert done.returncode == 0, done.stderr
-    return {**os.environ, "PYTHONPATH": str(place)}
+        assert any(site.glob(f"{name}-*.dist-info")), "installed somewhere else"
+    return Installed(python, site)
 
 
 def run(
-    environment: dict[str, str], *words: str, cwd: Path | None = None
+    *words: str, python: Path | None = None, cwd: Path | None = None, path: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    if path is not None:
+        environment["PYTHONPATH"] = str(path)
     return subprocess.run(
-        [sys.executable, *words], check=False, capture_output=True, text=True, env=environment, cwd=cwd
+        [str(python or sys.executable), *words],
+        check=False,
+        capture_output=True,
+        text=True,
+        env=environment,
+        cwd=cwd,
     )
 
 
-def test_the_examples_pass_the_contract_and_are_listed(installed: dict[str, str]) -> None:
-    done = run(installed, "-m", "tega.testing.contract", *EXAMPLES.values())
+def test_the_examples_pass_the_contract_and_are_listed(installed: Installed) -> None:
+    done = run("-m", "tega.contract", *EXAMPLES.values(), python=installed.python)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", n] for n in EXAMPLES.values()]
-    listed = json.loads(run(installed, "-m", "tega.cli", "stages", "--json").stdout)
+    listed = json.loads(run("-m", "tega.cli", "stages", "--json", python=installed.python).stdout)
     own = {stage["name"]: stage for stage in listed if stage["package"] != "tega"}
     assert set(own) == set(EXAMPLES.values())
     assert own["embedding"]["values"] == {"pc1": "grey", "pc2": "grey", "pc3": "grey"}
-    done = run(installed, "-m", "tega.testing.contract", "proportional", "--set", "rest=0.9")
+    done = run("-m", "tega.contract", "proportional", "--set", "rest=0.9", python=installed.python)
     assert done.returncode == 2, done.stdout
     assert "a rest below full" in done.stdout
 
 
-def test_the_examples_run_in_a_session_and_are_recorded(installed: dict[str, str], tmp_path: Path) -> None:
+def test_the_examples_run_in_a_session_and_are_recorded(installed: Installed, tmp_path: Path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     (tmp_path / "lab.toml").write_text(LAB)
-    done = run(installed, "-c", RUN, str(tmp_path))
+    done = run("-c", RUN, str(tmp_path), python=installed.python)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])
     assert [row[:2] for row in told["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
@@ -146,12 +175,97 @@ def test_the_examples_run_in_a_session_and_are_recorded(installed: dict[str, str
     assert told["same"]
 
 
-def test_without_its_package_a_recording_says_what_is_missing(
-    installed: dict[str, str], tmp_path: Path
-) -> None:
+DEMO = """
+[vest]
+layout = "sleeve16"
+[stages.metric]
+name = "embedding"
+options = { components = 2 }
+[stages.decoder]
+name = "proportional"
+options = { channel = 2 }
+[stages.mapping]
+name = "bars"
+[[stages.beside]]
+group = "decoder"
+name = "proportional"
+options = { channel = 1 }
+"""
+
+
+def rows(file: Path) -> list[dict[str, Any]]:
+    with file.open(newline="") as text:
+        return list(csv.DictReader(text))
+
+
+@pytest.mark.slow
+def test_the_examples_run_in_the_demo_and_are_in_its_tables(installed: Installed, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    (tmp_path / "lab.toml").write_text(DEMO)
+    words = (
+        "demo --fast --objects bottle --operator scripted --preset paper --config lab.toml --out demo --json"
+    )
+    done = run("-m", "tega.cli", *words.split(), python=installed.python, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "demo" / "1-bottle"
+    values = rows(folder / "values.csv")
+    assert {(row["name"], row["unit"]) for row in values} == {("pc1", "grey"), ("pc2", "grey")}
+    assert len({row["value"] for row in values}) > 50
+    closures = [float(row["closure"]) for row in rows(folder / "levels.csv")]
+    assert len({closure for closure in closures if 0 < closure < 1}) > 20
+    vest = rows(folder / "vest.csv")
+    assert len(vest[0]) == 1 + 16
+    assert any(float(level) > 0 for row in vest for name, level in row.items() if name != "t_s")
+    assert {row["stage"] for row in rows(folder / "beside-levels.csv")} == {"proportional"}
+    settings = json.loads((tmp_path / "demo" / "summary.json").read_text())["trials"][0]["settings"]
+    assert 'stages.metric.name="embedding"' in settings
+
+
+EMULATED = """
+import sys
+from pathlib import Path
+from tega.config import check_tree
+from tega.testing.lab import emulated_lab, PRESSED
+from tega.toml_text import tree_text
+
+folder = Path(sys.argv[1])
+with emulated_lab(
+    folder, emg_hz=250.0, hand=True, vest=True, fingers=("index",), camera_hz=30.0, touch=PRESSED
+) as lab:
+    lab.tree["session"] |= {"duration_s": 6.0, "preset": "live"}
+    lab.tree["recording"] = {"dir": str(folder / "recorded"), "lossless": True}
+    lab.tree["vest"] |= {"layout": "sleeve16"}
+    lab.tree["stages"] = {
+        "metric": {"name": "embedding", "options": {"components": 2}},
+        "decoder": {"name": "proportional", "options": {"channel": 2}},
+        "mapping": {"name": "bars"},
+    }
+    (folder / "lab.toml").write_text(tree_text(lab.tree))
+    # The emulated muscles are tensed steadily: with these maxima by half.
+    maxima = folder / "calibration.toml"
+    maxima.write_text(maxima.read_text().replace("maxima = [1.0, 1.0, 1.0]", "maxima = [400.0, 400.0, 400.0]"))
+    exec(compile(sys.argv[2], "run", "exec"))
+"""
+
+
+@pytest.mark.slow
+def test_the_examples_run_on_emulated_devices_and_are_recorded(installed: Installed, tmp_path: Path) -> None:
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    done = run("-c", EMULATED, str(tmp_path), RUN, python=installed.python)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert [row[:2] for row in told["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
+    assert told["between"] > 10, told["range"]
+    assert told["exchanged"] > 100
+    assert {tuple(row[:2]) for row in told["vest"]} == {("sleeve16", 16)}
+    assert any(lit for _, _, lit, _ in told["vest"])
+    assert 'name = "proportional"' in told["toml"]
+    assert told["same"]
+
+
+def test_without_its_package_a_recording_says_what_is_missing(tmp_path: Path) -> None:
     (tmp_path / "lab.toml").write_text(LAB)
-    alone = {name: value for name, value in installed.items() if name != "PYTHONPATH"}
-    done = run(alone, "-m", "tega.cli", "config", "check", "lab.toml", cwd=tmp_path)
+    done = run("-m", "tega.cli", "config", "check", "lab.toml", cwd=tmp_path)
     assert done.returncode == 1
     assert "stages.metric.name: no metric is called 'embedding'" in done.stderr
 
@@ -168,18 +282,17 @@ BREAKING = [
 
 @pytest.mark.parametrize(("package", "right", "wrong", "rule"), BREAKING)
 def test_the_contract_finds_what_is_wrong(
-    installed: dict[str, str], tmp_path: Path, package: str, right: str, wrong: str, rule: str
+    installed: Installed, tmp_path: Path, package: str, right: str, wrong: str, rule: str
 ) -> None:
-    place = Path(installed["PYTHONPATH"])
-    for file in place.rglob("*"):
+    for file in installed.site.glob("own_*/**/*"):
         if file.is_file() and "__pycache__" not in file.parts:
-            (tmp_path / file.relative_to(place)).parent.mkdir(parents=True, exist_ok=True)
-            (tmp_path / file.relative_to(place)).write_bytes(file.read_bytes())
+            (tmp_path / file.relative_to(installed.site)).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / file.relative_to(installed.site)).write_bytes(file.read_bytes())
     source = tmp_path / package / "__init__.py"
     before = source.read_text()
     assert right in before
     source.write_text(before.replace(right, wrong))
-    done = run({**installed, "PYTHONPATH": str(tmp_path)}, "-m", "tega.testing.contract", EXAMPLES[package])
+    done = run("-m", "tega.contract", EXAMPLES[package], path=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
     assert rule in done.stdout
 

@@ -157,8 +157,8 @@ m = 2'''
         "a.inner.quoted key": 14,
         "a.inner.dotted.key.x": 15,
         "a.inner.dotted.key.y.z": 15,
-        "rows": 17,
-        "rows.more.m": 19,
+        "rows[0].n": 17,
+        "rows[0].more.m": 19,
     }
     for name in ("session.toml", "simulated.toml"):
         example = (PROJECT / "examples" / name).read_text(encoding="utf-8")

@@ -13,6 +13,7 @@ import pytest
 from tega.calibration import TouchMaxima
 from tega.cli.main import main
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
+from tega.contract import check_stage
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics import FeltMap, VestFrame, intensity, vest_frame
 from tega.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
@@ -24,7 +25,6 @@ from tega.stages.metrics import contact_metrics_of, contact_record
 from tega.stages.readings import ReadingMetric, ReadingOptions
 from tega.tactile import ContactMetrics, contact_metrics, read_contact
 from tega.teleop.touch import TouchLoop
-from tega.testing.contract import check_stage
 
 
 def pressed(seed: int, depth: float) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
@@ -427,3 +427,56 @@ def test_a_simulated_trial_refuses_settings_that_it_does_not_have() -> None:
     assert TrialPlan.checked(given).settings == ("stages.mapping.options.law=linear",)
     with pytest.raises(ConfigError, match="has no such setting"):
         TrialPlan.checked({"object": "bag", "settings": ["vest.driver=hid-vest"]})
+
+
+# Further readings of the list.
+
+
+def test_every_reading_of_the_list_changes_what_is_measured() -> None:
+    frame, baseline = pressed(2, 100.0)
+    printed = reading(baseline).update(frame, 0)
+    grey = reading(baseline)._map(frame)[0]
+    for options in (
+        {"difference": "l2"}, {"difference": "luminance", "weights": (1.5, -1.0, 0.5)}, {"centroid_value": "peak"},
+        {"peak": "median"}, {"peak": "percentile"}, {"cci": "peak"}, {"cci": "mass"}, {"threshold": "D6", "ties": True,
+        "noise_floor": float(grey[grey > 6].min())},
+    ):  # fmt: skip
+        got = reading(baseline, **options).update(frame, 0)
+        assert got.in_contact
+        assert repr(got) != repr(printed), options
+    assert reading(baseline, cci="peak").update(frame, 0).cci == printed.peak
+    assert reading(baseline, cci="mass").update(frame, 0).cci == printed.mass
+    assert 0 < reading(baseline, peak="median").update(frame, 0).peak < printed.peak
+    assert reading(baseline, peak="percentile").update(frame, 0).peak == np.percentile(grey[grey > 0], 99.9)
+    floor = float(grey[grey > 6].min())
+    strict, ties = (
+        reading(baseline, threshold="D6", noise_floor=floor, ties=ties).update(frame, 0).eda
+        for ties in (False, True)
+    )
+    assert ties == strict + np.count_nonzero(grey == floor)
+    x, y = printed.centroid_xy
+    near = reading(baseline, threshold="D5", centroid_value="disc").update(frame, 0)
+    rows, columns = np.ogrid[:120, :160]
+    assert near.threshold == pytest.approx(0.44 * grey[(columns - x) ** 2 + (rows - y) ** 2 <= 25].max())
+    for name, value in (("difference", "l2"), ("centroid_value", "disc"), ("ties", True), ("peak", "median")):
+        with pytest.raises(InvalidValueError, match=f"{name} = .* take one of D3 to D8"):
+            reading(baseline, threshold="D1", **{name: value})
+
+
+def test_every_reading_of_the_vest_s_law_is_an_option() -> None:
+    assert shown(contact(eda=2000), law="power")[1] == [0, 50, 0, 0]
+    assert shown(contact(eda=2000), law="power", exponent=1.0)[1] == [0, 25, 0, 0]
+    ends = shown(contact(cci=0.0, eda=0), end_value=0.1, back_end_value=0.2)
+    assert ends == [[0, 10, 0, 0], [0, 20, 0, 0]]
+    assert shown(contact(in_contact=False), at_rest="law") == [[0, 1, 0, 0], [0, 1, 0, 0]]
+    assert shown(contact(in_contact=False)) == [[0, 0, 0, 0], [0, 0, 0, 0]]
+
+    def make(setup: VestSetup) -> ColumnsMapping:
+        return ColumnsMapping(setup, ColumnsOptions(rows="bar", law="linear"))
+
+    loop = TouchLoop({"thumb": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout="x40", mapping=make)
+    loop.update("thumb", 0, contact(cci=0.04, eda=8000))
+    levels = loop.frame(0).intensities.reshape(2, 5, 4)
+    assert levels[0, :, 0].tolist() == [0, 0, 50, 100, 100]
+    assert levels[1, :, 0].tolist() == [100] * 5
+    assert not levels[:, :, 1:].any()

@@ -28,6 +28,7 @@ __all__ = [
     "emg_conditions",
     "emg_maxima",
     "guided_maxima",
+    "held_samples",
     "touch_maxima",
 ]
 
@@ -131,7 +132,7 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
     Raises:
         CalibrationError: A channel never moves, or the recording is shorter than one block.
     """
-    samples = _held(_all_samples(source))
+    samples = held_samples(_all_samples(source))
     source.open()
     try:
         maxima = channel_maxima(
@@ -163,7 +164,7 @@ def _all_samples(source: EmgSource) -> NDArray[np.float64]:
     return np.concatenate(chunks) if chunks else np.empty((0, len(source.info.channels)))
 
 
-def _held(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def held_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     """Let a sample that is no number keep the value before it, as the running chain does."""
     good = np.isfinite(samples)
     if good.all():

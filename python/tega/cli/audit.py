@@ -1,4 +1,4 @@
-"""``tega-teleop audit``: the readings of the contact equations on recorded touch."""
+"""``tega-teleop audit``: readings of touch, EMG and vest compared on recordings."""
 
 from __future__ import annotations
 
@@ -7,30 +7,47 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import ChannelList, debug_option, json_option
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from collections.abc import Sequence
 
-    from tega.audit import ReadingScore
-    from tega.devices.base import TactileSource
+    from tega.audit import Asked, Audited, AuditReport, EmgColumns
 
 __all__ = ["audit"]
 
+_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+_DRAWN = click.Path(dir_okay=False, path_type=Path)
+
 
 @click.command(
-    epilog="Example: tega-teleop audit presses/ --baseline presses/background.png --marks presses/annotate.csv"
+    epilog="Example: tega-teleop audit presses/ --baseline presses/background.png --marks presses/annotate.csv "
+    "--set stages.metric.name=reading --sweep stages.metric.options.factor=0.5:2.5:0.25 --picture factor.png"
 )
 @click.argument("recording", type=click.Path(exists=True, path_type=Path))
 @click.option(
-    "--baseline",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Picture of the untouched gel.",
+    "--of", "of", multiple=True, type=click.Choice(["touch", "emg", "vest"]),
+    help="What to compare readings of; else what the recording holds, or what the sweep is of. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--reading", "names", multiple=True, metavar="NAME", help="Only this named reading; repeatable."
+)
+@click.option(
+    "--sweep", metavar="KEY=FROM:TO:STEP",
+    help="Instead of named readings: one setting over a range, or KEY=VALUE,VALUE,...; keys as for --set.",
+)  # fmt: skip
+@click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    help="A setting of all readings: stages.*, vest.*; repeatable.",
+)  # fmt: skip
+@click.option("--preset", type=click.Choice(["paper", "live"]), help="Instead of the recording's own.")
+@click.option("--baseline", type=_FILE, help="Picture of the untouched gel, for loose pictures.")
+@click.option(
+    "--separate", is_flag=True, help="Every picture is of a press of its own: nothing is remembered."
 )
 @click.option(
     "--marks",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    type=_FILE,
     help="Marked contact circles: img_name,center_x,center_y,radius in pixels. Pictures without one are left out.",
 )
 @click.option(
@@ -40,132 +57,102 @@ __all__ = ["audit"]
 )
 @click.option(
     "--forces",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Forces: img_name,force_n in newtons, 0 where nothing touches; a video's frames by number from 0.",
+    type=_FILE,
+    help="Forces: img_name,force_n in newtons, 0 where nothing touches (a video's frames by number from 0); or "
+    "t_s,force_n over time.",
 )
-@click.option(
-    "--picture", type=click.Path(dir_okay=False, path_type=Path), help="Draw the comparison into this PNG."
-)
+@click.option("--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Of a file of EMG.")
+@click.option("--emg-kind", type=click.Choice(["raw", "rectified", "envelope"]), help="What its samples are.")
+@click.option("--emg-channels", type=ChannelList(), help="Its columns to use, counted from 1; else all.")
+@click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
+@click.option("--picture", type=_DRAWN, help="Draw the comparison, or the sweep, into this PNG.")
 @click.option(
     "--curves",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Draw EDA and CCI of the presets over the frames into this PNG; no recorded picture is in it.",
+    type=_DRAWN,
+    help="Draw EDA and CCI of the presets over the pictures into this PNG; no recorded picture is in it.",
 )
 @json_option
 @debug_option
-def audit(
-    *,
-    recording: Path,
-    baseline: Path | None,
-    marks: Path | None,
-    masks: Path | None,
-    forces: Path | None,
-    picture: Path | None,
-    curves: Path | None,
-    as_json: bool,
-) -> None:
-    """Apply every reading of the contact equations to RECORDING, a folder of pictures or a video.
+def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json: bool, **flags: Any) -> None:
+    """Compare readings of touch, EMG and vest on RECORDING, with the stages that a run uses.
 
-    Without --baseline it is estimated from the quietest frames. With --marks each reading's area is compared with
-    the marked circles, and a frame without contact is composed from what lies far from them; --masks does so with drawn
-    areas. With --forces it says how EDA goes with force, and counts contacts where the force is 0. With --json a
-    list of
-    objects is printed, one a reading, with the fields of tega.audit.ReadingScore.
+    RECORDING is a folder of pictures or a video of one finger, a file of EMG samples (.csv, .txt, .npy, .mat), a
+    recording made with run --record, or a session's folder. Pictures go through every reading in time order.
+
+    Without --baseline it is estimated from the quietest pictures. With --marks each reading's area is compared with the
+    marked circles, and a picture without contact is composed from what lies far from them; --masks does so with drawn
+    areas. With --forces it says how the reading goes with the force, and counts contacts where the force is 0.
+
+    With --json: a list of objects, one a recording, {"recording", "sweep", "touch", "emg", "vest"}; each of the last
+    three is a list, one a reading (of touch: a reading and finger), with the fields of tega.audit.TouchScore,
+    EmgScore and VestScore, of a sweep with its "value".
     """
     import msgspec
 
-    from tega.audit import audit_frames, far_field, read_forces, read_marks
-    from tega.cli.options import echo_json
-    from tega.errors import RecordingError
-    from tega.teleop.baseline import find_baseline
+    from tega.audit import audit_recording
+    from tega.cli.audit_tables import print_report
+    from tega.cli.options import echo_json, progress_bar
 
-    circles = read_marks(marks) if marks is not None else None
-    newtons = read_forces(forces) if forces is not None else None
-    with _source(recording, [p for p in (baseline,) if p is not None]) as source:
-        still, _ = find_baseline(source, baseline, finger="thumb")
-        frames, force_of = [], []
-        while (frame := source.read(0.0)) is not None:
-            force = newtons.get(frame.name, newtons.get(str(frame.seq))) if newtons is not None else None
-            known = (circles is None or frame.name in circles) and (newtons is None or force is not None)
-            if known and (masks is None or (masks / frame.name).is_file()):
-                frames.append(frame)
-                force_of.append(force)
-    if not frames:
-        raise RecordingError(
-            f"{recording.name}: no picture has what --marks, --masks or --forces tell",
-            "name them as the pictures are",
+    with progress_bar(enabled=not as_json) as progress:
+        found = audit_recording(
+            recording, _asked(flags), baseline=flags["baseline"], emg=_emg(flags), progress=progress
         )
-    images = [frame.image for frame in frames]
-    placed = [circles[frame.name] for frame in frames] if circles is not None else []
-    at_rest = far_field(images, placed, still) if placed else None
-    drawn = [_mask(masks / frame.name, still.shape[:2]) for frame in frames] if masks is not None else []
-    scores = audit_frames(images, still, marks=placed, masks=drawn, forces_n=force_of, at_rest=at_rest)
-    if picture is not None:
-        from tega.view.audit import draw_audit
-
-        draw_audit(picture, images, still, scores, marks=placed)
-    if curves is not None:
-        from tega.view.audit import draw_curves
-
-        draw_curves(curves, images, still, scores, title=recording.stem)
+    if picture is not None or curves is not None:
+        _draw(found, picture, curves)
     if as_json:
-        echo_json(msgspec.to_builtins(scores))
-    else:
-        _print(scores, n_pixels=still.shape[0] * still.shape[1])
+        echo_json(msgspec.to_builtins([one.report for one in found]))
+        return
+    for one in found:
+        print_report(one.report)
 
 
-def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    from tega.errors import RecordingError
-    from tega.opencv import read_image
+def _asked(flags: dict[str, Any]) -> Asked:
+    from tega.audit import Asked, parse_sweep, read_forces, read_marks
 
-    white: NDArray[np.bool_] = read_image(path, driver="audit").max(axis=2) > 127
-    if white.shape != shape:
-        raise RecordingError(
-            f"{path.name}: a mask of {white.shape[0]} x {white.shape[1]} pixels, the pictures have "
-            f"{shape[0]} x {shape[1]}",
-            "give masks of the pictures' size",
-        )
-    return white
-
-
-def _source(recording: Path, exclude: list[Path]) -> TactileSource:
-    from tega.devices.registry import driver_class
-
-    name = "images" if recording.is_dir() else "video"
-    driver: Any = driver_class(name, "tactile")
-    options = {"folder": recording, "exclude": tuple(exclude)} if recording.is_dir() else {"file": recording}
-    source: TactileSource = driver(driver.options_type(**options))
-    return source
+    if flags["names"] and flags["sweep"]:
+        raise click.UsageError("--reading is for named readings: leave it out of a --sweep")
+    return Asked(
+        of=flags["of"],
+        names=flags["names"],
+        sweep=None if flags["sweep"] is None else parse_sweep(flags["sweep"]),
+        sets=flags["sets"],
+        preset=flags["preset"],
+        marks=None if flags["marks"] is None else read_marks(flags["marks"]),
+        masks=flags["masks"],
+        forces=None if flags["forces"] is None else read_forces(flags["forces"]),
+        separate=flags["separate"],
+    )
 
 
-def _print(scores: list[ReadingScore], *, n_pixels: int) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
+def _emg(flags: dict[str, Any]) -> EmgColumns | None:
+    from tega.audit import EmgColumns
 
-    first = scores[0]
-    table = Table(title=f"{first.n_frames} frames of {n_pixels} pixels", title_justify="left", box=SIMPLE)
-    table.add_column("reading", no_wrap=True)
-    columns = ["found", "EDA least", "median", "most"]
-    columns += ["at rest"] if first.eda_at_rest is not None else []
-    columns += ["area / mark", "overlap", "worst tenth", "r with mark"] if first.iou is not None else []
-    columns += ["felt"] if first.n_touched is not None else []
-    columns += ["false"] if first.n_false is not None else []
-    columns += ["r with N"] if any(s.force_rank is not None for s in scores) else []
-    for name in columns:
-        table.add_column(name, justify="right")
-    for s in scores:
-        areas = sorted(s.eda)
-        row = [f"{s.n_found}", *(str(areas[i]) for i in (0, len(areas) // 2, -1))]
-        row += [str(s.eda_at_rest)] if s.eda_at_rest is not None else []
-        if s.iou is not None:
-            row += [_number(v) for v in (s.area_ratio, s.iou, s.iou_low, s.area_correlation)]
-        row += [f"{s.n_felt} of {s.n_touched}"] if s.n_touched is not None else []
-        row += [str(s.n_false)] if s.n_false is not None else []
-        row += [_number(s.force_rank)] if "r with N" in columns else []
-        table.add_row(s.reading, *row)
-    Console(highlight=False, width=130).print(table)
+    if flags["emg_rate_hz"] is None or flags["emg_kind"] is None:
+        return None
+    return EmgColumns(
+        flags["emg_rate_hz"], flags["emg_kind"], tuple(flags["emg_channels"] or ()), flags["emg_variable"]
+    )
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
+def _draw(found: Sequence[Audited], picture: Path | None, curves: Path | None) -> None:
+    """Draw each recording; of several, and of several fingers, the name goes into the file's."""
+    from tega.view.audit import draw_audit, draw_courses, draw_curves, draw_sweep
+
+    for one in found:
+        report: AuditReport = one.report
+        name = "" if len(found) == 1 else Path(report.recording).stem
+        if picture is not None and report.sweep:
+            draw_sweep(_named(picture, name), report)
+        elif picture is not None and not report.touch:
+            draw_courses(_named(picture, name), report)
+        for finger, seen in one.fingers.items():
+            own = [score for score in report.touch if score.finger == finger]
+            part = name if len(one.fingers) == 1 else f"{name}-{finger}".strip("-")
+            if picture is not None and own and not report.sweep:
+                draw_audit(_named(picture, part), seen, own)
+            if curves is not None and own:
+                draw_curves(_named(curves, part), seen, own, title=Path(report.recording).stem)
+
+
+def _named(path: Path, part: str) -> Path:
+    return path.with_name(f"{path.stem}-{part}{path.suffix}") if part else path

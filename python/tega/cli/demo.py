@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import NameList, debug_option, json_option
+from tega.cli.options import NameList, debug_option, json_option, loop_options, loop_sets
 from tega.cli.page import view_options
 
 if TYPE_CHECKING:
@@ -61,13 +61,7 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     show_default=True,
     help="Lifts of each object before the one that counts.",
 )
-@click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="A setting of the loop: stages.*, vest.layout, vest.mirror; repeatable.",
-)
+@loop_options
 @click.option("--fast", is_flag=True, help="Do not wait for real time.")
 @view_options
 @click.option(
@@ -88,6 +82,7 @@ def demo(
     preset: str,
     seed: int,
     practice: int,
+    config: Path | None,
     sets: tuple[str, ...],
     fast: bool,
     view: bool,
@@ -121,6 +116,7 @@ def demo(
 
     if operator == "keyboard" and fast:
         raise click.UsageError("--fast leaves no time for a person at the keyboard")
+    sets = loop_sets(config, sets)
     plans = plan_trials(
         objects, [condition], [seed], operator=operator, preset=preset, practice=practice, settings=sets
     )

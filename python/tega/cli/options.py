@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -18,6 +19,8 @@ __all__ = [
     "debug_option",
     "echo_json",
     "json_option",
+    "loop_options",
+    "loop_sets",
     "progress_bar",
     "stop_keys",
 ]
@@ -66,6 +69,41 @@ def debug_option(function: _Function) -> _Function:
     return click.option(
         "--debug", is_flag=True, expose_value=False, help="Show where in the program an error arose."
     )(function)
+
+
+def loop_options(function: _Function) -> _Function:
+    """Add what the loop of a simulated trial can be asked: preset, settings file, single settings."""
+    for option in (
+        click.option(
+            "--set",
+            "sets",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help="A setting of the loop: stages.*, vest.layout, vest.mirror; repeatable.",
+        ),
+        click.option(
+            "--config",
+            type=click.Path(path_type=Path, dir_okay=False),
+            metavar="LAB.toml",
+            help="Take the stages, vest.layout and vest.mirror of these settings.",
+        ),
+        click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True),
+    ):
+        function = option(function)
+    return function
+
+
+def loop_sets(config: Path | None, sets: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the settings of a simulated trial's loop as ``key=value``: a file's, then the single ones.
+
+    Raises:
+        ConfigError: The file cannot be read, or a setting in it is unknown, of a wrong type or out of range.
+    """
+    if config is None:
+        return sets
+    from tega.config import file_sets
+
+    return (*file_sets(config), *sets)
 
 
 def echo_json(value: Any) -> None:

@@ -72,17 +72,28 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     type=click.Path(path_type=Path, dir_okay=False),
     help="PNG to draw: each finger's firmest contact with its touch map, and the course of touch and pose.",
 )
+@click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    help="Another setting: stages.*, vest.layout and others; repeatable.",
+)  # fmt: skip
 @view_options
 @json_option
 @debug_option
 def replay(
-    *, session: Path | None, config: Path | None, view: bool, view_port: int, as_json: bool, **flags: Any
+    *,
+    session: Path | None,
+    config: Path | None,
+    sets: tuple[str, ...],
+    view: bool,
+    view_port: int,
+    as_json: bool,
+    **flags: Any,
 ) -> int | None:
     """Run the loop on recordings as fast as possible, and compare or write tables.
 
     SESSION is a recording made with run --record, or a session's folder: it is computed again, tick by tick as it
-    ran, and compared with what was recorded. Exit code 1 if anything differs. --config runs it through other
-    settings and says what then differs. With --json: a list of objects, one per recording.
+    ran, and compared with what was recorded. Exit code 1 if anything differs. --config and --set run it through other
+    settings and say what then differs. With --json: a list of objects, one per recording.
 
     Without SESSION the recordings are loose files. With --view they run in real time, on a page that can pause.
 
@@ -96,13 +107,13 @@ def replay(
     from tega.cli.page import run_viewed
     from tega.cli.replay_session import check_flags, replay_session
     from tega.cli.report import tell_summary
-    from tega.config import check_tree
+    from tega.config import check_tree, override_tree
     from tega.safety.ctrl_c import Stop
     from tega.teleop import run_session
 
     if session is not None:
         check_flags(click.get_current_context(), (*flags, "view", "view_port"))
-        return 0 if replay_session(session, config=config, as_json=as_json) else 1
+        return 0 if replay_session(session, config=config, sets=sets, as_json=as_json) else 1
     if config is not None:
         raise click.UsageError("--config is for a SESSION; run takes settings with their own recordings")
     if flags["out"] is None:
@@ -110,7 +121,7 @@ def replay(
     tree = _tree(flags)
     if view:
         tree["session"]["pace"] = "real"
-    settings = check_tree(tree, {}, base=Path.cwd()).config
+    settings = check_tree(tree, override_tree(tree, sets), base=Path.cwd()).config
     bus, drawn = Bus(), None
     if (picture := flags["picture"]) is not None:
         from tega.view.session import SessionPicture

@@ -15,12 +15,13 @@ if TYPE_CHECKING:
 __all__ = ["replay_session"]
 
 
-def replay_session(session: Path, *, config: Path | None, as_json: bool) -> bool:
+def replay_session(session: Path, *, config: Path | None, sets: tuple[str, ...] = (), as_json: bool) -> bool:
     """Compute every recording of a session again, and tell what differs.
 
     Args:
         session: A recording, or the folder of a session.
         config: Other settings to run it through.
+        sets: Single settings to run it through, as ``key=value``.
         as_json: Print JSON instead of tables.
 
     Returns:
@@ -34,7 +35,7 @@ def replay_session(session: Path, *, config: Path | None, as_json: bool) -> bool
 
     replays = []
     for path in session_files(session):
-        replays.append(replay_file(path, config=config))
+        replays.append(replay_file(path, config=config, sets=sets))
         if not as_json:
             _show(replays[-1])
     if as_json:

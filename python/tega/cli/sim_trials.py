@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import NameList, debug_option, json_option
+from tega.cli.options import NameList, debug_option, json_option, loop_options, loop_sets
 from tega.sim.arms import CONDITIONS
 
 if TYPE_CHECKING:
@@ -46,14 +46,7 @@ __all__ = ["sim_trials"]
 @click.option("--mass-kg", type=float, help="Instead of each object's own, as the two below.")
 @click.option("--stiffness-n-m", type=float, help="Of its wall.")
 @click.option("--friction", type=float, help="Between it and the gel.")
-@click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
-@click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="A setting of the loop: stages.*, vest.layout, vest.mirror; repeatable.",
-)
+@loop_options
 @click.option(
     "--jobs",
     type=click.IntRange(0, 1024),
@@ -79,6 +72,7 @@ def sim_trials(
     stiffness_n_m: float | None,
     friction: float | None,
     preset: str,
+    config: Path | None,
     sets: tuple[str, ...],
     jobs: int,
     out: Path | None,
@@ -116,7 +110,7 @@ def sim_trials(
         mass_kg=mass_kg,
         stiffness_n_m=stiffness_n_m,
         friction=friction,
-        settings=sets,
+        settings=loop_sets(config, sets),
     )
     jobs = jobs or os.cpu_count() or 1
     started = time.perf_counter()

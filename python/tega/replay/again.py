@@ -22,6 +22,7 @@ from tega.inbox.stream import NEVER_NS, Item, PulledStream
 from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
 from tega.records.schema import values
 from tega.replay.arm import compare_arm
+from tega.replay.beside import compare_beside
 from tega.replay.compare import Comparison, compare
 from tega.replay.exchanges import compare_exchanges
 from tega.replay.measured import (
@@ -78,12 +79,13 @@ class Replay(msgspec.Struct, frozen=True):
 
 
 @tells_damage
-def replay_file(path: Path, *, config: Path | None = None) -> Replay:
+def replay_file(path: Path, *, config: Path | None = None, sets: Sequence[str] = ()) -> Replay:
     """Compute a recorded run again and compare.
 
     Args:
         path: The recording.
         config: Other settings to run it through: preset, vest, calibration, kind of EMG; its devices are not used.
+        sets: Single settings to run it through, as ``key=value``.
 
     Returns:
         What was found.
@@ -92,12 +94,13 @@ def replay_file(path: Path, *, config: Path | None = None) -> Replay:
         RecordingError: The recording cannot be read.
         ConfigError: The other settings cannot be used.
     """
-    measured = Measured(config)
+    measured = Measured(config, sets)
     recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
     again = _run(recorded, measured)
     cut_ns = None if recorded.end is not None else recorded.last_tick_ns
     streams = _compare_pixels(measured) if recorded.head.lossless else []
     streams += _compare(recorded, again, cut_ns)
+    streams += compare_beside(recorded, measured)
     streams += compare_exchanges(recorded)
     streams += compare_arm(recorded, measured.arm)
     return Replay(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,17 +12,20 @@ import msgspec
 import numpy as np
 
 from tega.arm.settings import ArmSettings
+from tega.bus import Bus
 from tega.calibration import load_calibration
 from tega.config import STAGE_GROUPS, load_config
 from tega.errors import TegaError
 from tega.inbox.frames import FrameMeter
-from tega.inbox.sources import Block, BlockMeter, Contact, SourceReport, metrics_of
+from tega.inbox.sources import Block, BlockMeter, Contact, SourceReport, metrics_of, picture_of, samples_of
+from tega.records import BesideContact, BesideIntent
 from tega.replay.arm import arm_settings
-from tega.replay.recorded import Head, Recorded
+from tega.replay.recorded import Head, Recorded, without_devices
 from tega.stages.choose import Chosen, chosen_stage, finger_metric, metric_told, muscle_decoder
+from tega.teleop.beside import look_on
 
 if TYPE_CHECKING:
-    from tega.calibration import Calibration
+    from tega.calibration import Calibration, EmgMaxima
     from tega.config import SessionConfig
     from tega.devices.base import EmgChunk, TactileFrame
 
@@ -54,6 +59,7 @@ class Measured:
 
     Args:
         other: Settings whose preset, calibration, kind of EMG, vest and hand take the place of the run's own.
+        sets: Single settings that do, as ``key=value``: preset, stages, vest, hand.
 
     Attributes:
         config: The settings of the run, as changed.
@@ -65,16 +71,19 @@ class Measured:
         metric: What measures the pictures.
         same_metric: Whether the recording's contacts were measured by this version of it.
         changed: What of the settings is not the run's own, in words.
+        beside: What the stages beside the connected ones say, by topic.
     """
 
-    def __init__(self, other: Path | None = None) -> None:
-        self._other = other
+    def __init__(self, other: Path | None = None, sets: Sequence[str] = ()) -> None:
+        self._other, self._sets = other, tuple(sets)
         self.config: SessionConfig
         self.calibration: Calibration
         self.contacts: dict[str, list[Contact]] = {}
         self.blocks: list[Block] = []
         self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
         self.changed: list[str] = []
+        self.beside: dict[str, list[BesideContact | BesideIntent]] = {}
+        self._bus: Bus | None = None
         self.arm = ArmSettings()
         self.metric: Chosen
         self.same_metric = True
@@ -85,7 +94,7 @@ class Measured:
         """Take what is known before the first picture."""
         self.config, self.calibration, self.arm = head.config, head.calibration, arm_settings(head)
         kind = head.tree.get("emg", {}).get("kind", "raw")
-        if self._other is not None:
+        if self._other is not None or self._sets:
             kind = self._change(head, kind)
         for finger, baseline in head.baselines.items():
             # A picture out of a JPEG has no bits of its own to compare with the one before.
@@ -111,10 +120,35 @@ class Measured:
                 maxima=used,
                 live=head.sources["emg"].live,
             )
+        self._look_on(head, None if emg is None else msgspec.structs.replace(emg, kind=kind))
+
+    def _look_on(self, head: Head, muscles: EmgMaxima | None) -> None:
+        """Have the stages beside the connected ones look on again."""
+        if not self.config.stages.beside:
+            return
+        self._bus = Bus()
+        self._bus.subscribe(BesideContact, lambda said: self._said(said, said.finger), vital=True)
+        self._bus.subscribe(BesideIntent, lambda said: self._said(said, "emg"), vital=True)
+        with ExitStack() as stack:  # nothing in it has a thread of its own
+            look_on(
+                stack,
+                self.config,
+                self._bus,
+                baselines=head.baselines,
+                touch=self.calibration.touch,
+                muscles=muscles if "emg" in head.sources else None,
+                live="emg" in head.sources and head.sources["emg"].live,
+            )
+
+    def _said(self, said: BesideContact | BesideIntent, finger: str) -> None:
+        self.beside.setdefault(f"/beside/{said.stage}/{finger}", []).append(said)
 
     def _change(self, head: Head, kind: str) -> Any:
         """Take over what other settings say of the computation, and note it."""
-        other = load_config(self._other).config
+        if self._other is None:
+            other = without_devices(head.tree, self._sets)
+        else:
+            other = load_config(self._other, sets=self._sets).config
         if other.calibration.file is not None:
             self.calibration = load_calibration(other.calibration.file)
             if self.calibration != head.calibration:
@@ -145,6 +179,8 @@ class Measured:
     def frame(self, finger: str, frame: TactileFrame, told: Any) -> None:
         """Measure a picture and note its checksum beside the one it had when it was taken."""
         now = zlib.crc32(frame.image.tobytes())
+        if self._bus is not None:
+            self._bus.publish(picture_of(finger, frame, live=False, start_ns=0))
         self.pixels[finger].append((frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now}))
         meter = self._meters[finger]
         meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
@@ -157,6 +193,8 @@ class Measured:
 
     def chunk(self, chunk: EmgChunk) -> None:
         """Take EMG samples."""
+        if self._bus is not None:
+            self._bus.publish(samples_of(chunk, live=False, start_ns=0))
         if self._muscles is None:
             return
         try:

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from tega.calibration.store import Calibration, parse_calibration
-from tega.config import SessionConfig, check_tree
+from tega.config import SessionConfig, check_tree, override_recorded
 from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
 from tega.foreign_file import load_npy, parse_toml, tells_damage
@@ -20,7 +20,16 @@ from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.mcap_schemas import VERSIONS
 from tega.recording.origin import LEAD_IN, span
 from tega.recording.session import FORMAT
-from tega.records import BusFrame, Contact, HandCommand, HandExchange, Imposed, Intent
+from tega.records import (
+    BesideContact,
+    BesideIntent,
+    BusFrame,
+    Contact,
+    HandCommand,
+    HandExchange,
+    Imposed,
+    Intent,
+)
 from tega.records.schema import read
 
 __all__ = ["Head", "Recorded", "read_recorded"]
@@ -72,6 +81,7 @@ class Recorded(msgspec.Struct):
         skipped: Deadlines that the loop left out.
         haptics: When the motors were switched off or on: which asking, whether on, and at what tick.
         turns: What led an arm took in and gave, in order, as recorded.
+        beside: What the stages beside the connected ones said, by topic, as recorded.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
         end: How the loop ended; ``None`` where the recording was cut.
         dropped: Records lost, by topic.
@@ -93,6 +103,7 @@ class Recorded(msgspec.Struct):
     skipped: set[int] = set()
     haptics: list[tuple[int, bool, int]] = []
     imposed: list[tuple[int, float]] = []
+    beside: dict[str, list[Any]] = {}
     end: tuple[int, str, int] | None = None
     dropped: dict[str, int] = {}
     complete: bool = False
@@ -198,6 +209,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             chunk(EmgChunk(value.t_ns, value.first_index, samples))
         case "tega.ArmTurn":
             recorded.turns.append(value)
+        case "tega.BesideContact" | "tega.BesideIntent":
+            recorded.beside.setdefault(message.topic, []).append(_beside(message))
         case _:
             _keep(recorded, message)
 
@@ -232,6 +245,13 @@ def _keep(recorded: Recorded, message: Message) -> None:
             recorded.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
         case _:
             pass
+
+
+def _beside(message: Message) -> BesideContact | BesideIntent:
+    _, _, stage, finger = message.topic.split("/")
+    if message.schema == "tega.BesideIntent":
+        return read(BesideIntent, message.value, stage=stage)
+    return read(BesideContact, message.value, stage=stage, finger=finger)
 
 
 def _head(reader: McapReader) -> Head:
@@ -272,15 +292,23 @@ def _refuse_newer(reader: McapReader) -> None:
             )
 
 
-def without_devices(tree: dict[str, Any]) -> SessionConfig:
-    """Check settings without the devices they name, which need not be installed to replay what they gave."""
+def without_devices(tree: dict[str, Any], sets: Sequence[str] = ()) -> SessionConfig:
+    """Check settings without the devices they name, which need not be installed to replay what they gave.
+
+    Args:
+        tree: The settings.
+        sets: What is to be otherwise, as ``key=value``.
+
+    Raises:
+        ConfigError: One of them is unknown, of a wrong type or out of range.
+    """
     kept: dict[str, Any] = {"session": {k: v for k, v in tree.get("session", {}).items() if k != "out_dir"}}
     tree = _as_named_now(tree)
-    kept["stages"] = tree.get("stages", {})
+    kept["stages"] = dict(tree.get("stages", {}))
     for name in ("vest", "hand"):
         section = tree.get(name, {})
         kept[name] = {k: v for k, v in section.items() if k not in {"driver", "options"}}
-    return check_tree(kept, {}, base=Path.cwd()).config
+    return check_tree(kept, override_recorded(kept, sets), base=Path.cwd()).config
 
 
 def _as_named_now(tree: dict[str, Any]) -> dict[str, Any]:

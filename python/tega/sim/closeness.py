@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.audit import FAR_RADII, Mark
+from tega.audit import Mark
+from tega.audit.truth import FAR_RADII
 from tega.lifecycle import require
 from tega.sim.gel import Gel, ball
 from tega.tactile import read_contact

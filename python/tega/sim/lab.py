@@ -121,13 +121,9 @@ class Lab:
         """Make the metric of a finger."""
         return finger_metric(self.config.stages, self.preset, finger, self.baselines[finger])
 
-    def decoder(self) -> Decoder:
-        """Make the decoder of the muscles."""
-        return muscle_decoder(self.config.stages, self.preset, self.emg_maxima)
-
     @property
-    def emg_maxima(self) -> EmgMaxima:
-        """What counts as full on each channel."""
+    def muscles(self) -> EmgMaxima:
+        """The maxima of the muscles, and what they hold under."""
         return EmgMaxima(
             kind="raw",
             rate_hz=EMG_HZ,
@@ -135,6 +131,10 @@ class Lab:
             channels=("ECR", "FCU", "FDS"),
             maxima=tuple(float(maximum) for maximum in self.calibrated.maxima),
         )
+
+    def decoder(self) -> Decoder:
+        """Make the decoder of the muscles."""
+        return muscle_decoder(self.config.stages, self.preset, self.muscles)
 
     def _press(self, finger: str) -> TouchMaxima:
         """Take the maxima of the guided press of one fingertip."""

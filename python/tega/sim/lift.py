@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,9 +14,10 @@ from tega.clock import ManualClock, PausableClock, SystemClock
 from tega.config import FINGERS, StageConfig, StagesSection
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import BlockMeter, SourceReport
-from tega.records import Contact, Intent
+from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.arms import PULSES, worn
+from tega.sim.beside import BesideNotes
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
 from tega.sim.pacing import SimulatedPacer
@@ -23,7 +25,8 @@ from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.rig import CAMERA_DELAY_NS, Rig
 from tega.sim.score import LIFT_WINDOW_S, Scorer
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import vest_mapping
+from tega.stages.choose import chosen_stage, vest_mapping
+from tega.teleop.beside import look_on
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
 from tega.teleop.touch import TouchLoop
@@ -117,16 +120,17 @@ class Lift:
                 finger: FrameMeter(lab.baselines[finger], lab.metric(finger), SourceReport(), live=False)
                 for finger in FINGERS
             },
-            blocks=BlockMeter(decoder, SourceReport(), maxima=lab.emg_maxima, live=False),
+            blocks=BlockMeter(decoder, SourceReport(), maxima=lab.muscles, live=False),
             block_ns=round(maxima.tau * 1e9 / EMG_HZ),
             scorer=self.scorer,
             bus=self._bus,
             end_s=LIFT_WINDOW_S + _AFTER_S,
             lift_by_s=LIFT_WINDOW_S,
             muted=muted,
-            skip_untouched=skip_untouched,
+            skip_untouched=skip_untouched and not _remembers(lab),
             on_act=self._note,
         )
+        self._beside = self._look_on()
 
     @property
     def fatigue(self) -> float:
@@ -199,7 +203,28 @@ class Lift:
             events=tuple(scorer.events),
             simulated_s=simulated_s,
             person=self._lab.digest if self._plan.operator == "simulated" else "",
+            beside=() if self._beside is None else self._beside.results(),
         )
+
+    def _look_on(self) -> BesideNotes | None:
+        """Have the stages beside look on; return what notes what they say."""
+        lab = self._lab
+        if not lab.config.stages.beside:
+            return None
+        notes = BesideNotes(self._bus)
+        if self._streams is not None:
+            self._bus.subscribe(BesideContact, self._streams.beside_contact)
+            self._bus.subscribe(BesideIntent, self._streams.beside_levels)
+        with ExitStack() as stack:  # nothing in it has a thread of its own
+            look_on(
+                stack,
+                lab.config,
+                self._bus,
+                baselines=lab.baselines,
+                touch=lab.touch.get,
+                muscles=lab.muscles,
+            )
+        return notes
 
     def _telling(self) -> Bus:
         """Return a bus that tells levels, and where somebody keeps them contacts."""
@@ -264,3 +289,9 @@ class Lift:
             "deformed": str(deformations),
             "lifted": "yes" if self.scorer.time_of("lifted") is not None else "no",
         }
+
+
+def _remembers(lab: Lab) -> bool:
+    """Whether a metric that looks on learns from an untouched gel."""
+    beside = (one for one in lab.config.stages.beside if one.group == "metric")
+    return any(chosen_stage("metric", one.stages, lab.preset).kind.memory for one in beside)

@@ -10,6 +10,7 @@ import msgspec
 from tega.config import SessionConfig, load_config
 from tega.errors import ConfigError, InvalidValueError
 from tega.sim.arms import CONDITIONS, Condition
+from tega.sim.beside import BesideResult
 from tega.sim.score import Event
 
 __all__ = ["TrialPlan", "TrialResult", "loop_settings"]
@@ -106,6 +107,7 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         events: What happened when.
         simulated_s: Time simulated, practice included, seconds.
         person: First digits of the parameter file's SHA-256; empty without a simulated person.
+        beside: What the stages beside the connected ones said.
     """
 
     success: bool
@@ -122,6 +124,7 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
     events: tuple[Event, ...]
     simulated_s: float
     person: str = ""
+    beside: tuple[BesideResult, ...] = ()
 
     @property
     def plan(self) -> TrialPlan:

@@ -20,8 +20,9 @@ from tega.config import FINGERS
 from tega.device_items import EmgChunk, TactileFrame
 from tega.hand_poses import ClosureScale
 from tega.inbox.frames import FrameMeter
-from tega.inbox.sources import Block, BlockMeter, Contact
+from tega.inbox.sources import Block, BlockMeter, Contact, picture_of, samples_of
 from tega.inbox.stream import LiveStream
+from tega.records import EmgSamples, Picture
 from tega.sim.gel import CAMERA_HZ
 from tega.sim.seams import Act, Percept
 from tega.stages.base import MeasuredPicture
@@ -79,7 +80,7 @@ class Rig:
         blocks: Turns EMG into levels.
         block_ns: How long a block is.
         scorer: Counts what happens.
-        bus: Told of every measured picture.
+        bus: Told of every picture, before and after it is measured, and of every block of EMG.
         end_s: When the trial is over whatever happens, seconds.
         lift_by_s: When it is over unless the object was lifted by then, seconds.
         muted: Asked whether somebody has switched the vest off.
@@ -178,7 +179,10 @@ class Rig:
                 image = self._still[finger]
             self.frames[finger] = image
             meter.metric.loaded = any(m.in_contact for k, m in enumerate(self.metrics) if k != finger)
-            contact = meter.take(TactileFrame(arrival_ns, number, image, "simulated frame"))
+            frame = TactileFrame(arrival_ns, number, image, "simulated frame")
+            if self._bus.wants(Picture):
+                self._bus.publish(picture_of(FINGERS[finger], frame, live=False, start_ns=0))
+            contact = meter.take(frame)
             if contact is None:
                 continue
             self.metrics[finger] = contact[1]
@@ -209,6 +213,8 @@ class Rig:
             self.emg_tail.append(samples)
             chunk = EmgChunk(t_ns, self._n_samples, samples)
             self._n_samples += len(samples)
+            if self._bus.wants(EmgSamples):
+                self._bus.publish(samples_of(chunk, live=False, start_ns=0))
             for block in self._blocks.take(chunk):
                 self.levels.put(block, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()

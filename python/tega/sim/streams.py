@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.haptics import VestFrame
-    from tega.records import Contact, Intent
+    from tega.records import BesideContact, BesideIntent, Contact, Intent
     from tega.sim.lab import Lab
     from tega.sim.seams import Act, Percept
     from tega.stages.base import MeasuredPicture
@@ -41,8 +41,14 @@ _COLUMNS: dict[str, tuple[str, ...]] = {
         "phase",
     ),
     "contacts": ("t_s", "finger", "cci", "eda", "cci_norm", "eda_norm", "in_contact", "front", "back"),
-    "levels": ("t_s", "channel_1", "channel_2", "channel_3", "fused"),
+    "levels": ("t_s", "channel_1", "channel_2", "channel_3", "fused", "closure"),
+    "values": ("t_s", "finger", "name", "value", "unit"),
+    "beside-contacts": ("t_s", "stage", "finger", "in_contact", "cci", "eda", "peak"),
+    "beside-values": ("t_s", "stage", "finger", "name", "value", "unit"),
+    "beside-levels": ("t_s", "stage", "channel_1", "channel_2", "channel_3", "fused", "closure"),
 }
+# Tables that are there only where a stage of the settings fills them.
+_AT_NEED = ("values", "beside-contacts", "beside-values", "beside-levels")
 
 
 class Streams:
@@ -50,12 +56,15 @@ class Streams:
 
     Attributes:
         rows: By table (``truth`` a hundred times a second, ``contacts`` every frame, ``levels`` every EMG block,
-            ``vest`` every frame that the loop sent), each a list of rows; the first number of a row is the time in
-            seconds. ``truth`` has what the person did, too.
+            ``vest`` every frame that the loop sent, ``values`` what a metric measures besides, ``beside-…`` what stages
+            beside the connected ones say), each a list of rows; the first number of a row is the time in seconds.
+            ``truth`` has what the person did, too.
     """
 
     def __init__(self) -> None:
-        self.rows: dict[str, list[tuple[Any, ...]]] = {"truth": [], "contacts": [], "levels": [], "vest": []}
+        self.rows: dict[str, list[tuple[Any, ...]]] = {
+            table: [] for table in ("truth", "contacts", "levels", "vest", *_AT_NEED)
+        }
         self._motors: tuple[str, ...] = ()
         self._firmest = Firmest()
 
@@ -82,10 +91,24 @@ class Streams:
         """Keep what was measured in one frame."""
         row = tuple(getattr(contact, column) for column in _COLUMNS["contacts"][1:])
         self.rows["contacts"].append((contact.t_ns / 1e9, *row))
+        for one in contact.more:
+            self.rows["values"].append((contact.t_ns / 1e9, contact.finger, one.name, one.value, one.unit))
+
+    def beside_contact(self, said: BesideContact) -> None:
+        """Keep what a metric beside the connected one says of a picture."""
+        t_s, who = said.t_ns / 1e9, (said.stage, said.finger)
+        self.rows["beside-contacts"].append((t_s, *who, said.in_contact, said.cci, said.eda, said.peak))
+        for one in said.more:
+            self.rows["beside-values"].append((t_s, *who, one.name, one.value, one.unit))
+
+    def beside_levels(self, said: BesideIntent) -> None:
+        """Keep what a decoder beside the connected one says."""
+        row = (*said.channels, said.level, _closure(said))
+        self.rows["beside-levels"].append((said.t_ns / 1e9, said.stage, *row))
 
     def levels(self, intent: Intent) -> None:
         """Keep one EMG block."""
-        self.rows["levels"].append((intent.t_ns / 1e9, *intent.channels, intent.level))
+        self.rows["levels"].append((intent.t_ns / 1e9, *intent.channels, intent.level, _closure(intent)))
 
     def write(self, t_ns: int, frame: VestFrame) -> None:
         """Keep one vest frame as the loop sent it."""
@@ -149,11 +172,17 @@ class Streams:
             folder: Where to; it must exist.
         """
         for table, rows in self.rows.items():
+            if table in _AT_NEED and not rows:
+                continue
             file = CsvWriter(folder / f"{table}.csv", self.columns(table))
             try:
                 file.write(*[",".join(map(_text, row)) + "\n" for row in rows])
             finally:
                 file.close()
+
+
+def _closure(said: Intent | BesideIntent) -> float | str:
+    return "" if said.closure is None else said.closure
 
 
 def _text(value: object) -> str:

@@ -38,6 +38,7 @@ FIELDS = (
 _Finger = Literal["thumb", "index", "middle", "ring"]
 _FINGERS: tuple[_Finger, _Finger, _Finger, _Finger] = ("thumb", "index", "middle", "ring")
 
+_EndValue = Annotated[float, msgspec.Meta(gt=0, lt=0.5)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e12)]
 
 
@@ -50,8 +51,12 @@ class ColumnsOptions(StageOptions, frozen=True):
         back: Value that the back shows, likewise.
         front_max: What counts as full on the front, in the value's unit; none means the calibration's (cci, eda).
         back_max: What counts as full on the back, likewise.
-        law: ``logistic`` is Eq 7 as printed; ``linear`` is in proportion.
+        law: ``logistic`` is Eq 7 as printed; ``linear`` is in proportion; ``power`` is the share to the ``exponent``.
+        exponent: Of the law ``power``: below 1 a light touch is shown more strongly than in proportion.
         end_value: Share of full intensity that the logistic law gives at value 0.
+        back_end_value: Likewise of the back; none means that of the front.
+        at_rest: A finger without contact is ``silent``, or shown what the ``law`` gives at value 0, as printed.
+        rows: ``alike``: all rows of a column show the same; ``bar``: the rows are lit from below in proportion.
         saturate: Whether a value above its maximum counts as the maximum; as printed the law goes on.
         fingers: Which finger each column shows, from the wearer's left.
     """
@@ -60,8 +65,12 @@ class ColumnsOptions(StageOptions, frozen=True):
     back: str = "eda"
     front_max: _Positive | None = None
     back_max: _Positive | None = None
-    law: Literal["logistic", "linear"] = "logistic"
-    end_value: Annotated[float, msgspec.Meta(gt=0, lt=0.5)] = 0.01
+    law: Literal["logistic", "linear", "power"] = "logistic"
+    exponent: Annotated[float, msgspec.Meta(gt=0, le=10)] = 0.5
+    end_value: _EndValue = 0.01
+    back_end_value: _EndValue | None = None
+    at_rest: Literal["silent", "law"] = "silent"
+    rows: Literal["alike", "bar"] = "alike"
     saturate: bool = False
     fingers: tuple[_Finger, _Finger, _Finger, _Finger] = _FINGERS
 
@@ -80,11 +89,12 @@ class ColumnsMapping(Mapping):
         self._options = options
         columns = finger_columns(setup, options.fingers)
         self._shown = [
-            (index, motor.face, columns[motor.column])
+            (index, motor.face, columns[motor.column], setup.layout.rows(motor.face) - 1 - motor.row)
             for index, motor in enumerate(setup.layout.motors)
             if motor.column in columns
         ]
         self._n = len(setup.layout.motors)
+        self._rows = {face: setup.layout.rows(face) for face in ("front", "back")}
         self._full = {
             finger: (
                 _full(setup, finger, "front", options.front, options.front_max),
@@ -94,14 +104,16 @@ class ColumnsMapping(Mapping):
         }
 
     def columns(self, finger: str, contact: Contact) -> tuple[float, float]:
-        """Return the finger's columns, percent; 0 without contact."""
-        if not contact.in_contact:
-            return 0.0, 0.0
-        front, back = self._full[finger]
+        """Return the finger's columns, percent; 0 without contact, unless the law is to be shown at rest."""
         o = self._options
-        return self._percent(value_of(contact, o.front), front), self._percent(
-            value_of(contact, o.back), back
-        )
+        front, back = self._full[finger]
+        values = (0.0, 0.0)
+        if contact.in_contact:
+            values = value_of(contact, o.front), value_of(contact, o.back)
+        elif o.at_rest == "silent":
+            return 0.0, 0.0
+        back_end = o.end_value if o.back_end_value is None else o.back_end_value
+        return self._percent(values[0], front, o.end_value), self._percent(values[1], back, back_end)
 
     def levels(
         self,
@@ -112,18 +124,23 @@ class ColumnsMapping(Mapping):
         """Return every motor's level."""
         percent = {finger: self.columns(finger, contact) for finger, contact in contacts.items()}
         levels = np.zeros(self._n)
-        for index, face, finger in self._shown:
+        bar = self._options.rows == "bar"
+        for index, face, finger, below in self._shown:
             if finger in percent:
-                levels[index] = percent[finger][face == "back"]
+                shown = percent[finger][face == "back"]
+                # A motor is lit by as much of the bar as reaches it; ``below`` is how many motors are under it.
+                levels[index] = 100 * min(max(shown / 100 * self._rows[face] - below, 0), 1) if bar else shown
         return levels
 
-    def _percent(self, value: float, maximum: float | None) -> float:
+    def _percent(self, value: float, maximum: float | None, end_value: float) -> float:
         if maximum is None:
             return 0.0
         o = self._options
         if o.saturate:
             value = min(value, maximum)
-        return intensity(value, maximum, end_value=o.end_value, law=o.law)
+        if o.law == "power":
+            return float(100.0 * min(max(value / maximum, 0.0), 1.0) ** o.exponent)
+        return intensity(value, maximum, end_value=end_value, law=o.law)
 
 
 def value_of(contact: Contact, name: str) -> float:

@@ -40,7 +40,12 @@ __all__ = ["ReadingMetric", "ReadingOptions"]
 
 Threshold: TypeAlias = Literal["D1", "D2", "D3", "D4", "D5", "D6", "D7", "D8"]
 
+Difference: TypeAlias = Literal["signed", "rectified", "absolute", "l2", "luminance"]
+
 _Weight = Annotated[float, msgspec.Meta(ge=-10, le=10)]
+
+# What the kernels of the equations as printed do not know.
+_MASKED_ONLY = ("l2", "luminance", "disc", "peak", True, "median", "percentile")
 
 # Of a Gaussian press the value at 1.28 standard deviations is this share of its peak: exp(-1.28² / 2).
 GAUSSIAN_SHARE = 0.44
@@ -53,25 +58,33 @@ class ReadingOptions(StageOptions, frozen=True):
         threshold: Reading of Eq 4 and 5, D1 to D8: see :mod:`tega.stages.readings`.
         weights: ω of Eq 1 for red, green, blue; their sum is 1.
         difference: How frame and baseline are subtracted; none means signed for D1, rectified for D2, else absolute.
+            D3 to D8 also know ``l2`` (root mean square over the channels) and ``luminance`` (weighted, then absolute).
         spread: σ of D1 and D2: ``spatial`` in pixels as printed, or ``intensity`` of the whole map.
         factor: The 1.28 of Eq 4.
-        centroid_value: I(µ): the ``nearest`` pixel, or ``bilinear`` between four.
+        centroid_value: I(µ): the ``nearest`` pixel, or ``bilinear`` between four; of D3 to D8 also the largest value
+            within 5 pixels (``disc``), or of the picture (``peak``).
+        ties: Whether a pixel at the threshold counts (D3 to D8); as printed it does not.
+        peak: Largest value of Eq 6 (D3 to D8): that of one pixel (``raw``), of the ``median`` over 3 × 3 pixels, or the
+            ``percentile`` 99.9 of the contact.
         noise_floor: Values under this are noise, grey values; D1 and D2 know no noise where ``gate`` is false.
         min_pixels: Fewer pixels than this above the noise floor are no contact.
         gate: Whether D1 and D2 report no contact below ``min_pixels``; as printed they always report one.
-        cci: ``area``: peak / EDA as printed; ``root``: peak / √EDA, which rises with the press.
+        cci: ``area``: peak / EDA as printed; ``root``: peak / √EDA, which rises with the press; ``peak``: the largest
+            value alone; ``mass``: the sum of all values.
     """
 
     threshold: Threshold = "D3"
     weights: tuple[_Weight, _Weight, _Weight] = (0.299, 0.587, 0.114)
-    difference: Literal["signed", "rectified", "absolute"] | None = None
+    difference: Difference | None = None
     spread: Literal["spatial", "intensity"] = "spatial"
     factor: Annotated[float, msgspec.Meta(ge=0, le=10)] = 1.28
-    centroid_value: Literal["nearest", "bilinear"] = "nearest"
+    centroid_value: Literal["nearest", "bilinear", "disc", "peak"] = "nearest"
+    ties: bool = False
+    peak: Literal["raw", "median", "percentile"] = "raw"
     noise_floor: Annotated[float, msgspec.Meta(ge=0, le=255)] = 6.0
     min_pixels: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 30
     gate: bool = False
-    cci: Literal["area", "root"] = "area"
+    cci: Literal["area", "root", "peak", "mass"] = "area"
 
 
 class ReadingMetric(Metric):
@@ -89,6 +102,13 @@ class ReadingMetric(Metric):
         self._read: Callable[[NDArray[np.uint8]], ContactMetrics] = self._masked
         if options.threshold in {"D1", "D2"}:
             self._read = self._printed
+            for name in ("difference", "centroid_value", "ties", "peak"):
+                if (value := getattr(options, name)) in _MASKED_ONLY:
+                    told = str(value).lower() if value is True else repr(value)
+                    raise InvalidValueError(
+                        f"{name} = {told} does not go with threshold {options.threshold}, which is as printed",
+                        "take one of D3 to D8",
+                    )
         elif options.spread != "spatial":
             raise InvalidValueError(
                 f"spread = {options.spread!r} does not go with threshold {options.threshold}",
@@ -106,18 +126,22 @@ class ReadingMetric(Metric):
         if frame.shape != self._baseline.shape:
             raise ShapeError(f"the frame is {frame.shape}, its baseline {self._baseline.shape}")
         metrics = self._read(frame)
-        if self._options.cci == "root" and metrics.eda:
-            metrics = metrics._replace(cci=metrics.peak / math.sqrt(metrics.eda))
+        if self._options.cci != "area" and metrics.eda:
+            root = metrics.peak / math.sqrt(metrics.eda)
+            cci = {"root": root, "peak": metrics.peak, "mass": metrics.mass}[self._options.cci]
+            metrics = metrics._replace(cci=cci)
         self._frame, self._metrics = frame, metrics
         return contact_record(self._finger, t_ns, metrics)
 
     def touch_map(self) -> TouchMap:
         """Return the grey map of the last frame and its pixels above T."""
         if self._options.threshold in {"D1", "D2"}:
-            grey = self._difference(self._frame) @ self._millionths / 1e6
+            # Grey values and threshold are rounded here; the kernel compares exact sums.
+            grey = _signed(self._frame, self._baseline, self._sign()) @ self._millionths / 1e6
         else:
             grey, _ = self._map(self._frame)
-        mask = grey > self._metrics.threshold if self._metrics.in_contact else np.zeros(grey.shape, np.bool_)
+        above = self._above(grey, self._metrics.threshold)
+        mask = above if self._metrics.in_contact else np.zeros(grey.shape, np.bool_)
         return TouchMap(np.maximum(grey, 0).astype(np.float32), "grey", mask)
 
     def _printed(self, frame: NDArray[np.uint8]) -> ContactMetrics:
@@ -126,10 +150,10 @@ class ReadingMetric(Metric):
             frame,
             self._baseline,
             weights=o.weights,
-            difference=o.difference or ("signed" if o.threshold == "D1" else "rectified"),
+            difference=self._sign(),  # type: ignore[arg-type]  # checked when it was made
             spread=o.spread,
             factor=o.factor,
-            centroid_value=o.centroid_value,
+            centroid_value=o.centroid_value,  # type: ignore[arg-type]  # likewise
             gate=ContactGate(o.noise_floor, o.min_pixels) if o.gate else None,
         )
 
@@ -150,7 +174,8 @@ class ReadingMetric(Metric):
             variance = (by_column @ (columns - x) ** 2 + by_row @ (rows - y) ** 2) / mass
             spread = math.sqrt(max(float(variance), 0.0))
         threshold = max(self._threshold(_value_at(grey, x, y, o.centroid_value), spread, peak), o.noise_floor)
-        eda = int(np.count_nonzero(grey > threshold))
+        eda = int(np.count_nonzero(self._above(grey, threshold)))
+        peak = self._peak(grey, peak)
         return ContactMetrics(
             mass=mass,
             centroid_xy=(x, y),
@@ -162,6 +187,25 @@ class ReadingMetric(Metric):
             peak_xy=peak_xy,
             in_contact=True,
         )
+
+    def _above(self, grey: NDArray[np.float64], threshold: float) -> NDArray[np.bool_]:
+        above: NDArray[np.bool_] = grey >= threshold if self._options.ties else grey > threshold
+        return above
+
+    def _peak(self, grey: NDArray[np.float64], raw: float) -> float:
+        match self._options.peak:
+            case "median":
+                padded = np.pad(grey, 1, mode="edge")
+                around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).reshape(*grey.shape, 9)
+                return float(np.median(around, axis=2).max())
+            case "percentile":
+                return float(np.percentile(grey[grey > 0], 99.9))
+            case _:
+                return raw
+
+    def _sign(self) -> Difference:
+        o = self._options
+        return o.difference or {"D1": "signed", "D2": "rectified"}.get(o.threshold, "absolute")  # type: ignore[return-value]
 
     def _threshold(self, value: float, spread: float, peak: float) -> float:
         match self._options.threshold:
@@ -176,38 +220,51 @@ class ReadingMetric(Metric):
             case _:
                 return value - self._options.factor * spread
 
-    def _difference(self, frame: NDArray[np.uint8]) -> NDArray[np.int32]:
-        o = self._options
-        difference: NDArray[np.int32] = frame.astype(np.int32) - self._baseline
-        kind = o.difference or {"D1": "signed", "D2": "rectified"}.get(o.threshold, "absolute")
-        if kind == "absolute":
-            return np.abs(difference)
-        return difference if kind == "signed" else np.maximum(difference, 0)
-
     def _map(self, frame: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
         """Return the grey map after blur and noise floor, and how many of its pixels are above the floor."""
-        o, difference = self._options, self._difference(frame)
+        o = self._options
         # Sums of whole numbers below 2⁵³: exact in float64 where the weights are millionths.
-        grey = _box_sums(difference) @ self._millionths / 25e6
+        signed, sign = _signed(frame, self._baseline, self._sign()), self._sign()
+        grey = np.sqrt(np.square(signed).mean(axis=2)) * 1e6 if sign == "l2" else signed @ self._millionths
+        grey = _box_sums(np.abs(grey) if sign == "luminance" else grey)
+        grey /= 25e6
         counted = int(np.count_nonzero(grey > o.noise_floor))
         grey[grey < o.noise_floor] = 0.0
         return grey, counted
 
 
-def _box_sums(image: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Sums over 5 × 5 pixels of each channel, the border mirrored without repeating it."""
+def _signed(
+    frame: NDArray[np.uint8], baseline: NDArray[np.uint8], difference: Difference
+) -> NDArray[np.float64]:
+    """Return frame - baseline under a sign rule, float64 (H, W, 3)."""
+    left = frame.astype(np.float64)
+    left -= baseline
+    if difference == "absolute":
+        return np.abs(left, out=left)
+    return np.maximum(left, 0, out=left) if difference == "rectified" else left
+
+
+def _box_sums(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return sums over 5 × 5 pixels, float64 (H, W), the border mirrored without repeating it."""
     sums = image
     for axis in (0, 1):
-        pad = [(2, 2) if a == axis else (0, 0) for a in range(3)]
-        mode = "reflect" if image.shape[axis] > 1 else "edge"
-        padded = np.pad(sums, pad, mode=mode)  # type: ignore[call-overload]
         n = image.shape[axis]
-        sums = np.sum([np.take(padded, range(k, k + n), axis=axis) for k in range(5)], axis=0)
-    return sums.astype(np.float64)
+        pad = [(2, 2) if a == axis else (0, 0) for a in range(2)]
+        padded = np.pad(sums, pad, mode="reflect" if n > 1 else "edge")
+        at = padded if axis == 0 else padded.T
+        sums = at[:n] + at[1 : n + 1] + at[2 : n + 2] + at[3 : n + 3] + at[4 : n + 4]
+        sums = sums if axis == 0 else sums.T
+    return sums
 
 
 def _value_at(grey: NDArray[np.float64], x: float, y: float, how: str) -> float:
     height, width = grey.shape
+    if how == "peak":
+        return float(grey.max())
+    if how == "disc":
+        rows, columns = np.ogrid[:height, :width]
+        near = grey[(columns - x) ** 2 + (rows - y) ** 2 <= 25.0]
+        return float(near.max()) if near.size else 0.0
     x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
     if how == "nearest":
         return float(grey[min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)])

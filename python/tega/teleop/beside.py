@@ -6,6 +6,7 @@ In a run with real time they work in threads of their own; what they are too slo
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,16 @@ from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
 from tega.stages.choose import finger_metric, muscle_decoder
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from tega.bus import Bus
+    from tega.calibration import EmgMaxima, TouchMaxima
     from tega.config import SessionConfig
-    from tega.config_sections import BesideConfig
     from tega.inbox.prepared import Prepared
     from tega.stages.base import Metric
 
-__all__ = ["open_beside"]
+__all__ = ["look_on", "open_beside"]
 
 # Pictures that may wait: a second of four fingers at 60 Hz would be 55 MB.
 _MOST_PICTURES = 60
@@ -42,7 +46,45 @@ def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus
     Raises:
         TegaError: A stage refuses what it is given.
     """
-    real = config.session.pace == "real"
+    maxima = None if prepared.muscles is None else prepared.muscles.maxima
+    look_on(
+        stack,
+        config,
+        bus,
+        baselines={name: finger.baseline for name, finger in prepared.fingers.items()},
+        touch=prepared.calibration.touch,
+        muscles=maxima,
+        live=prepared.muscles is not None and prepared.muscles.source.info.live,
+        real=config.session.pace == "real",
+    )
+
+
+def look_on(
+    stack: ExitStack,
+    config: SessionConfig,
+    bus: Bus,
+    *,
+    baselines: Mapping[str, NDArray[np.uint8]],
+    touch: Callable[[str], TouchMaxima | None],
+    muscles: EmgMaxima | None,
+    live: bool = False,
+    real: bool = False,
+) -> None:
+    """Have stages look on wherever pictures and samples are told.
+
+    Args:
+        stack: Ends their threads.
+        config: The settings.
+        bus: Tells pictures and samples, and is told what they say.
+        baselines: Untouched pictures, by finger.
+        touch: Gives the maxima of a finger.
+        muscles: Those of the muscles; ``None`` without EMG.
+        live: Whether the samples come from a device that runs on its own clock.
+        real: Whether they work in threads of their own.
+
+    Raises:
+        TegaError: A stage refuses what it is given.
+    """
     used: dict[str, int] = {}
     for wanted in config.stages.beside:
         n = used[wanted.name] = used.get(wanted.name, 0) + 1
@@ -53,25 +95,23 @@ def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus
             how["backlog"] = Backlog(f"beside-{stage}", most=most, rank=ahead_of_others("beside"))
             stack.callback(how["backlog"].close)
         if wanted.group == "metric":
-            bus.subscribe(Picture, _Measuring(stage, wanted, config, prepared, bus), **how)
-        elif prepared.muscles is not None:
-            bus.subscribe(EmgSamples, _Decoding(stage, wanted, config, prepared, bus), **how)
+            preset = config.session.preset
+            metrics = {
+                name: finger_metric(wanted.stages, preset, name, baseline, touch(name))
+                for name, baseline in baselines.items()
+            }
+            bus.subscribe(Picture, _Measuring(stage, metrics, bus), **how)
+        elif muscles is not None:
+            decoder = muscle_decoder(wanted.stages, config.session.preset, muscles)
+            meter = BlockMeter(decoder, SourceReport(), maxima=muscles, live=live)
+            bus.subscribe(EmgSamples, _Decoding(stage, meter, bus), **how)
 
 
 class _Measuring:
-    """A metric of every finger, made with its first picture."""
+    """A metric of every finger."""
 
-    def __init__(
-        self, stage: str, wanted: BesideConfig, config: SessionConfig, prepared: Prepared, bus: Bus
-    ) -> None:
-        self._stage, self._bus, self._calibration = stage, bus, prepared.calibration
-        preset = config.session.preset
-        self._metrics: dict[str, Metric] = {
-            name: finger_metric(
-                wanted.stages, preset, name, finger.baseline, prepared.calibration.touch(name)
-            )
-            for name, finger in prepared.fingers.items()
-        }
+    def __init__(self, stage: str, metrics: Mapping[str, Metric], bus: Bus) -> None:
+        self._stage, self._bus, self._metrics = stage, bus, metrics
 
     def __call__(self, picture: Picture) -> None:
         """Measure a picture."""
@@ -97,14 +137,8 @@ class _Measuring:
 class _Decoding:
     """A decoder of the muscles."""
 
-    def __init__(
-        self, stage: str, wanted: BesideConfig, config: SessionConfig, prepared: Prepared, bus: Bus
-    ) -> None:
-        assert prepared.muscles is not None
-        self._stage, self._bus = stage, bus
-        maxima, live = prepared.muscles.maxima, prepared.muscles.source.info.live
-        decoder = muscle_decoder(wanted.stages, config.session.preset, maxima)
-        self._meter = BlockMeter(decoder, SourceReport(), maxima=maxima, live=live)
+    def __init__(self, stage: str, meter: BlockMeter, bus: Bus) -> None:
+        self._stage, self._bus, self._meter = stage, bus, meter
 
     def __call__(self, given: EmgSamples) -> None:
         """Decode samples."""

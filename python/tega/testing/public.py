@@ -26,6 +26,7 @@ PUBLIC: Final = (
     "tega",
     "tega.calibration",
     "tega.config",
+    "tega.contract",
     "tega.detect",
     "tega.devices",
     "tega.emg",
@@ -38,7 +39,6 @@ PUBLIC: Final = (
     "tega.stages",
     "tega.tactile",
     "tega.teleop",
-    "tega.testing.contract",
     "tega.wire",
 )
 """The modules that others may import from, by their ``__all__``."""

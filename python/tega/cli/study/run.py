@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
-from tega.cli.options import debug_option, echo_json, json_option
+from tega.cli.options import debug_option, echo_json, json_option, loop_sets
 
 if TYPE_CHECKING:
     from tega.study.lead.benches import Bench
@@ -29,7 +29,23 @@ __all__ = ["run"]
 @click.option(
     "--simulated", is_flag=True, help="On the simulated bench, with a simulated participant; likewise."
 )
-@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Override a setting; with --simulated: of the loop, as stages.*, vest.layout, vest.mirror. Repeatable.",
+)
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="LAB.toml",
+    help="With --simulated: take the stages, vest.layout and vest.mirror of these settings.",
+)
+@click.option(
+    "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
+    help="Readings of the loop with --simulated.",
+)  # fmt: skip
 @click.option(
     "--task",
     type=click.Choice(["lift", "place"]),
@@ -54,6 +70,8 @@ def run(
     emulated: bool,
     simulated: bool,
     sets: tuple[str, ...],
+    config: Path | None,
+    preset: Literal["paper", "live"],
     task: Task,
     pedal: str,
     trials: int | None,
@@ -76,6 +94,8 @@ def run(
 
     if (lab is not None) + emulated + simulated != 1:
         raise click.UsageError("give one of --lab LAB.toml, --emulated and --simulated")
+    if config is not None and not simulated:
+        raise click.UsageError("--config is for --simulated; --lab has settings of its own")
     if len(pedal) > 1:
         raise click.BadParameter(f"{pedal!r} is not one key, such as b", param_hint="--pedal")
     plan = read_plan(folder)
@@ -83,7 +103,9 @@ def run(
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
     with (
-        _bench(folder, plan, participant, lab=lab, emulated=emulated, sets=sets) as bench,
+        _bench(
+            folder, plan, participant, lab=lab, emulated=emulated, sets=sets, preset=preset, config=config
+        ) as bench,
         Stop() as stop,
         desk_for(stop, alone=yes) as desk,
     ):
@@ -120,6 +142,8 @@ def _bench(
     lab: Path | None,
     emulated: bool,
     sets: tuple[str, ...],
+    preset: Literal["paper", "live"],
+    config: Path | None,
 ) -> Iterator[Bench]:
     """Make what the trials run on."""
     import json
@@ -143,7 +167,7 @@ def _bench(
             note_elsewhere(folder, participant, calibrations.person(code))
         yield LabBench(loaded.config, settings=str(lab))
     elif emulated:
-        from tega.config import check_tree
+        from tega.config import check_tree, override_tree
         from tega.testing.lab import emulated_lab
 
         with tempfile.TemporaryDirectory() as beside:
@@ -151,8 +175,11 @@ def _bench(
             with emulated_lab(
                 made_in, emg_hz=250.0, hand=True, vest=True, fingers=("thumb", "index")
             ) as made:
+                origins = override_tree(made.tree, sets)
                 yield LabBench(
-                    check_tree(made.tree, {}, base=made_in).config, settings="emulated lab", where="emulated"
+                    check_tree(made.tree, origins, base=made_in).config,
+                    settings="emulated lab",
+                    where="emulated",
                 )
     else:
-        yield SimulatedBench(plan, participant)
+        yield SimulatedBench(plan, participant, preset=preset, settings=loop_sets(config, sets))

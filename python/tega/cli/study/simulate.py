@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
-from tega.cli.options import NameList, debug_option, echo_json, json_option
+from tega.cli.options import NameList, debug_option, echo_json, json_option, loop_options, loop_sets
 
 __all__ = ["SHARD", "simulate", "trials_shown"]
 
@@ -87,6 +87,7 @@ SHARD = _Shard()
     "--parameters", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE.toml",
     help="A changed parameter file for the people; the report then calls it changed.",
 )  # fmt: skip
+@loop_options
 @json_option
 @debug_option
 def simulate(
@@ -101,6 +102,9 @@ def simulate(
     shard: tuple[int, int],
     dask: str,
     parameters: Path | None,
+    preset: Literal["paper", "live"],
+    config: Path | None,
+    sets: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Run the whole study with simulated people, and report it once all sessions are there.
@@ -125,6 +129,8 @@ def simulate(
             shard=shard,
             dask=dask,
             parameters=parameters,
+            preset=preset,
+            settings=loop_sets(config, sets),
             progress=progress,
         )
     left = unfinished(out, plan)

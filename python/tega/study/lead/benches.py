@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import msgspec
 
@@ -12,6 +12,7 @@ from tega.config_sections import StageConfig
 from tega.errors import InvalidValueError
 from tega.hand_poses import ClosureScale, load_poses
 from tega.sim.streams import Streams
+from tega.toml_text import config_text
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -154,13 +155,23 @@ class SimulatedBench:
         plan: The study's plan; its seed and the person's id decide who the participant is.
         participant: Whose session.
         real_time: Keep to the machine's clock; otherwise as fast as it goes.
+        preset: Readings of the loop.
+        settings: Of the loop, as ``key=value``; they are written beside each trial's tables, in ``loop.toml``.
     """
 
     where: Where = "simulated"
     sees_height = True
     own_time = True
 
-    def __init__(self, plan: StudyPlan, participant: str, *, real_time: bool = True) -> None:
+    def __init__(
+        self,
+        plan: StudyPlan,
+        participant: str,
+        *,
+        real_time: bool = True,
+        preset: Literal["paper", "live"] = "live",
+        settings: tuple[str, ...] = (),
+    ) -> None:
         from tega.sim.lab import lab_of
         from tega.sim.plan import TrialPlan
         from tega.sim.world import GRASP_POSES_RAD
@@ -168,8 +179,10 @@ class SimulatedBench:
 
         self._seed = person_seed(plan.settings.seed or 0, participant)
         self._real_time = real_time
-        self._lab = lab_of(self._seed, "live")
-        first = TrialPlan.checked({"object": plan.settings.objects[0], "seed": self._seed})
+        self._lab = lab_of(self._seed, preset, settings)
+        self.config = self._lab.config
+        self._loop = {"preset": preset, "settings": settings}
+        first = TrialPlan.checked({"object": plan.settings.objects[0], "seed": self._seed, **self._loop})
         for name in plan.settings.objects:
             TrialPlan.checked({"object": name})
         self._person = self._lab.person(first)
@@ -192,7 +205,9 @@ class SimulatedBench:
         from tega.sim.plan import TrialPlan
 
         going.tell("preparing", "building the scene")
-        asked = TrialPlan.checked({"object": trial.object, "condition": trial.condition, "seed": self._seed})
+        asked = TrialPlan.checked(
+            {"object": trial.object, "condition": trial.condition, "seed": self._seed, **self._loop}
+        )
         streams = _Watched(going)
         lift = Lift(self._lab, asked, self._person, trial.trial, fatigue=self._fatigue, streams=streams)
         going.tell("armed", "simulated")
@@ -216,6 +231,7 @@ class SimulatedBench:
                 going.see(event.kind, round(event.t_s * 1e9))
         folder.mkdir(parents=True, exist_ok=True)
         streams.write_tables(folder)
+        (folder / "loop.toml").write_text(config_text(self.config), encoding="utf-8")
 
 
 class _Watched(Streams):

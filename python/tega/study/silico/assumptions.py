@@ -42,6 +42,7 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         frozen: Whether that is the file that was frozen before the first run; else it is a changed one.
         everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the population's.
         preset: Readings of the loop.
+        settings: Of the loop, as ``key=value``, see :class:`tega.sim.plan.TrialPlan`.
         objects: What was lifted, attributes by name, as in :class:`tega.sim.world.ObjectSpec`.
     """
 
@@ -50,6 +51,7 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     frozen: bool
     everyone: dict[str, float] = {}
     preset: Literal["paper", "live"] = "live"
+    settings: tuple[str, ...] = ()
     objects: dict[str, dict[str, Any]] = {}
 
 
@@ -59,6 +61,7 @@ def assume(
     parameters: Path | None = None,
     everyone: dict[str, float] | None = None,
     preset: Literal["paper", "live"] = "live",
+    settings: tuple[str, ...] = (),
 ) -> tuple[Assumptions, bytes]:
     """State what a study takes for granted.
 
@@ -67,16 +70,19 @@ def assume(
         parameters: A parameter file; none means the package's own.
         everyone: As in :class:`Assumptions`.
         preset: Likewise.
+        settings: Likewise.
 
     Returns:
         The statement, and the parameter file.
 
     Raises:
-        ConfigError: The file is not valid, or ``everyone`` names what is not in it or goes out of its bounds.
+        ConfigError: The file is not valid, ``everyone`` names what is not in it or goes out of its bounds, or a
+            setting is not one of the loop's.
         RecordingError: The file cannot be read.
     """
     from tega._native import __version__
     from tega.sim.operator import load_parameters
+    from tega.sim.plan import loop_settings
     from tega.sim.world import OBJECTS
 
     source = files("tega.sim.operator") / PARAMETERS if parameters is None else parameters
@@ -84,6 +90,7 @@ def assume(
         content = source.read_bytes()
     except OSError as error:
         raise RecordingError(f"{source}: cannot be read: {error}", "name a parameter file") from error
+    loop_settings(preset, settings)
     loaded = load_parameters(parameters)
     loaded.of_everyone(everyone or {})
     stated = Assumptions(
@@ -92,6 +99,7 @@ def assume(
         frozen=loaded.frozen,
         everyone=dict(sorted((everyone or {}).items())),
         preset=preset,
+        settings=settings,
         objects={name: msgspec.to_builtins(OBJECTS[name]) for name in objects},
     )
     return stated, content

@@ -110,7 +110,7 @@ def run_sensitivity(
     stated = read_assumptions(folder)
     if stated is None:
         raise RecordingError(f"{folder}: is no study in silico", "make one with tega-teleop study simulate")
-    if stated.everyone or stated.preset != "live":
+    if stated.everyone or stated.preset != "live" or stated.settings:
         raise InvalidValueError(f"{folder}: is a changed study itself", "name the study it was changed from")
     settings = read_plan(folder).settings
     part, parts = shard

@@ -92,10 +92,10 @@ def _go(job: SessionJob, folder: Path) -> None:
     from tega.sim.plan import TrialPlan
     from tega.sim.streams import Streams
 
-    preset = job.assumptions.preset
+    preset, settings = job.assumptions.preset, job.assumptions.settings
     seed = person_seed(job.settings.seed or 0, job.person)
-    lab = Lab(seed, preset, job.parameters)
-    mind = lab.person(TrialPlan(object=job.settings.objects[0], seed=seed, preset=preset))
+    lab = Lab(seed, preset, job.parameters, settings=settings)
+    mind = lab.person(TrialPlan(object=job.settings.objects[0], seed=seed, preset=preset, settings=settings))
     fatigue, t_ns = 0.0, 0
     pictured: set[str] = set()
     with Journal(events_path(folder, job.person)) as journal:
@@ -104,7 +104,13 @@ def _go(job: SessionJob, folder: Path) -> None:
             t_ns += round(trial.rest_s * 1e9)
             streams = Streams()
             asked = TrialPlan.checked(
-                {"object": trial.object, "condition": trial.condition, "seed": seed, "preset": preset}
+                {
+                    "object": trial.object,
+                    "condition": trial.condition,
+                    "seed": seed,
+                    "preset": preset,
+                    "settings": settings,
+                }
             )
             lift = Lift(lab, asked, mind, trial.trial, fatigue=fatigue, streams=streams)
             lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)

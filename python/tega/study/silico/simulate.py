@@ -65,6 +65,8 @@ def simulate(
     conditions: Sequence[str] = ("haptic", "non-haptic"),
     trials: int = 10,
     parameters: Path | None = None,
+    preset: Literal["paper", "live"] = "live",
+    settings: tuple[str, ...] = (),
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
     dask: str = "",
@@ -80,6 +82,8 @@ def simulate(
         conditions: Arms of :data:`tega.sim.arms.CONDITIONS` that are felt; the first is compared with the second.
         trials: Per person, object and condition.
         parameters: A changed parameter file for the people; none means the frozen one.
+        preset: Readings of the loop.
+        settings: Of the loop, as ``key=value``: stages, layout and mirror.
         jobs: Worker processes; 0 for as many as there are cores.
         shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
         dask: Address of a dask scheduler, whose workers are used instead of this machine's cores.
@@ -87,7 +91,7 @@ def simulate(
 
     Raises:
         InvalidValueError: A name is unknown, or the folder has another study.
-        ConfigError: The parameter file is not valid.
+        ConfigError: The parameter file is not valid, or a setting is not one of the loop's.
         MissingExtraError: A package of the extra ``sim`` or ``dask`` is not installed.
         DeviceUnavailableError: No dask scheduler answers at the address.
     """
@@ -104,6 +108,8 @@ def simulate(
         conditions=conditions,
         trials=trials,
         parameters=parameters,
+        preset=preset,
+        settings=settings,
     )
     mine = plan.participants[part - 1 :: parts]
     run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
@@ -123,10 +129,11 @@ def made_study(
     parameters: Path | None = None,
     everyone: dict[str, float] | None = None,
     preset: Literal["paper", "live"] = "live",
+    settings: tuple[str, ...] = (),
 ) -> tuple[StudyPlan, Assumptions]:
     """Plan a study in silico and write plan and assumptions, or find the same ones; see :func:`simulate`.
 
-    ``everyone`` and ``preset`` are those of :class:`tega.study.silico.assumptions.Assumptions`.
+    ``everyone``, ``preset`` and ``settings`` are those of :class:`tega.study.silico.assumptions.Assumptions`.
     """
     from tega.sim.arms import CONDITIONS, feels
     from tega.sim.world import OBJECTS
@@ -148,7 +155,9 @@ def made_study(
         trials=trials,
         simulated=True,
     )
-    stated, content = assume(list(objects), parameters=parameters, everyone=everyone, preset=preset)
+    stated, content = assume(
+        list(objects), parameters=parameters, everyone=everyone, preset=preset, settings=settings
+    )
     ensure_plan(plan, folder, assumption_files(stated, content))
     return plan, stated
 

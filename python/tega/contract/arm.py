@@ -9,9 +9,9 @@ import numpy as np
 
 from tega.arm.frames import FRAMES
 from tega.arm.pose import ArmCommand, StampedPose
+from tega.contract.rule import refuses, rule
 from tega.devices.base import ArmDriver, InputEvent, InputSource, InputState, Tracker
 from tega.errors import DeviceUnavailableError
-from tega.testing.contract.rule import refuses, rule
 
 __all__ = ["check_arm", "check_input", "check_tracker"]
 

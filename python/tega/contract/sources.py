@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from tega.contract.rule import rule
 from tega.devices.base import EmgSource, SkippingSource, TactileSource
-from tega.testing.contract.rule import rule
 
 __all__ = ["check_skip", "check_source"]
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from tega.contract.rule import refuses, rule
 from tega.devices.base import SteeredHand
 from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
-from tega.testing.contract.rule import refuses, rule
 from tega.wire import allegro_torque_frames
 
 __all__ = ["check_hand", "check_sink"]

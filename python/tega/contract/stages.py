@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.contract.rule import rule
 from tega.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Intent
 from tega.stages.base import Decoder, FingerSetup, Mapping, Metric, MuscleSetup, TouchEvent, VestSetup
-from tega.testing.contract.rule import rule
 
 __all__ = ["check_decoder", "check_layout", "check_mapping", "check_metric", "check_stage"]
 
@@ -62,6 +62,7 @@ def check_metric(metric: type[Metric], options: Any) -> None:
         for number, frame in enumerate(frames):
             frame.flags.writeable = False
             found.append(made.update(frame, number * _FRAME_NS))
+            _check_map(made.touch_map(), found[-1])
         return found
 
     first, again = run(), run()
@@ -78,6 +79,14 @@ def check_metric(metric: type[Metric], options: Any) -> None:
             rule(contact.eda >= 0, "eda is not negative")
     rule(first[3].in_contact, "a press of 90 counts is contact")
     rule(repr(first) == repr(again), "the same frames give the same contacts, whatever was measured before")
+
+
+def _check_map(drawn: Any, contact: Contact) -> None:
+    if drawn is None:
+        return
+    mask = drawn.mask
+    rule(mask.dtype == np.bool_ and mask.shape == (240, 320), "the mask of touch_map is bool (H, W)")
+    rule(int(mask.sum()) == contact.eda, "the mask of touch_map has as many pixels as eda says")
 
 
 def _pressed(baseline: NDArray[np.uint8], depth: float) -> NDArray[np.uint8]:

@@ -11,12 +11,12 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from tega.contract.check import check_driver
+from tega.contract.stages import check_stage
 from tega.devices.registry import driver_class, driver_names
 from tega.errors import TegaError
 from tega.motor_layout import find_layout
 from tega.stages.registry import GROUPS, find_stages, stage_class, stage_names
-from tega.testing.contract.check import check_driver
-from tega.testing.contract.stages import check_stage
 
 __all__ = ["main"]
 
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0; 1 if one broke a rule, 2 if one could not be tried.
     """
     parser = argparse.ArgumentParser(
-        prog="python -m tega.testing.contract", description="Put drivers and stages through their contracts."
+        prog="python -m tega.contract", description="Put drivers and stages through their contracts."
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="names of entry points; none: all of them")
     parser.add_argument(

@@ -9,6 +9,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from tega.contract.arm import check_arm, check_input, check_tracker
+from tega.contract.rule import refuses, rule
+from tega.contract.sinks import check_hand, check_sink
+from tega.contract.sources import check_skip, check_source
 from tega.devices.base import (
     ArmDriver,
     Device,
@@ -28,10 +32,6 @@ from tega.devices.base import (
 )
 from tega.errors import DeviceUnavailableError
 from tega.haptics import vest_frame
-from tega.testing.contract.arm import check_arm, check_input, check_tracker
-from tega.testing.contract.rule import refuses, rule
-from tega.testing.contract.sinks import check_hand, check_sink
-from tega.testing.contract.sources import check_skip, check_source
 from tega.wire import allegro_torque_frames
 
 __all__ = ["check_driver"]

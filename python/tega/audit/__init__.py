@@ -1,0 +1,36 @@
+"""Compare readings of touch, EMG and vest on recordings, with the stages that a run uses.
+
+The paper's threshold mixes pixels with grey values, its difference image has no stated sign, its vote has no rule for
+ties, and its law is not linear; each way of reading a place is a set of settings, applied to the same recording.
+"""
+
+from __future__ import annotations
+
+from tega.audit.emg import EmgScore
+from tega.audit.recordings import EmgColumns
+from tega.audit.run import Asked, Audited, AuditReport, audit_recording
+from tega.audit.touch import FingerAudit, TouchScore, mean_difference
+from tega.audit.truth import Forces, Mark, read_forces, read_marks
+from tega.audit.variants import READINGS, Kind, Sweep, parse_sweep
+from tega.audit.vest import VestScore
+
+__all__ = [
+    "READINGS",
+    "Asked",
+    "AuditReport",
+    "Audited",
+    "EmgColumns",
+    "EmgScore",
+    "FingerAudit",
+    "Forces",
+    "Kind",
+    "Mark",
+    "Sweep",
+    "TouchScore",
+    "VestScore",
+    "audit_recording",
+    "mean_difference",
+    "parse_sweep",
+    "read_forces",
+    "read_marks",
+]

@@ -1,0 +1,265 @@
+"""Audit a recording: several readings on the same pictures, samples and contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import msgspec
+
+from tega.audit.emg import EmgScore, emg_scores
+from tega.audit.recordings import EmgColumns, Material, read_material, recordings_of
+from tega.audit.touch import FingerAudit, FingerReading, TouchScore
+from tega.audit.truth import Forces, Mark, Truth, read_mask
+from tega.audit.variants import READINGS, Kind, Sweep, Variant, kind_of, named_variants, sweep_variants
+from tega.audit.vest import VestScore, vest_score
+from tega.config import check_tree
+from tega.errors import ConfigError, RecordingError
+from tega.inbox.sources import metrics_of
+from tega.stages.choose import chosen_stage
+
+if TYPE_CHECKING:
+    from tega.calibration import Calibration
+    from tega.config import SessionConfig
+    from tega.devices.base import EmgChunk, TactileFrame
+    from tega.inbox.sources import Contact as Measured
+    from tega.records import Contact
+
+__all__ = ["Asked", "AuditReport", "Audited", "audit_recording"]
+
+
+class Asked(NamedTuple):
+    """What is to be compared, and against what.
+
+    Attributes:
+        of: Touch, EMG, vest; empty means what the sweep is of, else what the recording holds.
+        names: Readings of :data:`tega.audit.READINGS`; empty means all.
+        sweep: One setting over a range of values, instead of named readings.
+        sets: Settings of every reading, as ``key=value``.
+        preset: Instead of the recording's.
+        marks: Marked circles by the pictures' names; ``None`` without. Pictures without one are left out.
+        masks: Folder of masks, named as the pictures; likewise.
+        forces: Measured forces; likewise.
+        separate: Whether every picture is of a press of its own.
+    """
+
+    of: tuple[Kind, ...] = ()
+    names: tuple[str, ...] = ()
+    sweep: Sweep | None = None
+    sets: tuple[str, ...] = ()
+    preset: str | None = None
+    marks: dict[str, Mark] | None = None
+    masks: Path | None = None
+    forces: Forces | None = None
+    separate: bool = False
+
+
+class AuditReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How readings behave on one recording.
+
+    Attributes:
+        recording: Its name.
+        sweep: The setting that was swept; ``""`` for named readings.
+        touch: One a reading and finger.
+        emg: One a reading.
+        vest: One a reading.
+    """
+
+    recording: str
+    sweep: str = ""
+    touch: list[TouchScore] = []
+    emg: list[EmgScore] = []
+    vest: list[VestScore] = []
+
+
+class Audited(NamedTuple):
+    """A report and what pictures of it are drawn from.
+
+    Attributes:
+        report: The report.
+        fingers: What was seen, by finger.
+    """
+
+    report: AuditReport
+    fingers: dict[str, FingerAudit]
+
+
+def audit_recording(
+    path: Path,
+    asked: Asked = Asked(),  # noqa: B008  # immutable
+    *,
+    baseline: Path | None = None,
+    emg: EmgColumns | None = None,
+    progress: Callable[[str, int, int], None] = lambda _what, _done, _total: None,
+) -> list[Audited]:
+    """Compare readings on recordings.
+
+    Args:
+        path: A folder of pictures, a video, a file of EMG samples, a recording of a session, or a session's folder.
+        asked: What is to be compared.
+        baseline: Picture of the untouched gel of loose pictures.
+        emg: What a file of EMG samples does not say.
+        progress: Told how many pictures are read.
+
+    Returns:
+        One a recording, in order.
+
+    Raises:
+        RecordingError: A recording cannot be read, or holds nothing of what is asked for.
+        ConfigError: A reading, or a setting, is not known or does not fit.
+    """
+    found = []
+    for one in recordings_of(path):
+        audit = _Audit(one.name, asked)
+        read_material(one, audit, preset=asked.preset, baseline=baseline, emg=emg, progress=progress)
+        found.append(audit.finished())
+    return found
+
+
+class _Audit:
+    """What becomes of one recording."""
+
+    def __init__(self, name: str, asked: Asked) -> None:
+        self._name, self._asked = name, asked
+        self._material = Material({}, {})
+        self._variants: dict[Kind, list[Variant]] = {}
+        self._fingers: dict[str, FingerAudit] = {}
+        self._shown: dict[tuple[str, str], FingerReading] = {}
+        self._chunks: list[EmgChunk] = []
+        self._recorded: dict[str, list[Contact]] = {}
+        self._n_passed = 0
+
+    def begin(self, material: Material) -> bool:
+        """Make the readings; return whether pictures are wanted."""
+        self._material = material
+        asked = self._asked
+        for kind in self._kinds():
+            if asked.sweep is not None:
+                self._variants[kind] = sweep_variants(material.tree, asked.sweep, sets=asked.sets)
+            else:
+                names = tuple(name for name in asked.names if name in READINGS[kind])
+                self._variants[kind] = named_variants(material.tree, kind, names, sets=asked.sets)
+        for finger, still in material.baselines.items():
+            readings = [self._reading(variant, finger) for variant in self._variants.get("touch", [])]
+            for variant in self._variants.get("vest", []):
+                key = finger, _metric(variant.config)
+                if key not in self._shown and not self._as_recorded(variant.config):
+                    self._shown[key] = self._reading(variant, finger)
+            self._fingers[finger] = FingerAudit(readings, still, live=material.live)
+        return bool(self._variants.get("touch") or self._shown)
+
+    def frame(self, finger: str, frame: TactileFrame) -> None:
+        """Measure a picture with every reading, where what is to be known of it is known."""
+        truth = self._truth(frame)
+        if truth is None:
+            self._n_passed += 1
+            return
+        self._fingers[finger].take(frame, truth)
+        for (whose, _), reading in self._shown.items():
+            if whose == finger:
+                reading.take(frame)
+
+    def chunk(self, chunk: EmgChunk) -> None:
+        """Keep EMG samples."""
+        if "emg" in self._variants:
+            self._chunks.append(chunk)
+
+    def contacts(self, contacts: dict[str, list[Contact]]) -> None:
+        """Keep what the run measured."""
+        self._recorded = contacts
+
+    def finished(self) -> Audited:
+        """Return how every reading behaved."""
+        asked, material = self._asked, self._material
+        seen = {finger: audit for finger, audit in self._fingers.items() if audit.press}
+        if self._n_passed and not seen:
+            raise RecordingError(
+                f"{self._name}: no picture has what --marks, --masks or --forces tell",
+                "name them as the pictures are",
+            )
+        emg: list[EmgScore] = []
+        if material.muscles is not None and "emg" in self._variants:
+            emg = emg_scores(
+                self._variants["emg"], self._chunks, material.muscles, asked.forces, live=material.live
+            )
+        report = AuditReport(
+            recording=self._name,
+            sweep="" if asked.sweep is None else asked.sweep.key,
+            touch=[score for audit in seen.values() for score in audit.scores()],
+            emg=emg,
+            vest=[self._vest(variant) for variant in self._variants.get("vest", [])],
+        )
+        return Audited(report, seen)
+
+    def _kinds(self) -> tuple[Kind, ...]:
+        asked, material = self._asked, self._material
+        held: dict[Kind, bool] = {
+            "touch": bool(material.baselines),
+            "emg": material.muscles is not None,
+            "vest": bool(material.baselines),
+        }
+        wanted = asked.of
+        if not wanted and asked.sweep is not None:
+            wanted = (kind_of(asked.sweep.key),)
+        elif not wanted and asked.names:
+            meant = tuple(kind for kind in READINGS if set(asked.names) & set(READINGS[kind]))
+            wanted = tuple(kind for kind in meant if held[kind]) or meant
+        for name in asked.names:
+            if not any(name in READINGS[kind] for kind in wanted or READINGS):
+                known = "; ".join(name for kind in wanted or READINGS for name in READINGS[kind])
+                raise ConfigError(f"reading {name!r} is not known", f"choose from {known}")
+        if not wanted:
+            # The vest of loose pictures is shown when it is asked for: nobody wore one.
+            return tuple(kind for kind in READINGS if held[kind] and (kind != "vest" or material.measured))
+        for kind in wanted:
+            if not held[kind]:
+                has = ", ".join(one for one in READINGS if held[one])
+                raise RecordingError(f"{self._name}: holds nothing to audit {kind} on", f"it holds {has}")
+        return wanted
+
+    def _reading(self, variant: Variant, finger: str) -> FingerReading:
+        still = self._material.baselines[finger]
+        return FingerReading(
+            variant, finger, still, self._material.calibration, separate=self._asked.separate
+        )
+
+    def _as_recorded(self, config: SessionConfig) -> bool:
+        """Whether the contacts of the run are what these settings measure."""
+        if not self._material.measured:
+            return False
+        return _metric(config) == _metric(check_tree(self._material.tree, {}, base=Path.cwd()).config)
+
+    def _vest(self, variant: Variant) -> VestScore:
+        calibration: Calibration | None = None
+        contacts: dict[str, list[Measured]] = {}
+        if self._as_recorded(variant.config):
+            calibration = self._material.calibration
+            for finger, rows in self._recorded.items():
+                contacts[finger] = [(row.t_ns, metrics_of(row)) for row in rows]
+        else:
+            for finger in self._material.baselines:
+                contacts[finger] = self._shown[finger, _metric(variant.config)].contacts
+        return vest_score(variant, contacts, calibration, self._asked.forces)
+
+    def _truth(self, frame: TactileFrame) -> Truth | None:
+        """Return what is known of a picture; ``None`` for one that is to be left out."""
+        asked = self._asked
+        mark = None if asked.marks is None else asked.marks.get(frame.name)
+        force_n = None if asked.forces is None else asked.forces.of_picture(frame.name, frame.seq, frame.t_ns)
+        if (asked.marks is not None and mark is None) or (asked.forces is not None and force_n is None):
+            return None
+        shape = frame.image.shape[:2]
+        drawn = None if mark is None else mark.distance(shape) <= 1
+        if asked.masks is not None:
+            path = asked.masks / Path(frame.name).name
+            if not path.is_file():
+                return None
+            drawn = read_mask(path, shape)
+        return Truth(drawn, force_n, mark)
+
+
+def _metric(config: SessionConfig) -> str:
+    """Return the metric of settings and all that decides what it measures."""
+    chosen: Any = chosen_stage("metric", config.stages, config.session.preset)
+    return f"{chosen.name} {chosen.kind.version} {chosen.options!r}"

@@ -1,0 +1,224 @@
+"""Read what is known of a recording besides its readings: marked circles, drawn masks, measured forces."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import RecordingError
+from tega.foreign_file import read_words
+from tega.opencv import read_image
+
+__all__ = ["FarField", "Forces", "Mark", "Truth", "read_forces", "read_marks", "read_mask"]
+
+Image = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+# Beyond this many marked radii a press is not seen any more.
+FAR_RADII = 2.4
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A contact circle that somebody drew: centre (column, row) and radius, pixels."""
+
+    centre_xy: tuple[float, float]
+    radius_px: float
+
+    def distance(self, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        """Return the distance of every pixel from the centre, in radii."""
+        rows, columns = np.mgrid[: shape[0], : shape[1]]
+        x, y = self.centre_xy
+        distance: NDArray[np.float64] = np.hypot(columns - x, rows - y) / self.radius_px
+        return distance
+
+
+class Truth(NamedTuple):
+    """What is known of one picture.
+
+    Attributes:
+        drawn: The touched pixels, bool (H, W); ``None`` where nobody drew them.
+        force_n: The normal force, newtons, 0 where nothing touches; ``None`` where it was not measured.
+        mark: The marked circle, from which ``drawn`` is.
+    """
+
+    drawn: Mask | None = None
+    force_n: float | None = None
+    mark: Mark | None = None
+
+    @property
+    def touched(self) -> bool | None:
+        """Whether something touches, ``None`` where that is not known; a force says more than a drawing."""
+        if self.force_n is not None:
+            return self.force_n > 0
+        return None if self.drawn is None else bool(self.drawn.any())
+
+
+class Forces:
+    """Forces by the name of a picture, or over time.
+
+    Args:
+        by_name: Newtons by the base name of the picture, or a frame's number as text.
+        t_s: Times of a course, seconds since the start of the recording, rising; empty where there is none.
+        force_n: Newtons at these times.
+    """
+
+    def __init__(
+        self,
+        by_name: dict[str, float],
+        t_s: NDArray[np.float64] | None = None,
+        force_n: NDArray[np.float64] | None = None,
+    ) -> None:
+        self._by_name = by_name
+        self._t_s = np.zeros(0) if t_s is None else t_s
+        self._force_n = np.zeros(0) if force_n is None else force_n
+
+    @property
+    def over_time(self) -> bool:
+        """Whether it is a course over time."""
+        return len(self._t_s) > 0
+
+    def of_picture(self, name: str, seq: int, t_ns: int) -> float | None:
+        """Return the force of a picture; ``None`` where it has none."""
+        if self.over_time:
+            return self.at(t_ns)
+        return self._by_name.get(name, self._by_name.get(str(seq)))
+
+    def at(self, t_ns: int) -> float | None:
+        """Return the force at a time, between two measured ones; ``None`` before the first and after the last."""
+        t_s = t_ns / 1e9
+        if not self.over_time or not self._t_s[0] <= t_s <= self._t_s[-1]:
+            return None
+        return float(np.interp(t_s, self._t_s, self._force_n))
+
+
+class FarField:
+    """A picture without contact, composed from the parts of real presses that lie far from their marked circles.
+
+    It carries the sensor's real noise and drift. Where every press is near, the baseline is left.
+
+    Args:
+        baseline: The untouched gel, uint8 (H, W, 3).
+
+    Attributes:
+        picture: What is composed so far, uint8 (H, W, 3).
+    """
+
+    def __init__(self, baseline: Image) -> None:
+        self.picture = baseline.copy()
+        self._filled = np.zeros(baseline.shape[:2], np.bool_)
+
+    def take(self, frame: Image, mark: Mark | None) -> None:
+        """Take what is far from a press."""
+        if mark is not None:
+            take = (mark.distance(frame.shape) > FAR_RADII) & ~self._filled
+            self.picture[take] = frame[take]
+            self._filled |= take
+
+
+def read_mask(path: Path, shape: tuple[int, ...]) -> Mask:
+    """Read touched pixels: a picture that is white where touched.
+
+    Args:
+        path: The picture.
+        shape: Rows and columns of the pictures that it is for.
+
+    Raises:
+        RecordingError: It is no picture, or of another size.
+    """
+    white: Mask = read_image(path, driver="audit").max(axis=2) > 127
+    if white.shape != shape:
+        raise RecordingError(
+            f"{path.name}: a mask of {white.shape[0]} x {white.shape[1]} pixels, the pictures have "
+            f"{shape[0]} x {shape[1]}",
+            "give masks of the pictures' size",
+        )
+    return white
+
+
+def read_marks(path: Path) -> dict[str, Mark]:
+    """Read marked circles: a table with the columns img_name, center_x, center_y, radius (pixels).
+
+    A picture that is listed twice has no trustworthy mark and is left out.
+
+    Args:
+        path: The CSV file.
+
+    Returns:
+        Marks by the base name of the picture.
+
+    Raises:
+        RecordingError: The file cannot be read, or a line is not what it should be.
+    """
+    marks: dict[str, Mark] = {}
+    twice: set[str] = set()
+
+    def take(row: dict[str, str]) -> None:
+        name = _base_name(row["img_name"])
+        mark = Mark((float(row["center_x"]), float(row["center_y"])), float(row["radius"]))
+        twice.update({name} & marks.keys())
+        marks[name] = mark
+
+    _read_rows(path, take, what="mark", wanted="img_name,center_x,center_y,radius")
+    return {name: mark for name, mark in marks.items() if name not in twice}
+
+
+def read_forces(path: Path) -> Forces:
+    """Read forces: a table with the columns img_name and force_n (newtons), or t_s (seconds) and force_n.
+
+    A video's frames are named by their number from 0.
+
+    Args:
+        path: The CSV file.
+
+    Raises:
+        RecordingError: The file cannot be read, or a line is not what it should be.
+    """
+    by_name: dict[str, float] = {}
+    course: list[tuple[float, float]] = []
+
+    def take(row: dict[str, str]) -> None:
+        force_n = float(row["force_n"])
+        if not 0 <= force_n < 1e4:
+            raise ValueError(f"force_n = {force_n}, wanted 0 to 10,000 N")
+        if row.get("t_s") is not None:
+            course.append((float(row["t_s"]), force_n))
+        else:
+            by_name[_base_name(row["img_name"])] = force_n
+
+    _read_rows(path, take, what="force", wanted="img_name,force_n or t_s,force_n")
+    t_s, force_n = np.array(course, np.float64).reshape(-1, 2).T
+    if not np.isfinite(t_s).all() or (np.diff(t_s) <= 0).any():
+        raise RecordingError(f"{path.name}: t_s does not rise from line to line", "sort the lines by time")
+    return Forces(by_name, t_s, force_n)
+
+
+def _base_name(path: str) -> str:
+    return re.split(r"[/\\]", path)[-1]
+
+
+def _read_rows(path: Path, take: Callable[[dict[str, str]], None], *, what: str, wanted: str) -> None:
+    """Give every line of a table to a function that raises ValueError, KeyError or TypeError where it cannot be."""
+    try:
+        with io.StringIO(read_words(path, most_mib=64), newline="") as file:
+            for number, row in enumerate(csv.DictReader(file), start=2):
+                try:
+                    take(row)
+                except (KeyError, TypeError, ValueError) as error:
+                    raise RecordingError(
+                        f"{path.name}:{number}: not a {what} ({error})", f"wanted: {wanted}"
+                    ) from error
+    except OSError as error:
+        raise RecordingError(f"{path.name}: cannot be read: {error.strerror}", "check the path") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(
+            f"{path.name}: is no table of text: {error}", f"export the {what}s as CSV"
+        ) from error

@@ -1,0 +1,140 @@
+"""The page on readings: its table is generated, and every setting in it does what it says it can."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tega.audit.places import PLACES, Place, places_table
+from tega.cli.main import main
+from tega.config import load_config
+from tega.errors import ConfigError
+from tega.stages import list_stages
+
+PROJECT = Path(__file__).resolve().parents[2]
+PAGE = PROJECT / "docs" / "readings.md"
+
+CHOICES = [(place, item) for place in PLACES for item in place.sets]
+
+
+@pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
+def test_the_table_is_the_generated_one() -> None:
+    assert places_table() in PAGE.read_text(encoding="utf-8"), "python -m tega.audit.places docs/readings.md"
+
+
+@pytest.mark.parametrize(("place", "item"), CHOICES, ids=lambda one: getattr(one, "number", one))
+def test_a_setting_of_the_table_is_taken_and_told(place: Place, item: str) -> None:
+    from tega.sim.plan import loop_settings
+
+    loaded = load_config(None, environ={}, sets=[*place.needs, item])
+    key, _, said = item.partition("=")
+    value, origin = loaded.values[key]
+    assert origin == "--set"
+    plain = said.replace("[", "(").replace("]", ")").lower()
+    assert str(value).lower().replace("'", '"') == plain or float(said) == value
+    if "everywhere" in next(row for row in places_table().splitlines() if place.what in row):
+        assert loop_settings("live", [*place.needs, item]).stages == loaded.config.stages
+
+
+def test_every_option_of_a_shipped_stage_is_in_the_table_or_no_reading() -> None:
+    named = {
+        item.partition("=")[0].rpartition(".")[2] for place in PLACES for item in (*place.needs, *place.sets)
+    }
+    no_reading = {"noise_counts", "mm_per_px", "contact", "release", "slip", "duration_s", "gap_s"}
+    shipped = {
+        (stage.name, option.name)
+        for stage in list_stages()
+        if stage.name in {"paper", "live", "reading", "rules", "columns", "pulses"}
+        for option in stage.options
+    }
+    assert {(stage, option) for stage, option in shipped if option not in named | no_reading} == set()
+
+
+LAB = "[stages.metric]\nname = 'reading'\n[stages.metric.options]\nfactr = 1.0\n"
+VERBS = [
+    ("config show FILE", "FILE"), ("config check FILE", "FILE"), ("run FILE", "FILE"),
+    ("demo --config FILE --fast", "FILE"), ("sim-trials --config FILE", "FILE"),
+    ("study simulate --operators 1 --out OUT --config FILE", "FILE"),
+    ("replay --emg EMG --emg-rate-hz 250 --emg-kind raw --out OUT", "set"), ("demo --fast --out OUT", "set"),
+    ("sim-trials --seeds 1", "set"), ("study simulate --operators 1 --out OUT", "set"),
+    ("study run STUDY p01 --simulated", "set"), ("study run STUDY p01 --simulated --config FILE", "FILE"),
+    ("study run STUDY p01 --emulated", "set"), ("audit PICTURES", "set"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "how"), VERBS, ids=lambda value: value.partition(" -")[0])
+def test_every_verb_refuses_an_unknown_option_with_its_place_and_the_nearest_name(
+    words: str, how: str, tmp_path: Path, capsys: Any
+) -> None:
+    import numpy as np
+
+    from tega.study.plan import make_plan, write_plan
+
+    if "study" in words or "demo" in words or "sim-trials" in words:
+        pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    (tmp_path / "lab.toml").write_text(LAB)
+    np.save(tmp_path / "squeeze.npy", np.random.default_rng(1).standard_normal((500, 3)))
+    plan = make_plan(
+        participants=1, objects=["bottle"], conditions=("haptic", "non-haptic"), trials=1, simulated=True
+    )
+    write_plan(plan, tmp_path / "study", {})
+    cv2 = pytest.importorskip("cv2", reason="needs the extra tega[lab]")
+    (tmp_path / "pictures").mkdir()
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / "pictures" / f"{number}.png"), np.full((60, 80, 3), 90, np.uint8))
+    paths = {"FILE": "lab.toml", "OUT": "out", "EMG": "squeeze.npy", "STUDY": "study", "PICTURES": "pictures"}
+    args = [str(tmp_path / paths[word]) if word in paths else word for word in words.split()]
+    if how == "set":
+        args += ["--set", "stages.metric.name=reading", "--set", "stages.metric.options.factr=1"]
+    with pytest.raises(SystemExit) as done:
+        main(args)
+    said = capsys.readouterr().err
+    assert done.value.code == 1, said
+    assert "stages.metric.options.factr: unknown key" in said
+    assert ("lab.toml:4" if how == "FILE" else "--set") in said
+    assert "did you mean 'factor'" in said
+
+
+GROUPS = [
+    ("[stages.metric.options]\noutlin = 'dent'", "lab.toml:2", "outline"),
+    ("[stages.decoder.options]\n\ntau = 0.1", "lab.toml:3", "tau_s"),
+    ("[stages.mapping.options]\nlaww = 'linear'", "lab.toml:2", "law"),
+    ("[vest]\nlayuot = 'x16'", "lab.toml:2", "layout"),
+    ("[vest]\nlayout = 'x61'", "lab.toml:2", "x16"),
+    ("[[stages.beside]]\ngroup = 'metric'\nname = 'live'\n[[stages.beside]]\ngroup = 'decoder'\nname = 'rules'\n"
+     "[stages.beside.options]\nfusin = 'floor'", "lab.toml:8", "fusion"),
+    ("[[stages.beside]]\ngroup = 'metric'\nname = 'live'\n[[stages.beside]]\ngroup = 'metric'\nname = 'lve'",
+     "lab.toml:6", "live"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "line", "near"), GROUPS)
+def test_every_group_tells_the_line_and_the_nearest_name(
+    tmp_path: Path, text: str, line: str, near: str
+) -> None:
+    file = tmp_path / "lab.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as found:
+        load_config(file, environ={})
+    assert str(found.value).startswith(f"{line}: ")
+    assert repr(near) in str(found.value) or f"{near}" in found.value.hint
+
+
+def test_options_of_stages_beside_show_their_own_lines(tmp_path: Path, capsys: Any) -> None:
+    file = tmp_path / "lab.toml"
+    file.write_text(
+        "[[stages.beside]]\ngroup = 'metric'\nname = 'live'\n[[stages.beside]]\ngroup = 'decoder'\nname = 'rules'\n"
+        "options = { fusion = 'median' }\n"
+    )
+    values = load_config(file, environ={}).values
+    assert values["stages.beside[0].name"] == ("live", "lab.toml:3")
+    assert values["stages.beside[1].options.fusion"] == ("median", "lab.toml:7")
+    assert values["stages.beside[1].options.tau_s"] == (0.1, "default")
+    with pytest.raises(SystemExit):
+        main(["config", "show", str(file)])
+    assert "stages.beside[1].options.fusion" in capsys.readouterr().out
+    given = 'stages.beside=[{ group = "decoder", name = "rules", options = { order = 2 } }]'
+    values = load_config(None, environ={}, sets=[given]).values
+    assert values["stages.beside[0].options.order"] == (2, "--set")

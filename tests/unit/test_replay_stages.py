@@ -1,0 +1,127 @@
+"""Stages chosen in a replay, of sessions and of loose files, and those beside the connected ones compared again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.cli.main import main
+from tega.config import load_config
+
+LAB = """
+[session]
+preset = "live"
+pace = "fast"
+duration_s = 4.0
+[tactile.index]
+driver = "synthetic-touch"
+[emg]
+driver = "synthetic-emg"
+kind = "raw"
+[recording]
+dir = "recorded"
+lossless = true
+[[stages.beside]]
+group = "metric"
+name = "live"
+options = { outline = "contact" }
+[[stages.beside]]
+group = "decoder"
+name = "rules"
+options = { fusion = "median" }
+"""
+TOPICS = {"/beside/live/index", "/beside/rules/emg"}
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of a short session with a metric and a decoder beside."""
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    from tega.teleop import run_session
+
+    folder = tmp_path_factory.mktemp("session")
+    (folder / "lab.toml").write_text(LAB)
+    summary = run_session(load_config(folder / "lab.toml", environ={}).config)
+    return folder / "recorded" / str(summary["recording"]["file"])
+
+
+def replayed(*words: object, capsys: Any) -> tuple[Any, int]:
+    with pytest.raises(SystemExit) as done:
+        main(["replay", *map(str, words), "--json"])
+    out = capsys.readouterr()
+    return json.loads(out.out), int(str(done.value.code))
+
+
+def test_what_stages_beside_said_is_compared_again(recording: Path, capsys: Any) -> None:
+    (replay,), code = replayed(recording, capsys=capsys)
+    assert code == 0
+    streams = {stream["stream"]: stream for stream in replay["streams"] if "/beside/" in stream["stream"]}
+    assert streams.keys() == TOPICS
+    assert all(stream["recorded"] > 10 and stream["differ"] == 0 for stream in streams.values())
+
+
+def test_a_stage_beside_that_says_something_else_is_found(recording: Path, capsys: Any) -> None:
+    other = (
+        'stages.beside=[{group="metric",name="live"},{group="decoder",name="rules",options={intervals=5}}]'
+    )
+    (replay,), code = replayed(recording, "--set", other, capsys=capsys)
+    assert code == 1
+    differ = {stream["stream"] for stream in replay["streams"] if stream["differ"]}
+    assert differ == TOPICS
+
+
+def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: Any) -> None:
+    sets = (
+        "stages.metric.name=reading",
+        "stages.metric.options.threshold=D8",
+        "stages.mapping.options.law=linear",
+    )
+    words = [word for item in sets for word in ("--set", item)]
+    (replay,), code = replayed(recording, *words, capsys=capsys)
+    assert code == 1
+    assert any(
+        "stages.metric: live" in said and "reading (threshold D8" in said for said in replay["changed"]
+    )
+    assert any("law linear" in said for said in replay["changed"])
+    assert next(s for s in replay["streams"] if s["stream"] == "/tactile/index/contact")["differ"] > 0
+    assert next(s for s in replay["streams"] if s["stream"] == "/emg/levels")["differ"] == 0
+    with pytest.raises(SystemExit):
+        main(["replay", str(recording), "--set", "stages.metric.options.outlin=dent"])
+    assert "did you mean 'outline'" in capsys.readouterr().err
+
+
+def test_loose_files_are_replayed_through_a_stage(tmp_path: Path, capsys: Any) -> None:
+    samples = np.random.default_rng(1).standard_normal((1000, 3)) * np.repeat([0.1, 1.0], 500)[:, None]
+    np.save(tmp_path / "squeeze.npy", samples)
+    words = (
+        "--emg",
+        tmp_path / "squeeze.npy",
+        "--emg-rate-hz",
+        250,
+        "--emg-kind",
+        "raw",
+        "--preset",
+        "paper",
+    )
+    levels = []
+    for name, sets in (("a", ()), ("b", ("--set", "stages.decoder.options.tau_s=0.2"))):
+        _, code = replayed(*words, *sets, "--out", tmp_path / name, capsys=capsys)
+        assert code == 0
+        levels.append((tmp_path / name / "levels.csv").read_text().splitlines())
+    assert len(levels[0]) - 1 == 2 * (len(levels[1]) - 1)
+    with pytest.raises(SystemExit):
+        main(
+            [
+                "replay",
+                *map(str, words),
+                "--out",
+                str(tmp_path / "c"),
+                "--set",
+                "stages.decoder.options.tu_s=1",
+            ]
+        )
+    assert "did you mean 'tau_s'" in capsys.readouterr().err
