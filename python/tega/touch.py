@@ -218,8 +218,8 @@ def update_fingers(
 ) -> list[TrackedContact]:
     """Read the next frame of several fingers of one hand in one call that leaves the interpreter to others meanwhile.
 
-    A finger is told to be ``loaded`` while another one of them touched in its frame before: what an object does to one
-    finger while others hold it is no release.
+    A finger is told that another is ``loaded`` where that one was in contact before and its picture has not just fallen:
+    what moves at one finger while others hold the object is no release.
 
     Args:
         trackers: One a finger, each once.

@@ -160,7 +160,7 @@ impl TouchTracker {
     }
 }
 
-/// Reads the next frame of each finger; another finger that touched before bears a load.
+/// Reads the next frame of each finger; each is told whether another one bears a load.
 #[pyfunction]
 #[pyo3(signature = (trackers, frames, *, dt_s))]
 fn update_fingers(
@@ -173,8 +173,8 @@ fn update_fingers(
     let views: Vec<_> = images.iter().map(PyReadonlyArray3::as_array).collect();
     let trackers: Vec<_> = trackers.iter().map(Py::get).collect();
     let found: Vec<_> = py.detach(|| {
-        let touching: Vec<_> = trackers.iter().map(|tracker| tracker.lock().touches()).collect();
-        let others = |k: usize| touching.iter().enumerate().any(|(other, touches)| other != k && *touches);
+        let bearing: Vec<_> = trackers.iter().map(|tracker| tracker.lock().bears_load()).collect();
+        let others = |k: usize| bearing.iter().enumerate().any(|(other, bears)| other != k && *bears);
         trackers
             .iter()
             .zip(views)

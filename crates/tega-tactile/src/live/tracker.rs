@@ -37,7 +37,7 @@ const REST_UP_S: f64 = 15.0;
 /// How the untouched gel is followed, seconds; at first its frames are averaged.
 const FOLLOW_S: f64 = 5.0;
 const FOLLOW_SOON_S: f64 = 0.5;
-const SOON_SHARE: f64 = 0.3;
+const SOON_SHARE: f64 = 0.1;
 /// How many frames the picture of the untouched gel counts for, so that a press in the first frames is not averaged into it.
 const FIRST_FRAMES: f64 = 8.0;
 /// A release falls from half of the peak to what a gel may keep of it within a short time, and then more slowly than a share of the peak a second.
@@ -49,7 +49,7 @@ const SETTLED: f64 = 0.1;
 /// A fall is judged after this many times as long as it took: quick ones at once, slow ones later.
 const WAIT: f64 = 1.0;
 /// Less than this share of the peak is a trace of the contact, however slowly it fell; so is what stays under the threshold for so many seconds.
-const TRACE: f64 = 0.15;
+const TRACE: f64 = 0.13;
 const FAINT: f64 = 1.15;
 const FAINT_S: f64 = 2.0;
 /// A gel's leftover sinks: what is not below this share of itself after this time is a light hold after a quick easing, and is felt again.
@@ -391,9 +391,13 @@ impl TouchTracker {
         touch
     }
 
-    /// Whether the last frame showed a contact.
-    pub fn touches(&self) -> bool {
+    fn touches(&self) -> bool {
         self.dent.is_some_and(|dent| dent.moments.area > 0)
+    }
+
+    /// Whether the last frame showed a contact that may bear a load: one that has not just fallen.
+    pub fn bears_load(&self) -> bool {
+        matches!(self.state, State::Contact { fallen: None, .. })
     }
 
     /// The last frame's mask, row by row, and its height and width; nothing without contact.
