@@ -19,6 +19,7 @@ from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest
 from tega.calibration.wearing import SITES, judge_wearing
 from tega.haptics import FeltMap, vest_frame
 from tega.tactile import ContactMetrics
+from tega.teleop.maxima import touch_maxima
 from tega.wire import vest_levels
 
 LEVELS = st.integers(1, TOP_LEVEL)
@@ -90,7 +91,7 @@ def test_maxima_are_of_the_firm_presses_and_no_spike_decides(
     middle = float(np.median(sizes))
     assert len(meter.firm) == sum(size >= middle / 2 for size in sizes)
     assert bool(meter.problems()) == (len(meter.firm) < PRESSES)
-    maximum = meter.maxima("live").eda_max
+    maximum = touch_maxima(meter.frames("live")).eda_max
     assert maximum is not None
     assert min(sizes) <= maximum <= max(sizes)
 

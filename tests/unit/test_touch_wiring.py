@@ -25,7 +25,7 @@ from tega.errors import CalibrationError
 from tega.haptics import contact_type, intensity
 from tega.records import Picture
 from tega.replay import replay_file
-from tega.sim.gel import Gel, ball
+from tega.sim.gel import Gel, ball, board
 from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric, vest_mapping
@@ -340,12 +340,9 @@ def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
     gel = Gel(7, memory=True)
     baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
     metric = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
-    marble, board = (
-        ball(force_n=6.0, radius_mm=4.0),
-        ball(force_n=6.0)._replace(shape="plane", size_mm=(0.0, 0.0, 0.0)),
-    )
+    marble, lid = ball(force_n=6.0, radius_mm=4.0), board(force_n=6.0)
     presses = {}
-    for number, (name, indenter) in enumerate((("round", marble), ("flat", board))):
+    for number, (name, indenter) in enumerate((("round", marble), ("flat", lid))):
         contacts = _pressed_with(gel, indenter, metric, 30 + 180 * number)
         presses[name] = [(c.t_ns, contact_metrics_of(c)) for c in contacts]
     both = guided_maxima(presses["round"] + presses["flat"])
