@@ -132,19 +132,20 @@ def load_config(
         if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
             key = name.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", ".")
             _override(tree, origins, key, text, name)
-    for item in sets:
-        _override(tree, origins, *_key_and_value(item, "session.preset=paper"), "--set")
     base = path.absolute().parent if path is not None else Path.cwd()
-    return check_tree(tree, origins, base=base)
+    return check_tree(tree, origins, base=base, sets=sets)
 
 
-def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
+def check_tree(
+    tree: dict[str, Any], origins: Mapping[str, str], *, base: Path, sets: Sequence[str] = ()
+) -> LoadedConfig:
     """Check a tree of settings against the schema and the drivers it names.
 
     Args:
         tree: Settings as nested tables.
         origins: Where each dotted key came from.
         base: Folder to which relative paths refer.
+        sets: Overrides as ``key=value``, the value in TOML or plain text; they are put into the tree.
 
     Returns:
         The configuration and the origin of every value.
@@ -153,6 +154,9 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         ConfigError: A key is unknown, of a wrong type or out of range.
         MissingExtraError: A driver it names needs a package that is not installed.
     """
+    origins = dict(origins)
+    for item in sets:
+        _override(tree, origins, *_key_and_value(item, "session.preset=paper"), "--set")
 
     def place(wanted: type, value: Any) -> Any:
         if wanted is Path and isinstance(value, str | Path):
