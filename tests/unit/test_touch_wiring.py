@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import threading
 import time
 from contextlib import ExitStack
@@ -20,6 +21,7 @@ from tega.calibration import Calibration, FingerMaxima, TouchMaxima
 from tega.calibration.known_press import Ball, fit_gel, held
 from tega.calibration.maxima import guided_maxima, touch_maxima
 from tega.calibration.store import calibration_text, parse_calibration
+from tega.cli.main import main
 from tega.config import StagesSection, check_tree, load_config
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import CalibrationError
@@ -28,7 +30,8 @@ from tega.inbox.prepared import Finger, Prepared
 from tega.inbox.sources import SourceReport
 from tega.records import Picture
 from tega.replay import replay_file
-from tega.sim.gel import Gel, ball
+from tega.sim.gel import Gel, ball, board
+from tega.sim.plan import loop_settings
 from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric, vest_mapping
@@ -294,7 +297,8 @@ def _pressed_with(gel: Gel, indenter: Any, metric: LiveMetric, first: int) -> li
 
 def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> None:
     ball_of = Ball(diameter_mm=12.0, force_n=3.0)
-    near, off = [], []
+    near: list[float] = []
+    off: list[float] = []
     for seed in (11, 12, 13):
         gel = Gel(seed, memory=True)
         baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
@@ -312,6 +316,7 @@ def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> N
             contact = held(_pressed_with(gel, ball(force_n=5.0, radius_mm=9.0), metric, 0))
             assert contact is not None
             assert contact.area_mm2 is None, "the scale is not known"
+            assert contact.force_n is not None
             errors.append(abs(contact.force_n / 5.0 - 1))
     assert max(near) < 0.25
     assert np.mean(near) < np.mean(off) / 2
@@ -340,22 +345,86 @@ def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
     gel = Gel(7, memory=True)
     baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
     metric = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
-    marble, board = (
-        ball(force_n=6.0, radius_mm=4.0),
-        ball(force_n=6.0)._replace(shape="plane", size_mm=(0.0, 0.0, 0.0)),
-    )
+    marble, lid = ball(force_n=6.0, radius_mm=4.0), board(force_n=6.0)
     presses = {}
-    for number, (name, indenter) in enumerate((("round", marble), ("flat", board))):
+    for number, (name, indenter) in enumerate((("round", marble), ("flat", lid))):
         contacts = _pressed_with(gel, indenter, metric, 30 + 180 * number)
         presses[name] = [(c.t_ns, contact_metrics_of(c)) for c in contacts]
     both = guided_maxima(presses["round"] + presses["flat"])
     single = {name: touch_maxima(frames) for name, frames in presses.items()}
-    assert single["flat"].eda_max > 1.3 * single["round"].eda_max
-    assert both.cci_max == pytest.approx(single["round"].cci_max, rel=0.02)
-    assert both.eda_max == pytest.approx(1.3 * single["flat"].eda_max, rel=0.02)
+    wide, narrow = single["flat"], single["round"]
+    assert wide.eda_max and narrow.eda_max and narrow.cci_max and both.cci_max and both.eda_max  # noqa: PT018
+    assert wide.eda_max > 1.3 * narrow.eda_max
+    assert both.cci_max == pytest.approx(narrow.cci_max, rel=0.02)
+    assert both.eda_max == pytest.approx(1.3 * wide.eda_max, rel=0.02)
     # Held with either object, as firmly as can be, no column is full.
     felt = [
         (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for _, m in frames[20:55]
     ]
     full_share = np.mean([intensity(max(shares), 1.0) > 99.5 for shares in felt])
     assert full_share == 0.0
+
+
+def write_pictures(folder: Path, images: list[Any]) -> None:
+    """Write pictures as PNG files."""
+    import cv2
+
+    folder.mkdir()
+    for k, image in enumerate(images):
+        cv2.imwrite(str(folder / f"frame_{k:03d}.png"), image)
+
+
+def test_reading_outline_and_rezero_are_settings_of_a_replay_and_of_the_demo(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("cv2", reason="pictures need the extra tactile")
+    frames, baseline = gel_frames(3, held=False)
+    write_pictures(tmp_path / "press", frames[:100:2])
+    write_pictures(tmp_path / "still", [baseline])
+    area: dict[str, float] = {}
+    for name, sets in (
+        ("dent", ()),
+        ("contact", ("stages.metric.options.outline=contact",)),
+        ("paper", ("stages.metric.name=reading", "stages.metric.options.threshold=D3")),
+    ):
+        words = [
+            "replay",
+            "--tactile",
+            f"thumb={tmp_path / 'press'}",
+            "--out",
+            str(tmp_path / name),
+            "--json",
+        ]
+        words += ["--baseline", f"thumb={next((tmp_path / 'still').iterdir())}", "--tactile-rate-hz", "30"]
+        words += ["--picture", str(tmp_path / f"{name}.png")]
+        with pytest.raises(SystemExit) as ended:
+            main([*words, *(word for one in sets for word in ("--set", one))])
+        assert ended.value.code == 0, capsys.readouterr().err
+        capsys.readouterr()
+        with (tmp_path / name / "contacts.csv").open(newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row["in_contact"] == "1"]
+        area[name] = float(np.mean([float(row["eda"]) for row in rows]))
+        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert area["contact"] < 0.8 * area["dent"]
+    assert len({round(one) for one in area.values()}) == 3
+    with pytest.raises(SystemExit) as ended:
+        main(
+            [
+                "replay",
+                "--tactile",
+                f"thumb={tmp_path / 'press'}",
+                "--out",
+                str(tmp_path / "x"),
+                "--set",
+                "stages.metric.options.outlin=contact",
+            ]
+        )
+    assert ended.value.code == 1
+    assert "outlin" in capsys.readouterr().err
+    options = loop_settings(
+        "live", ["stages.metric.options.rezero=false", "stages.metric.options.mm_per_px=0.06"]
+    )
+    metric = finger_metric(options.stages, "live", "thumb", baseline)
+    for k, frame in enumerate(frames[:40]):
+        contact = metric.update(frame, k * PERIOD_NS)
+    assert contact.area_mm2 == pytest.approx(contact.eda * 0.06**2, rel=1e-6)

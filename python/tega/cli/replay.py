@@ -68,6 +68,10 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     help="Folder for the tables: new, empty, or an earlier run's.",
 )
 @click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    help="Override a setting, such as stages.metric.options.outline=contact; repeatable.",
+)  # fmt: skip
+@click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
     help="PNG to draw: each finger's firmest contact with its touch map, and the course of touch and pose.",

@@ -104,4 +104,5 @@ def check_flags(context: click.Context, names: Iterable[str]) -> None:
     """
     for name in names:
         if context.get_parameter_source(name) not in {None, ParameterSource.DEFAULT}:
-            raise click.UsageError(f"--{name.replace('_', '-')} is for loose files, not for a session")
+            flag = "set" if name == "sets" else name.replace("_", "-")
+            raise click.UsageError(f"--{flag} is for loose files, not for a session")

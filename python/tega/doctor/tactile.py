@@ -14,6 +14,7 @@ from tega.devices.picture_check import CameraCounts
 from tega.devices.video_nodes import VideoNode, video_nodes
 from tega.doctor.case import Case, failed, holders
 from tega.doctor.findings import Finding
+from tega.doctor.gel import look_at_gel
 from tega.errors import TegaError
 
 __all__ = ["Camera", "crowded", "try_camera"]
@@ -49,21 +50,23 @@ def try_camera(case: Case) -> tuple[list[Finding], Camera | None]:
     name = f"{case.driver} {label}"
     try:
         with source:
-            frame, rate_hz = _read(source)
+            frames, rate_hz = _read(source)
             info = source.info
     except TegaError as error:
         return [_unusable(case, error, source)], None
-    if frame is None:
+    if not frames:
         return [case.told(label, "wrong", f"{name} opened, and sent no picture")], None
-    height, width = frame.image.shape[:2]
+    height, width = frames[-1].image.shape[:2]
+    seen = {f.seq: f.image for f in frames if f.image.shape == frames[-1].image.shape}
+    gel = look_at_gel(case, label, list(seen.values()))
     if not info.live:
         length = f"{info.n_items} pictures" if info.n_items else "pictures"
         said = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
-        return _baseline(case, label, frame) or [case.told(label, "fine", said)], None
+        return gel or [case.told(label, "fine", said)], None
     findings = [
         *_pictures(case, label, rate_hz, info.rate_hz, getattr(source, "counts", None)),
         *(case.told(label, "doubt", f"{name}: {note}") for note in info.notes),
-        *_baseline(case, label, frame),
+        *gel,
     ]
     if not findings:
         said = f"{name} sends {rate_hz:.0f} pictures a second, {width}×{height}"
@@ -144,18 +147,18 @@ def crowded(cameras: Sequence[Camera], nodes: Sequence[VideoNode] | None = None)
     return findings
 
 
-def _read(source: TactileSource) -> tuple[TactileFrame | None, float]:
-    """Read for a moment; return the last picture, and how many came a second."""
-    first = newest = source.read(1.0)
+def _read(source: TactileSource) -> tuple[list[TactileFrame], float]:
+    """Read for a moment; return the pictures, of a recording the first one, and how many came a second."""
+    first = source.read(1.0)
     if first is None or not source.info.live:
-        return newest, source.info.rate_hz or 0.0
+        return [] if first is None else [first], source.info.rate_hz or 0.0
+    frames = [first]
     until_s = time.monotonic() + _LOOK_S
-    n = 0
     while time.monotonic() < until_s:
         if (frame := source.read(0.1)) is not None:
-            newest, n = frame, n + 1
-    passed_s = (newest.t_ns - first.t_ns) * 1e-9 if newest is not None else 0.0
-    return newest, n / passed_s if passed_s > 0 else 0.0
+            frames.append(frame)
+    passed_s = (frames[-1].t_ns - first.t_ns) * 1e-9
+    return frames, (len(frames) - 1) / passed_s if passed_s > 0 else 0.0
 
 
 def _unusable(case: Case, error: TegaError, source: Any) -> Finding:
@@ -177,21 +180,3 @@ def _unusable(case: Case, error: TegaError, source: Any) -> Finding:
     busy = holders(place)
     why = f"{', '.join(busy)} has {place} open" if busy else ""
     return failed(case, error, device=label, status="wrong", why=why)
-
-
-def _baseline(case: Case, label: str, frame: TactileFrame) -> list[Finding]:
-    """Compare the picture of the untouched gel with what the camera sends."""
-    if case.baseline is None:
-        return []
-    from tega.opencv import read_image
-
-    try:
-        shape = read_image(case.baseline, driver=case.driver).shape
-    except TegaError as error:
-        return [failed(case, error, device=label, status="missing")]
-    if shape == frame.image.shape:
-        return []
-    sent = frame.image.shape
-    said = f"the baseline {case.baseline.name} is {shape[1]}×{shape[0]}, {label} sends {sent[1]}×{sent[0]}"
-    why = "size or orientation was another when it was taken"
-    return [case.told(label, "wrong", said, why=why, todo=("take the baseline again",))]

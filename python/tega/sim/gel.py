@@ -31,6 +31,7 @@ __all__ = [
     "Gel",
     "GelTruth",
     "ball",
+    "board",
     "fall",
 ]
 
@@ -197,6 +198,12 @@ def ball(
         x, y = _beside(on.surface_mm(), centre_xy, radius_mm)
     pose = np.array([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, radius_mm]])
     return Indenter("sphere", (radius_mm, 0.0, 0.0), pose, force_n)
+
+
+def board(*, force_n: float) -> Indenter:
+    """Return a flat board, larger than the finger, that presses."""
+    pose = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]])
+    return Indenter("plane", (0.0, 0.0, 0.0), pose, force_n)
 
 
 def fall(x_mm: float, y_mm: float) -> tuple[float, float]:

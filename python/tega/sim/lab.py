@@ -20,7 +20,7 @@ from tega.errors import InvalidValueError
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import SourceReport
 from tega.sim.arms import feels
-from tega.sim.gel import Gel, ball
+from tega.sim.gel import Gel, ball, board
 from tega.sim.plan import loop_settings
 from tega.sim.seams import Indenter
 from tega.stages.choose import block_s, finger_metric, muscle_decoder
@@ -158,8 +158,7 @@ def _object(press: int, force_n: float) -> Indenter:
     """Return what is pressed the next time: the marble, then the board."""
     if press % 2 == 0:
         return ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
-    board = ball(force_n=force_n)
-    return board._replace(shape="plane", size_mm=(0.0, 0.0, 0.0))
+    return board(force_n=force_n)
 
 
 @lru_cache(maxsize=8)

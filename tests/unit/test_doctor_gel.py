@@ -1,0 +1,120 @@
+"""What ``doctor`` says of a gel: dark, dirty, worn, or with a baseline that is no longer so."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.calibration.records import GelRecord, write_record
+from tega.doctor.case import Case
+from tega.doctor.gel import look_at_gel
+from tega.sim.gel import Gel, ball
+
+pytest.importorskip("cv2", reason="pictures need the extra tactile")
+
+
+def pictures(gel: Gel, *, first: int = 0, noisier: float = 1.0, indenters: Any = ()) -> list[Any]:
+    """Return half a second of a sensor, with its noise made larger."""
+    still = gel.still().astype(float)
+    frames = [gel.frame(list(indenters), first + k).astype(float) for k in range(30)]
+    if noisier == 1.0:
+        return [frame.astype(np.uint8) for frame in frames]
+    return [np.clip(np.rint(still + noisier * (frame - still)), 0, 255).astype(np.uint8) for frame in frames]
+
+
+def case(path: Path, baseline: Any) -> Case:
+    """Return a sensor whose baseline is a picture."""
+    file = path / "thumb.npy"
+    np.save(file, np.rint(np.mean(baseline, axis=0)).astype(np.uint8))
+    return Case("tactile.thumb", "tactile", "digit", None, file)
+
+
+@pytest.mark.parametrize("noisier", [1.0, 2.5])
+def test_an_untouched_gel_like_its_baseline_is_fine_whatever_its_noise(
+    tmp_path: Path, noisier: float
+) -> None:
+    for seed in range(4):
+        gel = Gel(seed)
+        before = pictures(gel, noisier=noisier)
+        assert look_at_gel(case(tmp_path, before), "D1", pictures(gel, first=60, noisier=noisier)) == []
+
+
+def test_a_gel_that_is_touched_or_has_drifted_is_told_in_its_own_noise(tmp_path: Path) -> None:
+    gel = Gel(1)
+    told = case(tmp_path, pictures(gel))
+    touched = look_at_gel(told, "D1", pictures(gel, indenters=[ball(force_n=1.0)]))
+    assert any(
+        "differs from its baseline by" in one.finding and "times its noise" in one.finding for one in touched
+    )
+    assert all(one.status == "doubt" for one in touched)
+    assert touched[-1].measured["difference_noises"] > 3
+    # What a quiet sensor shows clearly, one that is five times as noisy does not.
+    faint = [ball(force_n=0.05)]
+    found = [
+        [
+            one
+            for one in look_at_gel(
+                case(tmp_path, pictures(gel, noisier=by)), "D1", pictures_of(gel, faint, by)
+            )
+            if "differs" in one.finding
+        ]
+        for by in (1.0, 5.0)
+    ]
+    assert [len(one) for one in found] == [1, 0]
+
+
+def pictures_of(gel: Gel, indenters: Any, noisier: float) -> list[Any]:
+    """Return a pressed gel's pictures, with the noise alone made larger."""
+    pressed = np.mean([gel.frame(list(indenters), k) for k in range(60)], axis=0)
+    return [
+        np.clip(np.rint(pressed + noisier * (gel.frame(list(indenters), k) - pressed)), 0, 255).astype(
+            np.uint8
+        )
+        for k in range(30)
+    ]
+
+
+def test_dirt_wear_and_old_lights_are_named(tmp_path: Path) -> None:
+    gel = Gel(2)
+    told = case(tmp_path, pictures(gel))
+    record = GelRecord(
+        device="D1",
+        driver="digit",
+        made=datetime(2026, 3, 4, tzinfo=UTC),
+        noise_counts=(3.1, 1.7, 2.7),
+        n_pictures=30,
+    )
+    write_record(record, tmp_path / "thumb.toml")
+    spotted = pictures(gel, first=90)
+    for picture in spotted:
+        picture[200:212, 60:72] //= 3
+    said = " ".join(one.finding for one in look_at_gel(told, "D1", spotted))
+    assert "a dark spot of " in said
+    assert "that was not there on 2026-03-04" in said
+    dimmer = [(picture * 0.75).astype(np.uint8) for picture in pictures(gel, first=90)]
+    said = " ".join(one.finding for one in look_at_gel(told, "D1", dimmer))
+    assert "counts darker than on 2026-03-04" in said
+
+
+def test_lights_that_are_off_are_told_with_and_without_a_baseline(tmp_path: Path) -> None:
+    gel = Gel(3)
+    off = [np.clip((p.astype(float) - gel.still()) + 6, 0, 255).astype(np.uint8) for p in pictures(gel)]
+    for told in (case(tmp_path, pictures(gel)), Case("tactile.thumb", "tactile", "digit", None)):
+        first = look_at_gel(told, "D1", off)[0]
+        assert first.status == "wrong"
+        assert "the picture is dark" in first.finding
+    assert look_at_gel(Case("tactile.thumb", "tactile", "digit", None), "D1", pictures(gel)) == []
+
+
+def test_a_few_pictures_say_nothing_and_another_size_is_named(tmp_path: Path) -> None:
+    gel = Gel(4)
+    told = case(tmp_path, pictures(gel))
+    assert look_at_gel(told, "D1", pictures(gel, indenters=[ball(force_n=4.0)])[:3]) == []
+    turned = [np.swapaxes(p, 0, 1) for p in pictures(gel)]
+    (found,) = look_at_gel(told, "D1", turned)
+    assert found.status == "wrong"
+    assert "thumb.npy is 240×320, D1 sends 320×240" in found.finding
