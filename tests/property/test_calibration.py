@@ -9,7 +9,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from tega.teleop.maxima import touch_maxima
 
 from tega.calibration.gel import compare_gels, judge_rest
 from tega.calibration.maxima import touch_maxima

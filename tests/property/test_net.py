@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -21,7 +22,6 @@ from tega.net.gate import REFUSALS, Gate
 from tega.net.messages import (
     ArmCommand,
     Feature,
-    ForearmPose,
     HandCommand,
     Join,
     Ping,
@@ -35,7 +35,7 @@ from tega.net.messages import (
 from tega.net.robot import RobotStation
 from tega.net.samples import SampleReceiver, SampleSender
 from tega.net.touch import FarTouch
-from tega.records import Contact
+from tega.records import Contact, Intent, PoseNumbers
 
 TTL_NS = 100_000_000
 _ns = st.integers(-(10**10), 10**10)
@@ -153,8 +153,11 @@ class _Machines:
         stamp: dict[str, Any] = {"session": 7, "sequence": self.sequence, "sent_ns": sent_ns + self.offset_ns}
         self.sent_ns[self.sequence] = sent_ns
         level = 1 + self.sequence % 5
-        pose = ForearmPose(stamp["sent_ns"], (float(self.sequence), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-        if self.robot.hand(encode(HandCommand(**stamp, level=level, block_ns=stamp["sent_ns"]))) is not None:
+        pose = PoseNumbers(stamp["sent_ns"], (float(self.sequence), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        if (
+            self.robot.hand(encode(HandCommand(**stamp, intent=Intent(t_ns=stamp["sent_ns"], level=level))))
+            is not None
+        ):
             self.levels[level] = self.sequence
         if self.robot.arm(encode(ArmCommand(**stamp, pose=pose, dead_man=True, recover=True))) is not None:
             self.held = self.sequence
@@ -263,9 +266,14 @@ _KEYS = ("cmd/alice/hand", "cmd/alice/arm", "cmd/alice/clock/ping", "cmd/alice/c
 _number = st.integers(-(2**63), 2**63 - 1)
 _real = st.floats(width=64)
 _place = st.tuples(_real, _real, _real)
+_intent = st.builds(Intent, t_ns=_number, level=st.integers(-9, 9), closure=st.none() | _real)
 _message = st.one_of(
     st.builds(
-        HandCommand, session=st.just(5) | _number, sequence=_number, sent_ns=_number, level=st.integers(-9, 9)
+        HandCommand,
+        session=st.just(5) | _number,
+        sequence=_number,
+        sent_ns=_number,
+        intent=st.none() | _intent,
     ),
     st.builds(ArmCommand, session=st.just(5) | _number, sequence=_number, sent_ns=_number),
     st.builds(Ping, session=st.just(5) | _number, t0_ns=_number),
@@ -328,3 +336,28 @@ def test_a_contact_comes_over_the_link_as_it_was_or_not_at_all(contact) -> None:
     # By their text, in which one NaN is like another.
     assert repr(item) == (repr((5, metrics_of(contact))) if whole else "None")
     assert touch.summary()["refused_features"] == ({} if whole else {"malformed": 1})
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (Intent(t_ns=0, level=6), "level 6"),
+        (Intent(t_ns=0, level=3, closure=1.5), "closure 1.5"),
+        (Intent(t_ns=0, level=3, closure=math.nan), "closure nan"),
+        (Intent(t_ns=0, level=3, closure=0.55), ""),
+        (None, ""),
+    ],
+)
+def test_a_closure_between_two_levels_goes_over_the_link_as_it_is(asked: Intent | None, said: str) -> None:
+    told = decode(HandCommand, encode(HandCommand(session=1, sequence=0, sent_ns=0, intent=asked)))
+    assert said in told.malformed()
+    assert bool(told.malformed()) == bool(said)
+    if not said:
+        assert told.intent == asked
+
+
+@pytest.mark.parametrize(
+    "numbers", [((0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), ((0.0, 0.0, math.inf), (0.0, 0.0, 0.0, 1.0))]
+)
+def test_a_damaged_pose_is_refused(numbers: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
+    assert ArmCommand(session=1, sequence=0, sent_ns=0, pose=PoseNumbers(0, *numbers)).malformed()

@@ -11,7 +11,6 @@ from reference.waiting import until
 from tega.net.link import Channel, Link
 from tega.net.messages import (
     ArmCommand,
-    ForearmPose,
     HandCommand,
     Join,
     Ping,
@@ -23,6 +22,7 @@ from tega.net.messages import (
     encode,
 )
 from tega.net.settings import NetSection
+from tega.records import Intent, PoseNumbers
 
 
 class Leader:
@@ -90,8 +90,7 @@ class Leader:
             session=self.session if session is None else session,
             sequence=sequence,
             sent_ns=sent_ns,
-            level=level,
-            block_ns=sent_ns,
+            intent=Intent(t_ns=sent_ns, level=level),
         )
         self._say(encode(command))
 
@@ -102,7 +101,7 @@ class Leader:
             session=self.session,
             sequence=now_ns,
             sent_ns=now_ns,
-            pose=ForearmPose(now_ns, (0.2, -0.3, -0.4), (0.0, 0.0, 0.0, 1.0)),
+            pose=PoseNumbers(now_ns, (0.2, -0.3, -0.4), (0.0, 0.0, 0.0, 1.0)),
             dead_man=dead_man,
             clutch=clutch,
             recover=recover,

@@ -5,22 +5,33 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tega.bus import Bus
+from tega.config import check_tree
+from tega.device_items import TactileFrame
 from tega.devices.digit import Digit, DigitOptions
 from tega.devices.picture_check import CameraCounts, PictureCheck
 from tega.devices.picture_origin import Origin, PictureOrigin
 from tega.devices.video_nodes import find_node, video_nodes
-from tega.errors import ConfigError, DeviceUnavailableError
+from tega.errors import ConfigError, DeviceUnavailableError, RecordingError
+from tega.inbox.frames import fed_contacts, keeps_up
+from tega.inbox.sources import SourceReport
+from tega.inbox.stream import LiveStream
+from tega.records import Picture
+from tega.teleop import run_session
 from tega.testing.emulators.digit import FAULTS
 from tega.testing.emulators.process import Emulator
+from tega.testing.lab import PRESSED, emulated_lab
 
 
 def _driver(sensor: Emulator, **options: Any) -> Digit:
@@ -250,3 +261,40 @@ def test_a_sensor_that_sends_too_few_pictures_is_told() -> None:
             lambda: any("pictures a second came for a while where 60" in n for n in digit.info.notes)
         )
         assert digit.read(5.0) is not None
+
+
+@pytest.mark.slow
+def test_pictures_are_measured_in_the_camera_s_own_thread(tmp_path: Path) -> None:
+    threads: set[str] = set()
+    bus = Bus()
+    bus.subscribe(Picture, lambda _picture: threads.add(threading.current_thread().name))
+    with emulated_lab(tmp_path, fingers=("thumb",), touch=PRESSED) as lab:
+        tree = {**lab.tree, "session": {"duration_s": 1.0}}
+        summary = run_session(check_tree(tree, {}, base=tmp_path).config, bus=bus)
+    assert threads == {"digit"}
+    assert summary["tactile"]["thumb"]["frames"] > 0
+
+
+def test_a_metric_that_is_too_slow_for_the_camera_gets_a_thread_of_its_own() -> None:
+    class Slow:
+        memory = False
+
+        def update(self, _image: Any, _t_ns: int) -> None:
+            time.sleep(0.01)
+
+    slow: Any = Slow()
+    assert not keeps_up(slow, np.zeros((4, 4, 3), np.uint8), rate_hz=60.0)
+    assert not keeps_up(slow, np.zeros((4, 4, 3), np.uint8), rate_hz=None)
+
+
+def test_what_nobody_expected_in_a_camera_s_thread_reaches_the_loop() -> None:
+    stream: LiveStream[Any] = LiveStream()
+    report, frame = SourceReport(), TactileFrame(0, 0, np.zeros((4, 4, 3), np.uint8), "picture 0")
+    errors = iter([RecordingError("torn"), ZeroDivisionError("a bug")])
+    meter: Any = SimpleNamespace(take=lambda _frame: (_ for _ in ()).throw(next(errors)))
+    measure = fed_contacts(meter, report, stream.put, lambda error: stream.end(error=error))
+    measure(frame)
+    assert (report.n_dropped, stream.next_until(1)) == (1, None)
+    measure(frame)
+    with pytest.raises(ZeroDivisionError, match="bug"):
+        stream.next_until(1)

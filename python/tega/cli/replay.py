@@ -76,10 +76,6 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     type=click.Path(path_type=Path, dir_okay=False),
     help="PNG to draw: each finger's firmest contact with its touch map, and the course of touch and pose.",
 )
-@click.option(
-    "--set", "sets", multiple=True, metavar="KEY=VALUE",
-    help="Another setting: stages.*, vest.layout and others; repeatable.",
-)  # fmt: skip
 @view_options
 @json_option
 @debug_option

@@ -10,7 +10,7 @@ gives to a sink is always counted from the start of the session.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
@@ -43,6 +43,7 @@ __all__ = [
     "DiscoveringDevice",
     "EmgChunk",
     "EmgSource",
+    "FeedingSource",
     "Found",
     "HandDriver",
     "HarmlessDevice",
@@ -155,6 +156,18 @@ class SkippingSource(TactileSource, Protocol):
 
     def skip(self, n_frames: int) -> None:
         """Pass over the next ``n_frames`` frames."""
+        ...
+
+
+@runtime_checkable
+class FeedingSource(TactileSource, Protocol):
+    """A live sensor with a thread of its own, in which pictures are measured as they come; optional."""
+
+    def feed(self, take: Callable[[TactileFrame], None] | None) -> None:
+        """Call a function with every good picture from now on, in the sensor's thread; with none for ``None``.
+
+        It must return before the next picture is due; :meth:`read` gives pictures all the same.
+        """
         ...
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from tega.csv_writer import CsvWriter, time_text
+from tega.csv_writer import CsvWriter
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
+from tega.records import HandCommand
+from tega.records.table import columns, rows
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame
@@ -58,7 +60,7 @@ class CanRecorder(Opened):
     def open(self) -> None:
         """Make the file."""
         self.close()
-        self._csv = CsvWriter(self._options.file, ("t_s", "id", "data"))
+        self._csv = CsvWriter(self._options.file, columns(HandCommand))
 
     def close(self) -> None:
         """Finish the file."""
@@ -76,6 +78,6 @@ class CanRecorder(Opened):
             raise DeviceUnavailableError(
                 f"can-recorder {self._options.file.name!r} is not open", "open it first"
             )
-        t = time_text(t_ns)
-        self._csv.write(*[f"{t},{f.id:03X},{'R' if f.remote else f.data.hex().upper()}\n" for f in frames])
+        sent: Any = tuple(frames)
+        self._csv.write(*rows(HandCommand(t_ns=t_ns, level=0, frames=sent)))
         return frames

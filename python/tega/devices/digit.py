@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -90,6 +90,7 @@ class Digit(Opened):
         self._fresh = threading.Condition()
         self._newest: TactileFrame | None = None
         self._given = -1
+        self._take: Callable[[TactileFrame], None] | None = None
         self._rate_hz = options.rate_hz
         self._notes: tuple[str, ...] = ()
         self._trouble = ""
@@ -201,6 +202,10 @@ class Digit(Opened):
                 return None
             self._given = self._newest.seq
             return self._newest
+
+    def feed(self, take: Callable[[TactileFrame], None] | None) -> None:
+        """Call a function with every good picture from now on, in the camera's thread; with none for ``None``."""
+        self._take = take
 
     def _capture(self) -> Any:
         """Open the camera and set it up."""
@@ -353,5 +358,7 @@ class Digit(Opened):
             if self._newest is not None:
                 # Two cameras' clocks, or a stamp taken here after one of the kernel's.
                 t_ns = max(t_ns, self._newest.t_ns)
-            self._newest = TactileFrame(t_ns, seq, image, f"{self.info.label} picture {seq}")
+            self._newest = frame = TactileFrame(t_ns, seq, image, f"{self.info.label} picture {seq}")
             self._fresh.notify_all()
+        if (take := self._take) is not None:
+            take(frame)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from tega.csv_writer import CsvWriter, time_text
+from tega import records
+from tega.csv_writer import CsvWriter
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
+from tega.records.table import columns, rows
 
 if TYPE_CHECKING:
     from tega.haptics import VestFrame
@@ -80,11 +82,14 @@ class VestRecorder(Opened):
         motors = tuple(int(m) for m in frame.motors)
         if self._csv is None:
             self._motors = motors
-            self._csv = CsvWriter(self._options.file, ("t_s", *(f"m{m}" for m in motors)))
+            self._csv = CsvWriter(
+                self._options.file, columns(records.VestFrame, intensities=[f"m{m}" for m in motors])
+            )
         elif motors != self._motors:
             raise DeviceUnavailableError(
                 f"vest-recorder: a frame for {len(motors)} motors after frames for {len(self._motors)}",
                 "keep one layout for a whole recording",
             )
-        self._csv.write(f"{time_text(t_ns)},{','.join(map(str, frame.intensities.tolist()))}\n")
+        told = tuple(frame.intensities.tolist())
+        self._csv.write(*rows(records.VestFrame(t_ns=t_ns, layout=frame.layout, intensities=told)))
         return frame

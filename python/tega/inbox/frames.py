@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tega.stages.base import Metric
     from tega.tactile import ContactMetrics
 
-__all__ = ["FrameMeter", "measured_contacts"]
+__all__ = ["FrameMeter", "fed_contacts", "keeps_up", "measured_contacts"]
 
 # Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
 # otherwise keep a core busy with asking.
@@ -102,6 +102,53 @@ class FrameMeter:
                 "give the baseline taken with the same sensor and mode",
             )
         return contact_metrics_of(self.metric.update(frame.image, frame.t_ns - self._start_ns))
+
+
+def fed_contacts(
+    meter: FrameMeter,
+    report: SourceReport,
+    take: Callable[[Contact], None],
+    fail: Callable[[BaseException], None],
+    *,
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
+    see: Callable[[TactileFrame], None] = lambda _frame: None,
+) -> Callable[[TactileFrame], None]:
+    """Return what a sensor's own thread is to call with each picture; a bad one is dropped and counted.
+
+    Args:
+        meter: Measures them.
+        report: Counted up along the way.
+        take: Given time and metrics of each picture.
+        fail: Given what nobody expected; the sensor's thread goes on.
+        stamp: Told of each measured picture: its time, and the monotonic time it was received at.
+        see: Told of each picture, before it is looked at.
+    """
+
+    def measure(frame: TactileFrame) -> None:
+        received_ns = time.monotonic_ns()
+        try:
+            see(frame)
+            if (contact := meter.take(frame)) is not None:
+                stamp(contact[0], received_ns)
+                take(contact)
+        except TegaError:
+            report.drop()
+        except BaseException as error:  # a panic of native code, too; the loop raises it
+            fail(error)
+
+    return measure
+
+
+def keeps_up(metric: Metric, baseline: NDArray[np.uint8], *, rate_hz: float | None) -> bool:
+    """Whether a metric takes less than half of the time between two pictures; it has seen the baseline after that."""
+    if not rate_hz:
+        return False
+    took_s = []
+    for k in range(3):
+        begin_s = time.perf_counter()
+        metric.update(baseline, k * round(1e9 / rate_hz))
+        took_s.append(time.perf_counter() - begin_s)
+    return min(took_s) < 0.5 / rate_hz
 
 
 def measured_contacts(

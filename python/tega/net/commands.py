@@ -63,7 +63,8 @@ class Commands:
         self._hand_ns = self._arm_ns = 0
         self._switches: ArmCommand | None = None
         self._clutch_was_open = False
-        self._pose_ns = self._block_ns = self._level = 0
+        self._pose_ns = self._block_ns = 0
+        self._level: tuple[int, float | None] = (0, None)
         self._counted = (0, 0)
         self.blocks: LiveStream[Block] = LiveStream(clock=clock)
         self.way = Spread()
@@ -86,7 +87,8 @@ class Commands:
         self.keep_counts()
         for gate in self._gates.values():
             gate.begin(session)
-        self._hand_ns = self._arm_ns = self._pose_ns = self._block_ns = self._level = 0
+        self._hand_ns = self._arm_ns = self._pose_ns = self._block_ns = 0
+        self._level = (0, None)
         if session is not None:
             # Not before: with the clutch pressed, the chain goes on from holding to letting go to a stop, as it would
             # at one machine whose operator's devices all went silent.
@@ -107,24 +109,25 @@ class Commands:
         self.way.add(now_ns - offset.ours(command.sent_ns))
         self.n += 1
         self._hand_ns = offset.earliest(command.sent_ns)
-        self._pass_on(command, offset.ours(command.block_ns), now_ns)
+        self._pass_on(command, offset.ours(0 if command.intent is None else command.intent.t_ns), now_ns)
         return command
 
     def _pass_on(self, command: HandCommand, block_ns: int, now_ns: int) -> None:
         """Give a new block of EMG to the loop."""
-        start_ns, level = self._start_ns, command.level
-        if start_ns is None or level is None or not self._has_hand:
+        start_ns, asked = self._start_ns, command.intent
+        if start_ns is None or asked is None or not self._has_hand:
             return
         t_ns = self.blocks.end_ns
-        if command.block_ns > self._block_ns:
-            self._block_ns = command.block_ns
+        level = asked.level, asked.closure
+        if asked.t_ns > self._block_ns:
+            self._block_ns = asked.t_ns
             # Never in the future, whatever the other clock says, nor back where its estimate has moved a little.
             t_ns = max(min(block_ns, now_ns) - start_ns, t_ns)
             self._stamp(t_ns, now_ns)
         elif level == self._level or not self._block_ns:
             return  # else the operator's guard has another level for that block
         self._level = level
-        self.blocks.put(Block(t_ns, (level,), level), use_by_ns=self._hand_ns + self._ttl_ns)
+        self.blocks.put(Block(t_ns, level[:1], *level), use_by_ns=self._hand_ns + self._ttl_ns)
 
     def arm(self, data: bytes) -> ArmCommand | None:
         """Take in a command for the arm; return it if it is obeyed."""
@@ -137,7 +140,7 @@ class Commands:
         tracker, pose = self._tracker, command.pose
         if tracker is not None and pose is not None and pose.t_ns > self._pose_ns:
             self._pose_ns = pose.t_ns
-            seen = StampedPose(offset.ours(pose.t_ns), pose.place, pose.turn, pose.valid)
+            seen = StampedPose(offset.ours(pose.t_ns), pose.position, pose.quaternion, pose.valid)
             tracker.see(seen, use_by_ns=self._arm_ns + self._ttl_ns)
         return command
 

@@ -143,7 +143,7 @@ class FarHand(Opened):
 
     def __init__(self, robot: str, *, answered: Callable[[int], int | None]) -> None:
         self._info = DeviceInfo(driver="net", kind="hand", label=f"hand of {robot!r}", live=True)
-        self.level: int | None = None
+        self.asked: tuple[int, float | None] | None = None
         self.angles: tuple[float, ...] = ()
         self.answered_ns = answered
 
@@ -165,13 +165,13 @@ class FarHand(Opened):
         """Nothing is to be closed here."""
 
     def step(self, level: float) -> Sequence[CanFrame]:
-        """Ask for the nearest closure level; the frames are made at the other station."""
-        self.level = split_level(level)[0]
+        """Ask for a closure level, or a closure between two; the frames are made at the other station."""
+        self.asked = split_level(level)
         return ()
 
     def limp(self) -> Sequence[CanFrame]:
         """Ask for nothing any more; the robot's station holds, and then does what its settings say."""
-        self.level = None
+        self.asked = None
         return ()
 
 

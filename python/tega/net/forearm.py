@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tega.arm.sources.rates import RatePoses
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
-from tega.net.messages import ForearmPose
+from tega.records import PoseNumbers
 
 if TYPE_CHECKING:
     from tega.arm.pose import PoseSource
@@ -36,7 +36,7 @@ class Forearm:
         net = config.net
         self._source: PoseSource | None = None
         self._seats: dict[str, Seat] = {}
-        self._pose: ForearmPose | None = None
+        self._pose: PoseNumbers | None = None
         self.frame = ""
         if net is not None and net.tracker is not None:
             tracker: Any = driver_class(net.tracker.driver, "tracker")(net.tracker.options)
@@ -68,7 +68,7 @@ class Forearm:
             for pose in self._source.read(time.monotonic_ns()):
                 x, y, z = map(float, pose.position_m)
                 qx, qy, qz, qw = map(float, pose.quaternion_xyzw)
-                self._pose = ForearmPose(pose.t_ns, (x, y, z), (qx, qy, qz, qw), bool(pose.valid))
+                self._pose = PoseNumbers(pose.t_ns, (x, y, z), (qx, qy, qz, qw), bool(pose.valid))
         dead_man = self._held("dead_man")
         return {
             "pose": self._pose,

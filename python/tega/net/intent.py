@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tega.net.ends import FarHand
 from tega.net.messages import ArmCommand, HandCommand, encode
+from tega.records import Intent as IntentRecord
 
 if TYPE_CHECKING:
     from tega.net.forearm import Forearm
@@ -60,11 +61,14 @@ class Intent:
     def say_hand(self) -> None:
         """Send what the hand shall do."""
         block_ns, channels = self._block
-        level = None if self.hand is None else self.hand.level
+        asked = None if self.hand is None else self.hand.asked
+        wanted = None
+        if asked is not None:
+            wanted = IntentRecord(t_ns=block_ns, channels=channels, level=asked[0], closure=asked[1])
         stamp = self._stamp("hand")
-        self._send_hand(encode(HandCommand(**stamp, level=level, channels=channels, block_ns=block_ns)))
+        self._send_hand(encode(HandCommand(**stamp, intent=wanted)))
         self.n += 1
-        if level is not None:
+        if wanted is not None:
             self._sent.append(stamp["sent_ns"])
 
     def say_arm(self) -> None:

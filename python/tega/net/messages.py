@@ -8,14 +8,13 @@ from typing import TypeVar
 import msgspec
 
 from tega.calibration import TouchMaxima
-from tega.records import Contact
+from tega.records import Contact, Intent, PoseNumbers, RunState
 
 __all__ = [
     "PROTOCOL",
     "ArmCommand",
     "Event",
     "Feature",
-    "ForearmPose",
     "HandCommand",
     "Image",
     "Join",
@@ -30,14 +29,11 @@ __all__ = [
     "encode",
 ]
 
-PROTOCOL = 2
+PROTOCOL = 3
 """Raised by whatever the other side could not understand; stations of two numbers refuse each other."""
 
 # Of the largest picture that is measured; see tega.tactile.
 _MOST_PIXELS = 4096 * 4096
-
-Triple = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 
 
 class Stamped(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,49 +54,45 @@ class HandCommand(Stamped, frozen=True, tag=True, kw_only=True):
     """What the hand shall do.
 
     Attributes:
-        level: Closure level, 1 to 5; ``None`` where nothing is known of the muscles.
-        channels: Level of each muscle.
-        block_ns: When the newest block of EMG was complete, sender's clock.
+        intent: The newest block of EMG with the level or closure that the hand is asked for, its times on the sender's
+            clock; ``None`` where nothing is known of the muscles.
     """
 
-    level: int | None = None
-    channels: tuple[int, ...] = ()
-    block_ns: int = 0
+    intent: Intent | None = None
 
     def malformed(self) -> str:
         """Return why it cannot be used, ``""`` if it can."""
-        return "" if self.level is None or 1 <= self.level <= 5 else f"level {self.level} is not from 1 to 5"
-
-
-class ForearmPose(msgspec.Struct, frozen=True):
-    """One pose of the operator's forearm, sender's clock and tracker's axes; see ``tega.arm.StampedPose``."""
-
-    t_ns: int
-    place: Triple
-    turn: Quaternion
-    valid: bool = True
+        asked = self.intent
+        if asked is None:
+            return ""
+        if asked.closure is not None and not 0.0 <= asked.closure <= 1.0:
+            return f"closure {asked.closure} is not from 0 to 1"
+        return "" if 1 <= asked.level <= 5 else f"level {asked.level} is not from 1 to 5"
 
 
 class ArmCommand(Stamped, frozen=True, tag=True, kw_only=True):
     """Where the forearm is, and what the operator holds.
 
     Attributes:
-        pose: The newest pose; ``None`` before there is one.
+        pose: The newest pose, sender's clock and tracker's axes; ``None`` before there is one.
         dead_man: Whether the dead-man switch is held.
         clutch: Whether the clutch is.
         recover: Whether the button is pressed that allows to go on after a fault.
     """
 
-    pose: ForearmPose | None = None
+    pose: PoseNumbers | None = None
     dead_man: bool = False
     clutch: bool = False
     recover: bool = False
 
     def malformed(self) -> str:
         """Return why it cannot be used, ``""`` if it can."""
-        if self.pose is not None and not all(map(math.isfinite, (*self.pose.place, *self.pose.turn))):
-            return "a number of the pose is not finite"
-        return ""
+        if (pose := self.pose) is None:
+            return ""
+        if (len(pose.position), len(pose.quaternion)) != (3, 4):
+            return "the pose has not three and four numbers"
+        whole = all(map(math.isfinite, (*pose.position, *pose.quaternion)))
+        return "" if whole else "a number of the pose is not finite"
 
 
 class Feature(Stamped, frozen=True, tag=True, kw_only=True):
@@ -178,10 +170,9 @@ class State(Stamped, frozen=True, tag=True, kw_only=True):
 
 
 class Event(Stamped, frozen=True, tag=True, kw_only=True):
-    """Something happened: the run's state changed."""
+    """Something happened: the run's state changed; its time is the sender's session's."""
 
-    state: str
-    reason: str
+    change: RunState
 
 
 class Ping(msgspec.Struct, frozen=True, tag=True):

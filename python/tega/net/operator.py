@@ -295,7 +295,7 @@ class OperatorStation(Station):
         with self._lock:
             refusal = self._events.refusal(event, now_ns, self._clock.offset(now_ns))
         if refusal in {"", "no clock"}:
-            self._tell(f"robot {self.net.robot!r}: {event.state}: {event.reason}")
+            self._tell(f"robot {self.net.robot!r}: {event.change.state}: {event.change.reason}")
 
     def _hear_feature(self, key: str, data: bytes) -> None:
         with self._lock:

@@ -199,7 +199,7 @@ class RobotStation(Station):
         """Tell that the run's state has changed, here and to the operator."""
         super().changed(change)
         stamp = self._stamp(self._session, "event")
-        self._send_event(encode(Event(**stamp, state=change.state, reason=change.reason)))
+        self._send_event(encode(Event(**stamp, change=change)))
         self._next_state_ns = 0
 
     @property

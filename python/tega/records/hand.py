@@ -55,6 +55,7 @@ class HandCommand(Record, frozen=True, kw_only=True):
     topic: ClassVar[str] = "/hand/frames"
     schema: ClassVar[str] = "CanFrames"
     version: ClassVar[int] = 2
+    table: ClassVar[tuple[str, ...]] = ("t_s", "frames")
 
     t_ns: Ns
     level: Step

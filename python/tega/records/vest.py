@@ -20,6 +20,7 @@ class VestRecord(Record, frozen=True, kw_only=True):
     """
 
     schema: ClassVar[str] = "VestFrame"
+    table: ClassVar[tuple[str, ...]] = ("t_s", "intensities")
 
     t_ns: Ns
     layout: str

@@ -7,7 +7,8 @@ from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tega.inbox.frames import measured_contacts
+from tega.devices.base import FeedingSource
+from tega.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
 from tega.inbox.reader import ReadAhead, Reader
 from tega.inbox.sources import Block, Contact, grasp_blocks, picture_of, samples_of
 from tega.inbox.stream import LiveStream, PulledStream, Stream
@@ -146,7 +147,17 @@ def contact_stream(
     stream: LiveStream[Contact] = LiveStream(
         on_loss=finger.report.drop, on_item=bell.ring if bell is not None else lambda: None
     )
-    stack.callback(Reader(name, produce, stream.put, stream.end, ahead=True).close)
+    source, rate_hz = finger.source, finger.source.info.rate_hz
+    if isinstance(source, FeedingSource) and keeps_up(metric(), finger.baseline, rate_hz=rate_hz):
+        meter = FrameMeter(finger.baseline, metric(), finger.report, live=True, start_ns=start_ns)
+        stack.callback(source.feed, None)
+        source.feed(
+            fed_contacts(
+                meter, finger.report, stream.put, lambda error: stream.end(error=error), see=see, **told
+            )
+        )
+    else:
+        stack.callback(Reader(name, produce, stream.put, stream.end, ahead=True).close)
     return stream
 
 

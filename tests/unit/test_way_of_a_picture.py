@@ -1,0 +1,77 @@
+"""From a camera to a vest: how many objects a picture passes, and in how many threads."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.config import check_tree
+from tega.teleop import run_session
+from tega.testing.lab import PRESSED, emulated_lab
+
+PASSED = {"TactileFrame", "ContactMetrics", "Contact", "Felt", "VestFrame"}
+
+# Parts of one of the objects on the way, and the values themselves.
+WITHIN = {
+    "LastFrame": "FrameMeter",
+    "MotorBudget": "PlayerVest",
+    "MotorLayout": "VestFrame",
+    "PictureCheck": "Digit",
+    "PictureOrigin": "Digit",
+    "TouchTracker": "LiveMetric",
+    "VestFrame": "PlayerVest",
+}
+
+
+def is_passed(value: Any) -> bool:
+    """Whether a value is a picture, a contact, what is felt of it, or a frame of the vest."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 3 or value.shape == (40,)
+    if type(value) is tuple:
+        return any(is_passed(one) for one in value)
+    return type(value).__name__ in PASSED
+
+
+class Way:
+    """Notes whose methods are given one of them, or give it, and in which threads."""
+
+    def __init__(self) -> None:
+        self.objects: dict[str, set[str]] = {}
+
+    def __call__(self, frame: FrameType, event: str, given: Any) -> None:
+        code = frame.f_code
+        if event not in {"call", "return"} or "/tega/" not in code.co_filename:
+            return
+        me = frame.f_locals.get("self")
+        if me is None or "/testing/" in code.co_filename:
+            return
+        names = code.co_varnames[1 : code.co_argcount + code.co_kwonlyargcount]
+        values = [frame.f_locals.get(name) for name in names] if event == "call" else [given]
+        if any(map(is_passed, values)):
+            self.objects.setdefault(type(me).__name__, set()).add(threading.current_thread().name)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+def test_a_picture_passes_ten_objects_and_is_handed_on_twice(tmp_path: Path) -> None:
+    way = Way()
+    with emulated_lab(tmp_path, fingers=("thumb",), vest=True, touch=PRESSED) as lab:
+        config = check_tree({**lab.tree, "session": {"duration_s": 2.0}}, {}, base=tmp_path).config
+        threading.setprofile(way)
+        sys.setprofile(way)
+        try:
+            run_session(config)
+        finally:
+            sys.setprofile(None)
+            threading.setprofile(None)
+    on_the_way = way.objects.keys() - WITHIN.keys()
+    assert len(on_the_way) <= 10, sorted(on_the_way)
+    # Beyond the camera's, the loop's and the vest's there is none, so there are two places between threads.
+    threads = set[str]().union(*way.objects.values())
+    assert threads == {"digit", threading.current_thread().name, "bhaptics-player"}
