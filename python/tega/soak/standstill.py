@@ -7,19 +7,15 @@ business for the machine's.
 from __future__ import annotations
 
 import subprocess
-import sys
 import threading
-import time
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
 from tega.child_process import end_child, python_command, python_environment
 
-__all__ = ["Standstills", "main", "within_ns"]
+__all__ = ["Standstills", "within_ns"]
 
-_STEP_S = 0.02
-_LEAST_S = 0.25
 _LEAVE_S = 5.0
 
 
@@ -39,7 +35,7 @@ class Standstills:
     def __enter__(self) -> Self:
         """Begin to look."""
         self._process = subprocess.Popen(
-            python_command("tega.soak.standstill"),
+            python_command("tega.soak.standstill_watch"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -72,24 +68,3 @@ class Standstills:
             for line in self._process.stdout:
                 since, _, till = line.partition(" ")
                 self._found.append((int(since), int(till)))
-
-
-def main() -> None:
-    """Look until the standard input ends; print since when and till when the machine stood still, ns of the day."""
-    over = threading.Event()
-
-    def listen() -> None:
-        sys.stdin.read()
-        over.set()
-
-    threading.Thread(target=listen, daemon=True).start()
-    last_ns = time.time_ns()
-    while not over.wait(_STEP_S):
-        now_ns = time.time_ns()
-        if now_ns - last_ns > _LEAST_S * 1e9:
-            print(last_ns, now_ns, flush=True)  # noqa: T201  # to the program that started it
-        last_ns = now_ns
-
-
-if __name__ == "__main__":
-    main()
