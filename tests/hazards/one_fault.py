@@ -17,7 +17,7 @@ def main() -> int:
     _, how, device = sys.argv
     kinds = [kind for kind in KINDS if (kind.how, kind.device) == (how, device)]
     with tempfile.TemporaryDirectory(prefix="tega-fault-") as name:
-        report = soak(Path(name), seconds=_SECONDS, seed=1, kinds=kinds)
+        report = soak(Path(name), seconds=_SECONDS, seed=1, kinds=kinds, patient=True)
     for failure in report.failures:
         print(f"failed: {failure}")  # noqa: T201  # this is a program
     return 0 if report.passed else 1

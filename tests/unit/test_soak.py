@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(
 @pytest.mark.slow
 def test_a_short_soak_passes(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["soak", "--seconds", "60", "--seed", "1", "--json"])
+        main(["soak", "--seconds", "60", "--seed", "1", "--patient", "--json"])
     report = json.loads(capsys.readouterr().out)
     assert ended.value.code == 0, report["failures"]
     assert report["passed"]
@@ -47,7 +47,20 @@ def test_a_plan_has_every_fault_once_before_any_comes_again() -> None:
 def good() -> SoakReport:
     """A report that passes."""
     fault = Fault(kind="unplug", device="emg", how="unplug", injected_s=1.0, outcome="recovered")
-    return SoakReport(faults=[fault], rss_mib_start=100.0, rss_mib_end=101.0, lost_s=0.2)
+    return SoakReport(
+        faults=[fault] * 20,
+        rss_mib_start=100.0,
+        rss_mib_end=101.0,
+        lost_s=0.2,
+        commands={"vest": 10, "hand": 10},
+        recordings=1,
+    )
+
+
+def unjudged(n: int, how: str = "unplug") -> list[Fault]:
+    """So many faults of which nothing can be said."""
+    said = "not judged: the machine stood still for 0.3 s"
+    return [Fault(kind="unplug", device="emg", how=how, injected_s=1.0, outcome=said)] * n
 
 
 def test_a_good_report_passes() -> None:
@@ -64,6 +77,13 @@ def test_a_good_report_passes() -> None:
         ("lost_s", 0.51, "recording are lost"),
         ("rss_mib_end", 130.0, "memory grew"),
         ("faults", [], "too short"),
+        ("faults", unjudged(20), "0 of 20 faults could be judged"),
+        ("faults", good().faults + unjudged(2), "20 of 22 faults could be judged"),
+        ("faults", good().faults + unjudged(1, "freeze 1"), "was never judged"),
+        ("commands", {}, "the vest was commanded nothing"),
+        ("commands", {"vest": 10, "hand": 0}, "the hand was commanded nothing"),
+        ("recordings", 0, "nothing was recorded"),
+        ("rss_mib_end", 0.0, "memory was not measured"),
         ("faults", [Fault(kind="a", device="b", how="c", injected_s=0.0, outcome="not told")], "not told"),
     ],
 )

@@ -137,7 +137,8 @@ class GuardProcess:
             while self.problem and not self._closing.is_set():
                 try:
                     self._process = self._start()
-                    self._write(b".\n")  # until it has heard something it takes the device for switched off
+                    # Until it has heard something it takes the device for switched off.
+                    self._write(b"done\n" if self._closing.is_set() else b".\n")
                     self.problem = ""
                 except (DeviceUnavailableError, OSError):
                     time.sleep(_AGAIN_S)

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 __all__ = ["MOST_LOST_S", "Fault", "SoakReport", "memory_is_flat", "print_report"]
 
 MOST_LOST_S = 0.5
+LEAST_JUDGED = 0.95
+"""Share of the faults that have to be judged; the rest fell into a standstill of the machine."""
+
 NOT_JUDGED = "not judged"
 # What an interpreter with threads takes and gives back by itself.
 _SLACK_MIB = 16.0
@@ -44,9 +47,14 @@ class Fault(msgspec.Struct, kw_only=True):
     outcome: str = "the soak ended before"
 
     @property
+    def judged(self) -> bool:
+        """Whether anything can be said of it."""
+        return not self.outcome.startswith(NOT_JUDGED)
+
+    @property
     def good(self) -> bool:
         """Whether it was told, and over afterwards; or cannot be judged."""
-        return self.outcome in {"recovered", "restarted"} or self.outcome.startswith(NOT_JUDGED)
+        return self.outcome in {"recovered", "restarted"} or not self.judged
 
 
 class SoakReport(msgspec.Struct, kw_only=True):
@@ -67,6 +75,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
         commands: Messages that vest and hand took in all.
         stood_still_s: How long the whole machine, this program included, did nothing.
         recordings: How many were looked through.
+        patient: Whether the hand's limits of silence and rate were loosened for a busy machine.
         memory: Resident memory over time, of every process, as (seconds since the soak's beginning, MiB).
     """
 
@@ -84,6 +93,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
     commands: dict[str, int] = {}
     stood_still_s: float = 0.0
     recordings: int = 0
+    patient: bool = False
     memory: list[list[tuple[float, float]]] = []
 
     def judge(self) -> None:
@@ -92,6 +102,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
         failed += [f"{f.kind} of {f.device} ({f.how}): {f.outcome}" for f in self.faults if not f.good]
         if not self.faults:
             failed.append("no fault was made: the soak was too short")
+        failed += self._unproven()
         self.over_limit_commands = sum(self.over_limit.values())
         if self.over_limit_commands:
             failed += [
@@ -102,6 +113,25 @@ class SoakReport(msgspec.Struct, kw_only=True):
         if not memory_is_flat(self.rss_mib_start, self.rss_mib_end):
             failed.append(f"memory grew from {self.rss_mib_start:.0f} to {self.rss_mib_end:.0f} MiB")
         self.passed = not failed
+
+    def _unproven(self) -> list[str]:
+        """Say what this soak does not show because too little of it took place."""
+        judged = [fault for fault in self.faults if fault.judged]
+        unproven = []
+        if len(judged) < LEAST_JUDGED * len(self.faults):
+            unproven.append(
+                f"{len(judged)} of {len(self.faults)} faults could be judged, {100 * LEAST_JUDGED:g} % have to be"
+            )
+        kinds = {(f.kind, f.device, f.how) for f in self.faults}
+        never = sorted(kinds - {(f.kind, f.device, f.how) for f in judged})
+        unproven += [f"{kind} of {device} ({how}) was never judged" for kind, device, how in never]
+        idle = [name for name in ("vest", "hand") if self.commands.get(name, 0) == 0]
+        unproven += [f"the {name} was commanded nothing" for name in idle]
+        if self.recordings == 0:
+            unproven.append("nothing was recorded")
+        if self.rss_mib_start <= 0 or self.rss_mib_end <= 0:
+            unproven.append("memory was not measured")
+        return unproven
 
 
 def memory_is_flat(start_mib: float, end_mib: float) -> bool:
@@ -129,10 +159,12 @@ def print_report(report: SoakReport, out: Console) -> None:
             style="" if f.good else "red",
         )
     out.print(table)
+    patient = ", the hand with loosened limits" if report.patient else ""
     out.print(
-        f"{report.seconds:.0f} s, {len(report.faults)} faults, {sum(f.good for f in report.faults)} as they should be, "
+        f"{report.seconds:.0f} s, {len(report.faults)} faults, {sum(f.judged for f in report.faults)} judged, "
+        f"{sum(f.good and f.judged for f in report.faults)} as they should be, "
         f"{report.restarts} restarts; {report.over_limit_commands} commands above a limit of "
-        f"{sum(report.commands.values())}; at most {report.lost_s:.2f} s of a recording lost; "
+        f"{sum(report.commands.values())}{patient}; at most {report.lost_s:.2f} s of a recording lost; "
         f"memory {report.rss_mib_start:.0f} to {report.rss_mib_end:.0f} MiB",
         highlight=False,
     )
