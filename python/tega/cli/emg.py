@@ -256,36 +256,45 @@ def _read(
 
 
 _COLUMNS = (
-    ("rank", "rank_correlation", 1, ".3f"),
-    ("linear", "correlation", 1, ".3f"),
+    ("rank ρ", "rank_correlation", 1, ".2f"),
+    ("r", "correlation", 1, ".2f"),
     ("RMSE", "rmse", 1, ".2f"),
-    ("changes/s", "changes_per_s", 1, ".2f"),
-    ("after paper ms", "delay_s", 1000, ".0f"),
-    ("at level %", "at_level", 100, ".0f"),
-    ("balanced %", "balanced_accuracy", 100, ".0f"),
-    ("false/min", "false_closings_per_min", 1, ".1f"),
-    ("conf. error", "calibration_error", 1, ".2f"),
-    ("held %", "held", 100, ".1f"),
+    ("chg/s", "changes_per_s", 1, ".2f"),
+    ("later", "delay_s", 1000, ".0f"),
+    ("level", "at_level", 100, ".0f"),
+    ("told", "balanced_accuracy", 100, ".0f"),
+    ("false", "false_closings_per_min", 1, ".1f"),
+    ("conf", "calibration_error", 1, ".2f"),
+    ("held", "held", 100, ".0f"),
+)
+_MEANT = (
+    "chg/s: changes of level; later: than rules-paper, ms; level: % of time at the target's level; told: rest and effort "
+    "told apart, balanced %; false: closings at rest per minute; conf: error of confidence; held: % of blocks. Details: "
+    "docs/emg-decoders.md"
 )
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
+    from itertools import groupby
+
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(box=SIMPLE)
-    for name in ("log", "judged on", "decoder"):
-        table.add_column(name)
-    for name, *_ in _COLUMNS:
-        table.add_column(name, justify="right")
-    last: tuple[str, str] | None = None
-    for row in rows:
-        where = row["log"], row["judged_on"]
-        shown = ("", "") if where == last else where
-        last = where
-        cells = [
-            "–" if row[key] is None else format(row[key] * times, form) for _, key, times, form in _COLUMNS
-        ]
-        table.add_row(*shown, row["decoder"], *cells)
-    Console(highlight=False, width=None).print(table)
+    console = Console(highlight=False)
+    for (log, trained_on, judged_on), some in groupby(
+        rows, key=lambda row: (row["log"], row["trained_on"], row["judged_on"])
+    ):
+        table = Table(
+            box=SIMPLE, title=f"{log}: trained on {trained_on}, judged on {judged_on}", title_justify="left"
+        )
+        table.add_column("decoder", no_wrap=True)
+        for name, *_ in _COLUMNS:
+            table.add_column(name, justify="right", no_wrap=True)
+        for row in some:
+            cells = [
+                "–" if row[key] is None else format(row[key] * times, form) for _, key, times, form in _COLUMNS
+            ]
+            table.add_row(row["decoder"], *cells)
+        console.print(table)
+    console.print(_MEANT)

@@ -274,7 +274,8 @@ def _lag(values: NDArray[np.float64], y: NDArray[np.float64], block_s: float) ->
         sd = x.std(axis=0)
         z = (x - x.mean(axis=0)) / np.where(sd > 0, sd, 1.0)
         weights, bias = _ridge(z, wanted)
-        explained.append(1.0 - float((wanted - z @ weights - bias).var() / max(wanted.var(), 1e-12)))
+        left = float((wanted - z @ weights - bias).var())
+        explained.append(1.0 - left / float(wanted.var()) if wanted.var() > 1e-9 else 0.0)
     best = int(np.argmax(explained))
     if explained[best] < LEAST_R2:
         raise CalibrationError(

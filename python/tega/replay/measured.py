@@ -15,6 +15,7 @@ from tega.config import STAGE_GROUPS, load_config
 from tega.errors import TegaError
 from tega.replay.arm import arm_settings
 from tega.replay.recorded import Head, Recorded
+from tega.stages.attached import with_attached
 from tega.stages.choose import Chosen, chosen_stage, finger_metric, metric_told, muscle_decoder
 from tega.teleop.sources import Block, BlockMeter, Contact, FrameMeter, SourceReport, metrics_of
 
@@ -104,8 +105,11 @@ class Measured:
         emg = self.calibration.emg
         if "emg" in head.sources and emg is not None:
             used = msgspec.structs.replace(emg, kind=kind)
+            kept = head.files if self._other is None else {}
+            with with_attached(self.config.stages, kept) as stages:
+                decoder = muscle_decoder(stages, self.config.session.preset, used)
             self._muscles = BlockMeter(
-                muscle_decoder(self.config.stages, self.config.session.preset, used),
+                decoder,
                 SourceReport(),
                 rate_hz=emg.rate_hz,
                 live=head.sources["emg"].live,

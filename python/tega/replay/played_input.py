@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from tega.devices.base import DeviceInfo
 from tega.hand import split_level
 from tega.replay.measured import contact_items, level_items
+from tega.stages.attached import with_attached
 from tega.stages.choose import muscle_decoder
 from tega.teleop.loop import FIRST_LEVEL
 from tega.teleop.prepare import Finger, Muscles, Prepared
@@ -68,10 +69,12 @@ def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: 
     muscles, emg = None, measured.calibration.emg
     if "emg" in head.sources and emg is not None:
         blocks = _asked(recorded, level_items(recorded, measured), len(emg.channels), lead_ns)
+        with with_attached(measured.config.stages, head.files) as stages:
+            decoder = muscle_decoder(stages, measured.config.session.preset, emg)
         muscles = Muscles(
             source("emg", emg.rate_hz),
             emg,
-            muscle_decoder(measured.config.stages, measured.config.session.preset, emg),
+            decoder,
             SourceReport(),
             stream=_Due(blocks, end_ns=end_ns),
         )

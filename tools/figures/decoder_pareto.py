@@ -1,0 +1,123 @@
+"""Draw cost per block against error, for features and models of learned decoders, and print the tables of the page.
+
+::
+
+    TEGA_DATA=/path/to/recordings python tools/figures/decoder_pareto.py docs/images/emg-decoders-pareto.png
+
+Cost: median wall time of one block from Python, 8 channels at 1 kHz, blocks of 100 ms, in one process. Error: 1 less the
+mean rank correlation of closure with force on the second halves of six squeezes of three channels (first halves teach).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tega.decoders import LearnedDecoder, fit
+from tega.decoders.compare import Log, best_channels, compare, shifted_electrode, two_halves
+from tega.devices.emg_formats import read_emg_file
+
+NAMES = ("v1", "v2", "v8", "v10", "v6", "v12")
+FEATURES = (
+    ("MAV",),
+    ("WL",),
+    ("LOGVAR",),
+    ("MAV", "LOGVAR"),
+    ("MAV", "WL", "LOGVAR"),
+    ("MAV", "ZC", "SSC"),
+    ("MAV", "LOGVAR", "AR"),
+    ("MAV", "WL", "ZC", "SSC", "LOGVAR", "AR"),
+)
+MODELS = ("ridge", "huber", "kernel")
+DECODERS = ("rules-paper", "rules", "proportional", "learned", "learned-huber", "learned-kernel")
+
+
+def recording(folder: Path, name: str, channels: tuple[int, ...] = (3, 6, 8)) -> Log:
+    """Return EMG and force of a squeeze."""
+    file = folder / "emg" / "my_thesis" / f"recording_force_{name}.mat"
+    emg, _ = read_emg_file(file, channels)
+    force, _ = read_emg_file(file, (1,), variable="Force")
+    n = min(len(emg), len(force))
+    return Log(name, emg[:n], force[:n, 0], 200.0)
+
+
+def cost_us(model: Any, features: tuple[str, ...]) -> float:
+    """Return the median time of a block, microseconds."""
+    rng = np.random.default_rng(1)
+    closure = np.interp(np.arange(40_000) / 1000, np.arange(0, 41, 2), np.arange(21) % 2)
+    emg = rng.normal(size=(40_000, 8)) * (3 + 90 * closure[:, None])
+    decoder: LearnedDecoder = fit(emg, closure, rate_hz=1000, tau=100, model=model, features=features)
+    took = []
+    for block in np.split(emg, 400):
+        start = time.perf_counter_ns()
+        decoder.process(block)
+        took.append(time.perf_counter_ns() - start)
+    return float(np.median(took)) / 1000
+
+
+def error(logs: list[Log], model: str, features: tuple[str, ...]) -> float:
+    """Return 1 less the mean rank correlation."""
+    name = "learned" if model == "ridge" else f"learned-{model}"
+    found = [compare(*two_halves(log), [name], features=features)[0].figures.rank_correlation for log in logs]
+    return 1.0 - float(np.mean(found))
+
+
+def main(picture: Path) -> None:
+    """Draw, and print the tables."""
+    data = Path(os.environ["TEGA_DATA"])
+    logs = [recording(data, name) for name in NAMES]
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    panel = figure.subplots()
+    points = []
+    for model, marker in zip(MODELS, "osD", strict=True):
+        for features in FEATURES:
+            points.append((cost_us(model, features), error(logs, model, features), model, features))
+        own = [p for p in points if p[2] == model]
+        panel.scatter([p[0] for p in own], [p[1] for p in own], marker=marker, s=28, label=model)
+    for us, wrong, model, features in points:
+        print(f"{model:7} {'+'.join(features):28} {us:6.0f} µs  {wrong:.3f}")
+    best = sorted(p for p in points if not any(q[0] < p[0] and q[1] < p[1] for q in points))
+    panel.step([p[0] for p in best], [p[1] for p in best], where="post", color="0.6", linewidth=1)
+    for us, wrong, _, features in best:
+        panel.annotate("+".join(features), (us, wrong), fontsize=7, xytext=(4, -9), textcoords="offset points")
+    panel.axvline(150, color="0.6", linestyle=":", linewidth=1)
+    panel.set_xlabel("median time of a block (µs), 8 channels at 1 kHz")
+    panel.set_ylabel("1 - mean rank correlation with force")
+    panel.legend(fontsize=8, frameon=False)
+    figure.savefig(picture, dpi=120)
+    for title, swapped in (("second halves", False), ("first halves (swapped)", True)):
+        print(f"\n| {title} | {' | '.join(NAMES)} |")
+        rows: dict[str, list[str]] = {name: [] for name in DECODERS}
+        for log in logs:
+            for told in compare(*two_halves(log, swapped=swapped), DECODERS):
+                f = told.figures
+                rows[told.decoder].append(f"{f.rank_correlation:.2f} ({f.changes_per_s:.2f}/s)")
+        for name, cells in rows.items():
+            print(f"| {name} | {' | '.join(cells)} |")
+    print("\nchannels: mean rank correlation of rules and learned, best n by the training half")
+    for n in range(1, 9):
+        found: dict[str, list[float]] = {"rules": [], "learned": []}
+        for name in NAMES:
+            train, judged = two_halves(recording(data, name, tuple(range(1, 9))))
+            used = best_channels(train, n)
+            for told in compare(train.columns(used), judged.columns(used), list(found)):
+                found[told.decoder].append(np.nan_to_num(told.figures.rank_correlation))
+        print(n, {k: round(float(np.mean(v)), 3) for k, v in found.items()})
+    print("\nelectrodes shifted by one place, gains drawn anew (simulated): mean rank correlation")
+    shifted: dict[str, list[float]] = {"rules": [], "learned": []}
+    for log in logs:
+        train, judged = two_halves(log)
+        for seed in range(3):
+            for told in compare(train, shifted_electrode(judged, seed=seed), list(shifted)):
+                shifted[told.decoder].append(np.nan_to_num(told.figures.rank_correlation))
+    print({k: round(float(np.mean(v)), 3) for k, v in shifted.items()})
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
