@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 from tega.decoders import LearnedDecoder, fit
 from tega.decoders.compare import Log, best_channels, compare, shifted_electrode, two_halves
 from tega.devices.emg_formats import read_emg_file
+from tega.errors import TegaError
 
 NAMES = ("v1", "v2", "v8", "v10", "v6", "v12")
 FEATURES = (
@@ -45,6 +46,26 @@ def recording(folder: Path, name: str, channels: tuple[int, ...] = (3, 6, 8)) ->
     force, _ = read_emg_file(file, (1,), variable="Force")
     n = min(len(emg), len(force))
     return Log(name, emg[:n], force[:n, 0], 200.0)
+
+
+def power_grip(folder: Path, user: int) -> Log:
+    """Return a person's rest and power grips, one after the other, from sensors that give an envelope."""
+    file = folder / "emg" / "unibo_inail" / f"user_{user}_day_1_posture_1.mat"
+    emg, _ = read_emg_file(file)
+    label, _ = read_emg_file(file, (1,), variable="relabel")
+    closed = label[: len(emg), 0] == 2
+    grips = np.flatnonzero(closed)
+    used = slice(max(0, grips[0] - 2500), grips[-1] + 2500)
+    clean = np.isin(label[used, 0], (1, 2))
+    return Log(f"unibo_inail user {user}", emg[used][clean], closed[used][clean] * 1.0, 500.0, "envelope")
+
+
+def grip_force(folder: Path, name: str) -> Log:
+    """Return a precision grip as it was polled, 70 % of the rows repeats; a glued force reply is interpolated."""
+    rows, _ = read_emg_file(folder / "emg" / "gripping_force" / f"{name}.csv")
+    valid = np.flatnonzero(rows[:, 0] <= 5000)
+    force = np.interp(np.arange(len(rows)), valid, rows[valid, 0])
+    return Log(f"gripping_force {name}", rows[:, 1:], force - np.percentile(force, 2), 243.0)
 
 
 def cost_us(model: Any, features: tuple[str, ...]) -> float:
@@ -100,6 +121,20 @@ def main(picture: Path) -> None:
                 rows[told.decoder].append(f"{f.rank_correlation:.2f} ({f.changes_per_s:.2f}/s)")
         for name, cells in rows.items():
             print(f"| {name} | {' | '.join(cells)} |")
+    print("\nother sources, second half (first half): rank, told apart")
+    for log in (*(power_grip(data, u) for u in (1, 5)), *(grip_force(data, n) for n in ("01", "05"))):
+        for name in DECODERS:
+            said = []
+            for swapped in (False, True):
+                try:
+                    f = compare(*two_halves(log, swapped=swapped), [name])[0].figures
+                    said.append(
+                        f"{f.rank_correlation:.2f} / {100 * f.balanced_accuracy:.0f} % / {f.changes_per_s:.2f}/s / "
+                        f"{f.false_closings_per_min:.1f} a minute"
+                    )
+                except TegaError as error:
+                    said.append(str(error))
+            print(f"| {log.name} ({log.rate_hz:g} Hz) | {name} | {said[0]} | {said[1]} |")
     print("\nchannels: mean rank correlation of rules and learned, best n by the training half")
     for n in range(1, 9):
         found: dict[str, list[float]] = {"rules": [], "learned": []}

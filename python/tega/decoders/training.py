@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import warnings
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -36,6 +37,8 @@ LEAST_S: Final = 10.0
 CLIPPED_SHARE: Final = 0.05
 LEAST_SHARE: Final = 0.05
 LEAST_R2: Final = 0.2
+LEAST_NOVELTY: Final = 3.0
+"""Standard deviations beyond the training data that are always let pass: another day, a stronger squeeze."""
 _EARLIEST_S, _LATEST_S = -1.0, 0.5
 _FOLDS = 5
 
@@ -326,9 +329,13 @@ class _Learner:
             line = Ridge(alpha=RIDGE * len(y)).fit(z, wanted)
             return _Parts(line.coef_, line.intercept_)
         if self._model == "huber":
+            from sklearn.exceptions import ConvergenceWarning
             from sklearn.linear_model import HuberRegressor
 
-            line = HuberRegressor(alpha=RIDGE * len(y), max_iter=2000).fit(z, wanted)
+            with warnings.catch_warnings():
+                # It also warns where its line search cannot make the last digits any better.
+                warnings.simplefilter("ignore", ConvergenceWarning)
+                line = HuberRegressor(alpha=RIDGE * len(y), max_iter=2000).fit(z, wanted)
             return _Parts(line.coef_, line.intercept_)
         from sklearn.kernel_ridge import KernelRidge
 
@@ -392,7 +399,7 @@ def _kept_back(
         float(shares[2]),
         float(shares[3]),
         float(shares[4]),
-    ), max(1.0, float(np.quantile(novelty, 1.0 - reject)))
+    ), max(LEAST_NOVELTY, float(np.quantile(novelty, 1.0 - reject)))
 
 
 def _tuple(values: NDArray[np.float64]) -> tuple[float, ...]:
