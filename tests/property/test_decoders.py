@@ -26,7 +26,9 @@ from tega.testing.contract import check_stage
 RATE_HZ, TAU = 1000.0, 100
 
 
-def squeezes(seed: int = 1, channels: int = 3, seconds: int = 24) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def squeezes(
+    seed: int = 1, channels: int = 3, seconds: int = 24
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return noise as strong as a closure that rises and falls, and the closure."""
     rng = np.random.default_rng(seed)
     corners = np.arange(0, seconds + 1, 2)
@@ -91,7 +93,9 @@ def test_the_closure_never_falls_as_the_effort_rises(efforts: list[float]) -> No
 def test_shares_are_shares_and_features_do_not_depend_on_gain(n: int, seed: int) -> None:
     x = np.random.default_rng(seed).normal(size=(n, 2))
     for name in ("ZC", "SSC", "AR"):
-        np.testing.assert_allclose(block_features(x * 8, (name,)), block_features(x, (name,)), rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(
+            block_features(x * 8, (name,)), block_features(x, (name,)), rtol=1e-6, atol=1e-9
+        )
     assert (block_features(x, ("ZC", "SSC")) <= 1).all()
     np.testing.assert_allclose(block_features(x, ("MAV",)), np.abs(x).mean(axis=0))
     np.testing.assert_allclose(block_features(x, ("LOGVAR",)), x.var(axis=0))
@@ -157,8 +161,13 @@ def test_any_other_file_is_refused(data: bytes, tmp_path_factory: pytest.TempPat
         load_model(path)
 
 
-@given(field=st.sampled_from(Model.__struct_fields__), value=st.sampled_from([None, "x", -1, [], {}, 1e308, [1.0]]))
-def test_a_changed_model_is_refused_or_runs(field: str, value: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
+@given(
+    field=st.sampled_from(Model.__struct_fields__),
+    value=st.sampled_from([None, "x", -1, [], {}, 1e308, [1.0]]),
+)
+def test_a_changed_model_is_refused_or_runs(
+    field: str, value: Any, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     tree = msgspec.to_builtins(fitted().model) | {field: value}
     path = tmp_path_factory.mktemp("model") / "m.json"
     path.write_bytes(msgspec.json.encode(tree))
@@ -228,7 +237,9 @@ def options(tmp_path: Path) -> LearnedOptions:
     rng = np.random.default_rng(1)
     closure = np.tile(np.repeat([0.0, 1.0, 0.5, 0.0], 1500), 4)
     emg = rng.normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None])
-    fit(emg, closure, rate_hz=RATE_HZ, tau=TAU, channels=("a", "b", "c"), person="p01").save(tmp_path / "m.json")
+    fit(emg, closure, rate_hz=RATE_HZ, tau=TAU, channels=("a", "b", "c"), person="p01").save(
+        tmp_path / "m.json"
+    )
     return LearnedOptions(model=tmp_path / "m.json", person="p01")
 
 

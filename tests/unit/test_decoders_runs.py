@@ -130,6 +130,9 @@ def test_compare_prints_draws_and_gives_json(tmp_path: Path, capsys: pytest.Capt
     for name, value in (("rest", 0), ("close", 1)):
         np.save(tmp_path / f"{name}.npy", emg[closure == value][:800])
     one = f"{tmp_path}/rest.npy=0,{tmp_path}/close.npy=1"
-    assert teleop("emg", "compare", f"{one},{one},{one}", "--rate-hz", "200", "--decoders", "learned", "--json") == 0
+    assert (
+        teleop("emg", "compare", f"{one},{one},{one}", "--rate-hz", "200", "--decoders", "learned", "--json")
+        == 0
+    )
     assert all(row["balanced_accuracy"] > 0.9 for row in json.loads(capsys.readouterr().out))
     assert teleop("emg", "compare", str(file), "--rate-hz", "200") == 2

@@ -4,7 +4,8 @@
 
     TEGA_DATA=/path/to/recordings python tools/figures/decoder_pareto.py docs/images/emg-decoders-pareto.png
 
-Cost: median wall time of one block from Python, 8 channels at 1 kHz, blocks of 100 ms, in one process. Error: 1 less the
+Cost: median wall time of one block from Python, 8 channels at 1 kHz, blocks of 100 ms, in one process. Error:
+    1 less the
 mean rank correlation of closure with force on the second halves of six squeezes of three channels (first halves teach).
 """
 
@@ -82,23 +83,22 @@ def cost_us(model: Any, features: tuple[str, ...]) -> float:
     return float(np.median(took)) / 1000
 
 
-def error(logs: list[Log], model: str, features: tuple[str, ...]) -> float:
+def mean_error(logs: list[Log], model: str, features: tuple[str, ...]) -> float:
     """Return 1 less the mean rank correlation."""
     name = "learned" if model == "ridge" else f"learned-{model}"
     found = [compare(*two_halves(log), [name], features=features)[0].figures.rank_correlation for log in logs]
     return 1.0 - float(np.mean(found))
 
 
-def main(picture: Path) -> None:
+def main(picture: Path) -> None:  # noqa: PLR0912  # one table after the other
     """Draw, and print the tables."""
     data = Path(os.environ["TEGA_DATA"])
     logs = [recording(data, name) for name in NAMES]
     figure = Figure(figsize=(7, 4.5), layout="constrained")
     panel = figure.subplots()
-    points = []
+    points: list[tuple[float, float, str, tuple[str, ...]]] = []
     for model, marker in zip(MODELS, "osD", strict=True):
-        for features in FEATURES:
-            points.append((cost_us(model, features), error(logs, model, features), model, features))
+        points += [(cost_us(model, f), mean_error(logs, model, f), model, f) for f in FEATURES]
         own = [p for p in points if p[2] == model]
         panel.scatter([p[0] for p in own], [p[1] for p in own], marker=marker, s=28, label=model)
     for us, wrong, model, features in points:
@@ -106,7 +106,9 @@ def main(picture: Path) -> None:
     best = sorted(p for p in points if not any(q[0] < p[0] and q[1] < p[1] for q in points))
     panel.step([p[0] for p in best], [p[1] for p in best], where="post", color="0.6", linewidth=1)
     for us, wrong, _, features in best:
-        panel.annotate("+".join(features), (us, wrong), fontsize=7, xytext=(4, -9), textcoords="offset points")
+        panel.annotate(
+            "+".join(features), (us, wrong), fontsize=7, xytext=(4, -9), textcoords="offset points"
+        )
     panel.axvline(150, color="0.6", linestyle=":", linewidth=1)
     panel.set_xlabel("median time of a block (µs), 8 channels at 1 kHz")
     panel.set_ylabel("1 - mean rank correlation with force")

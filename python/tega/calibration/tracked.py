@@ -98,7 +98,8 @@ def read_tracked(record: Path) -> Tracked:
         raise CalibrationError(f"{path.name}: damaged: {error}", "track again") from error
     if data.dtype != np.float64 or data.ndim != 2 or data.shape[1] != len(told.channels) + 1:
         raise CalibrationError(
-            f"{path.name}: {data.dtype} {data.shape}, expected float64 (n, {len(told.channels) + 1})", "track again"
+            f"{path.name}: {data.dtype} {data.shape}, expected float64 (n, {len(told.channels) + 1})",
+            "track again",
         )
     return Tracked(
         np.ascontiguousarray(data[:, :-1]),

@@ -22,19 +22,23 @@ def emg() -> None:
     """Fit a decoder to a person's muscles, and compare decoders on one log."""
 
 
-@emg.command(epilog="Example: tega-teleop emg fit calibrations/people/p01/practice/20261122-150405.toml --out p01.json")
+@emg.command(
+    epilog="Example: tega-teleop emg fit calibrations/people/p01/practice/20261122-150405.toml --out p01.json"
+)
 @click.argument("log", type=click.Path(path_type=Path), metavar="LOG")
-@click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The model's file.")
+@click.option(
+    "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The model's file."
+)
 @click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
 @click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
 @click.option("--kind", type=_KINDS, default="raw", show_default=True)
 @click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
 @click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
-@click.option(
-    "--model", type=click.Choice(["ridge", "huber", "kernel"]), default="ridge", show_default=True
-)
+@click.option("--model", type=click.Choice(["ridge", "huber", "kernel"]), default="ridge", show_default=True)
 @click.option("--features", type=NameList(), default="MAV,LOGVAR", show_default=True)
-@click.option("--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block.")
+@click.option(
+    "--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block."
+)
 @click.option("--person", default="", help="Whose muscles, a code; a practice record knows.")
 @json_option
 @debug_option
@@ -59,6 +63,8 @@ def fit(
     force or a closure, with --target and --rate-hz. With --json: {"file", "lag_s", "duration_s", "data_sha256",
     "person", "channels", "rate_hz", "in_sample": {...figures of emg compare, on the training data itself...}}.
     """
+    from math import isnan
+
     import msgspec
 
     from tega.decoders import fit as fit_decoder
@@ -97,8 +103,11 @@ def fit(
     wanted = (given.target[: len(closure) * tau].reshape(-1, tau).mean(axis=1) / made.full).clip(0, 1)
     figures = judge(closure, decoder.levels, wanted, tau / given.rate_hz, confidence=decoder.confidence)
     if as_json:
-        told = {f: getattr(made, f) for f in ("lag_s", "duration_s", "data_sha256", "person", "channels", "rate_hz")}
-        builtin = {k: v if v == v else None for k, v in msgspec.to_builtins(figures).items()}
+        told = {
+            f: getattr(made, f)
+            for f in ("lag_s", "duration_s", "data_sha256", "person", "channels", "rate_hz")
+        }
+        builtin = {k: None if isnan(v) else v for k, v in msgspec.to_builtins(figures).items()}
         echo_json({"file": str(out), **told, "in_sample": builtin})
         return
     click.echo(
@@ -121,7 +130,11 @@ def fit(
 @click.option("--rate-hz", required=True, type=click.FloatRange(0, 10_000_000, min_open=True))
 @click.option("--kind", type=_KINDS, default="raw", show_default=True)
 @click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
-@click.option("--best", type=click.IntRange(1, 64), help="Use so many of them: those that go best with the target in the training part.")
+@click.option(
+    "--best",
+    type=click.IntRange(1, 64),
+    help="Use so many of them: those that go best with the target in the training part.",
+)
 @click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
 @click.option(
     "--decoders",
@@ -131,7 +144,12 @@ def fit(
     help="Also learned-huber, learned-kernel, any installed one.",
 )
 @click.option("--train", help="Train on this log instead, and judge each LOG whole: across days.")
-@click.option("--shift", type=click.IntRange(0, 63), default=0, help="Rotate the judged part's channels by so many places and draw their gains anew (simulated).")
+@click.option(
+    "--shift",
+    type=click.IntRange(0, 63),
+    default=0,
+    help="Rotate the judged part's channels by so many places and draw their gains anew (simulated).",
+)
 @click.option("--seed", type=int, default=1, show_default=True, help="Of those gains.")
 @click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Draw target and closures.")
 @json_option
@@ -200,7 +218,7 @@ def compare(
         _print(rows)
 
 
-def _read_any(
+def _read_any(  # noqa: PLR0917  # one argument an option
     log: str, target: str | None, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
 ) -> Log:
     import numpy as np
@@ -222,11 +240,11 @@ def _read_any(
         found, _ = read_emg_file(Path(file), channels or (), variable=variable)
         samples.append(found)
         goal.append(np.full(len(found), meant))
-    name = f"{Path(log.split(',')[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
+    name = f"{Path(log.split(',', maxsplit=1)[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
     return Given(name, np.concatenate(samples), np.concatenate(goal), rate_hz, kind)
 
 
-def _read(
+def _read(  # noqa: PLR0917  # one argument an option
     file: Path, target: str, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
 ) -> Log:
     import numpy as np
@@ -268,9 +286,9 @@ _COLUMNS = (
     ("held", "held", 100, ".0f"),
 )
 _MEANT = (
-    "chg/s: changes of level; later: than rules-paper, ms; level: % of time at the target's level; told: rest and effort "
-    "told apart, balanced %; false: closings at rest per minute; conf: error of confidence; held: % of blocks. Details: "
-    "docs/emg-decoders.md"
+    "chg/s: changes of level; later: than rules-paper, ms; level: % of time at the target's level; told: rest and "
+    "effort told apart, balanced %; false: closings at rest per minute; conf: error of confidence; held: % of "
+    "blocks. Details: docs/emg-decoders.md"
 )
 
 
@@ -293,7 +311,8 @@ def _print(rows: list[dict[str, Any]]) -> None:
             table.add_column(name, justify="right", no_wrap=True)
         for row in some:
             cells = [
-                "–" if row[key] is None else format(row[key] * times, form) for _, key, times, form in _COLUMNS
+                "–" if row[key] is None else format(row[key] * times, form)
+                for _, key, times, form in _COLUMNS
             ]
             table.add_row(row["decoder"], *cells)
         console.print(table)

@@ -40,7 +40,9 @@ def draw(parts: list[tuple[str, float, list[Told]]], file: Path) -> None:
             panel.plot(t_s, one.closure, linewidth=1.0)
             panel.set_title(f"{one.decoder}: rank {one.figures.rank_correlation:.2f}", fontsize=8, loc="left")
             panel.tick_params(labelsize=7)
-        panels[0, column].set_title(f"{title}\n{panels[0, column].get_title(loc='left')}", fontsize=8, loc="left")
+        panels[0, column].set_title(
+            f"{title}\n{panels[0, column].get_title(loc='left')}", fontsize=8, loc="left"
+        )
         panels[-1, column].set_xlabel("time (s)", fontsize=8)
     figure.supylabel("closure 0 to 1; grey: target", fontsize=8)
     figure.savefig(file, dpi=110)

@@ -11,4 +11,13 @@ from tega.decoders.model import Model, load_model, save_model
 from tega.decoders.proportional import ProportionalDecoder
 from tega.decoders.training import fit
 
-__all__ = ["FEATURES", "Decoded", "LearnedDecoder", "Model", "ProportionalDecoder", "fit", "load_model", "save_model"]
+__all__ = [
+    "FEATURES",
+    "Decoded",
+    "LearnedDecoder",
+    "Model",
+    "ProportionalDecoder",
+    "fit",
+    "load_model",
+    "save_model",
+]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
@@ -201,7 +202,9 @@ def _run(
     ends = times_ns[train.tau - 1 :: train.tau]
     at = np.searchsorted(np.array([intent.t_ns for intent in intents]), ends, side="right") - 1
     if not intents or at[0] < 0:
-        raise ConfigError(f"decoder {name!r} says nothing in the first 100 ms", "it cannot be compared block by block")
+        raise ConfigError(
+            f"decoder {name!r} says nothing in the first 100 ms", "it cannot be compared block by block"
+        )
     newest = [intents[n] for n in at]
     closure = np.array([(i.level - 1) / 4 if i.closure is None else i.closure for i in newest])
     level = np.array([i.level if i.closure is None else np.floor(4 * i.closure + 1.5) for i in newest])
@@ -212,4 +215,4 @@ def _run(
 def as_json(told: Told) -> dict[str, Any]:
     """Return a decoder's figures by name; a figure that cannot be told is ``None``."""
     figures = msgspec.to_builtins(told.figures)
-    return {"decoder": told.decoder} | {k: None if v != v else v for k, v in figures.items()}
+    return {"decoder": told.decoder} | {k: None if math.isnan(v) else v for k, v in figures.items()}

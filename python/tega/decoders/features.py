@@ -1,12 +1,13 @@
 """Compute EMG features of blocks by their names in the literature: MAV, WL, ZC, SSC, LOGVAR, AR.
 
-A block is ``tau`` samples. Each feature is a number a channel and block (AR: four); :data:`FEATURES` gives the equations.
+A block is ``tau`` samples. Each feature is a number a channel and block (AR: four), see
+:data:`FEATURES`.
 Amplitudes (MAV, WL, LOGVAR) enter a model as logarithms above the floor at rest, so that a gain is an offset.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -134,7 +135,9 @@ class Blocks:
             if self._raw:
                 bad |= np.ptp(flat[part], axis=0) == 0
             blocks.append(
-                Block(np.ascontiguousarray(values[part]), bad | self._before, (number + 1) * tau - n_before - 1)
+                Block(
+                    np.ascontiguousarray(values[part]), bad | self._before, (number + 1) * tau - n_before - 1
+                )
             )
             self._before = bad
         rest = n_blocks * tau

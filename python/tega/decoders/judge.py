@@ -87,7 +87,9 @@ def judge(
     """
     told, steps, wanted = (np.asarray(a, np.float64) for a in (closure, level, target))
     if not told.shape == steps.shape == wanted.shape or told.ndim != 1 or len(told) < 3:
-        raise ShapeError(f"series have shapes {told.shape}, {steps.shape}, {wanted.shape}: three blocks are needed")
+        raise ShapeError(
+            f"series have shapes {told.shape}, {steps.shape}, {wanted.shape}: three blocks are needed"
+        )
     rest, effort = wanted < 0.25, wanted > 0.5
     balanced = float("nan")
     if rest.any() and effort.any():

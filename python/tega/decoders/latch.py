@@ -1,4 +1,4 @@
-"""Hold a closure level until the closure has left it for long or by far, so that a steady effort gives a steady hand."""
+"""Hold a closure level until the closure has left it for long or by far: a steady effort gives a steady level."""
 
 from __future__ import annotations
 

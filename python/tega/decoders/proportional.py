@@ -57,10 +57,13 @@ class ProportionalDecoder:
         used = tuple(channels)
         if len(used) not in {1, 2} or not all(0 <= c < len(self._maxima) for c in used):
             raise InvalidValueError(
-                f"channels = {used!r} of {len(self._maxima)}", "name one that closes, or that and one that opens"
+                f"channels = {used!r} of {len(self._maxima)}",
+                "name one that closes, or that and one that opens",
             )
         if not 0 <= dead_band < full:
-            raise InvalidValueError(f"dead_band = {dead_band!r}, full = {full!r}", "give 0 <= dead_band < full")
+            raise InvalidValueError(
+                f"dead_band = {dead_band!r}, full = {full!r}", "give 0 <= dead_band < full"
+            )
         self._used, self._dead_band, self._full = list(used), dead_band, full
         self._gain = -float(np.expm1(-tau / rate_hz / smoothing_s))
         self._blocks = Blocks(rate_hz, tau, kind, len(self._maxima))
@@ -75,7 +78,9 @@ class ProportionalDecoder:
             bad = block.bad[self._used].any()
             if not bad:
                 shares = np.add.reduce(np.abs(block.samples)) / len(block.samples) / self._maxima
-                self._state = shares if self._state is None else self._state + self._gain * (shares - self._state)
+                self._state = (
+                    shares if self._state is None else self._state + self._gain * (shares - self._state)
+                )
                 drive = float(self._state[self._used[0]])
                 if len(self._used) == 2:
                     drive -= float(self._state[self._used[1]])

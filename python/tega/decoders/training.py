@@ -71,7 +71,8 @@ def fit(
         features: Names out of :data:`tega.decoders.FEATURES`.
         model: "ridge", "huber" (unmoved by bursts in the target), or "kernel" (ridge with radial functions).
         full: Target that is full closure; ``None``: its 98th percentile.
-        reject: Share of the training blocks, each compared with the others' range, whose like will be held, 0 to 0.2.
+        reject: Share of the training blocks, each compared with the others' range, whose like will be held, 0 to 0.2;
+            what is within three standard deviations of the training data is never held.
         channels: Their names; ``ch1``, ``ch2`` … where left out.
         person: Whose muscles, a code.
 
@@ -143,7 +144,7 @@ def fit(
     return LearnedDecoder(found)
 
 
-def _check_options(
+def _check_options(  # noqa: PLR0917  # in the order of fit
     rate_hz: float,
     tau: int,
     kind: str,
@@ -168,7 +169,9 @@ def _check_options(
             f"rate_hz = {rate_hz:g} is too low for raw EMG", "use 200 samples/s or more, or an envelope"
         )
     if len(names) != n_channels or len(set(names)) != n_channels:
-        raise ShapeError(f"channels = {names!r} for {n_channels} columns", "give each column a name of its own")
+        raise ShapeError(
+            f"channels = {names!r} for {n_channels} columns", "give each column a name of its own"
+        )
 
 
 def _checked_target(
@@ -191,7 +194,9 @@ def _checked_target(
     for column in range(samples.shape[1]):
         signal = samples[:, column]
         if np.ptp(signal) == 0:
-            raise CalibrationError(f"channel {column + 1} never moves", "look at its electrode, or leave it out")
+            raise CalibrationError(
+                f"channel {column + 1} never moves", "look at its electrode, or leave it out"
+            )
         clipped = max(float((signal == signal.max()).mean()), float((signal == signal.min()).mean()))
         if clipped > CLIPPED_SHARE and len(np.unique(signal)) > 2 and not _rests_there(signal):
             raise CalibrationError(
@@ -318,7 +323,9 @@ class _Learner:
         try:
             import sklearn  # noqa: F401
         except ImportError as error:
-            raise MissingExtraError("fitting a decoder needs scikit-learn", "pip install 'tega[learn]'") from error
+            raise MissingExtraError(
+                "fitting a decoder needs scikit-learn", "pip install 'tega[learn]'"
+            ) from error
         self._model = model
 
     def __call__(self, z: NDArray[np.float64], y: NDArray[np.float64]) -> _Parts:

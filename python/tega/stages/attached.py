@@ -34,9 +34,7 @@ def attached_files(stages: StagesSection) -> dict[str, bytes]:
         OSError: One cannot be read.
         RecordingError: One is no file, or larger than 64 MiB.
     """
-    return {
-        name: read_foreign(path, most_mib=_MOST_MIB) for name, _, path in _named(stages)
-    }
+    return {name: read_foreign(path, most_mib=_MOST_MIB) for name, _, path in _named(stages)}
 
 
 @contextmanager
@@ -81,5 +79,7 @@ def _placed(stages: StagesSection, place: _Place, path: Path) -> StagesSection:
         beside = (*stages.beside[:where], changed, *stages.beside[where + 1 :])
         return msgspec.structs.replace(stages, beside=beside)
     section = getattr(stages, where)
-    changed = msgspec.structs.replace(section, options=msgspec.structs.replace(section.options, **{field: path}))
+    changed = msgspec.structs.replace(
+        section, options=msgspec.structs.replace(section.options, **{field: path})
+    )
     return msgspec.structs.replace(stages, **{where: changed})
