@@ -17,7 +17,7 @@ __all__ = ["emg"]
 _KINDS = click.Choice(["raw", "rectified", "envelope"])
 
 
-@click.group()
+@click.group(epilog="Example: tega-teleop emg compare --help")
 def emg() -> None:
     """Fit a decoder to a person's muscles, and compare decoders on one log."""
 

@@ -26,6 +26,7 @@ PUBLIC: Final = (
     "tega",
     "tega.calibration",
     "tega.config",
+    "tega.decoders",
     "tega.detect",
     "tega.devices",
     "tega.emg",
