@@ -15,7 +15,7 @@ import pytest
 PROJECT = Path(__file__).resolve().parents[2]
 EXAMPLES = {
     "own_metric": "embedding",
-    "own_decoder": "proportional",
+    "own_decoder": "one-channel",
     "own_mapping": "bars",
     "own_layout": "sleeve16",
 }
@@ -70,7 +70,7 @@ kind = "raw"
 name = "embedding"
 options = { components = 2 }
 [stages.decoder]
-name = "proportional"
+name = "one-channel"
 options = { channel = 2 }
 [stages.mapping]
 name = "bars"
@@ -122,7 +122,7 @@ def test_the_examples_pass_the_contract_and_are_listed(installed: dict[str, str]
     own = {stage["name"]: stage for stage in listed if stage["package"] != "tega"}
     assert set(own) == set(EXAMPLES.values())
     assert own["embedding"]["values"] == {"pc1": "grey", "pc2": "grey", "pc3": "grey"}
-    done = run(installed, "-m", "tega.testing.contract", "proportional", "--set", "rest=0.9")
+    done = run(installed, "-m", "tega.testing.contract", "one-channel", "--set", "rest=0.9")
     assert done.returncode == 2, done.stdout
     assert "a rest below full" in done.stdout
 
