@@ -84,7 +84,7 @@ def cue(log: Log, seed: int) -> NDArray[np.float64]:
     level, steps = 0.0, np.empty(n)
     for number, value in enumerate(4 * blocks):
         if abs(value - level) > 0.6:
-            level = round(value)
+            level = float(np.round(value))
         steps[number] = level / 4
     rng = np.random.default_rng(seed)
     asked = np.full(len(closure), steps[0])
