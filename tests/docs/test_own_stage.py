@@ -18,7 +18,7 @@ import pytest
 PROJECT = Path(__file__).resolve().parents[2]
 EXAMPLES = {
     "own_metric": "embedding",
-    "own_decoder": "proportional",
+    "own_decoder": "one-channel",
     "own_mapping": "bars",
     "own_layout": "sleeve16",
 }
@@ -75,7 +75,7 @@ kind = "raw"
 name = "embedding"
 options = { components = 2 }
 [stages.decoder]
-name = "proportional"
+name = "one-channel"
 options = { channel = 2 }
 [stages.mapping]
 name = "bars"
@@ -151,7 +151,7 @@ def test_the_examples_pass_the_contract_and_are_listed(installed: Installed) -> 
     own = {stage["name"]: stage for stage in listed if stage["package"] != "tega"}
     assert set(own) == set(EXAMPLES.values())
     assert own["embedding"]["values"] == {"pc1": "grey", "pc2": "grey", "pc3": "grey"}
-    done = run("-m", "tega.contract", "proportional", "--set", "rest=0.9", python=installed.python)
+    done = run("-m", "tega.contract", "one-channel", "--set", "rest=0.9", python=installed.python)
     assert done.returncode == 2, done.stdout
     assert "a rest below full" in done.stdout
 

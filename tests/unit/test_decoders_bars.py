@@ -1,6 +1,7 @@
 """What the learned decoder reaches on real recordings: fitted on one part in time, judged on another.
 
-Constants of the decoder (time constants, ridge, the latch) were chosen on the second halves of these recordings: the bars
+Constants of the decoder (time constants, ridge, the latch) were chosen on the second halves of these
+recordings: the bars
 are in-sample in that sense. The swapped halves stand beside them, and docs/emg-decoders.md says how far constants may
 move.
 """
@@ -83,7 +84,7 @@ def cue(log: Log, seed: int) -> NDArray[np.float64]:
     level, steps = 0.0, np.empty(n)
     for number, value in enumerate(4 * blocks):
         if abs(value - level) > 0.6:
-            level = round(value)
+            level = float(np.round(value))
         steps[number] = level / 4
     rng = np.random.default_rng(seed)
     asked = np.full(len(closure), steps[0])

@@ -60,7 +60,7 @@ def test_the_stages_of_the_package_are_found_and_described() -> None:
 def test_the_stages_of_the_package_keep_the_contract(stage: Any) -> None:
     if stage.group == "layout":
         check_stage(find_layout(stage.name))
-    else:
+    elif stage.name != "learned":  # which needs a model: tests/property/test_decoders.py
         check_stage(Chosen(stage.group, StageConfig(name=stage.name), "live").kind)
 
 

@@ -17,7 +17,7 @@ __all__ = ["emg"]
 _KINDS = click.Choice(["raw", "rectified", "envelope"])
 
 
-@click.group()
+@click.group(epilog="Example: tega-teleop emg compare --help")
 def emg() -> None:
     """Fit a decoder to a person's muscles, and compare decoders on one log."""
 
@@ -63,6 +63,8 @@ def fit(
     force or a closure, with --target and --rate-hz. With --json: {"file", "lag_s", "duration_s", "data_sha256",
     "person", "channels", "rate_hz", "in_sample": {...figures of emg compare, on the training data itself...}}.
     """
+    from math import isnan
+
     import msgspec
 
     from tega.decoders import fit as fit_decoder
@@ -105,7 +107,7 @@ def fit(
             f: getattr(made, f)
             for f in ("lag_s", "duration_s", "data_sha256", "person", "channels", "rate_hz")
         }
-        builtin = {k: v if v == v else None for k, v in msgspec.to_builtins(figures).items()}
+        builtin = {k: None if isnan(v) else v for k, v in msgspec.to_builtins(figures).items()}
         echo_json({"file": str(out), **told, "in_sample": builtin})
         return
     click.echo(
@@ -216,7 +218,7 @@ def compare(
         _print(rows)
 
 
-def _read_any(
+def _read_any(  # noqa: PLR0917  # one argument an option
     log: str, target: str | None, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
 ) -> Log:
     import numpy as np
@@ -238,11 +240,11 @@ def _read_any(
         found, _ = read_emg_file(Path(file), channels or (), variable=variable)
         samples.append(found)
         goal.append(np.full(len(found), meant))
-    name = f"{Path(log.split(',')[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
+    name = f"{Path(log.split(',', maxsplit=1)[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
     return Given(name, np.concatenate(samples), np.concatenate(goal), rate_hz, kind)
 
 
-def _read(
+def _read(  # noqa: PLR0917  # one argument an option
     file: Path, target: str, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
 ) -> Log:
     import numpy as np
@@ -272,36 +274,46 @@ def _read(
 
 
 _COLUMNS = (
-    ("rank", "rank_correlation", 1, ".3f"),
-    ("linear", "correlation", 1, ".3f"),
+    ("rank ρ", "rank_correlation", 1, ".2f"),
+    ("r", "correlation", 1, ".2f"),
     ("RMSE", "rmse", 1, ".2f"),
-    ("changes/s", "changes_per_s", 1, ".2f"),
-    ("after paper ms", "delay_s", 1000, ".0f"),
-    ("at level %", "at_level", 100, ".0f"),
-    ("balanced %", "balanced_accuracy", 100, ".0f"),
-    ("false/min", "false_closings_per_min", 1, ".1f"),
-    ("conf. error", "calibration_error", 1, ".2f"),
-    ("held %", "held", 100, ".1f"),
+    ("chg/s", "changes_per_s", 1, ".2f"),
+    ("later", "delay_s", 1000, ".0f"),
+    ("level", "at_level", 100, ".0f"),
+    ("told", "balanced_accuracy", 100, ".0f"),
+    ("false", "false_closings_per_min", 1, ".1f"),
+    ("conf", "calibration_error", 1, ".2f"),
+    ("held", "held", 100, ".0f"),
+)
+_MEANT = (
+    "chg/s: changes of level; later: than rules-paper, ms; level: % of time at the target's level; told: rest and "
+    "effort told apart, balanced %; false: closings at rest per minute; conf: error of confidence; held: % of "
+    "blocks. Details: docs/emg-decoders.md"
 )
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
+    from itertools import groupby
+
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(box=SIMPLE)
-    for name in ("log", "judged on", "decoder"):
-        table.add_column(name)
-    for name, *_ in _COLUMNS:
-        table.add_column(name, justify="right")
-    last: tuple[str, str] | None = None
-    for row in rows:
-        where = row["log"], row["judged_on"]
-        shown = ("", "") if where == last else where
-        last = where
-        cells = [
-            "–" if row[key] is None else format(row[key] * times, form) for _, key, times, form in _COLUMNS
-        ]
-        table.add_row(*shown, row["decoder"], *cells)
-    Console(highlight=False, width=None).print(table)
+    console = Console(highlight=False)
+    for (log, trained_on, judged_on), some in groupby(
+        rows, key=lambda row: (row["log"], row["trained_on"], row["judged_on"])
+    ):
+        table = Table(
+            box=SIMPLE, title=f"{log}: trained on {trained_on}, judged on {judged_on}", title_justify="left"
+        )
+        table.add_column("decoder", no_wrap=True)
+        for name, *_ in _COLUMNS:
+            table.add_column(name, justify="right", no_wrap=True)
+        for row in some:
+            cells = [
+                "–" if row[key] is None else format(row[key] * times, form)
+                for _, key, times, form in _COLUMNS
+            ]
+            table.add_row(row["decoder"], *cells)
+        console.print(table)
+    console.print(_MEANT)

@@ -23,10 +23,10 @@ STRENGTH: Final = 0.1
 
 
 def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -> Model:
-    """Return the model with mean, scale and weights of its features moved to new samples.
+    """Return the model with weights and bias moved to new samples.
 
-    The features' mean and standard deviation are taken anew, as far as rest and effort are both there; then the weights
-    move from the old ones by a ridge that prefers not to. The monotone stage stays.
+    Weights and bias move from the old ones by a ridge that prefers not to. A gain is an offset of a logarithm, which
+    goes into the bias. The range of what is known grows by the new samples. The monotone stage stays.
 
     Args:
         model: The old one; no kernel.
@@ -62,7 +62,6 @@ def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -
     old_mean, old_scale = np.array(model.mean), np.array(model.scale)
     weights = np.array(model.weights)
     z = (smoothed - old_mean) / old_scale
-    # A first estimate of what a gain or an offset did: an equal share of every feature, taken out of the mean.
     column = np.concatenate([z, np.ones((len(z), 1))], axis=1)
     strength = STRENGTH * len(z) * np.eye(column.shape[1])
     strength[-1, -1] = 1e-6 * len(z)
@@ -83,4 +82,5 @@ def _effort_of(model: Model, closure: NDArray[np.float64]) -> NDArray[np.float64
     efforts, closures = np.array(model.knots_effort), np.array(model.knots_closure)
     low = efforts[np.searchsorted(closures, closure, side="left").clip(0, len(efforts) - 1)]
     high = efforts[(np.searchsorted(closures, closure, side="right") - 1).clip(0, len(efforts) - 1)]
-    return (low + high) / 2.0
+    middle: NDArray[np.float64] = (low + high) / 2.0
+    return middle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
@@ -214,4 +215,4 @@ def _run(
 def as_json(told: Told) -> dict[str, Any]:
     """Return a decoder's figures by name; a figure that cannot be told is ``None``."""
     figures = msgspec.to_builtins(told.figures)
-    return {"decoder": told.decoder} | {k: None if v != v else v for k, v in figures.items()}
+    return {"decoder": told.decoder} | {k: None if math.isnan(v) else v for k, v in figures.items()}

@@ -1,6 +1,7 @@
 """Compute EMG features of blocks by their names in the literature: MAV, WL, ZC, SSC, LOGVAR, AR.
 
-A block is ``tau`` samples. Each feature is a number a channel and block (AR: four); :data:`FEATURES` gives the equations.
+A block is ``tau`` samples. Each feature is a number a channel and block (AR: four), see
+:data:`FEATURES`.
 Amplitudes (MAV, WL, LOGVAR) enter a model as logarithms above the floor at rest, so that a gain is an offset.
 """
 

@@ -1,4 +1,4 @@
-"""Hold a closure level until the closure has left it for long or by far, so that a steady effort gives a steady hand."""
+"""Hold a closure level until the closure has left it for long or by far: a steady effort gives a steady level."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["Latch"]
 
 MARGIN_LEVELS: Final = 0.25
 """How far beyond a level's border the closure has to be to count."""
-AREA_LEVEL_S: Final = 0.16
+AREA_LEVEL_S: Final = 0.18
 """By how much, summed over time, it has to be beyond that."""
 LEAK_S: Final = 0.45
 """Time constant with which that sum is forgotten while the closure is back."""

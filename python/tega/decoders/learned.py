@@ -81,7 +81,8 @@ class Scorer:
 
     def scaled(self, smoothed: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return them in standard deviations."""
-        return (smoothed - self._mean) / self._scale
+        z: NDArray[np.float64] = (smoothed - self._mean) / self._scale
+        return z
 
     def effort(self, z: NDArray[np.float64]) -> float:
         """Return the effort. Sums instead of products of matrices: those may differ from machine to machine."""
@@ -94,8 +95,8 @@ class Scorer:
 class LearnedDecoder:
     """Turn EMG samples into a closure a block, by a model of :func:`tega.decoders.fit`.
 
-    Causal; a recording gives bit-identical results however it is cut into chunks. Samples that are missing are NaN: with
-    a channel bad the closure is held, with confidence 0. A block beyond anything in the training data is held too.
+    Causal; a recording gives bit-identical results however it is cut into chunks. Samples that are missing are NaN:
+    with a channel bad the closure is held, with confidence 0. A block far beyond the training data is held too.
 
     Args:
         model: The model.
@@ -151,7 +152,8 @@ class LearnedDecoder:
             samples: ``(n, channels)``, in the unit of the training data; NaN where missing.
 
         Returns:
-            Closure of each block completed, 0 to 1, ``(k,)``, float64. ``levels``, ``confidence`` and ``held`` say more.
+            Closure of each block completed, 0 to 1, ``(k,)``, float64. ``levels``, ``confidence`` and ``held``
+            say more.
 
         Raises:
             ShapeError: The samples have another number of channels.
@@ -163,7 +165,15 @@ class LearnedDecoder:
     def _decode(self, block: Block) -> Decoded:
         n = len(self._full)
         if block.bad.any():
-            return Decoded(self._last, max(1, self._latch.level), 0.0, True, (0,) * n, block.end, np.nan)
+            return Decoded(
+                self._last,
+                max(1, self._latch.level),
+                0.0,
+                held=True,
+                channels=(0,) * n,
+                end=block.end,
+                effort=np.nan,
+            )
         z = self._scorer.scaled(self._scorer.smooth(block.samples))
         effort = self._scorer.effort(z)
         novelty = float(np.maximum(self._lowest - z, z - self._highest).max())
@@ -186,7 +196,7 @@ class LearnedDecoder:
         return closure if closure >= self.model.dead_band else 0.0
 
     def recalibrated(self, emg: ArrayLike, target: ArrayLike) -> LearnedDecoder:
-        """Return a decoder that fits the day: offset of each feature and strength of each weight, from about ten seconds.
+        """Return a decoder that fits the day, from about ten seconds of rest and effort.
 
         The weights move as little from the old ones as the new samples allow (ridge towards the old model).
 

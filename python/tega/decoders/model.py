@@ -25,8 +25,9 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """What was learned, and from what.
 
     With f the block's features (amplitudes as ln(v + floor)), s each of them smoothed with every time constant, and
-    z = (s - mean) / scale: the effort is weights·z + bias, or for ``kernel`` the sum of weight·exp(-gamma |z - support|²)
-    + bias; the closure is the effort through the rising polyline of knots, and 0 below ``dead_band``.
+    z = (s - mean) / scale: the effort is weights·z + bias, or for ``kernel`` the sum of
+    weight·exp(-gamma |z - support|²) + bias; the closure is the effort through the rising polyline of knots, and 0
+    below ``dead_band``.
 
     Attributes:
         kind: ``raw``, ``rectified`` or ``envelope``.

@@ -1,4 +1,4 @@
-"""Decode the muscles of a run by a learned model, or in proportion to one channel: stages ``learned``, ``proportional``."""
+"""Stages ``learned`` and ``proportional``: decode the muscles of a run by a model, or in proportion to a channel."""
 
 from __future__ import annotations
 
@@ -96,7 +96,8 @@ class _BlockStage(Decoder):
     def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:
         """Take the next samples; one intent a block.
 
-        With blocks that come a tenth too fast or too slow, over the last 30, another rate than that of the calibration is
+        With blocks that come a tenth too fast or too slow, over the last 30, another rate than that of the
+        calibration is
         at work: the closure is held, and no channel believed, which the guard holds the hand for.
         """
         self._core.process(samples)

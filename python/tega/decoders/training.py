@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import warnings
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -36,6 +37,8 @@ LEAST_S: Final = 10.0
 CLIPPED_SHARE: Final = 0.05
 LEAST_SHARE: Final = 0.05
 LEAST_R2: Final = 0.2
+LEAST_NOVELTY: Final = 3.0
+"""Standard deviations beyond the training data that are always let pass: another day, a stronger squeeze."""
 _EARLIEST_S, _LATEST_S = -1.0, 0.5
 _FOLDS = 5
 
@@ -68,7 +71,8 @@ def fit(
         features: Names out of :data:`tega.decoders.FEATURES`.
         model: "ridge", "huber" (unmoved by bursts in the target), or "kernel" (ridge with radial functions).
         full: Target that is full closure; ``None``: its 98th percentile.
-        reject: Share of the training blocks, each compared with the others' range, whose like will be held, 0 to 0.2.
+        reject: Share of the training blocks, each compared with the others' range, whose like will be held, 0 to 0.2;
+            what is within three standard deviations of the training data is never held.
         channels: Their names; ``ch1``, ``ch2`` … where left out.
         person: Whose muscles, a code.
 
@@ -140,7 +144,7 @@ def fit(
     return LearnedDecoder(found)
 
 
-def _check_options(
+def _check_options(  # noqa: PLR0917  # in the order of fit
     rate_hz: float,
     tau: int,
     kind: str,
@@ -278,7 +282,8 @@ def _lag(values: NDArray[np.float64], y: NDArray[np.float64], block_s: float) ->
         sd = x.std(axis=0)
         z = (x - x.mean(axis=0)) / np.where(sd > 0, sd, 1.0)
         weights, bias = _ridge(z, wanted)
-        explained.append(1.0 - float((wanted - z @ weights - bias).var() / max(wanted.var(), 1e-12)))
+        left = float((wanted - z @ weights - bias).var())
+        explained.append(1.0 - left / float(wanted.var()) if wanted.var() > 1e-9 else 0.0)
     best = int(np.argmax(explained))
     if explained[best] < LEAST_R2:
         raise CalibrationError(
@@ -331,9 +336,13 @@ class _Learner:
             line = Ridge(alpha=RIDGE * len(y)).fit(z, wanted)
             return _Parts(line.coef_, line.intercept_)
         if self._model == "huber":
+            from sklearn.exceptions import ConvergenceWarning
             from sklearn.linear_model import HuberRegressor
 
-            line = HuberRegressor(alpha=RIDGE * len(y), max_iter=2000).fit(z, wanted)
+            with warnings.catch_warnings():
+                # It also warns where its line search cannot make the last digits any better.
+                warnings.simplefilter("ignore", ConvergenceWarning)
+                line = HuberRegressor(alpha=RIDGE * len(y), max_iter=2000).fit(z, wanted)
             return _Parts(line.coef_, line.intercept_)
         from sklearn.kernel_ridge import KernelRidge
 
@@ -397,7 +406,7 @@ def _kept_back(
         float(shares[2]),
         float(shares[3]),
         float(shares[4]),
-    ), max(1.0, float(np.quantile(novelty, 1.0 - reject)))
+    ), max(LEAST_NOVELTY, float(np.quantile(novelty, 1.0 - reject)))
 
 
 def _tuple(values: NDArray[np.float64]) -> tuple[float, ...]:

@@ -19,6 +19,7 @@ from tega.recording.mcap_recorder import McapRecorder
 from tega.recording.mcap_schemas import VERSIONS, unit_table
 from tega.recording.versions import versions
 from tega.records import End, HandExchange, Record
+from tega.stages.attached import attached_files
 from tega.stages.choose import metric_told
 from tega.toml_text import config_text
 
@@ -117,6 +118,8 @@ class Recording:
         poses = getattr(config.hand.options, "poses", None)
         if poses is not None:
             files["poses.toml"] = ("application/toml", poses.read_bytes())
+        for name, data in attached_files(config.stages).items():
+            files[name] = ("application/octet-stream", data)
         self._recorder.head(facts, files)
 
     def begin(self, start_ns: int, now_ns: int) -> None:

@@ -21,6 +21,7 @@ from tega.inbox.sources import Block, BlockMeter, Contact, SourceReport, metrics
 from tega.records import BesideContact, BesideIntent
 from tega.replay.arm import arm_settings
 from tega.replay.recorded import Head, Recorded, without_devices
+from tega.stages.attached import with_attached
 from tega.stages.choose import Chosen, chosen_stage, finger_metric, metric_told, muscle_decoder
 from tega.teleop.beside import look_on
 
@@ -114,8 +115,11 @@ class Measured:
         emg = self.calibration.emg
         if "emg" in head.sources and emg is not None:
             used = msgspec.structs.replace(emg, kind=kind)
+            kept = head.files if self._other is None else {}
+            with with_attached(self.config.stages, kept) as stages:
+                decoder = muscle_decoder(stages, self.config.session.preset, used)
             self._muscles = BlockMeter(
-                muscle_decoder(self.config.stages, self.config.session.preset, used),
+                decoder,
                 SourceReport(),
                 maxima=used,
                 live=head.sources["emg"].live,

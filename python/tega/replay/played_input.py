@@ -11,6 +11,7 @@ from tega.inbox.prepared import Finger, Muscles, Prepared
 from tega.inbox.sources import Block, SourceReport
 from tega.inbox.stream import Item, PulledStream
 from tega.replay.measured import contact_items, level_items
+from tega.stages.attached import with_attached
 from tega.stages.choose import muscle_decoder
 from tega.teleop.loop import FIRST_LEVEL
 
@@ -66,10 +67,12 @@ def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: 
     muscles, emg = None, measured.calibration.emg
     if "emg" in head.sources and emg is not None:
         blocks = _asked(recorded, level_items(recorded, measured), len(emg.channels), lead_ns)
+        with with_attached(measured.config.stages, head.files) as stages:
+            decoder = muscle_decoder(stages, measured.config.session.preset, emg)
         muscles = Muscles(
             source("emg", emg.rate_hz),
             emg,
-            muscle_decoder(measured.config.stages, measured.config.session.preset, emg),
+            decoder,
             SourceReport(),
             stream=_as_known(blocks, end_ns),
         )

@@ -27,6 +27,7 @@ PUBLIC: Final = (
     "tega.calibration",
     "tega.config",
     "tega.contract",
+    "tega.decoders",
     "tega.detect",
     "tega.devices",
     "tega.emg",

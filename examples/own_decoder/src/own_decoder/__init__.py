@@ -42,7 +42,7 @@ class ProportionalDecoder(Decoder):
     def __init__(self, setup: MuscleSetup, options: ProportionalOptions) -> None:
         if options.channel > len(setup.channels) or options.rest >= options.full:
             raise ConfigError(
-                f"proportional: channel {options.channel} of {len(setup.channels)}, rest {options.rest:g}, full "
+                f"one-channel: channel {options.channel} of {len(setup.channels)}, rest {options.rest:g}, full "
                 f"{options.full:g}",
                 "name one of the channels, and a rest below full",
             )

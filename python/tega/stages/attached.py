@@ -1,0 +1,85 @@
+"""Keep the files that stages name in their options with a recording, and find them there again.
+
+A recording has to give the same again on another machine, years later: a model's file is a part of what was computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import msgspec
+
+from tega.foreign_file import read_foreign
+
+if TYPE_CHECKING:
+    from tega.config_sections import StagesSection
+
+__all__ = ["attached_files", "with_attached"]
+
+_GROUPS: Final[tuple[Literal["metric", "decoder", "mapping"], ...]] = ("metric", "decoder", "mapping")
+_MOST_MIB = 64
+
+
+def attached_files(stages: StagesSection) -> dict[str, bytes]:
+    """Return the content of every file that the options of metric, decoder, mapping or one beside name.
+
+    Returns:
+        By a name of its own: ``stage-decoder-model.json``; ``stage-beside0-model.json``.
+
+    Raises:
+        OSError: One cannot be read.
+        RecordingError: One is no file, or larger than 64 MiB.
+    """
+    return {name: read_foreign(path, most_mib=_MOST_MIB) for name, _, path in _named(stages)}
+
+
+@contextmanager
+def with_attached(stages: StagesSection, files: Mapping[str, bytes]) -> Iterator[StagesSection]:
+    """Give stages whose options name what a recording kept, for as long as they are made.
+
+    An option whose file the recording did not keep stays as it is.
+    """
+    with TemporaryDirectory(prefix="tega-stages-") as folder:
+        for name, place, _ in _named(stages):
+            if name in files:
+                path = Path(folder) / name
+                path.write_bytes(files[name])
+                stages = _placed(stages, place, path)
+        yield stages
+
+
+_Place = tuple[Any, str]
+
+
+def _named(stages: StagesSection) -> list[tuple[str, _Place, Path]]:
+    """Return every option that is a path: a name for it, where it stands, and the path."""
+    tables: list[tuple[Any, str, Any]] = [(g, g, getattr(stages, g).options) for g in _GROUPS]
+    tables += [(n, f"beside{n}", one.options) for n, one in enumerate(stages.beside)]
+    found = []
+    for where, told, options in tables:
+        if not isinstance(options, msgspec.Struct):
+            continue
+        for field in options.__struct_fields__:
+            value = getattr(options, field)
+            if isinstance(value, Path):
+                suffix = value.suffix if value.suffix[1:].isalnum() else ""
+                found.append((f"stage-{told}-{field}{suffix}", (where, field), value))
+    return found
+
+
+def _placed(stages: StagesSection, place: _Place, path: Path) -> StagesSection:
+    where, field = place
+    if isinstance(where, int):
+        one = stages.beside[where]
+        changed = msgspec.structs.replace(one, options=msgspec.structs.replace(one.options, **{field: path}))
+        beside = (*stages.beside[:where], changed, *stages.beside[where + 1 :])
+        return msgspec.structs.replace(stages, beside=beside)
+    section = getattr(stages, where)
+    changed = msgspec.structs.replace(
+        section, options=msgspec.structs.replace(section.options, **{field: path})
+    )
+    return msgspec.structs.replace(stages, **{where: changed})
