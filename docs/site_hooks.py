@@ -26,7 +26,7 @@ def commands_page() -> str:
 
     def add(command: click.Command, parent: click.Context | None, name: str) -> None:
         context = click.Context(
-            command, info_name=name, parent=parent, max_content_width=96, terminal_width=96
+            command, info_name=name, parent=parent, max_content_width=80, terminal_width=80
         )
         depth = "##" if parent is None or parent.parent is None else "###"
         lines.extend([f"{depth} {context.command_path}", "", "```text", command.get_help(context), "```", ""])

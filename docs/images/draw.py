@@ -1,7 +1,8 @@
 """Draw the pictures of README and the teaching pages: ``make pictures``.
 
-Set-up, hardware and objects are the counterparts of the paper's Figures 5, 2 and 4, drawn by us; object sizes are
-those of the simulated world. The animation is one simulated lift. The tutorials' pictures are what their commands compute.
+Set-up, hardware and objects are the counterparts of the paper's Figures 5, 2 and 4, drawn by us; the sizes of the
+objects are those of the simulated world. The animation is one simulated lift. The tutorials' pictures are what their
+commands compute.
 """
 
 from __future__ import annotations
