@@ -1,4 +1,4 @@
-"""Show the sections ``Example:`` of docstrings as code; griffe knows them as ``Examples:`` alone."""
+"""Prepare docstrings for the site: ``Example:`` becomes ``Examples:``, which griffe knows, and roles become code."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import griffe
 
 
 class Examples(griffe.Extension):
-    """Renames the section in every docstring, before it is parsed."""
+    """Changes every docstring before it is parsed."""
 
     def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
-        """Rename it in one object's docstring."""
+        """Change one object's docstring."""
         if obj.docstring is not None:
-            obj.docstring.value = re.sub(r"^Example:$", "Examples:", obj.docstring.value, flags=re.MULTILINE)
+            text = re.sub(r"^Example:$", "Examples:", obj.docstring.value, flags=re.MULTILINE)
+            obj.docstring.value = re.sub(r":\w+:`~?([^`]+)`", r"`\1`", text)

@@ -9,6 +9,7 @@ import typing
 from pathlib import Path
 from typing import Any
 
+import click
 import msgspec
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files, InclusionLevel
@@ -16,17 +17,26 @@ from mkdocs.structure.pages import Page
 
 ABBREVIATIONS = {"CCI": "contact concentration index", "EDA": "effective deformation area"}
 
-COMMANDS = """# Commands
 
-Every verb with its options, as `--help` prints them. The text comes from the program itself.
+def commands_page() -> str:
+    """Write every verb's help as the program prints it."""
+    from tega.cli.main import cli
 
-::: mkdocs-click
-    :module: tega.cli.main
-    :command: cli
-    :prog_name: tega-teleop
-    :depth: 1
-    :style: table
-"""
+    lines = ["# Commands", "", "Every verb with its options, as `--help` prints them.", ""]
+
+    def add(command: click.Command, parent: click.Context | None, name: str) -> None:
+        context = click.Context(
+            command, info_name=name, parent=parent, max_content_width=80, terminal_width=80
+        )
+        depth = "##" if parent is None or parent.parent is None else "###"
+        lines.extend([f"{depth} {context.command_path}", "", "```text", command.get_help(context), "```", ""])
+        if isinstance(command, click.Group):
+            for inner in command.list_commands(context):
+                if (found := command.get_command(context, inner)) is not None:
+                    add(found, context, inner)
+
+    add(cli, None, "tega-teleop")
+    return "\n".join(lines)
 
 
 def public_modules(docs: Path) -> list[str]:
@@ -91,7 +101,9 @@ def _default(field: msgspec.structs.FieldInfo) -> str:
         value = field.default_factory() if callable(field.default_factory) else None
     else:
         value = field.default
-    return "none" if value is None or value in ({}, (), []) else f"`{value}`"
+    if value is None or value in ({}, (), []):
+        return "none"
+    return f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
 
 def settings_page() -> str:
@@ -101,7 +113,7 @@ def settings_page() -> str:
     lines = [
         "# All settings, from the schema",
         "",
-        "Every key of a settings file, as the program checks it. [Settings](../config.md) explains how they work together.",
+        "Every key of a settings file, as the program checks it. [Settings](../config.md) explains their use.",
         "",
     ]
 
@@ -134,7 +146,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     modules = public_modules(Path(config.docs_dir))
     listed = "\n".join(f"- [`{m}`](python/{m}.md)" for m in modules)
     pages = {
-        "reference/commands.md": COMMANDS,
+        "reference/commands.md": commands_page(),
         "reference/settings.md": settings_page(),
         "reference/python.md": "# Python\n\nThe public modules; each page is made from the docstrings.\n\n"
         + listed,

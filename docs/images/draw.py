@@ -1,7 +1,8 @@
 """Draw the pictures of README and the teaching pages: ``make pictures``.
 
-Set-up, hardware and objects are the counterparts of the paper's Figures 5, 2 and 4, drawn by us; object sizes are those of
-the simulated world. The animation is one simulated lift. The tutorials' pictures are what their commands compute.
+Set-up, hardware and objects are the counterparts of the paper's Figures 5, 2 and 4, drawn by us; the sizes of the
+objects are those of the simulated world. The animation is one simulated lift. The tutorials' pictures are what their
+commands compute.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ def _canvas(width: float, height: float, title: str) -> tuple[Figure, Any]:
     axes.set_ylim(0, 10 * height)
     axes.set_aspect("equal")
     axes.set_axis_off()
-    axes.text(5 * width, 10 * height - 3, title, ha="center", va="center", weight="bold", fontsize=12, color=INK)
+    axes.text(
+        5 * width, 10 * height - 3, title, ha="center", va="center", weight="bold", fontsize=12, color=INK
+    )
     return figure, axes
 
 
@@ -50,14 +53,20 @@ def _save_svg(figure: Figure, name: str) -> None:
         figure.savefig(HERE / name, metadata={"Date": None})
 
 
-def _box(axes: Any, x: float, y: float, width: float, height: float, text: str, colour: str) -> None:
+def _box(  # noqa: PLR0917  # where, how large, what and how
+    axes: Any, x: float, y: float, width: float, height: float, text: str, colour: str
+) -> None:
     axes.add_patch(
-        FancyBboxPatch((x, y), width, height, boxstyle="round,pad=0,rounding_size=1.2", fc=colour, ec=INK, lw=1)
+        FancyBboxPatch(
+            (x, y), width, height, boxstyle="round,pad=0,rounding_size=1.2", fc=colour, ec=INK, lw=1
+        )
     )
     axes.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=8.5, color=INK)
 
 
-def _arrow(axes: Any, begin: tuple[float, float], end: tuple[float, float], text: str, above: float = 1.4) -> None:
+def _arrow(
+    axes: Any, begin: tuple[float, float], end: tuple[float, float], text: str, above: float = 1.4
+) -> None:
     axes.add_patch(FancyArrowPatch(begin, end, arrowstyle="-|>", mutation_scale=11, color=INK, lw=1.2))
     middle = np.add(begin, end) / 2
     axes.text(middle[0], middle[1] + above, text, ha="center", va="center", fontsize=7.5, color="#4b5866")
@@ -73,7 +82,9 @@ def hardware() -> None:
         (1, "vest: 40 motors,\na column a finger"),
     ):
         _box(axes, 2, y, 22, 7, text, PERSON)
-    _box(axes, 36, 8, 18, 24, "computer\n\nLinux, Python 3.11\n\ntouch: 60 Hz\nvest: 30 Hz\nhand: 333 Hz", PALE)
+    _box(
+        axes, 36, 8, 18, 24, "computer\n\nLinux, Python 3.11\n\ntouch: 60 Hz\nvest: 30 Hz\nhand: 333 Hz", PALE
+    )
     for y, text in (
         (31, "arm: Franka Panda, FR3"),
         (18, "hand: Allegro Hand v4"),
@@ -89,7 +100,14 @@ def hardware() -> None:
     _arrow(axes, (66, 8.5), (54, 12), "USB", above=-2.0)
     axes.text(13, 39.8, "on the person", ha="center", fontsize=9, color="#a05a1c")
     axes.text(77, 39.8, "on the robot", ha="center", fontsize=9, color="#2f6690")
-    axes.text(77, 14.5, "a switch in the 12 V line,\nan emergency stop within reach", ha="center", fontsize=7.5, color="#b00020")
+    axes.text(
+        77,
+        14.5,
+        "a switch in the 12 V line,\nan emergency stop within reach",
+        ha="center",
+        fontsize=7.5,
+        color="#b00020",
+    )
     _save_svg(figure, "setup-hardware.svg")
 
 
@@ -106,9 +124,28 @@ def objects() -> None:
         if spec.name == "bottle":
             body = [(-1, 0), (1, 0), (1, 0.72), (0.35, 0.9), (0.35, 1), (-0.35, 1), (-0.35, 0.9), (-1, 0.72)]
         elif spec.name == "container":
-            body = [(-0.95, 0), (0.95, 0), (1, 0.88), (1.05, 0.88), (1.05, 1), (-1.05, 1), (-1.05, 0.88), (-1, 0.88)]
+            body = [
+                (-0.95, 0),
+                (0.95, 0),
+                (1, 0.88),
+                (1.05, 0.88),
+                (1.05, 1),
+                (-1.05, 1),
+                (-1.05, 0.88),
+                (-1, 0.88),
+            ]
         else:
-            body = [(-0.8, 0), (0.8, 0), (1, 0.2), (0.9, 0.5), (1, 0.75), (0.3, 0.86), (0.5, 1), (-0.5, 1), (-0.3, 0.86)]
+            body = [
+                (-0.8, 0),
+                (0.8, 0),
+                (1, 0.2),
+                (0.9, 0.5),
+                (1, 0.75),
+                (0.3, 0.86),
+                (0.5, 1),
+                (-0.5, 1),
+                (-0.3, 0.86),
+            ]
             body += [(-1, 0.75), (-0.9, 0.5), (-1, 0.2)]
         axes.add_patch(
             Polygon([(x + a * width / 2, floor + b * height) for a, b in body], fc=colour, ec=INK, lw=1.2)
@@ -134,7 +171,9 @@ def objects() -> None:
 
 def bench() -> None:
     """Draw operator, robot and table (the paper's Figure 5)."""
-    figure, axes = _canvas(9, 4.6, "The set-up: the operator leads arm and hand, and feels the fingertips on the vest")
+    figure, axes = _canvas(
+        9, 4.6, "The set-up: the operator leads arm and hand, and feels the fingertips on the vest"
+    )
     # The operator, from the front: column 1 is at their own left, which is at the right as drawn.
     axes.add_patch(Circle((17, 34), 3.6, fc=PERSON, ec=INK))
     axes.add_patch(Polygon([(9, 29), (25, 29), (23, 9), (11, 9)], fc="#dfe5ec", ec=INK))
@@ -145,13 +184,30 @@ def bench() -> None:
     for x, y in ((32, 20), (34, 21), (36, 22)):
         axes.add_patch(Rectangle((x - 0.5, y - 0.8), 1, 1.6, fc="#ffd54d", ec=INK, lw=0.7))
     axes.add_patch(Rectangle((29, 16.6), 2, 2, fc="#7a5ea8", ec=INK, lw=0.7))
-    axes.annotate("three EMG channels", (34, 21.5), (31, 29), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK})
+    axes.annotate(
+        "three EMG channels", (34, 21.5), (31, 29), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK}
+    )
     axes.annotate("tracker", (30, 17), (29, 11), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK})
-    axes.text(17, 5.6, "vest, seen from the front:\na column a finger, CCI here, EDA on the back", ha="center", fontsize=7.5, color=INK)
+    axes.text(
+        17,
+        5.6,
+        "vest, seen from the front:\na column a finger, CCI here, EDA on the back",
+        ha="center",
+        fontsize=7.5,
+        color=INK,
+    )
     # The robot.
     axes.plot([46, 89], [8, 8], color=INK, lw=3)
     axes.text(67, 4.6, "table, with the two places of the task", ha="center", fontsize=8, color=INK)
-    axes.plot([84, 84, 77, 68, 63], [8, 20, 33, 34, 27], color="#c3cad3", lw=13, solid_capstyle="round", solid_joinstyle="round", zorder=1)
+    axes.plot(
+        [84, 84, 77, 68, 63],
+        [8, 20, 33, 34, 27],
+        color="#c3cad3",
+        lw=13,
+        solid_capstyle="round",
+        solid_joinstyle="round",
+        zorder=1,
+    )
     for x, y in ((84, 20), (77, 33), (68, 34)):
         axes.add_patch(Circle((x, y), 1.6, fc="#8d99a6", ec=INK, lw=0.7, zorder=2))
     axes.add_patch(Rectangle((59.5, 23.5), 7, 4.5, fc="#39424e", ec=INK, zorder=3))
@@ -162,8 +218,16 @@ def bench() -> None:
     axes.add_patch(Ellipse((52, 8.6), 6, 1.2, fc="none", ec="#b00020", lw=1.2))
     axes.add_patch(Ellipse((63.3, 8.6), 7, 1.2, fc="none", ec="#b00020", lw=1.2))
     axes.text(86, 36, "Franka arm,\n7 joints", ha="center", fontsize=8, color=INK)
-    axes.annotate("Allegro Hand", (60, 26), (47.5, 30), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK})
-    axes.annotate("a DIGIT at each\nfingertip", (60, 17), (47, 20), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK})
+    axes.annotate(
+        "Allegro Hand", (60, 26), (47.5, 30), fontsize=8, arrowprops={"arrowstyle": "-", "color": INK}
+    )
+    axes.annotate(
+        "a DIGIT at each\nfingertip",
+        (60, 17),
+        (47, 20),
+        fontsize=8,
+        arrowprops={"arrowstyle": "-", "color": INK},
+    )
     _save_svg(figure, "setup-bench.svg")
 
 
@@ -235,7 +299,9 @@ def _frame(moment: Moment, shapes: Any, name: str) -> Image.Image:
     for level in range(1, 6):
         filled = level <= moment.level
         axes.add_patch(Rectangle((15 + 6 * level, 13), 5, 6, fc="#c8202f" if filled else "#eceff2", lw=0))
-    axes.text(3, 4, f"{name} {100 * max(moment.height_m, 0):.0f} cm up, {moment.t_s:.1f} s", fontsize=9, color=INK)
+    axes.text(
+        3, 4, f"{name} {100 * max(moment.height_m, 0):.0f} cm up, {moment.t_s:.1f} s", fontsize=9, color=INK
+    )
     figure.text(0.02, 0.94, "a simulated lift, twice as fast", fontsize=9, color="#4b5866")
     buffer = BytesIO()
     figure.savefig(buffer, format="png")
@@ -298,7 +364,9 @@ def tutorial_emg(folder: Path) -> None:
     axes = figure.subplots()
     channels = [k for k in levels if k not in {"t_s", "fused"}]
     for n, channel in enumerate(channels):
-        axes.step(levels["t_s"], levels[channel] + 0.04 * (n - 1), where="post", lw=1, label=f"channel {n + 1}")
+        axes.step(
+            levels["t_s"], levels[channel] + 0.04 * (n - 1), where="post", lw=1, label=f"channel {n + 1}"
+        )
     axes.step(levels["t_s"], levels["fused"], where="post", color="#c8202f", lw=2.5, label="fused level")
     axes.set_yticks(range(1, 6))
     axes.set_ylabel("level")

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
-from tega.testing.contract import check_stage
-
+from tega.contract import check_stage
 from tega.decoders import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
 from tega.decoders.compare import Log, compare
 from tega.decoders.features import block_features

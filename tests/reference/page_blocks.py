@@ -40,12 +40,14 @@ def blocks_of(page: Path) -> list[Block]:
 
 
 def commands_of(page: Path) -> list[list[str]]:
-    """Return the words of every ``tega-teleop`` command that a page shows, comments and paths of the program left out."""
+    """Return the words of every ``tega-teleop`` command that a page shows, without comments."""
     found = []
     for block in blocks_of(page):
         if block.language == "sh":
             lines = re.sub(r"\s+#.*$", "", block.text.replace("\\\n", " "), flags=re.MULTILINE)
-            for line in re.split(r"\n|&&|;", lines):
-                if words := re.match(r"\s*(?:\S*/)?tega-teleop\b(.*)", line):
-                    found.append(words[1].split())
+            found += [
+                words[1].split()
+                for line in re.split(r"\n|&&|;", lines)
+                if (words := re.match(r"\s*(?:\S*/)?tega-teleop\b(.*)", line))
+            ]
     return found

@@ -30,6 +30,7 @@ def devices(*, as_json: bool) -> None:
     """
     import msgspec
 
+    from tega.cli.install_line import with_origin
     from tega.cli.options import echo_json
     from tega.devices import list_drivers
     from tega.doctor import look_for
@@ -49,7 +50,9 @@ def devices(*, as_json: bool) -> None:
         return
     width = max((len(d.name) for d in drivers), default=0)
     for d in drivers:
-        click.echo(f"{d.kind or '?':<8} {d.name:<{width}}  {d.summary if d.ready else d.problem}")
+        click.echo(
+            f"{d.kind or '?':<8} {d.name:<{width}}  {d.summary if d.ready else with_origin(d.problem)}"
+        )
         for one in looked[d.name].found if d.name in looked else ():
             about = one.problem or one.note
             click.echo(f"{'':<8} {'':<{width}}    ↳ {one.label}{f': {about}' if about else ''}")

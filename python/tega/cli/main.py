@@ -213,4 +213,6 @@ def _tell(message: str, hint: str, *, debug: bool) -> None:
         traceback.print_exc()
     click.echo(f"error: {message}", err=True)
     if hint:
-        click.echo(f"hint: {hint}", err=True)
+        from tega.cli.install_line import with_origin
+
+        click.echo(f"hint: {with_origin(hint)}", err=True)

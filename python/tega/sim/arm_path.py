@@ -1,6 +1,6 @@
 """A hand's path through the whole chain of the arm onto the simulated arm: pick and place, and how well it is followed.
 
-``python -m tega.sim.check_arm`` prints the tables of ``docs/arm.md``. Everything here is simulated.
+``python -m tega.sim.check_arm`` prints the tables of ``docs/evidence/arm.md``. Everything here is simulated.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Pick and place through the arm's whole chain, and what filter, clip and delay do: ``python -m tega.sim.check_arm``.
 
-Prints the table of ``docs/arm.md`` and draws its picture into a folder, ``docs/images`` unless told. Everything it says
-is simulated. Needs the extras ``sim`` and ``view``; a recorded session as path needs ``record`` too.
+Prints the table of ``docs/evidence/arm.md`` and draws its picture into a folder, ``docs/images`` unless told.
+Everything it says is simulated. Needs the extras ``sim`` and ``view``; a recorded session as path needs ``record`` too.
 """
 
 from __future__ import annotations

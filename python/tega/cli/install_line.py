@@ -1,0 +1,34 @@
+"""Print the pip line that works where the program was installed from: a checkout, a wheel file or an index."""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
+
+__all__ = ["with_origin"]
+
+
+def with_origin(text: str, installed: Distribution | None = None) -> str:
+    """Put the place that TEGA was installed from into ``pip install 'tega[…]'``.
+
+    Args:
+        text: A message or hint.
+        installed: The installed package; that of this program when ``None``.
+
+    Returns:
+        The text as it is where TEGA came from an index, or nothing says where from.
+    """
+    if "pip install 'tega[" not in text:
+        return text
+    try:
+        said = (installed or distribution("tega")).read_text("direct_url.json")
+        address = urlsplit(json.loads(said or "{}").get("url", ""))
+    except (PackageNotFoundError, ValueError):
+        return text
+    if address.scheme != "file":
+        return text
+    place = url2pathname(address.path)
+    return re.sub(r"pip install 'tega(\[[^']*)'", lambda m: f"pip install '{place}{m[1]}'", text)
