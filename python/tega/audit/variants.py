@@ -143,7 +143,7 @@ def parse_sweep(text: str) -> Sweep:
 
     Example:
         >>> parse_sweep("stages.metric.options.factor=0.5:1.25:0.25").values
-        ('0.5', '0.75', '1.00', '1.25')
+        ('0.5', '0.75', '1', '1.25')
     """
     key, equals, said = text.partition("=")
     example = "write --sweep stages.metric.options.factor=0.5:2.5:0.25 or =0.5,1.28,2.5"
@@ -165,7 +165,7 @@ def parse_sweep(text: str) -> Sweep:
             if (last - first) / step < _MOST_VALUES
             else _MOST_VALUES + 1
         )
-        values = tuple(f"{first + k * step:f}" for k in range(min(n, _MOST_VALUES + 1)))
+        values = tuple(f"{(first + k * step).normalize():f}" for k in range(min(n, _MOST_VALUES + 1)))
     else:
         values = tuple(dict.fromkeys(part.strip() for part in said.split(",") if part.strip()))
     if not 0 < len(values) <= _MOST_VALUES:
