@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, cast
 from tega import _native
 from tega.errors import ShapeError
 from tega.records.touch import NamedValue
-from tega.touch import GelLight, TouchTracker, TrackedContact, nominal_light, sensor_noise
+from tega.touch import GelLight, TouchTracker, TrackedContact, nominal_light, sensor_noise, update_fingers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,6 +41,7 @@ __all__ = [
     "read_contact",
     "read_contacts",
     "sensor_noise",
+    "update_fingers",
 ]
 
 Order = Literal["bgr", "rgb"]

@@ -107,8 +107,8 @@ def sensor_noise(
 ) -> tuple[float, float, float]:
     """Measure a camera's noise from frames of its untouched gel; about a second of them is enough.
 
-    How much a cell varies about its own mean, the median over the cells: a stuck pixel and a lamp that flickers over all
-    of the picture do not count, and what a compressed video changes slowly does.
+    How much a cell varies about its own mean, the median over the cells: a stuck pixel and a lamp that flickers over
+    all of the picture do not count, and what a compressed video changes slowly does.
 
     Args:
         frames: uint8 (N, H, W, 3), or two or more images uint8 (H, W, 3) of one size, in the order they were taken.
@@ -218,8 +218,8 @@ def update_fingers(
 ) -> list[TrackedContact]:
     """Read the next frame of several fingers of one hand in one call that leaves the interpreter to others meanwhile.
 
-    A finger is told that another is ``loaded`` where that one was in contact before and its picture has not just fallen:
-    what moves at one finger while others hold the object is no release.
+    A finger is told that another is ``loaded`` where that one was in contact before and its picture has not just
+    fallen: what moves at one finger while others hold the object is no release.
 
     Args:
         trackers: One a finger, each once.

@@ -159,7 +159,7 @@ dispatched! {
 
 dispatched! {
     /// See [`live::energy_sums`].
-    energy_sums = live::energy_sums, (white: [&[f32]; 3]) -> [[f32; live::LANES]; 2]
+    energy_sums = live::energy_sums, (white: [&[f32]; 3]) -> [[f32; live::LANES]; 3]
 }
 
 dispatched! {

@@ -316,14 +316,16 @@ fn black_and_saturated_pictures_and_a_stuck_pixel_are_read() {
             assert!(!followed.update(frame.view(), None, false).unwrap().in_contact);
         }
     }
-    let mut finger = Finger::new(31, 320, 240);
-    for stuck in [255, 0] {
-        let mut followed = tracker(&finger.still(), 60.0);
-        for k in 0..60 {
-            let mut frame = finger.still();
-            frame.slice_mut(s![50, 70, ..]).fill(stuck);
-            let touch = followed.update(frame.view(), None, false).unwrap();
-            assert!(!touch.in_contact, "a pixel of {stuck}, frame {k}: {touch:?}");
+    for (height, width) in [(320, 240), (120, 160)] {
+        let mut finger = Finger::new(31, height, width);
+        for stuck in [255, 0] {
+            let mut followed = tracker(&finger.still(), 60.0);
+            for k in 0..60 {
+                let mut frame = finger.still();
+                frame.slice_mut(s![50, 70, ..]).fill(stuck);
+                let touch = followed.update(frame.view(), None, false).unwrap();
+                assert!(!touch.in_contact, "a pixel of {stuck}, frame {k}: {touch:?}");
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Light that drifts changes all of the picture: a plane per colour and a gain against the untouched gel explain it. What they leave, pooled
 //! over two by two cells, is summed up in one number S: √(Σ e² / Σ e), e the energy of a pooled cell in noise units. S hardly varies while
-//! nothing touches, and counts broad contacts by all the picture that they change.
+//! nothing touches, and counts broad contacts by all the picture that they change. One cell that outweighs all others is left out.
 
 use super::cells::Grid;
 use crate::simd;
@@ -17,6 +17,9 @@ const GAIN_COUNTS: f32 = 64.0;
 const GAIN_HOLD: f64 = 1.0 / (64.0 * 64.0);
 /// Sums of a fit: of weights with 1, x, y, x², xy, y², b, bx, by, b², and of the value with 1, x, y, b.
 pub(crate) const SUMS: usize = 14;
+
+/// The share of Σ e² over which one cell outweighs all others.
+const LONE_SHARE: f32 = 0.8;
 
 /// Three planes of one value a cell.
 pub(crate) type Field = [Vec<f32>; 3];
@@ -132,7 +135,13 @@ impl Colour {
 
     fn statistic(&self) -> f32 {
         let [a, b, c] = &self.left;
-        let [energy, square] = simd::energy_sums([a, b, c]).map(|lanes| lanes.iter().sum::<f32>());
+        let [energy, square, most] = simd::energy_sums([a, b, c]);
+        let most = most.into_iter().fold(0f32, f32::max);
+        let (mut energy, mut square) = (energy.iter().sum::<f32>(), square.iter().sum::<f32>());
+        // A pixel that is stuck lies in one cell; no contact does.
+        if most * most > LONE_SHARE * square {
+            (energy, square) = (energy - most, square - most * most);
+        }
         if energy > f32::MIN_POSITIVE { (square / energy).sqrt() } else { 0.0 }
     }
 }
@@ -222,16 +231,17 @@ pub(crate) fn fit_sums(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[
     sums
 }
 
-/// Sums of energy and of its square over pooled cells.
+/// Sums of energy and of its square over pooled cells, and the largest energies.
 #[inline(always)]
-pub(crate) fn energy_sums([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 2] {
-    let mut sums = [[0f32; LANES]; 2];
+pub(crate) fn energy_sums([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 3] {
+    let mut sums = [[0f32; LANES]; 3];
     let chunks = a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0).zip(c.as_chunks::<LANES>().0);
     for ((a, b), c) in chunks {
         for lane in 0..LANES {
             let e = ((a[lane] * a[lane] + c[lane] * c[lane]) + b[lane] * b[lane]) * (1.0 / 3.0);
             sums[0][lane] += e;
             sums[1][lane] += e * e;
+            sums[2][lane] = if e > sums[2][lane] { e } else { sums[2][lane] };
         }
     }
     sums

@@ -1,10 +1,12 @@
 //! Follow one fingertip from frame to frame: a reading with a memory.
 //!
 //! The tracker knows what its gel looks like at rest and how much that varies. While nothing touches, it follows slow drift; in contact the memory is
-//! frozen. A release is known by its dynamics: a picture that falls quickly from half of the contact's peak to less than a third of it and then stays is
-//! the gel's own leftover, not a light touch; it is not shown, and one second later it is taken for the new rest.
+//! frozen. A release is known by its course: a picture that falls quickly from half of the contact's peak to less than a third of it and then
+//! hardly changes is the gel's own leftover, and so is what is less than a small share of the peak or stays about the threshold for long. A
+//! leftover is not shown; it sinks slowly, and one second later it is taken for the new rest, which is followed quickly at first. What fell
+//! and does not sink is a light hold and is felt again.
 //!
-//! All time constants are exact at any frame rate; arithmetic runs in one order, so a replay gives the same bits.
+//! Lags are of first order and take the time between two frames into account; arithmetic runs in one order, so a replay gives the same bits.
 
 use ndarray::ArrayView3;
 use tega_error::OutOfRange;
@@ -34,7 +36,8 @@ const SMOOTH_S: f64 = 0.012;
 const REST_DOWN_S: f64 = 0.25;
 const REST_DOWN_MOST: f64 = 0.5;
 const REST_UP_S: f64 = 15.0;
-/// How the untouched gel is followed, seconds; at first its frames are averaged.
+/// How the untouched gel is followed, seconds; at first its frames are averaged. Soon after a release, while a leftover is more than a share of
+/// the rest, it is followed quickly.
 const FOLLOW_S: f64 = 5.0;
 const FOLLOW_SOON_S: f64 = 0.5;
 const SOON_SHARE: f64 = 0.1;
@@ -45,10 +48,12 @@ const HALF: f64 = 0.5;
 const KEPT: f64 = 0.3;
 const FALL_S: f64 = 0.35;
 const SETTLED_PER_S: f64 = 0.4;
+/// A fall is over when it goes on at less than this share of its speed.
 const SETTLED: f64 = 0.1;
 /// A fall is judged after this many times as long as it took: quick ones at once, slow ones later.
 const WAIT: f64 = 1.0;
-/// Less than this share of the peak is a trace of the contact, however slowly it fell; so is what stays under the threshold for so many seconds.
+/// Less than this share of the peak is a trace of the contact, however slowly it fell; so is what stays under a multiple of the threshold for
+/// so many seconds.
 const TRACE: f64 = 0.13;
 const FAINT: f64 = 1.15;
 const FAINT_S: f64 = 2.0;
