@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame, touching
-from reference.sessions import rewritten, stream
+from reference.sessions import record, rewritten, stream
 from tega.bus import Bus
 from tega.calibration import Calibration, FingerMaxima, TouchMaxima
 from tega.calibration.known_press import Ball, fit_gel, held
@@ -25,6 +25,7 @@ from tega.config import StagesSection, check_tree, load_config
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import CalibrationError
 from tega.haptics import contact_type, intensity
+from tega.recording.mcap_reader import McapReader
 from tega.records import Picture
 from tega.replay import replay_file
 from tega.sim.gel import Gel, ball, board
@@ -33,6 +34,7 @@ from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric, vest_mapping
 from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
+from tega.study.touch_picture import recorded_picture
 from tega.teleop import run_session
 from tega.teleop.flows import Touching, contact_stream
 from tega.teleop.maxima import guided_maxima, touch_maxima
@@ -428,3 +430,21 @@ def test_reading_outline_and_rezero_are_settings_of_a_replay_and_of_the_demo(
     for k, frame in enumerate(frames[:40]):
         contact = metric.update(frame, k * PERIOD_NS)
     assert contact.area_mm2 == pytest.approx(contact.eda * 0.06**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("lossless", [True, False])
+def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline(
+    tmp_path: Path, *, lossless: bool
+) -> None:
+    path = record(tmp_path / "a1", lossless=lossless)
+    found = recorded_picture(path.parent)
+    assert found is not None
+    metrics, touch_map = found.touch.metrics, found.touch.map
+    assert metrics.in_contact
+    assert touch_map is not None
+    assert touch_map.unit == "mm"
+    contacts = McapReader(path).messages(lambda topic: topic.endswith("/contact"))
+    masses = [message.value.mass for message in contacts if message.value is not None]
+    assert metrics.mass == max(masses)
+    outlined = np.count_nonzero(touch_map.mask)
+    assert outlined == pytest.approx(metrics.eda, rel=0.0 if lossless else 0.1)
