@@ -180,6 +180,11 @@ class TouchTracker:
             baseline, rate_hz=rate_hz, noise=noise, light=light, order=order, outline=outline, rezero=rezero
         )
 
+    @property
+    def bears_load(self) -> bool:
+        """Whether the last frame showed a contact that has not just fallen: what the other fingers are told."""
+        return self._tracker.bears_load
+
     def update(
         self, frame: NDArray[np.uint8], *, dt_s: float | None = None, loaded: bool = False
     ) -> TrackedContact:

@@ -88,9 +88,9 @@ def cue(log: Log, seed: int) -> NDArray[np.float64]:
         steps[number] = level / 4
     rng = np.random.default_rng(seed)
     asked = np.full(len(closure), steps[0])
-    for number in np.flatnonzero(np.diff(steps)) + 1:
-        at = max(0, number * tau - round(rng.uniform(0.2, 0.5) * log.rate_hz))
-        asked[at:] = steps[number]
+    for change in np.flatnonzero(np.diff(steps)) + 1:
+        at = max(0, change * tau - round(rng.uniform(0.2, 0.5) * log.rate_hz))
+        asked[at:] = steps[change]
     return asked
 
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame, touching
-from reference.sessions import rewritten, stream
+from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame
+from reference.sessions import record, rewritten, stream
 from tega.bus import Bus
 from tega.calibration import Calibration, FingerMaxima, TouchMaxima
 from tega.calibration.known_press import Ball, fit_gel, held
@@ -28,6 +28,7 @@ from tega.errors import CalibrationError
 from tega.haptics import contact_type, intensity
 from tega.inbox.prepared import Finger, Prepared
 from tega.inbox.sources import SourceReport
+from tega.recording.mcap_reader import McapReader
 from tega.records import Picture
 from tega.replay import replay_file
 from tega.sim.gel import Gel, ball, board
@@ -36,6 +37,7 @@ from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric, vest_mapping
 from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
+from tega.study.touch_picture import recorded_picture
 from tega.teleop import run_session
 from tega.teleop.flows import Touching, contact_stream
 from tega.teleop.touch import Felt
@@ -91,7 +93,7 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
         def update(self, frame: Any, t_ns: int) -> Any:
             given.append(self.loaded)
             if len(given) == 4:
-                touched.note("ring", (t_ns, touching(eda=50)))
+                touched.note("ring", t_ns, bears_load=True)
             return super().update(frame, t_ns)
 
     with ExitStack() as stack:
@@ -114,7 +116,7 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
     assert not touched.beside("ring", 0)
     assert touched.beside("thumb", 48 * MS + 100 * MS)
     assert not touched.beside("thumb", 48 * MS + 101 * MS)
-    touched.note("ring", (60 * MS, touching(eda=0)))
+    touched.note("ring", 60 * MS, bears_load=False)
     assert not touched.beside("thumb", 60 * MS)
 
 
@@ -428,3 +430,21 @@ def test_reading_outline_and_rezero_are_settings_of_a_replay_and_of_the_demo(
     for k, frame in enumerate(frames[:40]):
         contact = metric.update(frame, k * PERIOD_NS)
     assert contact.area_mm2 == pytest.approx(contact.eda * 0.06**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("lossless", [True, False])
+def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline(
+    tmp_path: Path, *, lossless: bool
+) -> None:
+    path = record(tmp_path / "a1", lossless=lossless)
+    found = recorded_picture(path.parent)
+    assert found is not None
+    metrics, touch_map = found.touch.metrics, found.touch.map
+    assert metrics.in_contact
+    assert touch_map is not None
+    assert touch_map.unit == "mm"
+    contacts = McapReader(path).messages(lambda topic: topic.endswith("/contact"))
+    masses = [message.value.mass for message in contacts if message.value is not None]
+    assert metrics.mass == max(masses)
+    outlined = np.count_nonzero(touch_map.mask)
+    assert outlined == pytest.approx(metrics.eda, rel=0.0 if lossless else 0.1)

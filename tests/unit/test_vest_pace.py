@@ -220,6 +220,7 @@ def test_the_settings_keep_alive_reaches_the_driver(monkeypatch: pytest.MonkeyPa
     )
     section = VestConfig(driver="wire-vest", keep_alive_s=0.15)
     with worn_vest(section, None) as vest:
+        assert isinstance(vest, KeptVest)
         assert vest.keep_alive_s == 0.15
 
 

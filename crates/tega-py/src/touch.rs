@@ -135,6 +135,11 @@ impl TouchTracker {
         Ok(Self { tracker, mm2_per_px: known.then_some(scale * scale) })
     }
 
+    #[getter]
+    fn bears_load(&self) -> bool {
+        self.lock().bears_load()
+    }
+
     #[pyo3(signature = (frame, /, *, dt_s, loaded))]
     fn update(
         &self,

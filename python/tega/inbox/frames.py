@@ -112,6 +112,7 @@ def fed_contacts(
     *,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     see: Callable[[TactileFrame], None] = lambda _frame: None,
+    tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Callable[[TactileFrame], None]:
     """Return what a sensor's own thread is to call with each picture; a bad one is dropped and counted.
 
@@ -122,6 +123,7 @@ def fed_contacts(
         fail: Given what nobody expected; the sensor's thread goes on.
         stamp: Told of each measured picture: its time, and the monotonic time it was received at.
         see: Told of each picture, before it is looked at.
+        tell: Told of each picture that was measured, with what was measured, in the thread that measures.
     """
 
     def measure(frame: TactileFrame) -> None:
@@ -130,6 +132,7 @@ def fed_contacts(
             see(frame)
             if (contact := meter.take(frame)) is not None:
                 stamp(contact[0], received_ns)
+                tell(frame, contact)
                 take(contact)
         except TegaError:
             report.drop()
@@ -161,6 +164,7 @@ def measured_contacts(
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     see: Callable[[TactileFrame], None] = lambda _frame: None,
+    tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Generator[Contact, None, int]:
     """Measure the frames of a source.
 
@@ -180,6 +184,7 @@ def measured_contacts(
         stopped: Tells when to give up.
         stamp: Told of each measured frame: its time, and the monotonic time it was received at.
         see: Told of each frame that was read, before it is looked at.
+        tell: Told of each frame that was measured, with what was measured, in the thread that measures.
 
     Yields:
         Time and metrics of each frame.
@@ -215,6 +220,7 @@ def measured_contacts(
         end_ns = frame.t_ns - start_ns if live else frame.t_ns
         if contact is not None:
             stamp(contact[0], received_ns)
+            tell(frame, contact)
             yield contact
     rate_hz = source.info.rate_hz
     if not live and rate_hz:

@@ -169,6 +169,8 @@ class Rig:
         self._n_frames = number + 1
         self._camera_ns = round((number + 1) * 1e9 / CAMERA_HZ)
         arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
+        # As each finger was in the frame before: the cameras take theirs at one time.
+        bearing = [meter.metric.bears_load for meter in self._meters]
         for finger, indenters in enumerate(self.world.pads()):
             gel, meter = self._gels[finger], self._meters[finger]
             # A metric that learns from an untouched gel is shown it.
@@ -178,7 +180,7 @@ class Rig:
             else:
                 image = self._still[finger]
             self.frames[finger] = image
-            meter.metric.loaded = any(m.in_contact for k, m in enumerate(self.metrics) if k != finger)
+            meter.metric.loaded = any(bearing[:finger] + bearing[finger + 1 :])
             frame = TactileFrame(arrival_ns, number, image, "simulated frame")
             if self._bus.wants(Picture):
                 self._bus.publish(picture_of(FINGERS[finger], frame, live=False, start_ns=0))

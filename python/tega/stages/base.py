@@ -160,7 +160,7 @@ class Metric(_Stage, ABC):
     """
 
     loaded: bool = False
-    """Whether another finger is in contact; set before each :meth:`update`, and recorded with the picture."""
+    """Whether another finger bears a load; set before each :meth:`update`, and recorded with the picture."""
     memory: ClassVar[bool] = False
     """Whether what it says of a frame depends on those before: a part of a recording cannot measure it again then."""
     version: ClassVar[int] = 1
@@ -170,6 +170,11 @@ class Metric(_Stage, ABC):
     def units(cls, options: StageOptions) -> dict[str, str]:  # noqa: ARG003  # for those that have some
         """Return the unit of every value of its own that it measures, by name; ``"1"`` for a plain number."""
         return {}
+
+    @property
+    def bears_load(self) -> bool:
+        """Whether the last frame showed a contact that is not just being released: what ``loaded`` tells the others."""
+        return False
 
     @abstractmethod
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:

@@ -149,6 +149,11 @@ class LiveMetric(Metric):
         )
         self._last_ns: int | None = None
 
+    @property
+    def bears_load(self) -> bool:
+        """Whether the last frame showed a contact that has not just fallen."""
+        return self._tracker.bears_load
+
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
         """Measure a frame."""
         # The first frame, and one whose time stands still or goes back, counts for one period.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -58,7 +58,7 @@ def latency_trace(
 
 
 class Touching:
-    """Knows which fingers are in contact while each is measured by a thread of its own.
+    """Knows which fingers bear a load while each is measured by a thread of its own.
 
     Whether a finger is loaded when a picture is measured hangs on how far the other threads are: it is recorded with
     the picture, so that a replay measures alike.
@@ -67,16 +67,15 @@ class Touching:
     def __init__(self) -> None:
         self._since_ns: dict[str, int] = {}
 
-    def note(self, finger: str, contact: Contact) -> None:
-        """Take note of a finger's newest contact."""
-        t_ns, metrics = contact
-        if metrics.in_contact:
+    def note(self, finger: str, t_ns: int, *, bears_load: bool) -> None:
+        """Take note of what a finger's picture of a time has shown."""
+        if bears_load:
             self._since_ns[finger] = t_ns
         else:
             self._since_ns.pop(finger, None)
 
     def beside(self, finger: str, t_ns: int) -> bool:
-        """Return whether another finger is in contact by a picture that is not older than 100 ms at a time."""
+        """Return whether another finger bears a load by a picture that is not older than 100 ms at a time."""
         others = tuple(self._since_ns.items())  # threads note meanwhile
         return any(other != finger and t_ns - seen_ns <= STALE_NS for other, seen_ns in others)
 
@@ -104,44 +103,29 @@ def contact_stream(
     if trace is not None and live:
         told["stamp"] = trace.source(name)
 
-    def produce(stopped: Callable[[], bool]) -> Generator[Contact, None, int]:
-        stage = metric()
-        newest: TactileFrame | None = None
+    stage = metric()
 
-        def see(frame: TactileFrame) -> None:
-            nonlocal newest
-            newest = frame
-            # The fingers of a recording are read apart from each other: what the others feel is not known in time.
-            stage.loaded = live and touching.beside(name, frame.t_ns - start_ns)
-            if bus.wants(Picture):
-                bus.publish(picture_of(name, frame, live=live, start_ns=start_ns, loaded=stage.loaded))
+    def see(frame: TactileFrame) -> None:
+        # The fingers of a recording are read apart from each other: what the others feel is not known in time.
+        stage.loaded = live and touching.beside(name, frame.t_ns - start_ns)
+        if bus.wants(Picture):
+            bus.publish(picture_of(name, frame, live=live, start_ns=start_ns, loaded=stage.loaded))
 
-        contacts = measured_contacts(
-            finger.source,
-            finger.baseline,
-            stage,
-            finger.report,
-            start_ns=start_ns,
-            stopped=stopped,
-            see=see,
-            **told,
-        )
-        while True:
-            try:
-                contact = next(contacts)
-            except StopIteration as end:
-                end_ns: int = end.value
-                return end_ns
-            touching.note(name, contact)
-            if newest is not None and bus.wants(MeasuredPicture):
-                t_ns, metrics = contact
-                bus.publish(
-                    MeasuredPicture(finger=name, t_ns=t_ns, image=newest.image, metrics=metrics, metric=stage)
-                )
-            yield contact
+    def tell(frame: TactileFrame, contact: Contact) -> None:
+        t_ns, metrics = contact
+        touching.note(name, t_ns, bears_load=stage.bears_load)
+        if bus.wants(MeasuredPicture):
+            bus.publish(
+                MeasuredPicture(finger=name, t_ns=t_ns, image=frame.image, metrics=metrics, metric=stage)
+            )
+
+    told |= {"see": see, "tell": tell}
+    produce = partial(
+        measured_contacts, finger.source, finger.baseline, stage, finger.report, start_ns=start_ns, **told
+    )
 
     if not live:
-        read = PulledStream(ReadAhead(name, produce))
+        read = PulledStream(ReadAhead(name, lambda stopped: produce(stopped=stopped)))
         stack.callback(read.close)
         return read
     stream: LiveStream[Contact] = LiveStream(
@@ -149,15 +133,14 @@ def contact_stream(
     )
     source, rate_hz = finger.source, finger.source.info.rate_hz
     if isinstance(source, FeedingSource) and keeps_up(metric(), finger.baseline, rate_hz=rate_hz):
-        meter = FrameMeter(finger.baseline, metric(), finger.report, live=True, start_ns=start_ns)
+        meter = FrameMeter(finger.baseline, stage, finger.report, live=True, start_ns=start_ns)
         stack.callback(source.feed, None)
         source.feed(
-            fed_contacts(
-                meter, finger.report, stream.put, lambda error: stream.end(error=error), see=see, **told
-            )
+            fed_contacts(meter, finger.report, stream.put, lambda error: stream.end(error=error), **told)
         )
     else:
-        stack.callback(Reader(name, produce, stream.put, stream.end, ahead=True).close)
+        reader = Reader(name, lambda stopped: produce(stopped=stopped), stream.put, stream.end, ahead=True)
+        stack.callback(reader.close)
     return stream
 
 
