@@ -77,7 +77,7 @@ GUARDS: Final = (
     ),
     Guard(
         "a board that went away is not looked for",
-        "            if not _came_back(source, stopped):",
+        "            if not opened_again(source, stopped):",
         "            if True:",
         f"{_LOST}emg_that_comes_back_steers_again",
     ),
@@ -137,7 +137,7 @@ GUARDS: Final = (
     ),
     Guard(
         "nobody looks whether the vest is there",
-        "if kept else {}",
+        "if worn else {}",
         "if False else {}",
         f"{_LOST}a_lost_vest_is_told_and_the_run_goes_on",
     ),

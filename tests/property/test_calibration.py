@@ -110,7 +110,7 @@ def test_a_gel_s_shift_and_its_dark_spot_are_told_apart(seed: int, shift: int, s
         assert change.dark_xy is not None
         assert 60 <= change.dark_xy[0] < 60 + side
         assert any("dark spot" in words for words in change.words)
-    assert any("counts" in words for words in change.words) == (abs(shift) > 6)
+    assert any("counts" in words for words in change.words) == (abs(shift) > 1.9 * 3.0)
 
 
 @given(seed=st.integers(0, 2**16), noise=st.floats(1.5, 4.0), drift=st.floats(-10, 10))

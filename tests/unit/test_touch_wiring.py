@@ -76,7 +76,7 @@ def test_no_rest_is_taken_anew_while_another_finger_is_loaded() -> None:
     assert [c.in_contact for c in alone[30:70]] == [True] * 40
     assert not any(c.in_contact for c in (*alone[80:], *loaded[80:]))
     after = PRESSED.stop + 75  # longer than the second after which the rest is taken anew
-    assert repr(alone[: after - 20]) == repr(loaded[: after - 20])
+    assert repr(alone[: PRESSED.stop]) == repr(loaded[: PRESSED.stop])
     assert alone[after].threshold != loaded[after].threshold
 
 

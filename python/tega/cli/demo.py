@@ -41,13 +41,6 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     help="Who leads the hand; keyboard: you.",
 )
 @click.option(
-    "--preset",
-    type=click.Choice(["paper", "live"]),
-    default="live",
-    show_default=True,
-    help="Readings of the equations: as printed, or those meant for people.",
-)
-@click.option(
     "--seed",
     type=click.IntRange(0, 2**31),
     default=1,

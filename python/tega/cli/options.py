@@ -87,7 +87,13 @@ def loop_options(function: _Function) -> _Function:
             metavar="LAB.toml",
             help="Take the stages, vest.layout and vest.mirror of these settings.",
         ),
-        click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True),
+        click.option(
+            "--preset",
+            type=click.Choice(["paper", "live"]),
+            default="live",
+            show_default=True,
+            help="Readings of the equations: as printed, or those meant for people.",
+        ),
     ):
         function = option(function)
     return function

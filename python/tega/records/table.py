@@ -25,7 +25,7 @@ def columns(kind: type[Record], **names: Iterable[str]) -> tuple[str, ...]:
     written = {field.attribute: field.name for field in fields(kind) if field.of_pair is None}
     head: list[str] = []
     for name in kind.table:
-        head += names.get(name) or _PARTS.get(name) or [written.get(name, name)]
+        head += names[name] if name in names else _PARTS.get(name) or [written.get(name, name)]
     return tuple(head)
 
 

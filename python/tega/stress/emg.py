@@ -225,7 +225,7 @@ def _ratio(run: Callable[[Samples], object], normal: Samples, other: Samples) ->
 def _not_finite(*, quick: bool) -> list[StressCase]:  # noqa: ARG001
     rng = np.random.default_rng(7)
     clean = rng.normal(size=(3_000, 3))
-    bad = rng.choice([np.nan, np.inf, -np.inf, 1e301], size=clean.shape)
+    bad = rng.choice([np.nan, 1e301, -1e301], size=clean.shape)
     lost = (rng.random(clean.shape) < 0.1) & (np.arange(3_000) > 0)[:, np.newaxis]
     samples = np.where(lost, bad, clean)
     held = clean.copy()
@@ -244,7 +244,7 @@ def _not_finite(*, quick: bool) -> list[StressCase]:  # noqa: ARG001
     return [
         StressCase(
             group="emg",
-            name="NaN, ±∞ and 1e301",
+            name="NaN and ±1e301",
             done="one sample in ten of three channels of noise is not a usable number",
             happened=f"the last good sample stands in; {int(lost.sum())} samples lost, "
             f"{'all counted' if counted else 'WRONGLY counted'}",
