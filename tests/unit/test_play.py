@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import signal
@@ -33,6 +34,13 @@ from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.toml_text import tree_text
 
 SECONDS = 1.5
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _where_nobody_has_worn_the_vest_today(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    # The dose of a wearer who is not named is kept in the working folder.
+    with contextlib.chdir(tmp_path_factory.mktemp("work")):
+        yield
 
 
 def checked(tree: dict[str, Any]) -> SessionConfig:

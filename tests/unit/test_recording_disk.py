@@ -311,12 +311,14 @@ def test_looking_into_a_copy_takes_nothing_from_a_recording_that_goes_on(tmp_pat
             assert running.stdout is not None
             assert {running.stdout.readline(), running.stdout.readline()} == {"stuck\n", "filled\n"}
             memory = Path("/dev/shm") / (live / "trial-001.mcap.part.tail").read_text()
-            before = sorted(path.name for path in memory.iterdir())
+            before = {path.name for path in memory.iterdir()}
             shutil.copytree(live, copy)
             (found,) = [inspect_file(path) for path in session_files(copy)]
             assert 0 < next(s.messages for s in found.streams if s.topic == "/run/marker") < 40
             rescue_tails()
-            assert sorted(path.name for path in memory.iterdir()) == before
+            assert before <= {
+                path.name for path in memory.iterdir()
+            }  # the recording goes on, and may add some
         finally:
             running.kill()
     (recovered,) = SessionFolder(live).recovered
