@@ -83,8 +83,12 @@ wheel: ## build a wheel, install it in a fresh environment, try it
 site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-pictures: ## the drawn pictures of the docs, and the demo's animation; needs the extras sim and view
+pictures: ## the drawn pictures of the docs, and the demo's animation; needs the extras lab, record, sim and view
 	$(BIN)/python docs/images/draw.py
+	$(BIN)/python tools/figures/diagrams.py docs/images
+	$(BIN)/python tools/figures/byte_layouts.py docs/images
+	$(BIN)/python tools/figures/page_plots.py docs/images
+	$(BIN)/python tools/figures/terminal_shots.py docs/images
 
 clean: ## remove build output
 	rm -rf target fuzz/target benches/target dist $(VENV)

@@ -39,7 +39,8 @@ def emg_levels(path: Path) -> None:
     t_s = np.arange(len(samples)) / rate_hz
     above.plot(t_s, samples[:, 0], lw=0.4, color=COLOURS[1])
     above.set_title("Synthetic EMG of one channel", fontsize=10)
-    blocks = np.abs(samples[: len(samples) // tau * tau]).reshape(-1, tau, samples.shape[1]).mean(1)
+    centred = samples - samples.mean(axis=0)
+    blocks = np.abs(centred[: len(samples) // tau * tau]).reshape(-1, tau, samples.shape[1]).mean(1)
     for n in range(samples.shape[1]):
         middle.step(
             (np.arange(len(blocks)) + 1) * tau / rate_hz, blocks[:, n] / blocks[:, n].max(), where="pre",
@@ -82,8 +83,8 @@ def hand_moves(path: Path) -> None:
     figure = Figure(figsize=(8, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2)
     poses = np.asarray(hand.CLOSURE_POSES_RAD)
-    for finger, colour in zip(range(4), (*COLOURS[1:], COLOURS[0]), strict=True):
-        name = ("index", "middle", "ring", "thumb")[finger]
+    shown = {"index, middle, ring (alike)": (0, COLOURS[1]), "thumb": (3, COLOURS[0])}
+    for name, (finger, colour) in shown.items():
         for joint in range(1, 4):
             label = name if joint == 1 else None
             left.plot(range(1, 6), poses[:, 4 * finger + joint], "o-", ms=3, lw=1, color=colour, label=label)
@@ -97,10 +98,10 @@ def hand_moves(path: Path) -> None:
         modelled.step(1)
     angles = np.array([np.array(modelled.step(5)[0]) for _ in range(700)])
     t_s = 0.003 * np.arange(len(angles))
-    for finger, colour in zip(range(4), (*COLOURS[1:], COLOURS[0]), strict=True):
-        right.plot(t_s, angles[:, 4 * finger + 2], color=colour, lw=1.4)
+    for finger, colour in shown.values():
+        right.plot(t_s, angles[:, 4 * finger + 1 : 4 * finger + 4], color=colour, lw=1.4)
     right.set_xlabel("time, s")
-    right.set_title("Level 1 to 5: a joint of each finger, simulated", fontsize=10)
+    right.set_title("Level 1 to 5, simulated", fontsize=10)
     figure.savefig(path, dpi=100)
 
 

@@ -6,6 +6,7 @@ The commands run in a folder of their own: settings of the examples, and emulate
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -42,7 +43,8 @@ def picture(words: list[str], said: str, path: Path, *, most_lines: int = 34) ->
         console.print(Text("$ " + " ".join(words), style="bold"))
         for line in shown:
             console.print(Text.from_ansi(line), no_wrap=True, overflow="ellipsis")
-        path.write_text(console.export_svg(title="terminal", unique_id=path.stem), encoding="utf-8")
+        drawn = console.export_svg(title="terminal", unique_id=path.stem)
+    path.write_text(re.sub(r"\s*@font-face \{.*?\}", "", drawn, flags=re.DOTALL), encoding="utf-8")
 
 
 def _run(words: list[str], folder: Path) -> str:
@@ -52,7 +54,8 @@ def _run(words: list[str], folder: Path) -> str:
     )
     if done.returncode:
         raise SystemExit(f"{' '.join(words)}: {done.stderr}")
-    return done.stdout.replace(str(folder) + os.sep, "")
+    here = str(folder) + os.sep
+    return re.sub(re.escape(here) + r"(\S+)", lambda match: match[1] + " " * len(here), done.stdout)
 
 
 def _settings(folder: Path, images: Path) -> None:
