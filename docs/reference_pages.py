@@ -147,7 +147,11 @@ def drivers_page() -> str:
     """Write the page of TEGA's drivers with the options that each takes."""
     from tega.devices.registry import driver_class, list_drivers
 
-    lines = ["# Drivers and their options", "", "Every driver that comes with TEGA, as the program checks its options."]
+    lines = [
+        "# Drivers and their options",
+        "",
+        "Every driver that comes with TEGA, as the program checks its options.",
+    ]
     records = sorted((d for d in list_drivers() if d.package == "tega"), key=lambda d: KINDS.index(d.kind))
     for kind in KINDS:
         lines.extend(["", f"## {kind}", ""])
@@ -162,7 +166,11 @@ def stages_page() -> str:
     """Write the page of TEGA's stages with the options that each takes."""
     from tega.stages import list_stages
 
-    lines = ["# Stages and their options", "", "Metrics, decoders, mappings and layouts, as `tega-teleop stages` lists them."]
+    lines = [
+        "# Stages and their options",
+        "",
+        "Metrics, decoders, mappings and layouts, as `tega-teleop stages` lists them.",
+    ]
     group = ""
     for stage in list_stages():
         if stage.package != "tega":
@@ -176,6 +184,8 @@ def stages_page() -> str:
         for option in stage.options:
             choices = ", ".join(f"`{choice}`" for choice in option.choices)
             default = "none" if option.default is None else f"`{option.default}`"
-            lines.append(f"| `{option.name}` | {choices} | {default} | {option.unit} | {_plain(option.summary)} |")
+            lines.append(
+                f"| `{option.name}` | {choices} | {default} | {option.unit} | {_plain(option.summary)} |"
+            )
         lines.append("")
     return "\n".join(lines)

@@ -11,7 +11,7 @@ from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from reference_pages import commands_page, drivers_page, public_modules, settings_page, stages_page  # noqa: E402
+from reference_pages import commands_page, drivers_page, public_modules, settings_page, stages_page
 
 ABBREVIATIONS = {"CCI": "contact concentration index", "EDA": "effective deformation area"}
 

@@ -7,7 +7,13 @@ from typing import Final, NamedTuple
 
 __all__ = ["Arrow", "Box", "Diagram", "svg"]
 
-FILLS: Final = {"tega": "#d9e8f5", "person": "#fbeadb", "robot": "#e3e8ee", "other": "#ffffff", "safe": "#fde2e2"}
+FILLS: Final = {
+    "tega": "#d9e8f5",
+    "person": "#fbeadb",
+    "robot": "#e3e8ee",
+    "other": "#ffffff",
+    "safe": "#fde2e2",
+}
 INK, SOFT, GROUND = "#2b3440", "#4b5866", "#fbfcfd"
 LINE, CHAR, PAD = 18.0, 7.3, 12.0
 GAP_X, GAP_Y, TITLE = 34.0, 34.0, 46.0
@@ -89,14 +95,21 @@ def _places(diagram: Diagram) -> dict[str, _Place]:
     height = max(len(text) for text in lines.values()) * LINE + 2 * PAD
     return {
         name: _Place(
-            16 + box.column * (width + diagram.gap_x), TITLE + box.row * (height + diagram.gap_y), width, height
+            16 + box.column * (width + diagram.gap_x),
+            TITLE + box.row * (height + diagram.gap_y),
+            width,
+            height,
         )
         for name, box in diagram.boxes.items()
     }
 
 
 def _text(x: float, y: float, said: str, *, size: int = 13, bold: bool = False, colour: str = INK) -> str:
-    weight = ' font-weight="600"' if bold else f' paint-order="stroke" stroke="{GROUND}" stroke-width="3"' * (size == 11)
+    weight = (
+        ' font-weight="600"'
+        if bold
+        else f' paint-order="stroke" stroke="{GROUND}" stroke-width="3"' * (size == 11)
+    )
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" fill="{colour}"{weight} '
         f'text-anchor="middle">{escape(said)}</text>'
@@ -107,10 +120,8 @@ def _arrow(arrow: Arrow, places: dict[str, _Place]) -> list[str]:
     begin, end = places[arrow.start], places[arrow.end]
     x1, y1 = begin.edge(end.middle)
     x2, y2 = end.edge(begin.middle)
-    if abs(begin.middle[0] - end.middle[0]) < 1 or abs(begin.middle[1] - end.middle[1]) < 1:
-        back = 0.0
-    else:
-        back = 3.0
+    straight = min(abs(begin.middle[n] - end.middle[n]) for n in (0, 1)) < 1
+    back = 0.0 if straight else 3.0
     head = ' marker-start="url(#head)"' if arrow.both else ""
     parts = [
         f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" stroke="{INK}" stroke-width="1.6" '
@@ -126,7 +137,9 @@ def _arrow(arrow: Arrow, places: dict[str, _Place]) -> list[str]:
                 parts.append(_text(middle_x, y, line, size=11, colour=SOFT))
             else:
                 x = middle_x + 6 + len(line) * 2.9
-                parts.append(_text(x, middle_y + 4 + 14 * (n - (len(lines) - 1) / 2), line, size=11, colour=SOFT))
+                parts.append(
+                    _text(x, middle_y + 4 + 14 * (n - (len(lines) - 1) / 2), line, size=11, colour=SOFT)
+                )
     return parts
 
 
@@ -162,9 +175,7 @@ def svg(diagram: Diagram) -> str:
         lines = box.text.split("\n")
         top = place.y + place.h / 2 - LINE * (len(lines) - 1) / 2 + 4.5
         for n, line in enumerate(lines):
-            parts.append(
-                _text(place.middle[0], top + LINE * n, line, bold=n == 0, size=13 if n == 0 else 12)
-            )
+            parts.append(_text(place.middle[0], top + LINE * n, line, bold=n == 0, size=13 if n == 0 else 12))
     if diagram.note:
         parts.append(_text(width / 2, height - 14, diagram.note, size=12, colour=SOFT))
     return "\n".join([*parts, "</svg>", ""])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from boxes import FILLS, GROUND, INK, SOFT
+
 from tega import wire
 
 __all__ = ["main"]
@@ -36,14 +37,18 @@ ROWS: Final[dict[str, tuple[tuple[str, tuple[Field, ...]], ...]]] = {
         (
             "OpenBCI Cyton, 33 bytes",
             (
-                Field(2, "0xA0", "safe"), Field(2.5, "counter", "person"), Field(15, "8 channels × int24, high byte first"),
+                Field(2, "0xA0", "safe"),
+                Field(2.5, "counter", "person"),
+                Field(15, "8 channels × int24, high byte first"),
                 Field(5, "6 auxiliary", "other"), Field(3, "0xC0…C6", "safe"),
             ),
         ),
         (
             "Chords, N channels",
             (
-                Field(4, "0xC7 0x7C", "safe"), Field(2.5, "counter", "person"), Field(15, "N channels × uint16, high byte first"),
+                Field(4, "0xC7 0x7C", "safe"),
+                Field(2.5, "counter", "person"),
+                Field(15, "N channels × uint16, high byte first"),
                 Field(2, "0x01", "safe"),
             ),
         ),
@@ -51,8 +56,9 @@ ROWS: Final[dict[str, tuple[tuple[str, tuple[Field, ...]], ...]]] = {
 }  # fmt: skip
 
 
-def _text(x: float, y: float, said: str, size: int = 12, colour: str = INK, anchor: str = "middle") -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" fill="{colour}" text-anchor="{anchor}">{escape(said)}</text>'
+def _text(x: float, y: float, said: str, size: int = 12, *, colour: str = INK, anchor: str = "middle") -> str:
+    style = f'font-size="{size}" fill="{colour}" text-anchor="{anchor}"'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {style}>{escape(said)}</text>'
 
 
 def _svg(width: float, height: float, title: str, parts: list[str]) -> str:
@@ -109,7 +115,7 @@ def slots() -> str:
                     f'<circle cx="{x}" cy="{y}" r="19" fill="{FINGERS[column]}" fill-opacity="0.35" stroke="{INK}"/>'
                 )
                 parts.append(_text(x, y + 1, f"slot {where[motor]}", 10))
-                parts.append(_text(x, y + 12, f"m{motor}", 9, SOFT))
+                parts.append(_text(x, y + 12, f"m{motor}", 9, colour=SOFT))
     return _svg(616, 290, "Which slot of the Bluetooth frame is which motor", parts)
 
 

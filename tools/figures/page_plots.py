@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from tega import hand, haptics
 from tega.devices.synthetic import SyntheticEmg, SyntheticEmgOptions, SyntheticTouch, SyntheticTouchOptions
@@ -70,7 +71,9 @@ def emg_faults(path: Path) -> None:
         "clipped: gain too high": np.clip(3 * clean, -1, 1),
     }
     figure = Figure(figsize=(8, 3.6), layout="constrained")
-    for axes, (name, signal), colour in zip(figure.subplots(3, 1, sharex=True), shown.items(), COLOURS, strict=False):
+    for axes, (name, signal), colour in zip(
+        figure.subplots(3, 1, sharex=True), shown.items(), COLOURS, strict=False
+    ):
         axes.plot(t_s, signal, lw=0.4, color=colour)
         axes.set_title(name, fontsize=10)
         axes.set_yticks([])
@@ -141,7 +144,7 @@ def vest_law(path: Path) -> None:
 def readings(path: Path) -> None:
     """Draw one simulated press, and what both presets count as touched."""
     source = SyntheticTouch(SyntheticTouchOptions(seed=1, duration_s=6.0))
-    frames = []
+    frames: list[NDArray[np.uint8]] = []
     with source:
         while len(frames) < 360 and (frame := source.read(0.0)) is not None:
             frames.append(np.array(frame.image))

@@ -50,7 +50,13 @@ def picture(words: list[str], said: str, path: Path, *, most_lines: int = 34) ->
 def _run(words: list[str], folder: Path) -> str:
     environment = {**os.environ, "FORCE_COLOR": "1", "COLUMNS": "116"}
     done = subprocess.run(
-        [*TEGA, *words[1:]], cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=WAIT_S
+        [*TEGA, *words[1:]],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=WAIT_S,
     )
     if done.returncode:
         raise SystemExit(f"{' '.join(words)}: {done.stderr}")
@@ -65,14 +71,18 @@ def _settings(folder: Path, images: Path) -> None:
 
 
 def _bench(folder: Path, images: Path) -> None:
-    up = subprocess.Popen([*TEGA, "init", "--emulated", "--out", "lab.toml"], cwd=folder, stdout=subprocess.DEVNULL)
+    up = subprocess.Popen(
+        [*TEGA, "init", "--emulated", "--out", "lab.toml"], cwd=folder, stdout=subprocess.DEVNULL
+    )
     try:
         deadline_s = time.monotonic() + WAIT_S
         while not (folder / "lab.toml").is_file() and time.monotonic() < deadline_s:
             time.sleep(0.2)
         words = ["tega-teleop", "doctor", "lab.toml"]
         picture(words, _run(words, folder), images / "doctor-emulated.svg")
-        _run(["tega-teleop", "run", "lab.toml", "--set", "session.duration_s=5", "--record", "monday"], folder)
+        _run(
+            ["tega-teleop", "run", "lab.toml", "--set", "session.duration_s=5", "--record", "monday"], folder
+        )
         words = ["tega-teleop", "inspect", "monday"]
         picture(words, _run(words, folder), images / "inspect.svg")
     finally:
