@@ -13,6 +13,7 @@ from mkdocs.structure.pages import Page
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from reference_pages import commands_page, drivers_page, public_modules, settings_page, stages_page
 
+MOVED = ("devices", "emg-decoders", "loop", "sim-operator", "sim-touch", "sim-world", "skips", "study-silico")
 ABBREVIATIONS = {"CCI": "contact concentration index", "EDA": "effective deformation area"}
 
 
@@ -51,3 +52,14 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
     spelt = "\n".join(f"*[{short}]: {long}" for short, long in ABBREVIATIONS.items())
     return re.sub(r"(?<!!)\[([^\]]+)\]\(([^)]+)\)", outside, markdown) + f"\n\n{spelt}\n"
+
+
+def on_post_build(config: MkDocsConfig) -> None:
+    """Lead from the old address of a page that moved under evidence to its new one."""
+    for name in MOVED:
+        link = f"evidence/{name}.html"
+        Path(config.site_dir, f"{name}.html").write_text(
+            f'<!doctype html><title>{name}</title><meta http-equiv="refresh" content="0; url={link}">'
+            f'<a href="{link}">This page moved.</a>\n',
+            encoding="utf-8",
+        )

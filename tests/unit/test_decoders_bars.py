@@ -2,7 +2,7 @@
 
 Constants of the decoder (time constants, ridge, the latch) were chosen on the second halves of these
 recordings: the bars
-are in-sample in that sense. The swapped halves stand beside them, and docs/emg-decoders.md says how far constants may
+are in-sample in that sense. The swapped halves stand beside them, and docs/evidence/emg-decoders.md says how far constants may
 move.
 """
 
