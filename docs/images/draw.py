@@ -23,7 +23,7 @@ from PIL import Image
 from tega.sim.demo import run_demo
 from tega.sim.trials import plan_trials
 from tega.sim.world import OBJECTS, World
-from tega.sim.world.solids import add_solids
+from tega_figures.world.solids import add_solids
 from tega.view.state import ViewState
 
 HERE = Path(__file__).resolve().parent

@@ -44,7 +44,7 @@ def test_examples_in_docstrings_run(name: str) -> None:
 
 def test_every_module_can_be_imported() -> None:
     for name in MODULES:
-        if name == "tega.testing.emulators.bluez_vest" and find_spec("dbus_fast") is None:
+        if name == "tega_emulators.bluez_vest" and find_spec("dbus_fast") is None:
             continue  # comes with bleak on Linux only
         importlib.import_module(name)
 

@@ -20,9 +20,9 @@ from tega.doctor import Finding, examine, lab_settings
 from tega.teleop.arm_view import ArmView
 from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
-from tega.testing.emulated_bench import EmulatedBench
-from tega.testing.emulators.process import Emulator
-from tega.testing.lab import emulated_lab
+from tega_emulators.emulated_bench import EmulatedBench
+from tega_emulators.process import Emulator
+from tega_emulators.lab import emulated_lab
 from tega.view.browser.page import _arm
 from tega.view.terminal import render
 

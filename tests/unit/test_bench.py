@@ -17,8 +17,8 @@ import pytest
 from click.testing import CliRunner
 
 from reference import tactile as reference
-from tega.bench import exact, filters, peers, report, scenes, simulation, tick, timing, variants
-from tega.bench.variants import CONTACT_LAWS, Law
+from tega_figures.bench import exact, filters, peers, report, scenes, simulation, tick, timing, variants
+from tega_figures.bench.variants import CONTACT_LAWS, Law
 from tega.cli import bench as cli_bench
 from tega.haptics import FINGERS
 

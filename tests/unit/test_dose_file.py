@@ -17,7 +17,7 @@ from tega.errors import CalibrationError
 from tega.safety.dose_file import DAY_S, KeptDose
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.teleop import run_session
-from tega.testing.lab import emulated_lab
+from tega_emulators.lab import emulated_lab
 from tega.worn_vest import NAMELESS
 
 FULL = np.full(40, 100, np.uint8)

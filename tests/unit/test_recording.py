@@ -17,8 +17,8 @@ from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
 from tega.toml_text import config_text
 
 

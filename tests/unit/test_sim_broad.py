@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.sim.broad import (
+from tega_figures.broad import (
     TOLERANCES,
     Broad,
     broad,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from tega.audit import read_marks
 from tega.opencv import read_image
-from tega.sim.touch_presses import rank_correlation
-from tega.sim.touch_recordings import (
+from tega_figures.touch_presses import rank_correlation
+from tega_figures.touch_recordings import (
     GRIPS,
     best_lag,
     disc,

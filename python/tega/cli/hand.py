@@ -52,7 +52,7 @@ def _opened(
     with ExitStack() as stack:
         where: dict[str, Any] = {"interface": interface, "channel": channel}
         if emulated:
-            from tega.testing.emulators.process import Emulator
+            from tega_emulators.process import Emulator
 
             there = Emulator("allegro_port", "--side", side, "--device-id", str(device_id))
             where = stack.enter_context(there).address
@@ -159,7 +159,7 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
     """
     import msgspec
 
-    from tega.bench.hand import time_loop
+    from tega_figures.bench.hand import time_loop
     from tega.cli.options import echo_json
 
     # A loop without a hand behind it is to be watched when it is late, not to be ended.

@@ -93,11 +93,11 @@ _VERBS = {
     "emg-score": _Verb(
         "Tooling", "tega.cli.emg_score", "emg_score", "Score the closure levels against a measured force."
     ),
-    "bench": _Verb("Tooling", "tega.cli.bench", "bench", "Measure the run time and error of each kernel."),
+    "bench": _Verb("Tooling", "tega_figures.bench.command", "bench", "Measure the run time and error of each kernel."),
     "soak": _Verb(
-        "Tooling", "tega.cli.soak", "soak", "Run all emulated devices for long, with random faults."
+        "Tooling", "tega_campaigns.soak.command", "soak", "Run all emulated devices for long, with random faults."
     ),
-    "stress": _Verb("Tooling", "tega.cli.stress", "stress", "Test each kernel at its numerical extremes."),
+    "stress": _Verb("Tooling", "tega_campaigns.stress.command", "stress", "Test each kernel at its numerical extremes."),
     "stages": _Verb("Tooling", "tega.cli.stages", "stages", "List metrics, decoders, mappings and layouts."),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a settings file."),
 }

@@ -82,7 +82,7 @@ def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
 def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
     """Check one driver; return the verdict and what there is to say."""
     from tega.config import driver_options
-    from tega.testing.benches import BENCHES, why_not
+    from tega_emulators.benches import BENCHES, why_not
 
     with ExitStack() as stack:
         tree: dict[str, Any] = {}

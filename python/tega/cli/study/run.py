@@ -168,7 +168,7 @@ def _bench(
         yield LabBench(loaded.config, settings=str(lab))
     elif emulated:
         from tega.config import check_tree, override_tree
-        from tega.testing.lab import emulated_lab
+        from tega_emulators.lab import emulated_lab
 
         with tempfile.TemporaryDirectory() as beside:
             made_in = Path(beside)
