@@ -26,12 +26,12 @@ from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame, vest_frame
 from tega.teleop import run_session
+from tega.wire import vest_levels
+from tega_campaigns.faults.vests import trouble
 from tega_emulators.hid_port import HidPort
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
-from tega_campaigns.faults.vests import trouble
 from tega_emulators.vest_bench import LIVE_VESTS, vest_bench
-from tega.wire import vest_levels
+from tega_emulators.vests import seen_by
 
 pytestmark = [
     pytest.mark.slow,

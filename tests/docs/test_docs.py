@@ -12,13 +12,19 @@ from pathlib import Path
 import pytest
 
 import tega
+import tega_campaigns
+import tega_emulators
+import tega_figures
 from tega.cli.main import _VERBS
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*PROJECT.glob("*.md"), *(PROJECT / "docs").rglob("*.md")])
 # Modules whose import needs an optional package do so inside functions, so that all can be walked.
 MODULES = sorted(
-    m.name for m in pkgutil.walk_packages(tega.__path__, "tega.") if not m.name.endswith("__main__")
+    m.name
+    for package in (tega, tega_emulators, tega_campaigns, tega_figures)
+    for m in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    if not m.name.endswith("__main__")
 )
 
 pytestmark = pytest.mark.skipif(not (PROJECT / "README.md").is_file(), reason="not a checkout")

@@ -30,8 +30,8 @@ from tega.inbox.stream import LiveStream
 from tega.records import Picture
 from tega.teleop import run_session
 from tega_emulators.digit import FAULTS
-from tega_emulators.process import Emulator
 from tega_emulators.lab import PRESSED, emulated_lab
+from tega_emulators.process import Emulator
 
 
 def _driver(sensor: Emulator, **options: Any) -> Digit:

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from tega.devices import driver_class
-from tega_emulators.benches import BENCHES
 from tega_campaigns.faults import FAULTS, Outcome, all_trials
 from tega_campaigns.faults.page import page
+from tega_emulators.benches import BENCHES
 
 PROJECT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")

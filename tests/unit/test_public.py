@@ -20,8 +20,8 @@ def test_the_public_interface_is_the_one_that_is_written_down() -> None:
         difflib.unified_diff(before.splitlines(), now.splitlines(), "written", "now", n=0, lineterm="")
     )
     assert not changed, (
-        f"{changed}\nif that is meant: python -m tega_figures.public docs/public.txt, and a line of migration in "
-        "CHANGELOG.md"
+        f"{changed}\nif that is meant: python tools/figures/tega_figures/public.py docs/public.txt, and a line of "
+        "migration in CHANGELOG.md"
     )
 
 

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from tega.audit import Mark
-from tega.sim import check_touch
+from tega.sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
+from tega.tactile import read_contact
+from tega_figures import check_touch
 from tega_figures.check_touch import (
     GOLDEN,
     GOLDEN_RADIUS_MM,
@@ -20,8 +22,6 @@ from tega_figures.check_touch import (
     readings,
 )
 from tega_figures.closeness import TOLERANCES, match_press, statistics
-from tega.sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
-from tega.tactile import read_contact
 
 
 @pytest.fixture(scope="module")

@@ -461,8 +461,8 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
 @pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
 def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    from tega_emulators.lab import emulated_lab
     from tega.toml_text import tree_text
+    from tega_emulators.lab import emulated_lab
 
     folder = study(tmp_path, simulated=False, window_s=2.0)
     assert read_plan(folder).of("p01")[0].condition == "haptic"

@@ -1,8 +1,8 @@
 """The service of an OpenXR runtime, which has the poses: ``python -m tega_emulators.openxr``.
 
 The runtime itself is the library of the crate ``tega-openxr-emulator``, which OpenXR's own loader loads into the
-program that wants poses (:mod:`tega_emulators.openxr_runtime`); it asks this process, a line at a time. What is held, or
-strapped on, trembles by 0.2 mm, the same at the same time; nothing it does is a real device's. It obeys::
+program that wants poses (:mod:`tega_emulators.openxr_runtime`); it asks this process, a line at a time. What is held,
+or strapped on, trembles by 0.2 mm, the same at the same time; nothing it does is a real device's. It obeys::
 
     at X Y Z          place of what is on the right, metres, y up, -z forward; on the left stands the same 0.4 m beside
     turn QX QY QZ QW  its turn

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.opencv import read_image
-from tega_figures.closeness import difference
 from tega.sim.gel import Gel
 from tega.sim.gel_sequences import pressing
 from tega.sim.seams import Indenter
+from tega_figures.closeness import difference
 
 __all__ = [
     "DISC_MM",

@@ -1,7 +1,8 @@
-"""Pick and place through the arm's whole chain, and what filter, clip and delay do: ``python -m tega_figures.check_arm``.
+"""Lead pick and place through the arm's chain, and tell what filter, clip and delay do.
 
-Prints the table of ``docs/evidence/arm.md`` and draws its picture into a folder, ``docs/images`` unless told.
-Everything it says is simulated. Needs the extras ``sim`` and ``view``; a recorded session as path needs ``record`` too.
+``python -m tega_figures.check_arm`` prints the table of ``docs/evidence/arm.md`` and draws its picture into a folder,
+``docs/images`` unless told. Everything it says is simulated. Needs the extras ``sim`` and ``view``; a recorded session
+as path needs ``record`` too.
 """
 
 from __future__ import annotations

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from tega.audit import Mark, read_marks
 from tega.lifecycle import require
 from tega.opencv import read_image
-from tega_figures.broad import disc_table, grasp_table
-from tega_figures.closeness import TOLERANCES, Match, difference, match_press
 from tega.sim.gel import LENGTH_MM, STIFFNESS_N_MM3, Gel, ball
 from tega.sim.seams import Indenter
 from tega.tactile import read_contact
+from tega_figures.broad import disc_table, grasp_table
+from tega_figures.closeness import TOLERANCES, Match, difference, match_press
 
 __all__ = ["GOLDEN", "SHAPES", "Presses", "Reading", "ball_press", "like_presses", "readings", "shape"]
 

@@ -16,9 +16,9 @@ import click
 import numpy as np
 
 from tega.sim.gel_sequences import SHAPES, press_sequence, ramp
+from tega.touch import TouchTracker
 from tega_figures.touch_presses import PEERS, Image, PressScore, Reading, score_press, unit_seeds
 from tega_figures.touch_recordings import GRIPS, grip_video, rest, soft_grips
-from tega.touch import TouchTracker
 
 __all__ = ["felt_of_slow_press"]
 

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from tega.audit import Mark
 from tega.lifecycle import require
+from tega.sim.gel import Gel, ball
 from tega_figures.check_touch import Presses, load_presses
 from tega_figures.closeness import difference
-from tega.sim.gel import Gel, ball
 
 __all__ = ["fit_light", "normals"]
 

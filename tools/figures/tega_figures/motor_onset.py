@@ -39,10 +39,10 @@ _BURSTS = 12
 
 def main() -> None:
     """Print the table."""
-    print("| emulated motor | really ms | found ms | middle half ms | bursts used | else |")  # noqa: T201
-    print("|---|---|---|---|---|---|")  # noqa: T201
+    print("| emulated motor | really ms | found ms | middle half ms | bursts used | else |")
+    print("|---|---|---|---|---|---|")
     for name, case in CASES.items():
-        print(_line(name, dict(case)))  # noqa: T201
+        print(_line(name, dict(case)))
 
 
 def _line(name: str, case: dict[str, float]) -> str:

@@ -2,7 +2,7 @@
 
 ::
 
-    python -m tega_figures.public docs/public.txt      # after a change; the change gets a line in CHANGELOG.md
+    python tools/figures/tega_figures/public.py docs/public.txt    # after a change, which gets a line in CHANGELOG.md
 
 What is listed may be imported and stays, or changes with a line of migration in the change log. What is not listed, or
 begins with an underscore, may change at any time.

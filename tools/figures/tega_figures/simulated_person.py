@@ -1,4 +1,7 @@
-"""What the page on the simulated person shows: ``python -m tega_figures.simulated_person parameters``, ``holds``, ``picture``."""
+"""Print and draw what the page on the simulated person shows: parameters, holds and a picture of EMG.
+
+``python -m tega_figures.simulated_person parameters``, ``holds`` or ``picture FILE``.
+"""
 
 from __future__ import annotations
 

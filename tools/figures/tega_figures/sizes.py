@@ -69,7 +69,7 @@ def main() -> int:
     for topic in dict.fromkeys(name for column in columns for name in column):
         cells = (f"{column[topic]:.2f}" if topic in column else "–" for column in columns)
         lines.append(f"| {f'`{topic}`' if topic.startswith('/') else topic} | {' | '.join(cells)} |")
-    print("\n".join(lines))  # noqa: T201  # this is a program
+    print("\n".join(lines))  # this is a program
     return 0
 
 

@@ -1,4 +1,6 @@
-"""Draw a console as the page on studies shows it: ``python -m tega_figures.study_console docs/images/study-console.svg``.
+"""Draw a console as the page on studies shows it.
+
+``python -m tega_figures.study_console docs/images/study-console.svg`` draws it.
 
 A made-up session is under way in a folder that goes away, or with ``--recorded`` trials of it are scored; the console
 is driven through textual's pilot.

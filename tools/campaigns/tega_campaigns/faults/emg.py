@@ -14,8 +14,8 @@ from tega.devices.live_emg import LiveEmg
 from tega.devices.lsl_emg import LslEmg, LslEmgOptions
 from tega.devices.serial_emg import SerialEmg, SerialEmgOptions
 from tega.errors import TegaError
-from tega_emulators.process import Emulator
 from tega_campaigns.faults.trials import Outcome, Trial
+from tega_emulators.process import Emulator
 
 __all__ = ["CANNOT", "trials"]
 

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.errors import DeviceUnavailableError
+from tega_campaigns.faults.trials import Outcome, Trial
 from tega_emulators.allegro import FAULTS
 from tega_emulators.process import Emulator
-from tega_campaigns.faults.trials import Outcome, Trial
 
 __all__ = ["CANNOT", "trials"]
 

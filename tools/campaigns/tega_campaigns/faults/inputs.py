@@ -12,10 +12,10 @@ from tega.devices.hid_input import AT_REST, HidInput
 from tega.devices.pedal import Pedal, PedalOptions
 from tega.devices.spacemouse import SpaceMouse, SpaceMouseOptions
 from tega.errors import DeviceUnavailableError
+from tega_campaigns.faults.trials import Outcome, Trial, until
 from tega_emulators.hid_input import FAULTS
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
-from tega_campaigns.faults.trials import Outcome, Trial, until
 
 __all__ = ["CANNOT", "trials"]
 

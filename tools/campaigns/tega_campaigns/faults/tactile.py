@@ -10,9 +10,9 @@ import msgspec
 
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
+from tega_campaigns.faults.trials import Outcome, Trial, until
 from tega_emulators.digit import FAULTS
 from tega_emulators.process import Emulator
-from tega_campaigns.faults.trials import Outcome, Trial, until
 
 __all__ = ["CANNOT", "trials"]
 

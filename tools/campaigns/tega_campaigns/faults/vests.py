@@ -10,11 +10,11 @@ from typing import Final, NamedTuple
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame, vest_frame
-from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
-from tega_campaigns.faults.trials import Outcome, Trial, until
-from tega_emulators.vest_bench import vest_bench
 from tega.wire import vest_levels
+from tega_campaigns.faults.trials import Outcome, Trial, until
+from tega_emulators.process import Emulator
+from tega_emulators.vest_bench import vest_bench
+from tega_emulators.vests import seen_by
 
 __all__ = ["CANNOT", "FAULT_S", "VestTrouble", "trials", "trouble"]
 

@@ -1,8 +1,8 @@
 """The program under test: a run from its settings, as ``tega-teleop run`` makes it, that says how it is.
 
-``python -m tega_campaigns.soak.system SETTINGS.toml`` writes a line of JSON whenever the state or an alert changes and twice a
-second, and at last one with ``ended``. A line ``clock 3600`` on its standard input sets its time of day forward, as
-somebody who sets the computer's clock would; the end of its input ends the run.
+``python -m tega_campaigns.soak.system SETTINGS.toml`` writes a line of JSON whenever the state or an alert changes and
+twice a second, and at last one with ``ended``. A line ``clock 3600`` on its standard input sets its time of day
+forward, as somebody who sets the computer's clock would; the end of its input ends the run.
 """
 
 from __future__ import annotations

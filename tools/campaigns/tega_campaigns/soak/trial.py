@@ -12,14 +12,14 @@ from typing import Any
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.hand import TORQUE_LIMITS
 from tega.recording.mcap_folder import SessionFolder
+from tega.toml_text import tree_text
 from tega_campaigns.soak.lost import Kept, look
 from tega_campaigns.soak.plan import KINDS, Kind, Planned, plan
 from tega_campaigns.soak.report import NOT_JUDGED, Fault, SoakReport
 from tega_campaigns.soak.standstill import Standstills, within_ns
 from tega_campaigns.soak.supervisor import Line, Supervisor
-from tega_emulators.vests import seen_by
 from tega_emulators.lab import EmulatedLab, emulated_lab
-from tega.toml_text import tree_text
+from tega_emulators.vests import seen_by
 
 __all__ = ["soak"]
 

@@ -19,8 +19,8 @@ from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.repeated import repeated
 from tega_campaigns.impaired import ImpairedLink
-from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_campaigns.lossy_wire import LossyWire
+from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import free_port, split, write_trees
 
 __all__ = ["SECOND", "Scene", "Watch", "until"]

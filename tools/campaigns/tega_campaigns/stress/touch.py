@@ -11,9 +11,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.tactile import ContactMetrics, contact_metrics, read_contact
 from tega_campaigns.stress.case import StressCase
 from tega_campaigns.stress.exact_touch import DIGITS, ExactContact, exact_contact
-from tega.tactile import ContactMetrics, contact_metrics, read_contact
 
 __all__ = ["TOUCH_CASES"]
 

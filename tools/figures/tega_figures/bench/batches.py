@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.tactile import contact_metrics, contact_metrics_many, read_contact, read_contacts
 from tega_figures.bench.scenes import SIZE_OF_A_FINGER, scenes
 from tega_figures.bench.timing import Timing, ratio, take_turns, timing
-from tega.tactile import contact_metrics, contact_metrics_many, read_contact, read_contacts
 
 __all__ = ["BatchRow", "batch_rows"]
 

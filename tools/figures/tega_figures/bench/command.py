@@ -56,8 +56,8 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
         return
     import msgspec
 
-    from tega_figures.bench import run_bench
     from tega.cli.options import echo_json, progress_bar
+    from tega_figures.bench import run_bench
 
     with progress_bar() as progress:
         report = run_bench(quick=quick, progress=progress)
@@ -89,8 +89,8 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
-    from tega_figures.bench.simulation import bench_simulation
     from tega.cli.options import echo_json, progress_bar
+    from tega_figures.bench.simulation import bench_simulation
 
     with progress_bar() as progress:
         report = bench_simulation(objects=objects, repeats=repeats, preset=preset, progress=progress)
@@ -142,9 +142,9 @@ def loop(
 
     import msgspec
 
-    from tega_figures.bench.live_loop import bench_loop
     from tega.cli.options import echo_json
     from tega.cli.report import latency_tables
+    from tega_figures.bench.live_loop import bench_loop
 
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
@@ -202,8 +202,8 @@ def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> 
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
-    from tega_figures.bench.stations import bench_stations
     from tega.cli.options import echo_json
+    from tega_figures.bench.stations import bench_stations
 
     report = bench_stations(seconds=seconds, keys=keys, images_hz=images_hz)
     if as_json:

@@ -9,8 +9,8 @@ from typing import Any
 
 import msgspec
 
-from tega_figures.bench.machine import Machine, describe_machine
 from tega.config import FINGERS, Pace, check_tree
+from tega_figures.bench.machine import Machine, describe_machine
 
 __all__ = ["LoopBench", "bench_loop"]
 

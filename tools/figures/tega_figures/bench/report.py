@@ -12,7 +12,14 @@ import numpy as np
 
 from tega_figures.bench.batches import BatchRow, batch_rows
 from tega_figures.bench.exact import ContactError, Exact, exact_metrics, exact_paper, measure_error, worst
-from tega_figures.bench.filters import BLOCK_ROWS, CHANNELS, error_of_full_scale, filters, signal, true_response
+from tega_figures.bench.filters import (
+    BLOCK_ROWS,
+    CHANNELS,
+    error_of_full_scale,
+    filters,
+    signal,
+    true_response,
+)
 from tega_figures.bench.machine import Machine, describe_machine
 from tega_figures.bench.peers import contact_peers
 from tega_figures.bench.scenes import SIZE_OF_A_FINGER, SIZE_OF_A_SENSOR, SIZES, Scene, scenes

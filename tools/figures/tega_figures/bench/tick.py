@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega_figures.bench.timing import Timing, in_turns
 from tega.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
@@ -25,6 +24,7 @@ from tega.sim.gel import Gel, ball
 from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.touch import TouchLoop
 from tega.wire import allegro_torque_frames, x40_ble_frame
+from tega_figures.bench.timing import Timing, in_turns
 
 __all__ = ["SKIPS", "STAGES", "Tick", "TickRow", "time_ticks"]
 

@@ -11,11 +11,11 @@ from pathlib import Path
 import click
 import numpy as np
 
+from tega.sim.world.objects import OBJECTS
+from tega.sim.world.scene import Physics, physics_for
 from tega_figures.world.effects import effects, levels, slip_forces
 from tega_figures.world.lift import Lift, lift
-from tega.sim.world.objects import OBJECTS
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
-from tega.sim.world.scene import Physics, physics_for
 from tega_figures.world.study import REFERENCE, Error, bounds, compare, stiff_walls
 
 __all__ = ["main"]

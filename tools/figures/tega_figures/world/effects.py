@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tega_figures.world.lift import Lift, lift
 from tega.sim.world.objects import OBJECTS, ObjectSpec
+from tega_figures.world.lift import Lift, lift
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
 
 __all__ = ["CHANGES", "Effect", "SlipForce", "effects", "levels", "slip_forces"]

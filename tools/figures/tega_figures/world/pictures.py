@@ -9,12 +9,12 @@ import numpy as np
 
 from tega.errors import MissingExtraError
 from tega.hand_mjcf import FULL_DUTY_NM
-from tega_figures.world.lift import LIFT_M, Lift
 from tega.sim.world.objects import OBJECTS
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
-from tega_figures.world.solids import add_solids
 from tega.sim.world.world import World
+from tega_figures.world.lift import LIFT_M, Lift
+from tega_figures.world.solids import add_solids
 
 if TYPE_CHECKING:
     from tega_figures.world.study import Error

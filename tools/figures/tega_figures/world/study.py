@@ -9,12 +9,12 @@ import numpy as np
 
 from tega.child_process import isolated_workers
 from tega.hand_mjcf import FULL_DUTY_NM
-from tega_figures.world.lift import LIFT_M, Lift, lift
 from tega.sim.world.objects import OBJECTS, ObjectSpec
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
 from tega.sim.world.shells import wall_rad_s
 from tega.sim.world.world import World
+from tega_figures.world.lift import LIFT_M, Lift, lift
 
 __all__ = ["CASES", "REFERENCE", "SETTINGS", "Bounds", "Error", "Stiff", "bounds", "compare", "stiff_walls"]
 
