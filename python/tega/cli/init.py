@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from pathlib import Path
@@ -138,7 +139,7 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> No
             click.echo(f"Wrote {out}. The emulated devices run until Ctrl-C; in another terminal:")
             click.echo(f"  {ahead}tega-teleop doctor {out}")
             click.echo(f"  {ahead}tega-teleop run {out}")
-        if sys.stdin is not None and not sys.stdin.closed:
+        if _may_read():
             if not as_json:
                 click.echo(f"Type here what muscles and fingertips do: {MOVES}")
             threading.Thread(target=_act_as_typed, args=(bench,), name="tega-typed", daemon=True).start()
@@ -158,3 +159,12 @@ def _act_as_typed(bench: EmulatedBench) -> None:
             bench.act(line.strip())
         except TegaError as error:
             click.echo(f"error: {error}", err=True)
+
+
+def _may_read() -> bool:
+    """Whether reading the standard input is allowed: the system stops a background program that reads its terminal."""
+    if sys.stdin is None or sys.stdin.closed:
+        return False
+    if not sys.stdin.isatty() or not hasattr(os, "tcgetpgrp"):
+        return True
+    return os.getpgrp() == os.tcgetpgrp(sys.stdin.fileno())
