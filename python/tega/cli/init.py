@@ -6,7 +6,7 @@ import os
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import click
 
@@ -14,10 +14,14 @@ from tega.cli.devices import could_not_look
 from tega.cli.options import debug_option, json_option
 from tega.errors import TegaError
 
-if TYPE_CHECKING:
-    from tega_emulators.emulated_bench import EmulatedBench
-
 __all__ = ["init"]
+
+
+class _Bench(Protocol):
+    """What moves as it is told."""
+
+    def act(self, line: str) -> None:
+        """Do what was typed."""
 
 
 @click.command(epilog="Example: tega-teleop init --out lab.toml")
@@ -150,7 +154,7 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> No
             time.sleep(0.1)
 
 
-def _act_as_typed(bench: EmulatedBench) -> None:
+def _act_as_typed(bench: _Bench) -> None:
     """Move the emulated devices by lines of the standard input, until that ends."""
     for line in sys.stdin:
         if not line.strip():
