@@ -43,7 +43,7 @@ def test_its_example_runs() -> None:
 
 
 def test_its_numbers_are_the_defaults() -> None:
-    text, s = PAGE.read_text(encoding="utf-8"), ArmSettings()
+    text, s = PROOFS.read_text(encoding="utf-8"), ArmSettings()
     low, high = s.limits.low_m, s.limits.high_m
     for said in (
         f"x {low[0]:.2f} to {high[0]:.2f}, y ±{high[1]:.2f}, z {low[2]:.2f} to {high[2]:.2f} m; "
@@ -58,6 +58,6 @@ def test_its_numbers_are_the_defaults() -> None:
     ):
         assert said in text, said
     for name in FRAMES:
-        assert f"| `{name}` |" in text
+        assert f"| `{name}` |" in PAGE.read_text(encoding="utf-8")
     for case in CASES:
         assert f"| {case.name} |" in PROOFS.read_text(encoding="utf-8")

@@ -1,9 +1,8 @@
 """What the learned decoder reaches on real recordings: fitted on one part in time, judged on another.
 
 Constants of the decoder (time constants, ridge, the latch) were chosen on the second halves of these
-recordings: the bars
-are in-sample in that sense. The swapped halves stand beside them, and docs/emg-decoders.md says how far constants may
-move.
+recordings: the bars are in-sample in that sense. The swapped halves stand beside them, and
+docs/evidence/emg-decoders.md says how far constants may move.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 //! A simulated fingertip camera: rigid shapes pressed into a gel, to pictures of 320 x 240 blue, green, red bytes.
 //!
-//! Simulated, from published and measured properties of one sensor (DIGIT); `docs/sim-touch.md` says how close it
+//! Simulated, from published and measured properties of one sensor (DIGIT); `docs/evidence/sim-touch.md` says how close it
 //! comes and what it does not model. Lengths are millimetres in the pad frame (x right and y down in the upright
 //! picture, z out of the gel), forces newtons.
 //!

@@ -29,7 +29,7 @@ struct Steps {
     relax: f32,
 }
 
-/// From the coarsest grid on; `docs/sim-touch.md` has the error that this leaves.
+/// From the coarsest grid on; `docs/evidence/sim-touch.md` has the error that this leaves.
 const SCHEDULE: [Steps; 3] = [
     Steps { matches: 2, most: 2, sweeps: 3, last: 1, relax: 1.4 },
     Steps { matches: 1, most: 2, sweeps: 2, last: 3, relax: 1.4 },

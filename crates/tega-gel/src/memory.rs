@@ -18,7 +18,7 @@ struct Mode {
     fall_s: f64,
 }
 
-/// Of the peak 13, 8 and 6 % are left 0.13, 1 and 2.7 s after grips of one to two seconds; see `docs/sim-touch.md`.
+/// Of the peak 13, 8 and 6 % are left 0.13, 1 and 2.7 s after grips of one to two seconds; see `docs/evidence/sim-touch.md`.
 const MODES: [Mode; 2] =
     [Mode { share: 0.089, rise_s: 0.5, fall_s: 0.5 }, Mode { share: 0.174, rise_s: 2.0, fall_s: 10.0 }];
 /// Columns between two rows of the relief.

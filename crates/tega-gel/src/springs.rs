@@ -3,7 +3,7 @@
 use crate::grid::{COLS, LANES, LENGTH_MM, Level, ROWS, chunks_of};
 use crate::window::{Window, shared};
 
-/// The springs' stiffness k, newtons per cubic millimetre; see `docs/sim-touch.md` for where it comes from.
+/// The springs' stiffness k, newtons per cubic millimetre; see `docs/evidence/sim-touch.md` for where it comes from.
 pub const STIFFNESS_N_MM3: f64 = 0.218;
 /// Lanes where a sum runs over all of the coarsest grid: sums that do not wait for each other.
 const MANY: usize = 4 * LANES;

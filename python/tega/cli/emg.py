@@ -288,7 +288,7 @@ _COLUMNS = (
 _MEANT = (
     "chg/s: changes of level; later: than rules-paper, ms; level: % of time at the target's level; told: rest and "
     "effort told apart, balanced %; false: closings at rest per minute; conf: error of confidence; held: % of "
-    "blocks. Details: docs/emg-decoders.md"
+    "blocks. Details: docs/evidence/emg-decoders.md"
 )
 
 

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
 from pathlib import Path
+from typing import Protocol
 
 import click
 
 from tega.cli.devices import could_not_look
 from tega.cli.options import debug_option, json_option
+from tega.errors import TegaError
 
 __all__ = ["init"]
+
+
+class _Bench(Protocol):
+    """What moves as it is told."""
+
+    def act(self, line: str) -> None:
+        """Do what was typed."""
 
 
 @click.command(epilog="Example: tega-teleop init --out lab.toml")
@@ -102,7 +114,7 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> No
     from tega.safety.ctrl_c import Stop
 
     with needs_tools("tega-teleop init --emulated"):
-        from tega_emulators.emulated_bench import EmulatedBench
+        from tega_emulators.emulated_bench import MOVES, EmulatedBench
         from tega_emulators.stations import free_port, split, write_trees
 
     if not as_json:
@@ -131,8 +143,32 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> No
             click.echo(f"Wrote {out}. The emulated devices run until Ctrl-C; in another terminal:")
             click.echo(f"  {ahead}tega-teleop doctor {out}")
             click.echo(f"  {ahead}tega-teleop run {out}")
+        if _may_read():
+            if not as_json:
+                click.echo(f"Type here what muscles and fingertips do: {MOVES}")
+            threading.Thread(target=_act_as_typed, args=(bench,), name="tega-typed", daemon=True).start()
         begin_s = time.monotonic()
         while not stop():
             if operator is not None:
                 operator.act(time.monotonic() - begin_s)
             time.sleep(0.1)
+
+
+def _act_as_typed(bench: _Bench) -> None:
+    """Move the emulated devices by lines of the standard input, until that ends."""
+    for line in sys.stdin:
+        if not line.strip():
+            continue
+        try:
+            bench.act(line.strip())
+        except TegaError as error:
+            click.echo(f"error: {error}", err=True)
+
+
+def _may_read() -> bool:
+    """Whether reading the standard input is allowed: the system stops a background program that reads its terminal."""
+    if sys.stdin is None or sys.stdin.closed:
+        return False
+    if not sys.stdin.isatty() or not hasattr(os, "tcgetpgrp"):
+        return True
+    return os.getpgrp() == os.tcgetpgrp(sys.stdin.fileno())

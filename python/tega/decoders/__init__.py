@@ -2,7 +2,7 @@
 
 :func:`fit` learns from EMG beside a target closure or a measured force; :class:`LearnedDecoder` runs what it learned,
 with NumPy alone. :class:`ProportionalDecoder` is the plain baseline. In a run they are chosen by name, see
-``docs/emg-decoders.md``.
+``docs/evidence/emg-decoders.md``.
 """
 
 from tega.decoders.features import FEATURES

@@ -1,7 +1,7 @@
 """Devices that make their input up: presses on a gel and contractions of a forearm. Simulated, and labelled so.
 
 They are drivers like any other, so that the loop, the recorder and every example run with no hardware. What they do
-not model stands in ``docs/sim-touch.md`` and :mod:`tega.sim.operator`.
+not model stands in ``docs/evidence/sim-touch.md`` and :mod:`tega.sim.operator`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """A simulated fingertip camera: what presses the gel, to the picture and to what is true of the contact.
 
 Simulated. Rigid shapes go into a skin on springs until the springs carry their forces; slopes become colours by a
-light field that was fitted to one real sensor, and noise has the statistics of its pictures. ``docs/sim-touch.md``
-says how close that comes to real pictures and what is not modelled. Seed, settings, indenters and frame number decide
-what a frame shows, to the last bit; with ``memory`` also what pressed before and how long.
+light field that was fitted to one real sensor, and noise has the statistics of its pictures.
+``docs/evidence/sim-touch.md`` says how close that comes to real pictures and what is not modelled. Seed,
+settings, indenters and frame number decide what a frame shows, to the last bit; with ``memory`` also what
+pressed before and how long.
 """
 
 from __future__ import annotations

@@ -20,15 +20,18 @@ from tega.config import FINGERS, load_config
 from tega.devices import Found, driver_class
 from tega.doctor.bench import Looked
 from tega.doctor.lab_file import lab_settings
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.lifecycle import require
 from tega_emulators.emulated_operator import EmulatedOperator
 from tega_emulators.process import Emulator
 
-__all__ = ["EmulatedBench"]
+__all__ = ["MOVES", "EmulatedBench"]
 
 # The emulated muscles' mean is about half of it.
 _FULL_UV = 200.0
+# What an arm that lies still has of it.
+_REST = 0.02
+MOVES = "rest, squeeze [STRENGTH [CHANNEL]], press FINGER [FIRMNESS], release"
 
 
 class EmulatedBench:
@@ -150,6 +153,43 @@ class EmulatedBench:
             file.parent / calibration,
         )
 
+    def act(self, line: str) -> None:
+        """Move muscles and fingertips, as a person would in calibration or practice.
+
+        Args:
+            line: ``rest``; ``squeeze`` with a strength from 0 to 1 (1) and a channel from 1 (all); ``press`` with a
+                finger and a firmness from 0 to 1 (0.7); ``release`` of all fingers.
+
+        Raises:
+            InvalidValueError: The line is none of these.
+        """
+        try:
+            commands = self._commands(*line.split())
+        except (KeyError, TypeError, ValueError):
+            commands = []
+        if not commands:
+            raise InvalidValueError(f"{line!r} is no move of the emulated bench", f"type one of: {MOVES}")
+        for device, command in commands:
+            device.say(command)
+
+    def _commands(self, verb: str, what: str = "", how: str = "") -> list[tuple[Emulator, str]]:
+        """Turn a typed move into what emulators understand; nothing for what is no move."""
+        sensors = dict(zip(FINGERS, self.digits, strict=False))
+        relax = (self.board, f"effort {_REST}")
+        if verb == "rest" and not what:
+            return [relax]
+        if verb == "squeeze":
+            tense = (
+                self.board,
+                f"effort {max(_share(what or '1'), _REST)} {int(how) if how else ''}".strip(),
+            )
+            return [relax, tense] if how else [tense]
+        if verb == "press":
+            return [(sensors[what], f"press {_share(how or '0.7')}")]
+        if verb == "release" and not what:
+            return [(sensor, "press 0") for sensor in self.digits]
+        return []
+
     @staticmethod
     def _keep_baseline(finger: str, options: object, file: Path) -> None:
         import numpy as np
@@ -165,3 +205,10 @@ class EmulatedBench:
     ) -> None:
         """End them."""
         self._up.close()
+
+
+def _share(text: str) -> float:
+    share = float(text)
+    if not 0 <= share <= 1:
+        raise ValueError(text)
+    return share

@@ -1,6 +1,6 @@
 """What the simulated touch is worth, as numbers and pictures: ``python -m tega_figures.check_touch``.
 
-Prints the tables of ``docs/sim-touch.md`` and writes its two pictures into a folder, ``docs/images`` unless told.
+Prints the tables of ``docs/evidence/sim-touch.md`` and writes its two pictures into ``docs/images`` or the folder told.
 Recorded presses are looked for in the folder that ``TEGA_DATA`` names; without them the tables that need them are left
 out.
 Needs the extras ``lab`` and ``view``.
@@ -250,7 +250,7 @@ def _spread(values: list[float]) -> str:
     "out", type=click.Path(exists=True, file_okay=False, path_type=Path), default=Path("docs/images")
 )
 def main(out: Path) -> None:
-    """Print the tables of docs/sim-touch.md and write its pictures into the folder OUT, docs/images unless told.
+    """Print the tables of docs/evidence/sim-touch.md and write its pictures into the folder OUT, else docs/images.
 
     Recorded presses are looked for in the folder that the variable TEGA_DATA names, else in ../shared/data.
     """

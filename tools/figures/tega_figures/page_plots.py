@@ -1,0 +1,176 @@
+"""Draw the plots of the user pages, from TEGA's own functions: ``python -m tega_figures.page_plots docs/images``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from tega import hand, haptics
+from tega.devices.synthetic import SyntheticEmg, SyntheticEmgOptions, SyntheticTouch, SyntheticTouchOptions
+from tega.emg import GraspIntent, channel_maxima
+from tega.tactile import Reading, contact_mask
+
+__all__ = ["main"]
+
+COLOURS: Final = ("#e07b39", "#4a90d9", "#58a55c", "#b07cc6")
+READINGS: Final[tuple[Reading, ...]] = ("paper", "live")
+
+
+def emg_levels(path: Path) -> None:
+    """Draw synthetic EMG, its block means as shares of the maxima, and the fused level."""
+    source = SyntheticEmg(SyntheticEmgOptions(seed=1, duration_s=6.0))
+    with source:
+        rate_hz = source.info.rate_hz
+        chunks = []
+        while (chunk := source.read(0.0)) is not None:
+            chunks.append(np.array(chunk.samples))
+            if source.ended:
+                break
+    samples = np.concatenate(chunks)
+    tau = round(0.1 * rate_hz)
+    maxima = channel_maxima(samples, rate_hz=rate_hz, tau=tau, kind="raw")
+    levels = GraspIntent(rate_hz, maxima, tau=tau, kind="raw").process(samples)
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    above, middle, below = figure.subplots(3, 1, sharex=True)
+    t_s = np.arange(len(samples)) / rate_hz
+    above.plot(t_s, samples[:, 0], lw=0.4, color=COLOURS[1])
+    above.set_title("Synthetic EMG of one channel", fontsize=10)
+    centred = samples - samples.mean(axis=0)
+    blocks = np.abs(centred[: len(samples) // tau * tau]).reshape(-1, tau, samples.shape[1]).mean(1)
+    for n in range(samples.shape[1]):
+        middle.step(
+            (np.arange(len(blocks)) + 1) * tau / rate_hz, blocks[:, n] / blocks[:, n].max(), where="pre",
+            color=COLOURS[n], lw=1, label=f"channel {n + 1}",
+        )  # fmt: skip
+    for border in (0.25, 0.5, 0.75):
+        middle.axhline(border, color="0.8", lw=0.8, zorder=0)
+    middle.set_title("Means of 0.1 s, as shares of the maximum; grey: borders of the levels", fontsize=10)
+    middle.legend(fontsize=7, ncols=3, loc="upper left")
+    fused = [int(block.level) for block in levels] if hasattr(levels[0], "level") else np.asarray(levels)
+    below.step((np.arange(len(fused)) + 1) * tau / rate_hz, fused, where="post", color="#c8202f", lw=2)
+    below.set_yticks(range(1, 6))
+    below.set_title("Level", fontsize=10)
+    below.set_xlabel("time, s")
+    figure.savefig(path, dpi=100)
+
+
+def emg_faults(path: Path) -> None:
+    """Draw four seconds of a clean squeeze, of mains and of a clipped channel; all synthetic."""
+    rng = np.random.default_rng(1)
+    t_s = np.arange(0, 4, 0.001)
+    effort = 0.05 + np.clip(np.sin(np.pi * (t_s - 1) / 2), 0, 1) ** 2
+    clean = rng.normal(0, 1, t_s.size) * effort
+    shown = {
+        "a clean squeeze": clean,
+        "50 Hz mains: reference loose": clean + 0.8 * np.sin(2 * np.pi * 50 * t_s),
+        "clipped: gain too high": np.clip(3 * clean, -1, 1),
+    }
+    figure = Figure(figsize=(8, 3.6), layout="constrained")
+    for axes, (name, signal), colour in zip(
+        figure.subplots(3, 1, sharex=True), shown.items(), COLOURS, strict=False
+    ):
+        axes.plot(t_s, signal, lw=0.4, color=colour)
+        axes.set_title(name, fontsize=10)
+        axes.set_yticks([])
+    axes.set_xlabel("time, s (synthetic)")
+    figure.savefig(path, dpi=100)
+
+
+def hand_moves(path: Path) -> None:
+    """Draw the angles of the five poses, and a simulated move from level 1 to 5."""
+    figure = Figure(figsize=(8, 3.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    poses = np.asarray(hand.CLOSURE_POSES_RAD)
+    shown = {"index, middle, ring (alike)": (0, COLOURS[1]), "thumb": (3, COLOURS[0])}
+    for name, (finger, colour) in shown.items():
+        for joint in range(1, 4):
+            label = name if joint == 1 else None
+            left.plot(range(1, 6), poses[:, 4 * finger + joint], "o-", ms=3, lw=1, color=colour, label=label)
+    left.set_xticks(range(1, 6))
+    left.set_xlabel("level")
+    left.set_ylabel("joint angle, rad")
+    left.set_title("Poses: three joints a finger", fontsize=10)
+    left.legend(fontsize=8)
+    modelled = hand.ModelledHand()
+    for _ in range(1500):
+        modelled.step(1)
+    angles = np.array([np.array(modelled.step(5)[0]) for _ in range(700)])
+    t_s = 0.003 * np.arange(len(angles))
+    for finger, colour in shown.values():
+        right.plot(t_s, angles[:, 4 * finger + 1 : 4 * finger + 4], color=colour, lw=1.4)
+    right.set_xlabel("time, s")
+    right.set_title("Level 1 to 5, simulated", fontsize=10)
+    figure.savefig(path, dpi=100)
+
+
+def vest_law(path: Path) -> None:
+    """Draw the laws from a value to a percent, and two columns of one touch."""
+    figure = Figure(figsize=(8, 3.2), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.3, 1))
+    shares = np.linspace(0, 1.5, 151)
+    for law, colour in (("logistic", COLOURS[1]), ("linear", COLOURS[0])):
+        values: Any = [haptics.intensity(s, 1.0, law=law) for s in shares]
+        left.plot(shares, values, color=colour, lw=2, label=f'law "{law}"')
+    left.set_xlabel("value / maximum")
+    left.set_ylabel("percent")
+    left.set_title("From a value to the strength of a motor", fontsize=10)
+    left.legend(fontsize=8)
+    frame = haptics.vest_frame(
+        [haptics.intensity(v, 1.0) for v in (0.8, 0.5, 0.3, 0.6)],
+        [haptics.intensity(v, 1.0) for v in (0.3, 0.7, 0.4, 0.9)],
+        layout="x40",
+    )
+    motors = np.asarray(frame.x40(), float).reshape(2, 5, 4)
+    for face, name in enumerate(("front: CCI", "back: EDA")):
+        for row in range(5):
+            for column in range(4):
+                right.scatter(
+                    5.2 * face + column, -row, s=190, color=COLOURS[column],
+                    alpha=max(motors[face, row, column] / 100, 0.04), edgecolors="none",
+                )  # fmt: skip
+                right.scatter(5.2 * face + column, -row, s=190, facecolors="none", edgecolors="0.6", lw=0.8)
+        right.text(5.2 * face + 1.5, 0.8, name, ha="center", fontsize=9)
+    right.set_xlim(-0.8, 9)
+    right.set_ylim(-4.8, 1.5)
+    right.set_axis_off()
+    figure.savefig(path, dpi=100)
+
+
+def readings(path: Path) -> None:
+    """Draw one simulated press, and what both presets count as touched."""
+    source = SyntheticTouch(SyntheticTouchOptions(seed=1, duration_s=6.0))
+    frames: list[NDArray[np.uint8]] = []
+    with source:
+        while len(frames) < 360 and (frame := source.read(0.0)) is not None:
+            frames.append(np.array(frame.image))
+    baseline = frames[0]
+    press = max(frames, key=lambda frame: float(np.abs(frame.astype(float) - baseline).sum()))
+    figure = Figure(figsize=(7, 3.2), layout="constrained")
+    panels = figure.subplots(1, 1 + len(READINGS))
+    panels[0].imshow(press[..., ::-1])
+    panels[0].set_title("a simulated press", fontsize=9)
+    for axes, reading in zip(panels[1:], READINGS, strict=True):
+        mask = contact_mask(press, baseline, reading=reading)
+        axes.imshow(np.where(mask[..., None], press[..., ::-1], press[..., ::-1] // 4))
+        axes.set_title(f"{reading}: {int(mask.sum()):,} pixels", fontsize=9)
+    for axes in panels:
+        axes.set_axis_off()
+    figure.savefig(path, dpi=100)
+
+
+def main(folder: Path) -> None:
+    """Draw every plot into a folder."""
+    emg_levels(folder / "emg-levels.png")
+    emg_faults(folder / "emg-faults.png")
+    hand_moves(folder / "hand-moves.png")
+    vest_law(folder / "vest-law.png")
+    readings(folder / "readings-audit.png")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
