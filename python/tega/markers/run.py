@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tega.markers.lsl_in import Heard, LslMarkersIn
 from tega.markers.lsl_out import LslMarkersOut
-from tega.records import Alert, Button, HeardMarker, RunState
+from tega.records import Alert, Button, Event, HeardMarker, RunState
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -29,6 +29,7 @@ class RunMarkers:
     ``fault:NAME:WORDS``   when something goes wrong
     ``fault-over:NAME``    when it is well again
     ``pedal:BUTTON``       when a button of the seat ``marker`` goes down
+    ``touch:KIND:FINGER``  when a finger touches (``contact``), lets go (``release``), or ``touch:slip``
     =====================  ==========================================================
 
     Args:
@@ -52,6 +53,7 @@ class RunMarkers:
             bus.subscribe(RunState, self._state, name="markers")
             bus.subscribe(Alert, self._alert, name="markers")
             bus.subscribe(Button, self._button, name="markers")
+            bus.subscribe(Event, self._event, name="markers")
 
     def problem(self) -> str:
         """Return why nothing is heard, ``""`` while all is well; asked again and again, it also sees who listens."""
@@ -115,6 +117,10 @@ class RunMarkers:
         if button.seat == "marker" and button.pressed:
             # Devices stamp with the monotonic clock, whatever the session counts from.
             self._tell(f"pedal:{button.button}", self._zero_ns + button.t_ns)
+
+    def _event(self, event: Event) -> None:
+        at_ns = self._start_ns + event.t_ns if self._counts_real else time.monotonic_ns()
+        self._tell(f"touch:{event.kind}:{event.finger}".rstrip(":"), at_ns)
 
     def _heard(self, heard: Heard) -> None:
         with self._lock:
