@@ -131,7 +131,7 @@ def replay(
     with Stop() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
-                settings, title="TEGA · replay", port=view_port, observer=None, progress=progress, stop=stop,
+                settings, title="TEGA · replay", port=view_port, progress=progress, stop=stop,
                 can_pause=True, bus=bus,
             )  # fmt: skip
         else:
