@@ -79,7 +79,7 @@ wheel: ## build a wheel, install it in a fresh environment, try it, and the exam
 	target/wheel-venv/bin/pip install --quiet dist/*.whl
 	target/wheel-venv/bin/python -c "import tega; print(tega.__version__, tega.emg.fuse_levels([2, 2, 5]))"
 	target/wheel-venv/bin/tega-teleop --help
-	TEGA_WHEEL=$$(echo dist/*.whl) $(BIN)/python -m pytest -n0 -q tests/docs/test_own_stage.py
+	TEGA_WHEEL=$$(echo dist/*.whl) $(BIN)/python -m pytest -n0 -q -m "not slow" tests/docs/test_own_stage.py
 
 site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict

@@ -126,7 +126,7 @@ def replay(
     if (picture := flags["picture"]) is not None:
         from tega.view.session import SessionPicture
 
-        drawn = SessionPicture(bus)
+        drawn = SessionPicture(bus, pose_base=settings.session.pose_base)
     started = time.perf_counter()
     with Stop() as stop, progress_bar(enabled=not as_json) as progress:
         if view:

@@ -152,7 +152,7 @@ class Streams:
     def course(self) -> Course:
         """Return touch, as the mean over the fingers in contact, and level over time."""
         at: dict[float, list[tuple[float, float]]] = {}
-        for t_s, _, _, _, cci_norm, eda_norm, in_contact, _, _ in self.rows["contacts"]:
+        for t_s, _, _, _, cci_norm, eda_norm, _, in_contact, *_ in self.rows["contacts"]:
             touching = at.setdefault(t_s, [])
             if in_contact:
                 touching.append((cci_norm, eda_norm))
