@@ -139,9 +139,8 @@ def _shared() -> list[str]:
     An environment that Python 3.11 makes begins with setuptools 65.5, which builds no wheel by itself; it would hide
     the newer one of a folder behind it.
     """
-    folders = [
-        folder for folder in sys.path if Path(folder).name in {"site-packages", "dist-packages", "python"}
-    ]
+    names = {"site-packages", "dist-packages", "python", "emulators"}  # the last holds the emulated devices
+    folders = [folder for folder in sys.path if Path(folder).name in names]
 
     def builds(folder: str) -> bool:
         found = [dist.version for dist in distributions(path=[folder]) if dist.name == "setuptools"]
@@ -250,7 +249,7 @@ EMULATED = """
 import sys
 from pathlib import Path
 from tega.config import check_tree
-from tega.testing.lab import emulated_lab, PRESSED
+from tega_emulators.lab import emulated_lab, PRESSED
 from tega.toml_text import tree_text
 
 folder = Path(sys.argv[1])

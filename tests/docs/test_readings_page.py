@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from tega.audit.places import PLACES, Place, places_table
 from tega.cli.main import main
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
@@ -16,6 +15,7 @@ from tega.recording.mcap_reader import McapReader
 from tega.replay import replay_file
 from tega.stages import list_stages
 from tega.teleop import run_session
+from tega_figures.places import PLACES, Place, places_table
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / "docs" / "readings.md"
@@ -41,7 +41,9 @@ CHOICES = [(place, item) for place in PLACES for item in place.sets]
 
 @pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
 def test_the_table_is_the_generated_one() -> None:
-    assert places_table() in PAGE.read_text(encoding="utf-8"), "python -m tega.audit.places docs/readings.md"
+    assert places_table() in PAGE.read_text(encoding="utf-8"), (
+        "python -m tega_figures.places docs/readings.md"
+    )
 
 
 @pytest.mark.parametrize(("place", "item"), CHOICES, ids=lambda one: getattr(one, "number", one))
