@@ -87,7 +87,7 @@ def test_events_are_looked_for_only_where_somebody_wants_them() -> None:
     loop.update("index", 0, firm)
     assert loop.found == ()
     loop.find_events()
-    kinds = set()
+    kinds: set[str] = set()
     for n in range(1, 30):
         loop.update("index", n * 16_000_000, firm if n > 5 else ContactMetrics())
         kinds |= {event.kind for event in loop.found}
