@@ -85,7 +85,7 @@ def test_events_are_looked_for_only_where_somebody_wants_them() -> None:
     firm = ContactMetrics(mass=6e4, centroid_xy=(120.0, 100.0), eda=3000, cci=0.5, peak=30.0, in_contact=True)
     loop = TouchLoop({"index": TouchMaxima(cci_max=1.0, eda_max=3000.0)}, layout="x40")
     loop.update("index", 0, firm)
-    assert loop.found == ()
+    assert len(loop.found) == 0
     loop.find_events()
     kinds: set[str] = set()
     for n in range(1, 30):
