@@ -73,13 +73,14 @@ arm64: ## the crates' tests on an emulated arm64 processor, NEON kernels include
 	CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER='qemu-aarch64 -L /usr/aarch64-linux-gnu' \
 	cargo test --workspace --exclude tega-py --release --locked --target aarch64-unknown-linux-gnu
 
-wheel: ## build a wheel, install it in a fresh environment, try it
+wheel: ## build a wheel, install it in a fresh environment, try it, and the example packages with it in another
 	rm -rf dist target/wheel-venv
 	$(BIN)/maturin build --release --out dist
 	$(PYTHON) -m venv target/wheel-venv
 	target/wheel-venv/bin/pip install --quiet dist/*.whl
 	target/wheel-venv/bin/python -c "import tega; print(tega.__version__, tega.emg.fuse_levels([2, 2, 5]))"
 	target/wheel-venv/bin/tega-teleop --help
+	TEGA_WHEEL=$$(echo dist/*.whl) $(BIN)/python -m pytest -n0 -q -m "not slow" tests/docs/test_own_stage.py
 
 site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
 	PYTHONPATH=$(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/figures \

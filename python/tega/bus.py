@@ -18,8 +18,10 @@ Example:
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -156,10 +158,19 @@ def _words(error: Exception) -> str:
 class Backlog:
     """Records that wait for a subscriber that may be slow, and the thread that hands them over in their order.
 
+    The tables, the displays, the markers and the stages beside the connected ones each have one.
+
     Args:
         name: Whose it is.
         most: How many may wait; what comes beyond that is dropped and counted.
+        newest: Whether to drop the oldest then, for a display that shows what is so now; else what comes.
+        idle: Called in the thread, some hundred times a second, while nothing waits.
         rank: Wraps what the thread does, such as :func:`tega.priority.ahead_of_others`.
+
+    Attributes:
+        n_put: Records that came.
+        n_dropped: Of these, those that were dropped.
+        waited_s: How long the one that was handed over last had waited.
     """
 
     def __init__(
@@ -167,44 +178,68 @@ class Backlog:
         name: str,
         *,
         most: int = 65_536,
+        newest: bool = False,
+        idle: Callable[[], object] = lambda: None,
         rank: Callable[[Callable[[], None]], Callable[[], None]] = lambda work: work,
     ) -> None:
-        self._name, self._most = name, most
-        self._waiting: deque[tuple[Callable[[Any, Any], None], Any, msgspec.Struct]] = deque()
+        self._name, self._most, self._newest, self._idle, self._rank = name, most, newest, idle, rank
+        self._waiting: deque[tuple[Callable[[Any, Any], None], Any, Any, float]] = deque()
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=rank(self._work), name=f"tega-{name}", daemon=True)
-        self.n_dropped = 0
+        self._thread: threading.Thread | None = None
+        self.n_put = self.n_dropped = 0
+        self.waited_s = 0.0
 
     def start(self) -> None:
-        """Begin to hand over."""
-        self._thread.start()
+        """Begin to hand over, unless that has begun."""
+        if self._thread is None:
+            self._closing.clear()
+            self._thread = threading.Thread(
+                target=self._rank(self._work), name=f"tega-{self._name}", daemon=True
+            )
+            self._thread.start()
 
-    def put(self, deliver: Callable[[Any, Any], None], to: Any, record: msgspec.Struct) -> None:
-        """Let a record wait; returns at once."""
-        if len(self._waiting) >= self._most or self._closing.is_set():
+    def put(self, deliver: Callable[[Any, Any], None], to: Any, record: object) -> None:
+        """Let a record wait until ``deliver(to, record)`` is called with it in the thread; returns at once."""
+        self.n_put += 1
+        if self._closing.is_set():
             self.n_dropped += 1
             return
-        self._waiting.append((deliver, to, record))
+        if len(self._waiting) >= self._most:
+            self.n_dropped += 1
+            if not self._newest:
+                return
+            with contextlib.suppress(IndexError):  # the thread has just taken it
+                self._waiting.popleft()
+        self._waiting.append((deliver, to, record, time.monotonic()))
+
+    @property
+    def running(self) -> bool:
+        """Whether records are handed over."""
+        return self._thread is not None and self._thread.is_alive()
 
     def problem(self) -> str:
-        """Return how many records were dropped, ``""`` for none."""
-        return (
-            f"{self._name}: {self.n_dropped} records dropped, it does not keep up" if self.n_dropped else ""
-        )
+        """Return how many records were dropped, ``""`` for none, and where only the newest is wanted."""
+        if not self.n_dropped or self._newest:
+            return ""
+        return f"{self._name}: {self.n_dropped} records dropped, it does not keep up"
 
     def close(self) -> None:
         """Wait for what is left, ten seconds at most, and end the thread."""
         self._closing.set()
-        self._thread.join(_DRAIN_S)
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(_DRAIN_S)
 
     def _work(self) -> None:
         while True:
             closing = self._closing.is_set()  # looked at first: nothing comes after it
             try:
-                deliver, to, record = self._waiting.popleft()
+                deliver, to, record, put_s = self._waiting.popleft()
             except IndexError:
                 if closing:
                     return
+                self._idle()
                 self._closing.wait(_WAIT_S)
             else:
+                self.waited_s = time.monotonic() - put_s
                 deliver(to, record)

@@ -82,6 +82,7 @@ class SessionSection(_Section, frozen=True):
         pace: ``real`` waits for the clock, ``fast`` runs recordings as fast as they can be computed.
         out_dir: Folder for the outputs; none means nothing is written.
         duration_s: Stop after this long; none means when the last recording ends, or never.
+        pose_base: Number of the most open pose where levels are drawn: 0 as in Fig 8, 1 as in Eq 11 and the tables.
         realtime: Ask the system to let the threads of a live run go before other programs; see :mod:`tega.priority`.
     """
 
@@ -90,6 +91,7 @@ class SessionSection(_Section, frozen=True):
     out_dir: Path | None = None
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
     realtime: bool = True
+    pose_base: Literal[0, 1] = 0
 
 
 _Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]

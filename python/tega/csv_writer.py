@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
-__all__ = ["CsvWriter", "time_text"]
+__all__ = ["CsvWriter", "cell_text", "time_text"]
 
 _ROWS_PER_WRITE = 4096
 
@@ -22,24 +22,43 @@ def time_text(t_ns: int) -> str:
     return f"{seconds}.{micros:06d}"
 
 
+def cell_text(value: object) -> str:
+    """Write a value as a cell: nothing for ``None``, 0 or 1 for a truth, a number so that it is read back bit for bit.
+
+    Example:
+        >>> cell_text("held, then lost"), cell_text(0.1), cell_text(None)
+        ('"held, then lost"', '0.1', '')
+    """
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(int(value))
+    text = repr(value) if isinstance(value, float) else str(value)
+    if any(sign in text for sign in ',"\r\n'):
+        return '"' + text.replace('"', '""') + '"'
+    return text
+
+
 class CsvWriter:
     """Writes finished lines to a file, many at a time.
 
     Args:
         path: The file; it is replaced.
         columns: Its column names.
+        most_lines: How many lines wait before they are written together.
     """
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+    def __init__(self, path: Path, columns: Sequence[str], *, most_lines: int = _ROWS_PER_WRITE) -> None:
         self._file: IO[str] | None = path.open("w", encoding="utf-8", newline="\n")
         self._lines: list[str] = [",".join(columns) + "\n"]
+        self._most_lines = most_lines
         self.n_rows = 0
 
     def write(self, *lines: str) -> None:
         """Add lines; each ends with a newline."""
         self._lines.extend(lines)
         self.n_rows += len(lines)
-        if len(self._lines) >= _ROWS_PER_WRITE:
+        if len(self._lines) >= self._most_lines:
             self.flush()
 
     def flush(self) -> None:

@@ -9,7 +9,7 @@ import re
 import subprocess
 import sys
 import venv
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -96,35 +96,59 @@ class Installed(NamedTuple):
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
-    """Install copies into a fresh environment, without network; it sees the packages of the one that runs the tests."""
-    try:
-        fits = tuple(map(int, version("setuptools").split(".")[:2])) >= (70, 1)
-    except PackageNotFoundError:
-        fits = False
-    if not fits:
-        pytest.skip("setuptools 70.1 or later, which builds the examples, is not installed")
+    """Install copies of the examples into a fresh environment, as anybody would.
+
+    With ``TEGA_WHEEL`` (``make wheel`` sets it) TEGA is that wheel, and all else comes from the package index. Without,
+    the environment sees the packages of the one that runs the tests, and needs no network.
+    """
     place = tmp_path_factory.mktemp("fresh")
-    venv.create(place, with_pip=False, symlinks=os.name != "nt")
+    wheel = os.environ.get("TEGA_WHEEL", "")
+    venv.create(place, with_pip=bool(wheel), symlinks=os.name != "nt")
     python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     site = Path(
         run("-c", "import sysconfig; print(sysconfig.get_path('purelib'))", python=python).stdout.strip()
     )
-    shared = [
-        folder for folder in sys.path if Path(folder).name in {"site-packages", "dist-packages", "python"}
-    ]
-    (site / "shared.pth").write_text("\n".join(shared))
-    for name in EXAMPLES:
-        copy = tmp_path_factory.mktemp("copy") / name
-        for file in (PROJECT / "examples" / name).rglob("*"):
-            if file.suffix in {".py", ".toml"}:
-                target = copy / file.relative_to(PROJECT / "examples" / name)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.write_bytes(file.read_bytes())
-        words = ("--quiet", "--no-index", "--no-deps", "--no-build-isolation", str(copy))
+    copies = [_copied(name, tmp_path_factory.mktemp("copy")) for name in EXAMPLES]
+    if wheel:
+        words = ("-m", "pip", "install", "--quiet", f"{Path(wheel).resolve()}[record]", *map(str, copies))
+        done = run(*words, python=python)
+    else:
+        (site / "shared.pth").write_text("\n".join(_shared()))
+        words = ("--quiet", "--no-index", "--no-deps", "--no-build-isolation", *map(str, copies))
         done = run("-m", "pip", "--python", str(python), "install", *words)
-        assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done.stderr
+    for name in EXAMPLES:
         assert any(site.glob(f"{name}-*.dist-info")), "installed somewhere else"
     return Installed(python, site)
+
+
+def _copied(name: str, folder: Path) -> Path:
+    """Copy an example without what a build has left in it."""
+    source, copy = PROJECT / "examples" / name, folder / name
+    for file in source.rglob("*"):
+        if file.suffix in {".py", ".toml"}:
+            target = copy / file.relative_to(source)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(file.read_bytes())
+    return copy
+
+
+def _shared() -> list[str]:
+    """Return the folders of installed packages, that with a setuptools that builds the examples first.
+
+    An environment that Python 3.11 makes begins with setuptools 65.5, which builds no wheel by itself; it would hide
+    the newer one of a folder behind it.
+    """
+    names = {"site-packages", "dist-packages", "python", "emulators"}  # the last holds the emulated devices
+    folders = [folder for folder in sys.path if Path(folder).name in names]
+
+    def builds(folder: str) -> bool:
+        found = [dist.version for dist in distributions(path=[folder]) if dist.name == "setuptools"]
+        return any(tuple(map(int, version.split(".")[:2])) >= (70, 1) for version in found)
+
+    builders = [folder for folder in folders if builds(folder)]
+    assert builders, "no setuptools 70.1 or later to build the examples with: pip install '.[test]'"
+    return [*builders, *(folder for folder in folders if folder not in builders)]
 
 
 def run(

@@ -2,19 +2,39 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tega.cli.main import main
-from tega.config import load_config
+from tega.config import check_tree, load_config
 from tega.errors import ConfigError
+from tega.recording.mcap_reader import McapReader
+from tega.replay import replay_file
 from tega.stages import list_stages
+from tega.teleop import run_session
 from tega_figures.places import PLACES, Place, places_table
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / "docs" / "readings.md"
+
+# A press within the first half second, and muscles that work.
+SHORT = """
+[session]
+pace = "fast"
+duration_s = 0.3
+[tactile.thumb]
+driver = "synthetic-touch"
+[emg]
+driver = "synthetic-emg"
+kind = "raw"
+[recording]
+dir = "recorded"
+lossless = true
+stop_free_mib = 0.0
+"""
 
 CHOICES = [(place, item) for place in PLACES for item in place.sets]
 
@@ -40,6 +60,36 @@ def test_a_setting_of_the_table_is_taken_and_told(place: Place, item: str) -> No
         assert loop_settings("live", [*place.needs, item]).stages == loaded.config.stages
 
 
+# One of each group at every turn; the others, a minute and more of them, by make slow.
+OFTEN = ("front=trend_mm_s", "before=band", "pose_base=1", "threshold=D7", "fusion=median", "layout=x16")
+RUN_WITH = [
+    pytest.param(*choice, marks=[] if choice[1].endswith(OFTEN) else pytest.mark.slow)
+    for choice in CHOICES
+    if not choice[1].startswith("emg.")
+]
+
+
+@pytest.mark.parametrize(("place", "item"), RUN_WITH, ids=lambda one: getattr(one, "number", one))
+def test_a_setting_of_the_table_is_run_recorded_and_replayed(place: Place, item: str, tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text(SHORT)
+    sets = [*place.needs, item]
+    config = load_config(tmp_path / "lab.toml", environ={}, sets=sets).config
+    file = tmp_path / "recorded" / run_session(config)["recording"]["file"]
+    reader = McapReader(file)
+    assert list(reader.messages())
+    recorded = check_tree(tomllib.loads(reader.files["session.toml"].decode()), {}, base=tmp_path).values
+    for told in sets:
+        key, _, said = told.partition("=")
+        assert key in recorded, f"{key} is not recorded"
+        value = recorded[key].value
+        plain = said.replace("[", "(").replace("]", ")").lower()
+        assert str(value).lower().replace("'", '"') == plain or float(said) == value
+    assert replay_file(file).same
+    # The same recording through the other choice: named as changed, or the same where it makes no difference.
+    again = replay_file(file, sets=[told for told in sets if told.startswith("stages.")])
+    assert again.changed == []
+
+
 def test_every_option_of_a_shipped_stage_is_in_the_table_or_no_reading() -> None:
     named = {
         item.partition("=")[0].rpartition(".")[2] for place in PLACES for item in (*place.needs, *place.sets)
@@ -47,8 +97,6 @@ def test_every_option_of_a_shipped_stage_is_in_the_table_or_no_reading() -> None
     no_reading = {
         "noise_counts",
         "mm_per_px",
-        "trend",
-        "trend_s",
         "contact",
         "release",
         "slip",

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from reference.sessions import tree
+from reference.waiting import until
 from tega.bus import Backlog, Bus
 from tega.config import check_tree
 from tega.records import Alert, Contact, Intent, Marker, Record, RunState, VestFrame
@@ -195,3 +196,42 @@ def test_a_display_that_stands_still_holds_up_nobody() -> None:
     go.set()
     backlog.close()
     assert shown == [0, 1, 2, 3]
+
+
+def test_a_backlog_for_the_newest_drops_the_oldest_and_tells_how_long_the_rest_waited() -> None:
+    backlog, seen, idle = (
+        Backlog("view", most=2, newest=True, idle=lambda: idle.append(1)),
+        list[int](),
+        list[int](),
+    )
+    for k in range(5):
+        backlog.put(lambda to, record: to.append(record), seen, k)
+    assert (backlog.n_put, backlog.n_dropped, backlog.problem()) == (5, 3, "")
+    backlog.start()
+    backlog.close()
+    assert seen == [3, 4]
+    assert backlog.waited_s > 0
+    backlog.start()  # a display that is opened again
+    until(lambda: bool(idle))
+    backlog.put(lambda to, record: to.append(record), seen, 5)
+    backlog.close()
+    assert seen == [3, 4, 5]
+    assert not backlog.running
+
+
+def test_a_display_that_does_not_keep_up_keeps_no_loop_waiting() -> None:
+    bus, gate, shown = Bus(), threading.Event(), list[int]()
+    backlog = Backlog("view", most=1, newest=True)
+
+    def draw(change: RunState) -> None:
+        gate.wait(60.0)
+        shown.append(change.t_ns)
+
+    bus.subscribe(RunState, draw, backlog=backlog)
+    for t_ns in range(1000):  # would take minutes if the publisher waited
+        bus.publish(RunState(t_ns=t_ns, state="active", reason=""))
+    gate.set()
+    backlog.close()
+    assert shown[-1] == 999
+    assert len(shown) <= 2
+    assert bus.problem() == ""

@@ -178,4 +178,4 @@ def test_without_the_package_there_is_one_clear_line(
     assert left.value.code == 3
     error, hint = capsys.readouterr().err.splitlines()
     assert "'markers.lsl_out' needs the package 'pylsl'" in error
-    assert "pip install 'tega[lsl]'" in hint
+    assert "[lsl]'" in hint

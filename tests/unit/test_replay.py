@@ -22,7 +22,9 @@ from tega.cli.main import main
 from tega.haptics import intensity
 from tega.stages.choose import preset_metric
 
-OUTPUTS = ["calibration.toml", "can.csv", "contacts.csv", "levels.csv", "summary.json", "vest.csv"]
+OUTPUTS = [
+    "calibration.toml", "can.csv", "contacts.csv", "events.csv", "levels.csv", "summary.json", "vest.csv",
+]  # fmt: skip
 
 Replay = Callable[..., dict[str, Any]]
 

@@ -38,8 +38,9 @@ from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric, vest_mapping
 from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
 from tega.study.touch_picture import recorded_picture
-from tega.teleop import run_session
+from tega.teleop import run, run_session
 from tega.teleop.flows import Touching, contact_stream
+from tega.teleop.pacing import Pacer
 from tega.teleop.touch import Felt
 from tega.view.labels import ContactLabels
 
@@ -101,7 +102,8 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
             stack,
             "thumb",
             finger,
-            metric=lambda: Listening(FingerSetup("thumb", frames[0].image), LiveOptions()),
+            metric=Listening(FingerSetup("thumb", frames[0].image), LiveOptions()),
+            fed=False,
             touching=touched,
             start_ns=STARTED_NS,
             trace=None,
@@ -216,7 +218,8 @@ def test_nothing_is_drawn_where_nobody_looks() -> None:
                 stack,
                 "thumb",
                 Finger(camera, frames[0].image, "given", SourceReport()),
-                metric=lambda: Asked(FingerSetup("thumb", frames[0].image), LiveOptions()),
+                metric=Asked(FingerSetup("thumb", frames[0].image), LiveOptions()),
+                fed=False,
                 touching=Touching(),
                 start_ns=STARTED_NS,
                 trace=None,
@@ -448,3 +451,29 @@ def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline
     assert metrics.mass == max(masses)
     outlined = np.count_nonzero(touch_map.mask)
     assert outlined == pytest.approx(metrics.eda, rel=0.0 if lossless else 0.1)
+
+
+def test_metrics_are_made_before_the_session_s_clock_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # One that looks for principal components for a second would else begin the run a second late.
+    order: list[str] = []
+    make, start = run._metric, Pacer.start
+
+    def made(*given: Any) -> Any:
+        order.append("metric")
+        return make(*given)
+
+    def started(pacer: Pacer) -> int:
+        order.append("clock")
+        return start(pacer)
+
+    monkeypatch.setattr(run, "_metric", made)
+    monkeypatch.setattr(Pacer, "start", started)
+    settings = {
+        "session": {"pace": "fast", "duration_s": 0.1},
+        "tactile": {"thumb": {"driver": "synthetic-touch"}},
+        "recording": {"dir": str(tmp_path), "stop_free_mib": 0.0},
+    }
+    run_session(check_tree(settings, {}, base=tmp_path).config)
+    assert order == ["metric", "clock"]

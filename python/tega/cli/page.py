@@ -11,7 +11,6 @@ import click
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
-    from tega.teleop.moment import LoopView
     from tega.view.browser import BrowserView, Controls
 
 __all__ = ["browser_observer", "run_viewed", "view_options"]
@@ -69,7 +68,6 @@ def run_viewed(
     *,
     title: str,
     port: int,
-    observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
     can_pause: bool = False,
     bus: Bus | None = None,
@@ -82,7 +80,6 @@ def run_viewed(
         config: The settings.
         title: Heading of the page.
         port: TCP port.
-        observer: Of the terminal's view, called as well.
         stop: Asked whether to end; the page's button is another way.
         can_pause: Whether the run may stand still: with recordings, and with nothing that moves.
         bus: The run's, where others listen as well.
@@ -109,17 +106,11 @@ def run_viewed(
     with browser_observer(
         title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M
     ) as view:
-
-        def observe(loop: LoopView) -> None:
-            view(loop)
-            if observer is not None:
-                observer(loop)
-
+        view.watch(bus)
         if can_pause:
             options["clock"] = PausableClock(lambda: controls.paused and not stop())
         return (run or run_session)(
             config,
-            observer=observe,
             stop=ends,
             on_prepared=feed.watch,
             haptics=lambda: controls.haptics,

@@ -73,6 +73,7 @@ def play(
     import time
     from functools import partial
 
+    from tega.bus import Bus
     from tega.cli.options import echo_json, stop_keys, worn_by
     from tega.cli.page import run_viewed
     from tega.cli.report import print_summary
@@ -98,15 +99,18 @@ def play(
     with (
         Stop() as stop,
         stop_keys(stop, enabled=not as_json),
-        stage(heading, enabled=not (as_json or drawn_here)) as (progress, observer),
+        stage(heading, enabled=not (as_json or drawn_here)) as (progress, display),
     ):
+        bus = Bus()
+        if display is not None:
+            display.watch(bus)
         if view:
             summary = run_viewed(
-                config, title=f"TEGA · {files[0].name}", port=view_port, run=played, observer=observer,
-                progress=progress, stop=stop,
+                config, title=f"TEGA · {files[0].name}", port=view_port, run=played, progress=progress, stop=stop,
+                bus=bus,
             )  # fmt: skip
         else:
-            summary = played(config, progress=progress, observer=observer, stop=stop)
+            summary = played(config, progress=progress, stop=stop, bus=bus)
     if as_json:
         echo_json(summary)
     else:

@@ -126,12 +126,12 @@ def replay(
     if (picture := flags["picture"]) is not None:
         from tega.view.session import SessionPicture
 
-        drawn = SessionPicture(bus)
+        drawn = SessionPicture(bus, pose_base=settings.session.pose_base)
     started = time.perf_counter()
     with Stop() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
-                settings, title="TEGA · replay", port=view_port, observer=None, progress=progress, stop=stop,
+                settings, title="TEGA · replay", port=view_port, progress=progress, stop=stop,
                 can_pause=True, bus=bus,
             )  # fmt: skip
         else:

@@ -100,6 +100,7 @@ def run_settings(
     import sys
     import time
 
+    from tega.bus import Bus
     from tega.cli.options import stop_keys
     from tega.cli.page import run_viewed
     from tega.cli.report import tell_summary
@@ -124,28 +125,29 @@ def run_settings(
     with (
         Stop() as stop,
         stop_keys(stop, enabled=not as_json),
-        stage(heading, enabled=not as_json) as (progress, observer),
+        stage(heading, enabled=not as_json) as (progress, display),
     ):
 
         def tell(said: str) -> None:
-            if observer is None:  # the live view shows it
+            if display is None:  # the live view shows it
                 click.echo(said, err=True)
 
+        bus = Bus()
+        if display is not None:
+            display.watch(bus)
         if view:
             summary = run_viewed(
                 settings,
                 title=f"TEGA · {config.name}",
                 port=view_port,
-                observer=observer,
                 progress=progress,
                 stop=stop,
                 settings=name,
                 tell=tell,
+                bus=bus,
             )
         else:
-            summary = run_session(
-                settings, observer=observer, progress=progress, stop=stop, settings=name, tell=tell
-            )
+            summary = run_session(settings, progress=progress, stop=stop, settings=name, tell=tell, bus=bus)
     tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
 
 

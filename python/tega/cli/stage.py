@@ -3,77 +3,92 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
+from tega.bus import Backlog
 from tega.cli.options import progress_bar
+from tega.teleop.moment import Moment
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.teleop.moment import LoopView
     from tega.teleop.prepare import Progress
 
-__all__ = ["Watcher", "stage"]
-
-_REDRAW_S = 0.1
+__all__ = ["TerminalDisplay", "stage"]
 
 
-class Watcher(Protocol):
-    """Takes a moment to be shown, and what else there is to tell of it, by name."""
+class TerminalDisplay:
+    """Draws the newest moment that it was given, in a thread of its own: drawing takes longer than a tick of the hand.
+
+    Args:
+        title: Heading of the live view.
+    """
+
+    def __init__(self, title: str) -> None:
+        from tega.view.terminal import TerminalView
+
+        self._view = TerminalView(title)
+        self._newest: tuple[LoopView, Mapping[str, str], float] | None = None
+        self._waiting = Backlog("view", most=1, newest=True, idle=self._draw)
+
+    def watch(self, bus: Bus) -> None:
+        """Show the moments of a run from now on."""
+        bus.subscribe(
+            Moment, lambda moment: self._take((moment.view, {})), name="display", backlog=self._waiting
+        )
 
     def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
-        """Take it; returns at once."""
-        ...
+        """Take a moment to be shown, and what else there is to tell of it, by name; returns at once."""
+        self._waiting.put(TerminalDisplay._take, self, (view, rows))
+
+    def open(self) -> None:
+        """Take the screen."""
+        self._view.__enter__()
+        self._waiting.start()
+
+    def close(self) -> None:
+        """Give the screen back."""
+        self._waiting.close()
+        self._view.__exit__(None, None, None)
+
+    def _take(self, given: tuple[LoopView, Mapping[str, str]]) -> None:
+        self._newest = (*given, time.monotonic() - self._waiting.waited_s)
+        self._draw()
+
+    def _draw(self) -> None:
+        """Draw the newest moment and its age, as often as a screen is worth."""
+        if self._newest is not None:
+            view, rows, came_s = self._newest
+            self._view(view, rows, age_s=time.monotonic() - came_s)
 
 
 @contextmanager
-def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, Watcher | None]]:
+def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisplay | None]]:
     """Show preparation and run on a terminal's stderr.
-
-    The picture is drawn by a thread of its own, from the newest moment it was given: drawing takes longer than a
-    tick of the hand.
 
     Args:
         title: Heading of the live view.
         enabled: Whether to show anything at all.
 
     Yields:
-        What to give ``run_session`` as ``progress`` and as ``observer``.
+        What to give ``run_session`` as ``progress``, and what shows the run; ``None`` for nothing.
     """
     if not enabled or not sys.stderr.isatty():
         yield lambda _what, _done, _total: None, None
         return
-    newest: list[tuple[LoopView, Mapping[str, str], float]] = []
-    over = threading.Event()
-
-    def draw() -> None:
-        from tega.view.terminal import TerminalView
-
-        with TerminalView(title) as view:
-            while not over.wait(_REDRAW_S):
-                if newest:
-                    moment, rows, came_s = newest[-1]
-                    view(moment, rows, age_s=time.monotonic() - came_s)
-
-    drawing = threading.Thread(target=draw, name="tega-view", daemon=True)
-    with ExitStack() as stack:
+    display = TerminalDisplay(title)
+    with ExitStack() as ending, ExitStack() as stack:
         bar = stack.enter_context(progress_bar())
 
         def progress(what: str, done: int, total: int) -> None:
             if what == "running":
                 stack.close()
-                drawing.start()
+                display.open()
+                ending.callback(display.close)
             else:
                 bar(what, done, total)
 
-        def observe(view: LoopView, rows: Mapping[str, str] = {}) -> None:
-            newest[:] = [(view, rows, time.monotonic())]
-
-        try:
-            yield progress, observe
-        finally:
-            over.set()
-            if drawing.is_alive():
-                drawing.join()
+        yield progress, display

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from tega.contract.rule import rule
 from tega.motor_layout import SHIPPED, MotorLayout
-from tega.records import Contact, Intent
-from tega.stages.base import Decoder, FingerSetup, Mapping, Metric, MuscleSetup, TouchEvent, VestSetup
+from tega.records import Contact, Event, Intent
+from tega.stages.base import Decoder, FingerSetup, Mapping, Metric, MuscleSetup, VestSetup
 
 __all__ = ["check_decoder", "check_layout", "check_mapping", "check_metric", "check_stage"]
 
@@ -146,7 +146,8 @@ def check_mapping(mapping: type[Mapping], options: Any) -> None:
             share = step % 10 / 9
             contacts = {finger: _touching(finger, t_ns, share) for finger in _FINGERS}
             kinds = ("contact", "slip", "release")
-            events = tuple(TouchEvent(t_ns, kinds[step % 3], f) for f in ("index", "") if made.wants_events)
+            told = ("index", "") if made.wants_events else ()
+            events = tuple(Event(t_ns=t_ns, kind=kinds[step % 3], finger=finger) for finger in told)
             for finger, contact in contacts.items():
                 shown = made.columns(finger, contact)
                 rule(len(shown) == 2 and all(0 <= s <= 1000 for s in shown), "columns gives two percents")

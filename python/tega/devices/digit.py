@@ -21,6 +21,7 @@ from tega.errors import ConfigError, DeviceUnavailableError
 from tega.lifecycle import Opened
 from tega.opencv import load_cv2
 from tega.priority import ahead_of_others
+from tega.reopening import Reopening
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -268,24 +269,25 @@ class Digit(Opened):
     @ahead_of_others("take")
     def _run(self, capture: Any) -> None:
         """Read until told to leave; a camera that goes away is opened again."""
-        back_off_s = _BACK_OFF_S[0]
-        while not self._leaving.is_set():
-            if capture is None:
-                if self._leaving.wait(back_off_s):
-                    break
-                try:
-                    capture = self._capture()
-                except DeviceUnavailableError as error:
-                    self._trouble = f": {error.message}"
-                    back_off_s = min(2 * back_off_s, _BACK_OFF_S[1])
-                    continue
-            if self._drain(capture):
-                back_off_s = _BACK_OFF_S[0]
-            capture.release()
-            capture = None
+
+        def refused(error: Exception) -> None:
+            self._trouble = f": {getattr(error, 'message', error)}"
+
+        def use(open_capture: Any) -> bool:
+            gave = self._drain(open_capture)
             self.counts.lost += not self._leaving.is_set()
-        if capture is not None:
-            capture.release()
+            return gave
+
+        again = Reopening(*_BACK_OFF_S)
+        again.serve(
+            capture,
+            self._capture,
+            use,
+            lambda open_capture: open_capture.release(),
+            self._leaving.wait,
+            absent=DeviceUnavailableError,
+            refused=refused,
+        )
 
     def _count_rate(self, t_ns: int) -> None:
         """Count how many pictures come, in windows of two seconds."""

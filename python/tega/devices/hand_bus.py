@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tega.devices.slcan import slcan_bus
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
+from tega.reopening import Reopening
 
 if TYPE_CHECKING:
     from tega.hand_link import Received
@@ -24,7 +25,7 @@ _WAIT_S = 0.002
 _ASK_S = 0.05
 # A frame that waits longer is dropped: the next cycle has a newer one.
 _SEND_S = 0.01
-_REOPEN_NS = 1_000_000_000
+_REOPEN_S = 1.0
 _MOST_FRAMES = 64
 # Buses that give their own frames back, which are then no other program's; python-can cannot tell them apart.
 _ECHOING = frozenset({"udp_multicast"})
@@ -69,7 +70,7 @@ class HandBus:
         self.n_garbled = self.n_unsent = 0
         self._can: Any = None
         self._bus: Any = None
-        self._reopen_ns = 0
+        self._again = Reopening(_REOPEN_S, _REOPEN_S)
         self._echoes: deque[tuple[int, bytes, bool]] = deque(maxlen=_MOST_ECHOES)
 
     @property
@@ -185,10 +186,13 @@ class HandBus:
         return False
 
     def _reopened(self) -> bool:
-        t_ns = time.monotonic_ns()
-        if t_ns < self._reopen_ns:
+        """Open the adapter again, at most once a second; return whether it is open.
+
+        That alone moves nothing. The hand's link asks who is there before it sends torque, and after a fault it sends
+        none until a person has had the hand opened anew: nobody may be gripped by a bus that comes back by itself.
+        """
+        if not self._again.due():
             return False
-        self._reopen_ns = t_ns + _REOPEN_NS
         with contextlib.suppress(DeviceUnavailableError):
             self._bus, self.trouble = self._opened(), ""
         return self._bus is not None

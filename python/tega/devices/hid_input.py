@@ -15,6 +15,7 @@ from tega.devices.debounce import Debounce, Edge
 from tega.devices.hid_device import hid_module
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
+from tega.reopening import Reopening
 
 __all__ = ["AT_REST", "HidInput", "HidInputOptions", "InputCounts", "found_devices"]
 
@@ -274,21 +275,24 @@ class HidInput(Opened):
 
     def _run(self, device: Any) -> None:
         """Read until told to leave; a device that goes away is opened again."""
-        back_off_s = _BACK_OFF_S[0]
-        while not self._leaving.is_set():
-            if device is None:
-                if self._leaving.wait(back_off_s):
-                    break
-                try:
-                    device = self._connect()
-                except DeviceUnavailableError as error:
-                    self._trouble = f": {error.message}"
-                    back_off_s = min(2 * back_off_s, _BACK_OFF_S[1])
-                    continue
-                back_off_s, self._trouble = _BACK_OFF_S[0], ""
-            self._drain(device)
-            device.close()
-            device = None
+
+        def refused(error: Exception) -> None:
+            self._trouble = f": {getattr(error, 'message', error)}"
+
+        def use(open_device: Any) -> bool:
+            self._trouble = ""
+            self._drain(open_device)
+            return True
+
+        Reopening(*_BACK_OFF_S).serve(
+            device,
+            self._connect,
+            use,
+            lambda open_device: open_device.close(),
+            self._leaving.wait,
+            absent=DeviceUnavailableError,
+            refused=refused,
+        )
         with self._lock:
             self._there = False
             self._release(time.monotonic_ns())

@@ -15,6 +15,7 @@ from tega.devices.base import DeviceInfo, Options
 from tega.devices.device_clock import DeviceClock
 from tega.devices.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.reopening import Reopening
 
 __all__ = ["HoloLens", "HoloLensCounts", "HoloLensOptions"]
 
@@ -209,31 +210,28 @@ class HoloLens(ThreadedTracker):
 
     def _run(self, link: socket.socket | None) -> None:
         """Take packets until told to leave; a connection that is lost is made anew."""
-        back_off_s = _BACK_OFF_S[0]
-        while not self._leaving.is_set():
-            if link is None:
-                if self._leaving.wait(back_off_s):
-                    break
-                try:
-                    link = self._connect()
-                except OSError as error:
-                    self._say(f"{self._where} cannot be reached: {error.strerror or error}")
-                    back_off_s = min(2 * back_off_s, _BACK_OFF_S[1])
-                    continue
-                self._clock.forget()
-                self._last = None
-                self._anew_until_ns = 0
+
+        def anew() -> socket.socket:
+            made = self._connect()
+            self._clock.forget()
+            self._last = None
+            self._anew_until_ns = 0
+            return made
+
+        def use(open_link: socket.socket) -> bool:
             before = self.counts.packets
-            said = self._drain(link)
-            link.close()
-            link = None
-            if (
-                self.counts.packets > before
-            ):  # one that takes connections and says nothing is not asked ever faster
-                back_off_s = _BACK_OFF_S[0]
+            said = self._drain(open_link)
             self._say(f"{said}, connecting again")
-        if link is not None:
-            link.close()
+            # One that takes connections and says nothing is not asked ever faster.
+            return self.counts.packets > before
+
+        def refused(error: Exception) -> None:
+            said = getattr(error, "strerror", None) or error
+            self._say(f"{self._where} cannot be reached: {said}")
+
+        Reopening(*_BACK_OFF_S).serve(
+            link, anew, use, lambda made: made.close(), self._leaving.wait, absent=OSError, refused=refused
+        )
 
     def _drain(self, link: socket.socket) -> str:
         """Take packets until the connection is lost or we are told to leave; return what became of it."""

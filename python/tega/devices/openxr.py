@@ -16,6 +16,7 @@ from tega.devices.openxr_session import Located, XrSession
 from tega.devices.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
+from tega.reopening import Reopening
 
 __all__ = ["OpenXr", "OpenXrCounts", "OpenXrOptions"]
 
@@ -191,7 +192,7 @@ class OpenXr(ThreadedTracker):
 
     def _run(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
         """Ask until told to leave; a session that is lost is made anew."""
-        back_off_s = _BACK_OFF_S[0]
+        again = Reopening(*_BACK_OFF_S)
         while not leaving.is_set():
             n_begun = self.counts.connections
             session: XrSession | None = None
@@ -204,14 +205,13 @@ class OpenXr(ThreadedTracker):
                     return
                 why = error.message.removeprefix("openxr: ")
                 if self.counts.connections > n_begun:
-                    self._lost, back_off_s = why, _BACK_OFF_S[0]
-                else:
-                    back_off_s = min(2 * back_off_s, _BACK_OFF_S[1])
+                    self._lost = why
+                    again.works()
                 self._say(f"{why}, connecting again")
             finally:
                 if session is not None:
                     session.close()
-            leaving.wait(back_off_s)
+            again.wait(leaving.wait)
 
     def _follow(self, session: XrSession, leaving: threading.Event, outcome: _Outcome) -> None:
         """Ask at the rate that is set, until told to leave or the session is over."""

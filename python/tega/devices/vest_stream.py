@@ -16,7 +16,6 @@ exit, SIGTERM
 from __future__ import annotations
 
 import contextlib
-import random
 import threading
 import time
 from collections import deque
@@ -32,6 +31,7 @@ from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame
 from tega.lifecycle import Opened
 from tega.priority import ahead_of_others
+from tega.reopening import Reopening
 from tega.safety.motor_budget import DOSE_S, HEAT_SHARE, MotorBudget
 from tega.wire import vest_levels
 
@@ -291,7 +291,7 @@ class StreamedVest(Opened):
 
     @ahead_of_others("act")
     def _run(self, connected: threading.Event) -> None:
-        retry_s = _RETRY_S[0]
+        again = Reopening(*_RETRY_S, spread=0.2)
         while not self._stopping:
             self._link = link = self._new_link()
             try:
@@ -299,7 +299,7 @@ class StreamedVest(Opened):
                 link.send(_ZEROS)
                 self._up.set()
                 connected.set()
-                retry_s = _RETRY_S[0]
+                again.works()
                 self._serve(link)
             except (
                 BaseException
@@ -314,9 +314,12 @@ class StreamedVest(Opened):
                 self._up.clear()
                 _leave(link)
             connected.set()
-            with self._changed:
-                self._changed.wait_for(lambda: self._stopping, retry_s * random.uniform(0.8, 1.2))
-            retry_s = min(2 * retry_s, _RETRY_S[1])
+            again.wait(self._over)
+
+    def _over(self, rest_s: float) -> bool:
+        """Wait so long, or until the driver is closed; return whether it is."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._stopping, rest_s)
 
     def _serve(self, link: VestLink) -> None:
         """Feed a link until the driver is closed or the link breaks."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING
 
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
-from tega.inbox.reader import READ_TIMEOUT_S
+from tega.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.inbox.repeats import STUCK_FRAMES, LastFrame
 from tega.inbox.sources import Contact, SourceReport
 from tega.stages.metrics import contact_metrics_of
@@ -95,6 +95,10 @@ class FrameMeter:
         report.n_items += 1
         return frame.t_ns - self._start_ns, metrics
 
+    def restart(self) -> None:
+        """Forget the numbers of a source that was opened again: it counts from wherever it likes."""
+        self.seq, self.next_seq, self._last = None, 0, LastFrame()
+
     def _measure(self, frame: TactileFrame) -> ContactMetrics:
         if frame.image.shape != self._shape:
             raise RecordingError(
@@ -168,8 +172,8 @@ def measured_contacts(
 ) -> Generator[Contact, None, int]:
     """Measure the frames of a source.
 
-    In a recording a bad frame is an error. Of a live source it is dropped and counted, and when the source goes
-    away the stream ends: after 100 ms the finger falls silent.
+    In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes away the
+    finger falls silent after 100 ms; it is opened again, once a second until that works or the run is over.
 
     A frame that the source delivers again, by its number, is passed over. One with exactly the pixels of the frame
     before it is not measured again. Of a live source the third and later of such frames in a row are not passed
@@ -211,7 +215,12 @@ def measured_contacts(
             if not live:
                 raise
             report.lose(error.message)
-            break
+            found = opened_again(source, stopped)
+            if not found:
+                break
+            report.lost = ""
+            meter.restart()
+            continue
         except TegaError:
             if not live:
                 raise

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import queue
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 from typing import Any, Generic, Protocol, TypeVar
 
 from tega.errors import TegaError
 from tega.priority import ahead_of_others
+from tega.reopening import Reopening, polled
 
 __all__ = ["READ_TIMEOUT_S", "Produce", "ReadAhead", "Reader", "opened_again", "read_items"]
 
@@ -148,15 +148,10 @@ def read_items(source: Any, stopped: Callable[[], bool]) -> Iterator[Any]:
 
 def opened_again(device: _Opens, stopped: Callable[[], bool]) -> bool:
     """Open a live device that went away, once a second until that works; return whether it is there."""
-    while not stopped():
-        time.sleep(READ_TIMEOUT_S)
-        try:
-            device.open()
-        except TegaError:
-            for _ in range(round(REOPEN_S / READ_TIMEOUT_S)):
-                if stopped():
-                    break
-                time.sleep(READ_TIMEOUT_S)
-        else:
-            return True
-    return False
+    again = Reopening(READ_TIMEOUT_S, REOPEN_S, factor=REOPEN_S / READ_TIMEOUT_S)
+
+    def opened() -> bool:
+        device.open()
+        return True
+
+    return bool(again.open(opened, polled(stopped, every_s=READ_TIMEOUT_S), absent=TegaError))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 from tega.devices.lsl import load_lsl, to_monotonic_s
@@ -41,6 +42,7 @@ class LslMarkersOut:
         self._to_lsl_s = -to_monotonic_s(lsl)
         self._standing: dict[str, tuple[str, int]] = {}
         self._heard = False
+        self._lock = threading.Lock()  # the loop greets, the markers' backlog pushes
         self.n_pushed = 0
 
     def push(self, text: str, at_ns: int) -> None:
@@ -51,17 +53,19 @@ class LslMarkersOut:
             at_ns: When, on the monotonic clock.
         """
         self.greet()
-        self._push(text, at_ns)
-        kind = text.partition(":")[0]
-        if kind in _STANDING:
-            self._standing[kind] = text, at_ns
+        with self._lock:
+            self._push(text, at_ns)
+            kind = text.partition(":")[0]
+            if kind in _STANDING:
+                self._standing[kind] = text, at_ns
 
     def greet(self) -> None:
         """Tell how things stand if somebody has begun to listen; returns at once."""
-        heard, self._heard = self._heard, bool(self._outlet.have_consumers())
-        if self._heard and not heard:
-            for text, at_ns in self._standing.values():
-                self._push(text, at_ns)
+        with self._lock:
+            heard, self._heard = self._heard, bool(self._outlet.have_consumers())
+            if self._heard and not heard:
+                for text, at_ns in self._standing.values():
+                    self._push(text, at_ns)
 
     def _push(self, text: str, at_ns: int) -> None:
         self._outlet.push_sample([text], at_ns * 1e-9 + self._to_lsl_s)

@@ -6,9 +6,10 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
+from tega.bus import Backlog
 from tega.markers.lsl_in import Heard, LslMarkersIn
 from tega.markers.lsl_out import LslMarkersOut
-from tega.records import Alert, Button, HeardMarker, RunState
+from tega.records import Alert, Button, Event, HeardMarker, Record, RunState
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -29,6 +30,7 @@ class RunMarkers:
     ``fault:NAME:WORDS``   when something goes wrong
     ``fault-over:NAME``    when it is well again
     ``pedal:BUTTON``       when a button of the seat ``marker`` goes down
+    ``touch:KIND:FINGER``  when a finger touches (``contact``), lets go (``release``), or ``touch:slip``
     =====================  ==========================================================
 
     Args:
@@ -46,12 +48,18 @@ class RunMarkers:
         self._bus = bus
         self._zero_ns = self._start_ns = 0
         self._counts_real = self._begun = False
+        self._waiting = Backlog("markers")
         self._out = None if settings.lsl_out is None else LslMarkersOut(settings.lsl_out)
         self._in = None if settings.lsl_in is None else LslMarkersIn(settings.lsl_in, self._heard)
         if self._out is not None:
-            bus.subscribe(RunState, self._state, name="markers")
-            bus.subscribe(Alert, self._alert, name="markers")
-            bus.subscribe(Button, self._button, name="markers")
+            told: tuple[tuple[type[Record], Any], ...] = (
+                (RunState, self._state),
+                (Alert, self._alert),
+                (Button, self._button),
+                (Event, self._event),
+            )
+            for kind, mark in told:
+                bus.subscribe(kind, mark, name="markers", backlog=self._waiting)
 
     def problem(self) -> str:
         """Return why nothing is heard, ``""`` while all is well; asked again and again, it also sees who listens."""
@@ -94,6 +102,7 @@ class RunMarkers:
 
     def close(self) -> None:
         """Stop listening, and take the own stream away."""
+        self._waiting.close()
         if self._in is not None:
             self._in.close()
         if self._out is not None:
@@ -104,17 +113,25 @@ class RunMarkers:
             self._out.push(text, at_ns)
 
     def _state(self, change: RunState) -> None:
-        at_ns = self._start_ns + change.t_ns if self._counts_real else time.monotonic_ns()
-        self._tell(f"state:{change.state}", at_ns)
+        self._tell(f"state:{change.state}", self._at_ns(change.t_ns))
 
     def _alert(self, alert: Alert) -> None:
         words = f"fault:{alert.name}:{alert.said}" if alert.said else f"fault-over:{alert.name}"
-        self._tell(words, time.monotonic_ns())
+        self._tell(words, self._at_ns(alert.t_ns))
 
     def _button(self, button: Button) -> None:
         if button.seat == "marker" and button.pressed:
             # Devices stamp with the monotonic clock, whatever the session counts from.
             self._tell(f"pedal:{button.button}", self._zero_ns + button.t_ns)
+
+    def _event(self, event: Event) -> None:
+        self._tell(f"touch:{event.kind}:{event.finger}".rstrip(":"), self._at_ns(event.t_ns))
+
+    def _at_ns(self, t_ns: int) -> int:
+        """Return when on the monotonic clock a time of the session was; now, where that is no real time."""
+        if self._counts_real:
+            return self._start_ns + t_ns
+        return time.monotonic_ns() - round(self._waiting.waited_s * 1e9)
 
     def _heard(self, heard: Heard) -> None:
         with self._lock:

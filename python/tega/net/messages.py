@@ -13,7 +13,7 @@ from tega.records import Contact, Intent, PoseNumbers, RunState
 __all__ = [
     "PROTOCOL",
     "ArmCommand",
-    "Event",
+    "Change",
     "Feature",
     "HandCommand",
     "Image",
@@ -169,7 +169,7 @@ class State(Stamped, frozen=True, tag=True, kw_only=True):
     problem: str = ""
 
 
-class Event(Stamped, frozen=True, tag=True, kw_only=True):
+class Change(Stamped, frozen=True, tag="Event", kw_only=True):
     """Something happened: the run's state changed; its time is the sender's session's."""
 
     change: RunState

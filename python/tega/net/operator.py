@@ -16,7 +16,7 @@ from tega.net.gate import Gate
 from tega.net.intent import Intent
 from tega.net.lead import Lead
 from tega.net.link import Channel
-from tega.net.messages import Event, Join, State, Welcome, decode
+from tega.net.messages import Change, Join, State, Welcome, decode
 from tega.net.samples import SampleSender
 from tega.net.station import Station
 from tega.net.touch import FarTouch, with_touch
@@ -289,7 +289,7 @@ class OperatorStation(Station):
     def _hear_event(self, _key: str, data: bytes) -> None:
         now_ns = time.monotonic_ns()
         try:
-            event = decode(Event, data)
+            event = decode(Change, data)
         except msgspec.DecodeError:
             return
         with self._lock:

@@ -23,7 +23,7 @@ from tega.net.commands import Commands
 from tega.net.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
 from tega.net.leader import Leadership, Reception
 from tega.net.link import Channel
-from tega.net.messages import Event, Feature, State, Welcome, encode
+from tega.net.messages import Change, Feature, State, Welcome, encode
 from tega.net.pictures import PictureSender
 from tega.net.samples import SampleReceiver
 from tega.net.station import Station
@@ -199,7 +199,7 @@ class RobotStation(Station):
         """Tell that the run's state has changed, here and to the operator."""
         super().changed(change)
         stamp = self._stamp(self._session, "event")
-        self._send_event(encode(Event(**stamp, change=change)))
+        self._send_event(encode(Change(**stamp, change=change)))
         self._next_state_ns = 0
 
     @property

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from tega.csv_writer import CsvWriter, time_text
 from tega.recording.folder import OUTPUT_NAMES, prepare_folder
-from tega.recording.tables import RunRecorder
+from tega.recording.tables import TABLES, RecordTable
 
-__all__ = ["OUTPUT_NAMES", "CsvWriter", "RunRecorder", "prepare_folder", "time_text"]
+__all__ = ["OUTPUT_NAMES", "TABLES", "CsvWriter", "RecordTable", "prepare_folder", "time_text"]

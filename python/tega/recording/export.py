@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from tega.csv_writer import CsvWriter
+from tega.csv_writer import CsvWriter, cell_text
 from tega.errors import ConfigError
 from tega.foreign_file import tells_damage
 from tega.lifecycle import require
@@ -136,21 +136,10 @@ def _write_csv(path: Path, rows: Sequence[Row]) -> Path:
     names = _names(rows)
     file = CsvWriter(path, names)
     try:
-        file.write(*[",".join(_text(row.get(name)) for name in names) + "\n" for row in rows])
+        file.write(*[",".join(cell_text(row.get(name)) for name in names) + "\n" for row in rows])
     finally:
         file.close()
     return path
-
-
-def _text(value: object) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return str(int(value))
-    text = repr(value) if isinstance(value, float) else str(value)
-    if any(sign in text for sign in ',"\r\n'):
-        return '"' + text.replace('"', '""') + '"'
-    return text
 
 
 def _write_parquet(path: Path, rows: Sequence[Row]) -> Path:

@@ -6,13 +6,14 @@ import json
 from pathlib import Path
 
 from tega.errors import ConfigError
+from tega.recording.tables import TABLES
 
 __all__ = ["OUTPUT_NAMES", "SUMMARY_FORMAT", "prepare_folder"]
 
 SUMMARY_FORMAT = "tega-run"
 # What else TEGA writes into folders: a demo's trials.
 _FORMATS = (SUMMARY_FORMAT, "tega-demo")
-OUTPUT_NAMES = ("contacts.csv", "levels.csv", "vest.csv", "can.csv", "summary.json", "calibration.toml")
+OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml")
 
 
 def prepare_folder(folder: Path) -> None:

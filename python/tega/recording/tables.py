@@ -1,38 +1,45 @@
-"""The two tables the loop itself fills: contacts and levels."""
+"""The tables of a run's output folder, one for each kind of record."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Final
 
 from tega.csv_writer import CsvWriter
-from tega.records import Contact, Intent
+from tega.records import ArmTurn, Contact, Event, Intent, Record
 from tega.records.table import columns, rows
 
-__all__ = ["RunRecorder"]
+__all__ = ["TABLES", "RecordTable"]
+
+TABLES: Final[dict[type[Record], str]] = {
+    Contact: "contacts.csv",
+    Event: "events.csv",
+    Intent: "levels.csv",
+    ArmTurn: "arm.csv",
+}
+"""File of each record that has a table and no recording device."""
+
+# A second of an arm's turns: whoever looks into a table while the run lasts is not far behind.
+_MOST_LINES = 64
 
 
-class RunRecorder:
-    """Writes ``contacts.csv`` and ``levels.csv``.
+class RecordTable:
+    """Writes the records of one kind into their table, whose head and rows are made from the record's fields.
 
     Args:
         folder: Where to.
-        channels: Names of the EMG channels, such as ``ch3``.
+        kind: The records.
+        names: Columns of a field whose numbers are as many as a device has, by the field.
     """
 
-    def __init__(self, folder: Path, channels: Sequence[str]) -> None:
-        self._contacts = CsvWriter(folder / "contacts.csv", columns(Contact))
-        self._levels = CsvWriter(folder / "levels.csv", columns(Intent, channels=channels))
+    def __init__(self, folder: Path, kind: type[Record], **names: Iterable[str]) -> None:
+        self._file = CsvWriter(folder / TABLES[kind], columns(kind, **names), most_lines=_MOST_LINES)
 
-    def contact(self, contact: Contact) -> None:
-        """Add one measured frame, and what of it the wearer is to feel."""
-        self._contacts.write(*rows(contact))
-
-    def levels(self, intent: Intent) -> None:
-        """Add one EMG block: the level of each channel and the fused one."""
-        self._levels.write(*rows(intent))
+    def take(self, record: Record) -> None:
+        """Add a record."""
+        self._file.write(*rows(record))
 
     def close(self) -> None:
-        """Finish both files."""
-        self._contacts.close()
-        self._levels.close()
+        """Finish the file."""
+        self._file.close()

@@ -31,7 +31,7 @@ from tega.records.run import (
     Skip,
     Value,
 )
-from tega.records.touch import Contact, NamedValue, Picture
+from tega.records.touch import Contact, Event, NamedValue, Picture
 from tega.records.vest import SentFrame, VestFrame, VestRecord
 
 __all__ = [
@@ -49,6 +49,7 @@ __all__ = [
     "Contact",
     "EmgSamples",
     "End",
+    "Event",
     "ForearmPose",
     "HandCommand",
     "HandExchange",
@@ -110,5 +111,6 @@ RECORDS: tuple[type[Record], ...] = (
     TrackerAxes,
     BesideContact,
     BesideIntent,
+    Event,
 )
 """All of them."""

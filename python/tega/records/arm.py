@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -32,9 +33,11 @@ class PoseNumbers(msgspec.Struct, frozen=True):
         position: Metres; three numbers, unless it is damaged.
         quaternion: x, y, z, w; likewise.
         valid: Whether the tracker believes it.
+        table: Names of the columns of position and quaternion, wherever poses stand in a table.
     """
 
     schema: ClassVar[str] = "ArmPose"
+    table: ClassVar[tuple[str, ...]] = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
     t_ns: Ns
     position: tuple[Metres, ...]
@@ -63,6 +66,11 @@ class ArmTurn(Record, frozen=True, kw_only=True):
     """
 
     topic: ClassVar[str] = "/arm/turn"
+    table: ClassVar[tuple[str, ...]] = ("t_s", "state", "reason", "holds", "measured", "target")
+    columns: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "measured": tuple(f"arm_{name}" for name in PoseNumbers.table),
+        "target": tuple(f"target_{name}" for name in PoseNumbers.table),
+    }
 
     t_ns: Ns
     poses: tuple[PoseNumbers, ...]

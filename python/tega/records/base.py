@@ -9,6 +9,7 @@ open, and what they do not say is the default.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -68,6 +69,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         version: Of its fields; 1 for those of the first recordings.
         unwritten: Fields that a message does not hold: the topic says them, or a viewer's own schema.
         table: Fields that its CSV table holds, ``t_s`` being ``t_ns`` in seconds; empty where it has none.
+        columns: Of fields that are a fixed number of numbers or none, the names of their columns.
     """
 
     topic: ClassVar[str] = ""
@@ -75,6 +77,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     version: ClassVar[int] = 1
     unwritten: ClassVar[tuple[str, ...]] = ()
     table: ClassVar[tuple[str, ...]] = ()
+    columns: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
     @property
     def where(self) -> str:

@@ -30,6 +30,7 @@ class BesideContact(Record, frozen=True, kw_only=True):
 
     topic: ClassVar[str] = "/beside/{stage}/{finger}"
     unwritten: ClassVar[tuple[str, ...]] = ("stage", "finger")
+    table: ClassVar[tuple[str, ...]] = ("t_s", "stage", "finger", "in_contact", "cci", "eda", "peak")
 
     stage: str
     finger: str
@@ -56,6 +57,7 @@ class BesideIntent(Record, frozen=True, kw_only=True):
 
     topic: ClassVar[str] = "/beside/{stage}/emg"
     unwritten: ClassVar[tuple[str, ...]] = ("stage",)
+    table: ClassVar[tuple[str, ...]] = ("t_s", "stage", "channels", "level", "closure")
 
     stage: str
     t_ns: Ns

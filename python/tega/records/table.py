@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from tega.csv_writer import time_text
+from tega.csv_writer import cell_text, time_text
+from tega.records.arm import PoseNumbers
 from tega.records.base import Record
 from tega.records.schema import fields
 
-__all__ = ["columns", "rows"]
+__all__ = ["columns", "numbers", "rows"]
 
 # What a row is made of where a record has a row for each part, as a hand's command has for each CAN frame.
 _PARTS = {"frames": ("id", "data")}
@@ -20,8 +21,9 @@ def columns(kind: type[Record], **names: Iterable[str]) -> tuple[str, ...]:
 
     Args:
         kind: The record.
-        names: Columns of a field that holds several numbers, by the field.
+        names: Columns of a field whose numbers are as many as a device has, by the field.
     """
+    names = {**kind.columns, **names}
     written = {field.attribute: field.name for field in fields(kind) if field.of_pair is None}
     head: list[str] = []
     for name in kind.table:
@@ -36,19 +38,34 @@ def rows(record: Record) -> list[str]:
         if name in _PARTS:
             lines = [[*line, *_frame(frame)] for line in lines for frame in getattr(record, name)]
         else:
-            cells = (
-                [time_text(getattr(record, "t_ns", 0))] if name == "t_s" else _cells(getattr(record, name))
-            )
+            cells = _placed(record, name) if name in record.columns else _cells(record, name)
             lines = [[*line, *cells] for line in lines]
     return [",".join(line) + "\n" for line in lines]
 
 
-def _cells(value: Any) -> Sequence[str]:
-    if isinstance(value, tuple):
-        return [str(one) for one in value]
-    if isinstance(value, bool):
-        return [str(int(value))]
-    return [repr(value) if isinstance(value, float) else str(value)]
+def numbers(record: Record) -> tuple[Any, ...]:
+    """Return a record's row of its table as values, the time in seconds; for a table that is kept in memory."""
+    row: list[Any] = []
+    for name in record.table:
+        value = getattr(record, "t_ns", 0) / 1e9 if name == "t_s" else getattr(record, name)
+        row += value if isinstance(value, tuple) else (value,)
+    return tuple(row)
+
+
+def _cells(record: Record, name: str) -> Sequence[str]:
+    if name == "t_s":
+        return [time_text(getattr(record, "t_ns", 0))]
+    value = getattr(record, name)
+    return [cell_text(one) for one in (value if isinstance(value, tuple) else (value,))]
+
+
+def _placed(record: Record, name: str) -> Sequence[str]:
+    """Return numbers under their columns, or nothing under each: a pose may be unknown or damaged."""
+    value = getattr(record, name)
+    if value and isinstance(value[0], PoseNumbers):
+        value = (*value[0].position, *value[0].quaternion)
+    n = len(record.columns[name])
+    return [cell_text(one) for one in value] if len(value) == n else [""] * n
 
 
 def _frame(frame: Any) -> tuple[str, str]:

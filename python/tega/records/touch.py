@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Contact", "NamedValue", "Picture"]
+__all__ = ["Contact", "Event", "NamedValue", "Picture"]
 
 _NAN = math.nan
 
@@ -160,3 +160,36 @@ class Contact(Record, frozen=True, kw_only=True):
     def log_ns(self) -> int:
         """When the loop took it in."""
         return self.taken_ns
+
+
+class Event(Record, frozen=True, kw_only=True):
+    """An event of touch: a finger makes contact, lets go, or the object slips, as :mod:`tega.detect` finds it.
+
+    Attributes:
+        t_ns: Time of the picture that showed it, since the start of the session.
+        finger: Whose it is; ``""`` for the whole hand.
+        kind: ``contact``, ``release`` or ``slip``.
+        confidence: 0 to 1; half where it is just an event.
+        began_ns: When it began, as far as can be told.
+        taken_ns: The loop's tick at which it was found.
+    """
+
+    topic: ClassVar[str] = "/touch/event"
+    table: ClassVar[tuple[str, ...]] = ("t_s", "finger", "kind", "confidence")
+
+    t_ns: Ns
+    finger: str
+    kind: str
+    confidence: Share = 1.0
+    began_ns: Ns = 0
+    taken_ns: Ns = 0
+
+    @property
+    def log_ns(self) -> int:
+        """When it was found."""
+        return self.taken_ns
+
+    @property
+    def words(self) -> str:
+        """What happened, and to which finger."""
+        return f"{self.kind}: {self.finger}" if self.finger else self.kind

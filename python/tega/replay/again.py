@@ -19,7 +19,7 @@ from tega.bus import Bus
 from tega.clock import ManualClock
 from tega.foreign_file import tells_damage
 from tega.inbox.stream import NEVER_NS, Item, PulledStream
-from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
+from tega.records import BusFrame, Contact, Event, HandCommand, Intent, VestFrame
 from tega.records.schema import values
 from tega.replay.arm import compare_arm
 from tega.replay.beside import compare_beside
@@ -122,12 +122,16 @@ class _Again(msgspec.Struct):
 
     contacts: dict[str, list[Contact]] = {}
     levels: list[Intent] = []
+    events: list[Event] = []
     vest: list[tuple[int, str, bytes]] = []
     hand: list[tuple[int, float, Sequence[BusFrame]]] = []
     end_ns: int = 0
 
     def contact(self, contact: Contact) -> None:
         self.contacts[contact.finger].append(contact)
+
+    def event(self, event: Event) -> None:
+        self.events.append(event)
 
     def intent(self, intent: Intent) -> None:
         self.levels.append(intent)
@@ -158,6 +162,8 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
     bus = Bus()
     bus.subscribe(Contact, again.contact, vital=True)
     bus.subscribe(Intent, again.intent, vital=True)
+    if "Event" in head.versions:  # earlier recordings do not tell events
+        bus.subscribe(Event, again.event, vital=True)
     bus.subscribe(VestFrame, again.vest_frame, vital=True)
     if head.facts["observed"] == "true":
         bus.subscribe(Moment, lambda _moment: None)
@@ -287,6 +293,10 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
         )
         streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
     from_ns = recorded.from_ns
+    if events := [event for event in again.events if event.taken_ns >= from_ns] + recorded.events:
+        found = events[: len(events) - len(recorded.events)]
+        ours, theirs = ([(e.t_ns, values(e)) for e in rows] for rows in (recorded.events, found))
+        streams.append(compare(events[0].where, ours, theirs, until_ns=cut_ns))
     vest = [row for row in again.vest if row[0] >= from_ns]
     streams.append(compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(vest), until_ns=cut_ns))
     if recorded.head.live_vest:

@@ -210,7 +210,7 @@ class Measured:
 def _told(config: SessionConfig, group: Any) -> str:
     """Return a stage of the settings in words."""
     chosen = chosen_stage(group, config.stages, config.session.preset)
-    options = ", ".join(f"{k} {v}" for k, v in msgspec.to_builtins(chosen.options).items())
+    options = ", ".join(f"{k} {v}" for k, v in msgspec.to_builtins(chosen.options, enc_hook=str).items())
     return f"{chosen.name} ({options})" if options else chosen.name
 
 

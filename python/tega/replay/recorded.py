@@ -25,6 +25,7 @@ from tega.records import (
     BesideIntent,
     BusFrame,
     Contact,
+    Event,
     HandCommand,
     HandExchange,
     Imposed,
@@ -46,6 +47,7 @@ class Head(msgspec.Struct, frozen=True):
         sources: What the inputs said of themselves.
         facts: Format, times, and what was live.
         files: Whatever else is attached.
+        versions: Version of every record that it may hold; empty in recordings of the first version.
     """
 
     config: SessionConfig
@@ -55,6 +57,7 @@ class Head(msgspec.Struct, frozen=True):
     sources: dict[str, DeviceInfo]
     facts: dict[str, str]
     files: dict[str, bytes]
+    versions: dict[str, str]
 
     @property
     def lossless(self) -> bool:
@@ -74,6 +77,7 @@ class Recorded(msgspec.Struct):
         head: What is known before the first message.
         contacts: By finger, in order.
         levels: In order.
+        events: Events of touch, in order.
         vest: Frames of the loop: time, layout, intensities.
         vest_sent: Times at which a real vest was sent one.
         hand: Per tick: time, level asked for, frames.
@@ -95,6 +99,7 @@ class Recorded(msgspec.Struct):
     head: Head
     contacts: dict[str, list[Contact]]
     levels: list[Intent] = []
+    events: list[Event] = []
     vest: list[tuple[int, str, bytes]] = []
     vest_sent: list[int] = []
     hand: list[tuple[int, float, Sequence[BusFrame]]] = []
@@ -209,6 +214,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             chunk(EmgChunk(value.t_ns, value.first_index, samples))
         case "tega.ArmTurn":
             recorded.turns.append(value)
+        case "tega.Event":
+            recorded.events.append(read(Event, value))
         case "tega.BesideContact" | "tega.BesideIntent":
             recorded.beside.setdefault(message.topic, []).append(_beside(message))
         case _:
@@ -277,7 +284,9 @@ def _head(reader: McapReader) -> Head:
         raise RecordingError(
             f"{reader.path.name}: its head is damaged: {error}", "read it with the public mcap reader"
         ) from error
-    return Head(without_devices(tree), tree, calibration, baselines, sources, facts, dict(reader.files))
+    versions = dict(reader.metadata.get("records", {}))
+    settings = without_devices(tree)
+    return Head(settings, tree, calibration, baselines, sources, facts, dict(reader.files), versions)
 
 
 def _refuse_newer(reader: McapReader) -> None:

@@ -5,17 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from tega.config import FINGERS
 from tega.csv_writer import CsvWriter
+from tega.records import BesideContact, BesideIntent, Contact, Intent, NamedValue
+from tega.records.table import columns, numbers
 from tega.view.figures import Course, Firmest, TouchPicture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.haptics import VestFrame
-    from tega.records import BesideContact, BesideIntent, Contact, Intent
     from tega.sim.lab import Lab
     from tega.sim.seams import Act, Percept
     from tega.stages.base import MeasuredPicture
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Streams"]
 
+_CHANNELS = tuple(f"channel_{k}" for k in (1, 2, 3))
 _COLUMNS: dict[str, tuple[str, ...]] = {
     "truth": (
         "t_s",
@@ -40,12 +43,12 @@ _COLUMNS: dict[str, tuple[str, ...]] = {
         "forearm_back_m",
         "phase",
     ),
-    "contacts": ("t_s", "finger", "cci", "eda", "cci_norm", "eda_norm", "in_contact", "front", "back"),
-    "levels": ("t_s", "channel_1", "channel_2", "channel_3", "fused", "closure"),
-    "values": ("t_s", "finger", "name", "value", "unit"),
-    "beside-contacts": ("t_s", "stage", "finger", "in_contact", "cci", "eda", "peak"),
-    "beside-values": ("t_s", "stage", "finger", "name", "value", "unit"),
-    "beside-levels": ("t_s", "stage", "channel_1", "channel_2", "channel_3", "fused", "closure"),
+    "contacts": columns(Contact),
+    "levels": (*columns(Intent, channels=_CHANNELS), "closure"),
+    "values": ("t_s", "finger", *NamedValue.__struct_fields__),
+    "beside-contacts": columns(BesideContact),
+    "beside-values": ("t_s", "stage", "finger", *NamedValue.__struct_fields__),
+    "beside-levels": columns(BesideIntent, channels=_CHANNELS),
 }
 # Tables that are there only where a stage of the settings fills them.
 _AT_NEED = ("values", "beside-contacts", "beside-values", "beside-levels")
@@ -89,26 +92,24 @@ class Streams:
 
     def contact(self, contact: Contact) -> None:
         """Keep what was measured in one frame."""
-        row = tuple(getattr(contact, column) for column in _COLUMNS["contacts"][1:])
-        self.rows["contacts"].append((contact.t_ns / 1e9, *row))
+        self.rows["contacts"].append(numbers(contact))
         for one in contact.more:
-            self.rows["values"].append((contact.t_ns / 1e9, contact.finger, one.name, one.value, one.unit))
+            self.rows["values"].append((contact.t_ns / 1e9, contact.finger, *msgspec.structs.astuple(one)))
 
     def beside_contact(self, said: BesideContact) -> None:
         """Keep what a metric beside the connected one says of a picture."""
         t_s, who = said.t_ns / 1e9, (said.stage, said.finger)
-        self.rows["beside-contacts"].append((t_s, *who, said.in_contact, said.cci, said.eda, said.peak))
+        self.rows["beside-contacts"].append(numbers(said))
         for one in said.more:
-            self.rows["beside-values"].append((t_s, *who, one.name, one.value, one.unit))
+            self.rows["beside-values"].append((t_s, *who, *msgspec.structs.astuple(one)))
 
     def beside_levels(self, said: BesideIntent) -> None:
         """Keep what a decoder beside the connected one says."""
-        row = (*said.channels, said.level, _closure(said))
-        self.rows["beside-levels"].append((said.t_ns / 1e9, said.stage, *row))
+        self.rows["beside-levels"].append((*numbers(said)[:-1], _closure(said)))
 
     def levels(self, intent: Intent) -> None:
         """Keep one EMG block."""
-        self.rows["levels"].append((intent.t_ns / 1e9, *intent.channels, intent.level, _closure(intent)))
+        self.rows["levels"].append((*numbers(intent), _closure(intent)))
 
     def write(self, t_ns: int, frame: VestFrame) -> None:
         """Keep one vest frame as the loop sent it."""
@@ -151,7 +152,7 @@ class Streams:
     def course(self) -> Course:
         """Return touch, as the mean over the fingers in contact, and level over time."""
         at: dict[float, list[tuple[float, float]]] = {}
-        for t_s, _, _, _, cci_norm, eda_norm, in_contact, _, _ in self.rows["contacts"]:
+        for t_s, _, _, _, cci_norm, eda_norm, _, in_contact, *_ in self.rows["contacts"]:
             touching = at.setdefault(t_s, [])
             if in_contact:
                 touching.append((cci_norm, eda_norm))

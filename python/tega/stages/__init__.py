@@ -5,7 +5,7 @@ chosen by its name in the settings. See ``docs/own-stage.md``.
 """
 
 from tega.motor_layout import Motor, MotorLayout, find_layout
-from tega.records import Contact, Intent, NamedValue
+from tega.records import Contact, Event, Intent, NamedValue
 from tega.stages.base import (
     Decoder,
     FingerSetup,
@@ -15,7 +15,6 @@ from tega.stages.base import (
     Metric,
     MuscleSetup,
     StageOptions,
-    TouchEvent,
     TouchMap,
     VestSetup,
 )
@@ -24,6 +23,7 @@ from tega.stages.registry import StageRecord, list_stages, stage_class, stage_na
 __all__ = [
     "Contact",
     "Decoder",
+    "Event",
     "FingerSetup",
     "GelTraits",
     "Intent",
@@ -36,7 +36,6 @@ __all__ = [
     "NamedValue",
     "StageOptions",
     "StageRecord",
-    "TouchEvent",
     "TouchMap",
     "VestSetup",
     "find_layout",

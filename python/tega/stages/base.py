@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.motor_layout import MotorLayout
-    from tega.records import Contact, Intent
+    from tega.records import Contact, Event, Intent
     from tega.tactile import ContactMetrics
 
 __all__ = [
@@ -30,7 +30,6 @@ __all__ = [
     "Metric",
     "MuscleSetup",
     "StageOptions",
-    "TouchEvent",
     "TouchMap",
     "VestSetup",
 ]
@@ -121,20 +120,6 @@ class TouchMap(NamedTuple):
     height: NDArray[np.float32]
     unit: str
     mask: NDArray[np.bool_]
-
-
-class TouchEvent(NamedTuple):
-    """An event of touch, as :mod:`tega.detect` finds it.
-
-    Attributes:
-        t_ns: Time of the frame that showed it.
-        kind: ``"contact"``, ``"release"`` or ``"slip"``.
-        finger: Whose it is; ``""`` for the whole hand.
-    """
-
-    t_ns: int
-    kind: str
-    finger: str
 
 
 class _Stage:
@@ -279,7 +264,7 @@ class Mapping(_Stage, ABC):
         self,
         t_ns: int,
         contacts: collections.abc.Mapping[str, Contact],
-        events: Sequence[TouchEvent],
+        events: Sequence[Event],
     ) -> NDArray[np.float64]:
         """Return the level of every motor at a time.
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from tega.errors import ConfigError
 from tega.haptics import intensity
-from tega.stages.base import Mapping, StageOptions, TouchEvent, VestSetup
+from tega.stages.base import Mapping, StageOptions, VestSetup
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.records import Contact
+    from tega.records import Contact, Event
 
 __all__ = ["FIELDS", "ColumnsMapping", "ColumnsOptions", "finger_columns", "value_of"]
 
@@ -119,7 +119,7 @@ class ColumnsMapping(Mapping):
         self,
         t_ns: int,  # noqa: ARG002  # what is fresh is shown as it is
         contacts: AnyMapping[str, Contact],
-        events: Sequence[TouchEvent],  # noqa: ARG002  # events are not asked for
+        events: Sequence[Event],  # noqa: ARG002  # events are not asked for
     ) -> NDArray[np.float64]:
         """Return every motor's level."""
         percent = {finger: self.columns(finger, contact) for finger, contact in contacts.items()}

@@ -12,6 +12,7 @@ from tega.emg import Fusion, GraspIntent
 from tega.errors import InvalidValueError
 from tega.records import Intent
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
+from tega.stages.emg_band import EmgBand
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,6 +30,8 @@ class RulesOptions(StageOptions, frozen=True):
         intervals: Equal intervals of Eq 11: 4 as printed, or 5, with level 5 from four fifths of the maximum on.
         fusion: ``floor``: Eq 12 and 13 as printed; ``round``: the mean to the nearest level; ``median``: no vote.
         channel_weights: What each channel counts in that, in the source's order; none means all alike.
+        before: What the raw signal passes first: nothing as printed, or the ``band`` of surface EMG, 20 to 450 Hz (or
+            0.45 of the rate) without mains at 50 and 60 Hz. Needs the extra ``learn``; the maxima stay those without.
         preset: ``paper``: nothing but the equations; ``live``: maxima times 0.8, steadied; none means the session's.
     """
 
@@ -38,6 +41,7 @@ class RulesOptions(StageOptions, frozen=True):
     intervals: Literal[4, 5] = 4
     fusion: Fusion = "floor"
     channel_weights: tuple[Annotated[float, msgspec.Meta(ge=0, le=1000)], ...] = ()
+    before: Literal["nothing", "band"] = "nothing"
     preset: Literal["paper", "live"] | None = None
 
 
@@ -58,6 +62,13 @@ class RulesDecoder(Decoder):
                 f"channel_weights has {len(options.channel_weights)} numbers for {len(setup.channels)} channels",
                 f"give one for each of {', '.join(setup.channels)}",
             )
+        self._band = None
+        if options.before == "band":
+            if setup.kind != "raw":
+                raise InvalidValueError(
+                    f'before = "band" is for raw EMG, and this is {setup.kind}', 'leave before = "nothing"'
+                )
+            self._band = EmgBand(setup.rate_hz, len(setup.channels))
         self._intent = GraspIntent(
             setup.rate_hz,
             setup.maxima,
@@ -81,7 +92,7 @@ class RulesDecoder(Decoder):
 
     def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:
         """Take the next samples; one intent a block."""
-        fused = self._intent.process(samples)
+        fused = self._intent.process(samples if self._band is None else self._band.take(samples))
         ends = np.arange(len(fused)) * self._tau + self._tau - self._n_waiting - 1
         self._n_waiting = (self._n_waiting + len(samples)) % self._tau
         rows = zip(times_ns[ends].tolist(), self._intent.levels.tolist(), fused.tolist(), strict=True)

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 import msgspec
 import numpy as np
 
-from tega.stages.base import Mapping, StageOptions, TouchEvent, VestSetup
+from tega.stages.base import Mapping, StageOptions, VestSetup
 from tega.stages.columns import finger_columns
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.records import Contact
+    from tega.records import Contact, Event
 
 __all__ = ["PulsesMapping", "PulsesOptions"]
 
@@ -74,7 +74,7 @@ class PulsesMapping(Mapping):
         self.n_told = dict.fromkeys(("contact", "slip", "release"), 0)
 
     def levels(
-        self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[TouchEvent]
+        self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]
     ) -> NDArray[np.float64]:
         """Return every motor's level."""
         for event in events:
@@ -88,7 +88,7 @@ class PulsesMapping(Mapping):
                     levels[index] = max(levels[index], shown)
         return levels
 
-    def _tell(self, event: TouchEvent) -> None:
+    def _tell(self, event: Event) -> None:
         """Begin an event's pulse, unless the same has just been told."""
         o = self._options
         level = {"contact": o.contact, "release": o.release, "slip": o.slip}.get(event.kind, 0.0)

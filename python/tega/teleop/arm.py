@@ -5,14 +5,12 @@ It shares nothing with the dual loop but the run's state, so neither keeps the o
 
 from __future__ import annotations
 
-import csv
 import math
 import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from tega.arm.chain import ArmChain
 from tega.arm.pose import ArmCommand, PoseSource, StampedPose
@@ -31,7 +29,6 @@ from tega.teleop.moment import LoopView
 __all__ = ["Steering", "open_arm"]
 
 _LEAVE_S = 5.0
-_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 
 class Steering:
@@ -44,7 +41,6 @@ class Steering:
         tracker: The same, if it is a tracker; tells what is wrong with it.
         led_by: What the device behind it says of itself.
         seats: The operator's switches: ``dead_man``, and if there are ``clutch`` and ``recover``.
-        table: Where to write what happened, a line a command; ``None`` for nowhere.
     """
 
     def __init__(
@@ -56,11 +52,9 @@ class Steering:
         tracker: Tracker | None,
         led_by: DeviceInfo,
         seats: dict[str, Seat],
-        table: Path | None,
     ) -> None:
         self._config, self._arm, self._source = config, arm, source
         self._tracker, self._led_by, self._seats = tracker, led_by, seats
-        self._table = table
         self._records: ArmRecords | None = None
         self._chain = ArmChain(config.chain)
         self._leaving = threading.Event()
@@ -144,19 +138,12 @@ class Steering:
     def _run(self, may_move: Callable[[], bool]) -> None:
         period_s = 1 / self._config.rate_hz
         next_s = time.monotonic()
-        with ExitStack() as stack:
-            try:
-                writer = self._open_table(stack)
-                start_ns = time.monotonic_ns()
-                while not self._leaving.wait(max(0.0, next_s - time.monotonic())):
-                    next_s = max(next_s + period_s, time.monotonic() - period_s)
-                    now_ns = time.monotonic_ns()
-                    measured = self._arm.measured()
-                    command = self.turn(now_ns, measured, may_move=may_move())
-                    if writer is not None:
-                        _write(writer, (now_ns - start_ns) / 1e9, command, measured)
-            except BaseException as error:  # told while the run lasts; the arm rests by itself
-                self._error = f"arm: no longer led: {error}"
+        try:
+            while not self._leaving.wait(max(0.0, next_s - time.monotonic())):
+                next_s = max(next_s + period_s, time.monotonic() - period_s)
+                self.turn(time.monotonic_ns(), self._arm.measured(), may_move=may_move())
+        except BaseException as error:  # told while the run lasts; the arm rests by itself
+            self._error = f"arm: no longer led: {error}"
         is_stopped = self._command is not None and self._command.state == "stopped"
         self._take(Turn(time.monotonic_ns(), stopped="" if is_stopped else "the run has ended"))
 
@@ -220,25 +207,6 @@ class Steering:
                 self._state_s[self._command.state] += away_ms / 1e3
         self._last_ns = now_ns
 
-    def _open_table(self, stack: ExitStack) -> Any:
-        if self._table is None:
-            return None
-        file: IO[str] = stack.enter_context(self._table.open("w", newline="", encoding="utf-8"))
-        writer = csv.writer(file, lineterminator="\n")
-        arm, target = ([f"{what}_{c}" for c in _COLUMNS] for what in ("arm", "target"))
-        writer.writerow(["t_s", "state", "reason", "holds", *arm, *target])
-        return writer
-
-
-def _write(writer: Any, t_s: float, command: ArmCommand, measured: StampedPose | None) -> None:
-    row: list[Any] = [f"{t_s:.6f}", command.state, command.reason, command.engagements]
-    for place, turn in (
-        (None, None) if measured is None else (measured.position_m, measured.quaternion_xyzw),
-        (None, None) if command.target is None else command.target,
-    ):
-        row += [""] * 7 if place is None or turn is None else [f"{float(x):.6f}" for x in (*place, *turn)]
-    writer.writerow(row)
-
 
 def open_arm(
     stack: ExitStack, config: SessionConfig, inputs: Inputs, *, tracker: Tracker | None = None
@@ -286,6 +254,5 @@ def open_arm(
     arm = stack.enter_context(driver_class(c.driver, "arm")(c.options))
     if tracker is not None:
         stack.enter_context(tracker)
-    table = None if config.session.out_dir is None else config.session.out_dir / "arm.csv"
     switches = {name: seat for name, seat in seats.items() if name in {"dead_man", "clutch", "recover"}}
-    return Steering(c, arm, source, tracker=tracker, led_by=led_by, seats=switches, table=table)
+    return Steering(c, arm, source, tracker=tracker, led_by=led_by, seats=switches)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tega.teleop.pacing import Pacer
     from tega.teleop.sinks import Sinks
 
-__all__ = ["Touching", "contact_stream", "latency_trace", "level_stream"]
+__all__ = ["Touching", "contact_stream", "is_fed", "latency_trace", "level_stream"]
 
 
 def latency_trace(
@@ -80,48 +80,68 @@ class Touching:
         return any(other != finger and t_ns - seen_ns <= STALE_NS for other, seen_ns in others)
 
 
+def is_fed(finger: Finger, metric: Callable[[], Metric]) -> bool:
+    """Whether a finger's source has a thread of its own in which a metric keeps up; one is made to find out."""
+    source = finger.source
+    if not isinstance(source, FeedingSource) or finger.stream is not None or finger.measured is not None:
+        return False
+    return keeps_up(metric(), finger.baseline, rate_hz=source.info.rate_hz)
+
+
 def contact_stream(
     stack: ExitStack,
     name: str,
     finger: Finger,
     *,
-    metric: Callable[[], Metric],
+    metric: Metric | None,
+    fed: bool,
     touching: Touching,
     start_ns: int,
     trace: LatencyTrace | None,
     bell: Bell | None,
     bus: Bus,
 ) -> Stream[Contact]:
-    """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come."""
+    """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come.
+
+    Args:
+        stack: Ends it.
+        name: Of the finger.
+        finger: Its open source and baseline.
+        metric: Measures its pictures; ``None`` where that is done.
+        fed: Whether the source's own thread measures, as :func:`is_fed` says.
+        touching: Knows which other fingers bear a load.
+        start_ns: The clock's time at the start of the session.
+        trace: Follows the pictures; ``None`` for nobody.
+        bell: Wakes the loop for a picture; ``None`` where it has its own pace.
+        bus: Told of every picture.
+    """
     if finger.stream is not None:
         return finger.stream
     if finger.measured is not None:
         return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
-
+    assert metric is not None
     live = finger.source.info.live
     told: dict[str, Any] = {}
     if trace is not None and live:
         told["stamp"] = trace.source(name)
 
-    stage = metric()
-
     def see(frame: TactileFrame) -> None:
         # The fingers of a recording are read apart from each other: what the others feel is not known in time.
-        stage.loaded = live and touching.beside(name, frame.t_ns - start_ns)
+        metric.loaded = live and touching.beside(name, frame.t_ns - start_ns)
         if bus.wants(Picture):
-            bus.publish(picture_of(name, frame, live=live, start_ns=start_ns, loaded=stage.loaded))
+            bus.publish(picture_of(name, frame, live=live, start_ns=start_ns, loaded=metric.loaded))
 
     def tell(frame: TactileFrame, contact: Contact) -> None:
         t_ns, metrics = contact
-        touching.note(name, t_ns, bears_load=stage.bears_load)
+        touching.note(name, t_ns, bears_load=metric.bears_load)
         if bus.wants(MeasuredPicture):
             bus.publish(
-                MeasuredPicture(finger=name, t_ns=t_ns, image=frame.image, metrics=metrics, metric=stage)
+                MeasuredPicture(finger=name, t_ns=t_ns, image=frame.image, metrics=metrics, metric=metric)
             )
 
     told |= {"see": see, "tell": tell}
     produce = partial(
-        measured_contacts, finger.source, finger.baseline, stage, finger.report, start_ns=start_ns, **told
+        measured_contacts, finger.source, finger.baseline, metric, finger.report, start_ns=start_ns, **told
     )
 
     if not live:
@@ -131,9 +151,9 @@ def contact_stream(
     stream: LiveStream[Contact] = LiveStream(
         on_loss=finger.report.drop, on_item=bell.ring if bell is not None else lambda: None
     )
-    source, rate_hz = finger.source, finger.source.info.rate_hz
-    if isinstance(source, FeedingSource) and keeps_up(metric(), finger.baseline, rate_hz=rate_hz):
-        meter = FrameMeter(finger.baseline, stage, finger.report, live=True, start_ns=start_ns)
+    source = finger.source
+    if fed and isinstance(source, FeedingSource):
+        meter = FrameMeter(finger.baseline, metric, finger.report, live=True, start_ns=start_ns)
         stack.callback(source.feed, None)
         source.feed(
             fed_contacts(meter, finger.report, stream.put, lambda error: stream.end(error=error), **told)

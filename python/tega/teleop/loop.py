@@ -13,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
+import msgspec
+
 from tega.bus import Bus
 from tega.errors import TegaError
 from tega.hand import split_level
@@ -20,7 +22,7 @@ from tega.inbox.inputs import Inputs
 from tega.inbox.sources import Block, Contact
 from tega.inbox.stream import NEVER_NS, Stream
 from tega.records import Contact as ContactRecord
-from tega.records import HandCommand, Imposed, Intent, Joints, Skip, bus_frames
+from tega.records import Event, HandCommand, Imposed, Intent, Joints, Skip, bus_frames
 from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.loop_report import LoopReport
 from tega.teleop.moment import LoopView, Moments
@@ -144,6 +146,8 @@ class DualLoop:
             trace=trace,
             complete=complete,
         )
+        if self._moments.wanted or self._bus.wants(Event):
+            touch.find_events()
         self._vest = VestOutput(
             touch,
             self.report,
@@ -307,6 +311,10 @@ class DualLoop:
                     **felt._asdict(),
                 )
             )
+        for event in self._touch.found:
+            told = msgspec.structs.replace(event, taken_ns=self._pacer.tick_ns)
+            self._moments.event = told
+            self._bus.publish(told)
 
     def _tick(self, t_ns: int, *, hand: bool, vest: bool) -> None:
         if not vest:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from tega.records import Record
+from tega.records import Event, Record
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from tega.teleop.touch import Felt, TouchLoop
 
 __all__ = ["LoopView", "Moment", "Moments"]
+
+_EVENT_NS = 3_000_000_000
 
 
 class LoopView(NamedTuple):
@@ -41,6 +43,7 @@ class LoopView(NamedTuple):
         seen_arm: More of the same; ``None`` where it is not known.
         link: How the link to the other station is, in one line; ``""`` on one machine.
         arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
+        event: The newest event of touch; ``None`` before the first.
     """
 
     t_ns: int
@@ -59,6 +62,14 @@ class LoopView(NamedTuple):
     seen_arm: ArmView | None = None
     link: str = ""
     arm_height_m: float | None = None
+    event: Event | None = None
+
+    @property
+    def newest_event(self) -> str:
+        """The newest event of touch in words, ``""`` once it is three seconds old."""
+        if self.event is None or (age_ns := self.t_ns - self.event.t_ns) > _EVENT_NS:
+            return ""
+        return f"{self.event.words}, {max(age_ns, 0) / 1e9:.1f} s ago"
 
 
 class Moment(Record, frozen=True, kw_only=True):
@@ -85,6 +96,9 @@ class Moments:
         guard: Knows the run's state.
         trace: Knows how old what is felt and done is.
         complete: Add what the loop does not know, one after the other.
+
+    Attributes:
+        event: The newest event of touch.
     """
 
     def __init__(
@@ -102,6 +116,7 @@ class Moments:
         self._bus, self._touch, self._hand, self._report = bus, touch, hand, report
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
         self._shown: Moment | None = None
+        self.event: Event | None = None
 
     @property
     def wanted(self) -> bool:
@@ -122,6 +137,7 @@ class Moments:
             None if self._hand is None else self._hand.angles_rad.tolist(),
             self._counts(),
             inputs=self._inputs.seen,
+            event=self.event,
         )
         if guard is not None:
             view = view._replace(

@@ -16,7 +16,7 @@ from tega.records import Alert, RunState, Value
 from tega.stages.choose import finger_metric
 from tega.teleop.collector import settle
 from tega.teleop.feedback import touch_loop
-from tega.teleop.flows import Touching, contact_stream, latency_trace, level_stream
+from tega.teleop.flows import Touching, contact_stream, is_fed, latency_trace, level_stream
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
@@ -82,6 +82,11 @@ def run_loop(
     pacer = Pacer(clock, bell=bell)
     if recording is not None:
         recording.head(rig, layout=layout, pace=pace, observed=rig.bus.wants(Moment))
+    # Before the clock starts: what a stage computes when it is made would come off the first ticks.
+    unmeasured = [name for name, f in prepared.fingers.items() if f.stream is None and f.measured is None]
+    metrics = {name: _metric(rig, name) for name in unmeasured}
+    fed = {name: is_fed(finger, partial(_metric, rig, name)) for name, finger in prepared.fingers.items()}
+    touch = touch_loop(config, prepared.calibration, prepared.fingers)
     start_ns = pacer.start()
     if recording is not None:
         recording.begin(start_ns, clock.now_ns())
@@ -108,13 +113,14 @@ def run_loop(
     touching = Touching()
     loop = DualLoop(
         pacer=pacer,
-        touch=touch_loop(config, prepared.calibration, prepared.fingers),
+        touch=touch,
         contacts={
             name: contact_stream(
                 flows,
                 name,
                 finger,
-                metric=partial(_metric, rig, name),
+                metric=metrics.get(name),
+                fed=fed[name],
                 touching=touching,
                 start_ns=start_ns,
                 trace=trace,

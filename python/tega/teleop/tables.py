@@ -15,8 +15,8 @@ from tega.calibration import save_calibration
 from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.priority import ahead_of_others
-from tega.recording import RunRecorder
-from tega.records import Contact, HandCommand, Intent, VestFrame
+from tega.recording import RecordTable
+from tega.records import ArmTurn, Contact, Event, HandCommand, Intent, Record, VestFrame
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -55,8 +55,16 @@ def open_tables(
     hand = CanRecorder(CanRecorderOptions(file=folder / "can.csv"))
     vest.open()
     hand.open()
-    recorder = RunRecorder(folder, prepared.muscles.maxima.channels if prepared.muscles else ())
-    for close in (vest.close, hand.close, recorder.close):
+    tables: dict[type[Record], RecordTable] = {
+        Contact: RecordTable(folder, Contact),
+        Event: RecordTable(folder, Event),
+        Intent: RecordTable(
+            folder, Intent, channels=prepared.muscles.maxima.channels if prepared.muscles else ()
+        ),
+    }
+    if config.arm is not None:
+        tables[ArmTurn] = RecordTable(folder, ArmTurn)
+    for close in (vest.close, hand.close, *(table.close for table in tables.values())):
         stack.callback(_closed if real else _called, close)
     backlog = Backlog("tables", rank=ahead_of_others("beside")) if real else None
     if backlog is not None:
@@ -70,8 +78,8 @@ def open_tables(
         frames: Any = asked.frames
         hand.write(asked.t_ns, frames)
 
-    bus.subscribe(Contact, recorder.contact, name=_NAME, vital=not real, backlog=backlog)
-    bus.subscribe(Intent, recorder.levels, name=_NAME, vital=not real, backlog=backlog)
+    for kind, table in tables.items():
+        bus.subscribe(kind, table.take, name=_NAME, vital=not real, backlog=backlog)
     bus.subscribe(VestFrame, show, name=_NAME, vital=not real, backlog=backlog)
     bus.subscribe(HandCommand, command, name=_NAME, vital=not real, backlog=backlog)
     save_calibration(prepared.calibration, folder / "calibration.toml")

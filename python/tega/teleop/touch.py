@@ -12,12 +12,14 @@ import numpy as np
 from tega.errors import InvalidValueError
 from tega.haptics import VestFrame
 from tega.motor_layout import find_layout
-from tega.stages.base import Mapping, TouchEvent, VestSetup
+from tega.records import Event
+from tega.stages.base import Mapping, VestSetup
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
 from tega.stages.metrics import contact_record
 
 if TYPE_CHECKING:
     from tega.calibration import TouchMaxima
+    from tega.detect import Detector
     from tega.haptics import FeltMap, Layout, Mirror
     from tega.records import Contact
     from tega.tactile import ContactMetrics
@@ -63,6 +65,10 @@ class TouchLoop:
         mirror: Which faces have their columns reversed.
         felt: Evens out what the wearer feels; ``None`` sends the law's own intensities.
         mapping: Makes the mapping; ``None`` for that of Eq 7 to 9.
+
+    Attributes:
+        found: Events that the newest frame showed; none unless the mapping wants them or :meth:`find_events` was
+            called.
     """
 
     def __init__(
@@ -86,13 +92,18 @@ class TouchLoop:
         self._silence = _frame(layout, np.zeros(len(table.motors)))
         setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima)
         self.mapping = ColumnsMapping(setup, ColumnsOptions()) if mapping is None else mapping(setup)
-        self._events: deque[TouchEvent] = deque(maxlen=_MOST_EVENTS)
-        self._detector = None
+        self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
+        self._detector: Detector | None = None
+        self.found: Sequence[Event] = ()
         if self.mapping.wants_events:
-            from tega.detect import Detector
-
-            self._detector = Detector()
+            self.find_events()
         self._newest: dict[str, tuple[int, Felt, Contact]] = {}
+
+    def find_events(self) -> None:
+        """Look for events from now on, whether or not the mapping wants them."""
+        from tega.detect import Detector
+
+        self._detector = self._detector or Detector()
 
     def update(self, finger: str, t_ns: int, metrics: ContactMetrics) -> Felt:
         """Take one measured frame.
@@ -114,7 +125,9 @@ class TouchLoop:
             felt = Felt(cci_norm, eda_norm, *self.mapping.columns(finger, contact))
         self._newest[finger] = (t_ns, felt, contact)
         if self._detector is not None:
-            self._detect(finger, t_ns, metrics)
+            self.found = _events(self._detector, finger, t_ns, metrics)
+            if self.mapping.wants_events:
+                self._events.extend(self.found)
         return felt
 
     def fresh(self, t_ns: int) -> Sequence[Felt]:
@@ -146,14 +159,22 @@ class TouchLoop:
         """Return the frame in which every motor rests."""
         return self._silence
 
-    def _detect(self, finger: str, t_ns: int, metrics: ContactMetrics) -> None:
-        """Note the events that a frame shows."""
-        from tega.detect import Touch
 
-        assert self._detector is not None
-        touch = Touch(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
-        for found in self._detector.touch(t_ns / 1e9, finger, touch):
-            self._events.append(TouchEvent(t_ns, found.kind, found.finger))
+def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics) -> Sequence[Event]:
+    """Return the events that a frame shows."""
+    from tega.detect import Touch
+
+    touch = Touch(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
+    return [
+        Event(
+            t_ns=t_ns,
+            finger=found.finger,
+            kind=found.kind,
+            confidence=found.confidence,
+            began_ns=round(found.t_s * 1e9),
+        )
+        for found in detector.touch(t_ns / 1e9, finger, touch)
+    ]
 
 
 def _frame(layout: Layout, levels: object, *, like: VestFrame | None = None) -> VestFrame:

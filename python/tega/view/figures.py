@@ -91,7 +91,8 @@ class Course:
         cci_norm: Mean over the fingers in contact, 0 to 1, float64 (n,).
         eda_norm: Likewise.
         level_t_s: Times of the fused levels, seconds, float64 (m,).
-        level: Fused closure levels 1 to 5, int (m,); drawn as poses 0 to 4.
+        level: Fused closure levels 1 to 5, int (m,).
+        pose_base: Number of the most open pose as it is drawn: 0 as in Fig 8, or 1.
     """
 
     touch_t_s: NDArray[np.float64]
@@ -99,6 +100,7 @@ class Course:
     eda_norm: NDArray[np.float64]
     level_t_s: NDArray[np.float64]
     level: NDArray[np.int64]
+    pose_base: int = 0
 
 
 def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None:
@@ -146,10 +148,13 @@ def draw_course(ax: Axes, course: Course) -> None:
     ax.set_ylabel("share of maximum")
     ax.set_ylim(-0.02, 1.05)
     pose = ax.twinx()
-    pose.step(course.level_t_s, course.level - 1, where="post", color=POSE_RED, ls="--", lw=1.5, label="pose")
+    base = course.pose_base
+    pose.step(
+        course.level_t_s, course.level - 1 + base, where="post", color=POSE_RED, ls="--", lw=1.5, label="pose"
+    )
     pose.set_ylabel("pose", color=POSE_RED)
-    pose.set_ylim(-0.1, 4.2)
-    pose.set_yticks(range(5))
+    pose.set_ylim(base - 0.1, base + 4.2)
+    pose.set_yticks(range(base, base + 5))
     handles, labels = (
         own + others
         for own, others in zip(ax.get_legend_handles_labels(), pose.get_legend_handles_labels(), strict=True)

@@ -22,14 +22,15 @@ class SessionPicture:
 
     Args:
         bus: Tells what is measured and felt.
+        pose_base: Number of the most open pose as it is drawn, 0 or 1.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, *, pose_base: int = 0) -> None:
         new_figure(figsize=(1, 1))  # what cannot be drawn is said before the run, not after it
-        self._firmest = Firmest()
+        self._firmest, self._pose_base = Firmest(), pose_base
         self._felt: dict[str, tuple[float, float, float]] = {}
         self._touch: dict[int, list[tuple[float, float]]] = {}
         self._levels: list[tuple[int, int]] = []
@@ -65,5 +66,6 @@ class SessionPicture:
             eda_norm=touch[:, 1],
             level_t_s=levels[:, 0] / 1e9,
             level=levels[:, 1],
+            pose_base=self._pose_base,
         )
         session_figure(path, pictures, course, title)

@@ -183,6 +183,7 @@ def render(
         _vest(view.vest),
         _intent(view),
         _closure(view.angles_rad),
+        *([Text(f"touch  {view.newest_event}", "bold")] if view.newest_event else []),
         *([_inputs(view)] if view.inputs else []),
         *([_arm(view)] if view.arm else []),
         *([Text(f"link  {view.link}")] if view.link else []),

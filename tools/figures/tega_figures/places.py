@@ -59,6 +59,14 @@ PLACES: Final = (
     Place("A14", "the largest value", _each(f"{_METRIC}.peak", "median", "percentile"), _READING),
     Place("A15", "CCI of a deeper press", _each(f"{_METRIC}.cci", "root", "peak", "mass"), _READING),
     Place("A20", "drift of the baseline", ("stages.metric.name=live", f"{_METRIC}.rezero=false")),
+    Place(
+        "A22", "trend of the deformation",
+        (f"{_METRIC}.trend=rise", f"{_METRIC}.trend=change", f"{_METRIC}.trend_s=0.2"), ("stages.metric.name=live",),
+    ),
+    Place(
+        "A22", "that trend on the vest", (f"{_MAPPING}.front=trend_mm_s",),
+        ("stages.metric.name=live", f"{_METRIC}.trend=rise", f"{_MAPPING}.front_max=2.0"),
+    ),
     Place("A23", "32 motors of a vest that has 40", _each("vest.layout", "paper32", "x40", "x16")),
     Place("A24", "left and right", _each("vest.mirror", "back", "all")),
     Place("A24", "finger of each column", (f'{_MAPPING}.fingers=["ring", "middle", "index", "thumb"]',)),
@@ -74,9 +82,11 @@ PLACES: Final = (
     Place("–", "which value on which face", (f"{_MAPPING}.front=eda", f"{_MAPPING}.back=cci")),
     Place("A38", "rectified or not", ("emg.kind=envelope",), ("emg.driver=synthetic-emg", "emg.kind=raw")),
     Place("A39", "cutoff and order of the low-pass", (f"{_DECODER}.cutoff_hz=5", f"{_DECODER}.order=2")),
+    Place("A39", "band of the raw signal before that", (f"{_DECODER}.before=band",)),
     Place("A40", "τ", _each(f"{_DECODER}.tau_s", 0.05, 0.2)),
     Place("A44", "four or five equal intervals", (f"{_DECODER}.intervals=5",)),
     Place("A45", "the maximum, and steadying (A51)", _each(f"{_DECODER}.preset", "paper", "live")),
+    Place("A46", "poses counted from 0 (Fig 8) or 1 (Eq 11) in pictures", _each("session.pose_base", 0, 1)),
     Place("A49", "the vote", _each(f"{_DECODER}.fusion", "round", "median")),
     Place("A55", "what each channel counts", (f"{_DECODER}.channel_weights=[1.0, 0.5, 1.0]",)),
 )  # fmt: skip
@@ -100,6 +110,8 @@ def _where(place: Place) -> str:
     keys = [item.partition("=")[0] for item in (*place.needs, *place.sets)]
     if all(key.startswith("stages.") or key in {"vest.layout", "vest.mirror"} for key in keys):
         return "everywhere"
+    if all(key.startswith("session.") for key in keys):
+        return "`run`, `replay --picture`"
     return "`run`, `study run --lab`"
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
-from tega.stages import Contact, Mapping, StageOptions, TouchEvent, VestSetup
+from tega.stages import Contact, Event, Mapping, StageOptions, VestSetup
 
 FINGERS = ("thumb", "index", "middle", "ring")
 
@@ -39,9 +39,7 @@ class BarsMapping(Mapping):
         self._setup, self._options = setup, options
         self._slip_until_ns = 0
 
-    def levels(
-        self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[TouchEvent]
-    ) -> np.ndarray:
+    def levels(self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]) -> np.ndarray:
         """Return the level of every motor, percent."""
         o, layout = self._options, self._setup.layout
         for event in events:

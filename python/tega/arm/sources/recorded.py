@@ -11,10 +11,11 @@ from pathlib import Path
 from tega.arm.pose import StampedPose
 from tega.errors import RecordingError
 from tega.foreign_file import read_words
+from tega.records import PoseNumbers
 
 __all__ = ["RecordedPoses", "read_poses", "write_poses"]
 
-_COLUMNS = ["t_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
+_COLUMNS = ["t_s", *PoseNumbers.table]
 
 
 def read_poses(path: Path) -> list[StampedPose]:

@@ -259,6 +259,8 @@ def _status(state: ViewState) -> str:
     if block is not None:
         rows["hand"] = f"level {block[2]}: {_POSES[block[2] - 1]}"
         rows["muscles"] = "levels " + " · ".join(str(level) for level in block[1])
+    if newest := state.loop.newest_event:
+        rows["touch"] = newest
     rows |= {name.replace("_", " "): seen.words(name) for name, seen in state.loop.inputs.items()}
     pairs = [
         f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'

@@ -1,4 +1,4 @@
-"""The server behind the page: takes moments from the loop at once, paints the newest in a thread of its own."""
+"""The server behind the page: paints the newest moment of a run, in the thread of a backlog that holds one."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from tega.bus import Backlog
 from tega.errors import InvalidValueError, MissingExtraError
+from tega.teleop.moment import Moment
 from tega.view.browser.controls import Controls
 from tega.view.run_state import NO_NEWS_S
 from tega.view.state import ViewState
 
 if TYPE_CHECKING:
+    from tega.bus import Bus
     from tega.teleop.moment import LoopView
     from tega.view.browser.page import Page
 
@@ -25,7 +28,6 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 N_TURNS = 3
 # Without anyone at the page it is still kept fresh for whoever opens it.
 _UNWATCHED_HZ = 2.0
-_LOOK_S = 0.004
 _REST_SHARE = 4.0
 _LAST_S = 0.1
 # A painter that failed tries again after this long; the age of what is shown is told this often.
@@ -36,8 +38,9 @@ _TELL_AGE_S = 1.0
 class BrowserView:
     """A page that shows a run; gives up frames rather than keep the run waiting.
 
-    Use as a context manager. :meth:`offer` puts a moment into a slot that holds the newest one only; a thread takes it
-    from there at most ``rate_hz`` times a second. A moment that a newer one replaces is never shown: dropped, not late.
+    Use as a context manager. :meth:`watch` subscribes to a run's moments, :meth:`offer` takes one from elsewhere. Both
+    wait in a :class:`~tega.bus.Backlog` that holds the newest one only; its thread paints at most ``rate_hz`` times a
+    second. A moment that a newer one replaces is never shown: dropped, not late.
 
     Args:
         title: Heading of the page.
@@ -54,9 +57,7 @@ class BrowserView:
 
     Attributes:
         controls: What the page's buttons set.
-        n_offered: Moments offered.
-        n_painted: Of these, those painted.
-        n_dropped: Of these, those a newer one replaced before they were painted.
+        n_painted: Moments painted, of those offered.
         page: What is on the page; from when it is first served.
         problem: How often a moment could not be painted, and why at last; ``""`` for never. The page says it too.
 
@@ -91,13 +92,11 @@ class BrowserView:
         self._period_s = 1 / rate_hz
         self._complete, self._camera, self._blind = complete, (eye_m, at_m), blind
         self.controls = controls or Controls()
-        self.n_offered = self.n_painted = self.n_dropped = 0
-        self._slot: tuple[float, ViewState] | None = None
-        self._lock = threading.Lock()
+        self.n_painted = 0
+        self._waiting = Backlog("browser-view", most=1, newest=True, idle=self._paint)
         self._over = threading.Event()
         self._server: Any = None
         self.page: Page
-        self._painter: threading.Thread | None = None
         self.problem = ""
         self._n_failures = 0
         self._told_age_s = 0.0
@@ -119,7 +118,21 @@ class BrowserView:
     @property
     def painting(self) -> bool:
         """Whether moments are being painted: the page is served."""
-        return self._painter is not None and self._painter.is_alive()
+        return self._waiting.running
+
+    @property
+    def n_offered(self) -> int:
+        """Moments offered."""
+        return self._waiting.n_put
+
+    @property
+    def n_dropped(self) -> int:
+        """Of these, those a newer one replaced before they were painted."""
+        return self._waiting.n_dropped
+
+    def watch(self, bus: Bus) -> None:
+        """Show the moments of a run from now on."""
+        bus.subscribe(Moment, self._moment, name="page", backlog=self._waiting)
 
     def __enter__(self) -> Self:
         """Serve the page.
@@ -143,8 +156,7 @@ class BrowserView:
             at_m=at_m,
         )
         self._over.clear()
-        self._painter = threading.Thread(target=self._paint_on, name="tega-browser-view", daemon=True)
-        self._painter.start()
+        self._waiting.start()
         return self
 
     def __exit__(
@@ -152,44 +164,41 @@ class BrowserView:
     ) -> None:
         """Stop serving; what went wrong in painting is in :attr:`problem`."""
         self._over.set()
-        if self._painter is not None:
-            self._painter.join()
+        self._waiting.close()
         if self._server is not None:
+            self._paint_last()
             self._server.stop()
-        self._server = self._painter = None
+        self._server = None
 
     def offer(self, state: ViewState) -> None:
         """Take a moment to be shown; returns at once."""
-        with self._lock:
-            self.n_offered += 1
-            if self._slot is not None:
-                self.n_dropped += 1
-            self._slot = (time.monotonic(), state)
+        self._waiting.put(BrowserView._paint, self, state)
 
     def __call__(self, loop: LoopView) -> None:
         """Take a moment of the loop, as its observer; returns at once."""
         self.offer(ViewState(loop.t_ns, loop))
 
-    def _paint_on(self) -> None:
-        """Paint the newest moment whenever there is one, until told to stop; a failure is told and tried again."""
-        rest_s = 0.0
-        # The slot is looked at, not waited for: waking a thread would cost whoever offers more than all the rest.
-        while not self._over.wait(rest_s):
-            began_s, rest_s = time.monotonic(), _LOOK_S
-            try:
-                painted = self._paint_next(began_s)
-            except BaseException as error:  # of native code, too; the run goes on, and so does the page
-                self._fail(error)
-                rest_s = _RETRY_S
-                continue
-            if painted:
+    def _moment(self, moment: Moment) -> None:
+        """Paint a moment that the bus tells."""
+        self._paint(ViewState(moment.t_ns, moment.view))
+
+    def _paint(self, state: ViewState | None = None) -> None:
+        """Paint a moment, or without one more of the last, and rest; a failure is told and tried again."""
+        if self._server is None:  # nothing is served yet, or any more
+            return
+        began_s, rest_s = time.monotonic(), 0.0
+        try:
+            if self._paint_next(began_s, state):
                 period_s = self._period_s if self._server.get_clients() else 1 / _UNWATCHED_HZ
                 took_s = time.monotonic() - began_s
                 # Where painting takes long the machine is busy: better fewer moments than the run's time.
                 rest_s = max(period_s - took_s, _REST_SHARE * took_s)
             else:
                 self._tell_age(began_s)
-        self._paint_last()
+        except BaseException as error:  # of native code, too; the run goes on, and so does the page
+            self._fail(error)
+            rest_s = _RETRY_S
+        self._over.wait(rest_s)
 
     def _fail(self, error: BaseException) -> None:
         """Note what went wrong, and show the run's state all the same: it needs none of what can fail."""
@@ -218,29 +227,21 @@ class BrowserView:
 
     def _paint_last(self) -> None:
         """Put the end on the page, which stays open in the browser when nobody serves it any more."""
-        with self._lock:
-            taken, self._slot = self._slot, None
         try:
-            state = self._state if taken is None else self._complete(taken[1])
-            if state is None:
+            if (state := self._state) is None:
                 return
             self.page.paint_text(state)
-            self.n_painted += taken is not None
             self._server.flush()
             time.sleep(_LAST_S)  # what is flushed is sent by another thread
         except BaseException as error:
-            self._newest = taken or self._newest
             self._fail(error)
 
-    def _paint_next(self, now_s: float) -> bool:
+    def _paint_next(self, now_s: float, given: ViewState | None) -> bool:
         """Paint a new moment, or more of the last one if no other follows; tell whether there was anything to do."""
-        with self._lock:
-            taken, self._slot = self._slot, None
-        if taken is not None:
-            self._newest = taken
-            offered_s, state = taken
-            self._wait_ms = (now_s - offered_s) * 1e3
-            self._state = self._complete(state)
+        if given is not None:
+            self._newest = now_s - self._waiting.waited_s, given
+            self._wait_ms = self._waiting.waited_s * 1e3
+            self._state = self._complete(given)
             self._measure(now_s, self._state)
             self._n_owed = N_TURNS
         elif self._n_owed == 0 or now_s - self._painted_s < 2 * self._period_s:
@@ -251,7 +252,7 @@ class BrowserView:
         self._turn = (self._turn + 1) % N_TURNS
         self._n_owed -= 1
         self._painted_s = now_s
-        self.n_painted += taken is not None
+        self.n_painted += given is not None
         return True
 
     def _measure(self, now_s: float, state: ViewState) -> None:
