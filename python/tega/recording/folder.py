@@ -5,14 +5,24 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tega.errors import ConfigError
+from tega.errors import ConfigError, RecordingError
+from tega.foreign_file import read_words
+from tega.whole_file import write_whole
 
 __all__ = ["OUTPUT_NAMES", "SUMMARY_FORMAT", "prepare_folder"]
 
 SUMMARY_FORMAT = "tega-run"
 # What else TEGA writes into folders: a demo's trials.
 _FORMATS = (SUMMARY_FORMAT, "tega-demo")
-OUTPUT_NAMES = ("contacts.csv", "levels.csv", "vest.csv", "can.csv", "summary.json", "calibration.toml")
+OUTPUT_NAMES = (
+    "contacts.csv",
+    "levels.csv",
+    "vest.csv",
+    "can.csv",
+    "arm.csv",
+    "summary.json",
+    "calibration.toml",
+)
 
 
 def prepare_folder(folder: Path) -> None:
@@ -39,12 +49,12 @@ def prepare_folder(folder: Path) -> None:
     for name in OUTPUT_NAMES:
         (folder / name).unlink(missing_ok=True)
     begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": "not yet, or it was killed"}
-    (folder / "summary.json").write_text(json.dumps(begun, indent=2) + "\n", encoding="utf-8", newline="\n")
+    write_whole(folder / "summary.json", json.dumps(begun, indent=2) + "\n")
 
 
 def _holds_a_run(folder: Path) -> bool:
     try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        summary = json.loads(read_words(folder / "summary.json"))
+    except (OSError, ValueError, RecordingError):
         return False
     return isinstance(summary, dict) and summary.get("format") in _FORMATS
