@@ -23,6 +23,7 @@ import numpy as np
 from tega.errors import ConfigError, TegaError
 from tega.foreign_file import parse_toml, read_words
 from tega.hand import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD, JOINT_NAMES, HandController
+from tega.whole_file import write_whole
 from tega.wire import FINGERS
 
 if TYPE_CHECKING:
@@ -99,9 +100,7 @@ def save_poses(file: Path, poses_rad: ArrayLike) -> None:
         lines += ["", f"[level-{level}]"]
         for first, finger in enumerate(FINGERS):
             lines.append(f"{finger} = [{', '.join(str(float(a)) for a in pose[4 * first : 4 * first + 4])}]")
-    part = file.with_name(file.name + ".part")
-    part.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    part.replace(file)
+    write_whole(file, "\n".join(lines) + "\n")
 
 
 def taught(

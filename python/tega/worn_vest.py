@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from tega.devices.base import BudgetedVest, RepeatingVest
 from tega.devices.registry import driver_class
 from tega.safety.dose_file import KeptDose
 
@@ -46,12 +47,11 @@ def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
         TegaError: The vest cannot be opened.
     """
     vest: VestSink = driver_class(str(section.driver), "vest")(section.options)
-    if hasattr(vest, "keep_alive_s"):
+    if isinstance(vest, RepeatingVest):
         vest.keep_alive_s = section.keep_alive_s
     with ExitStack() as stack:
-        budget = getattr(vest, "budget", None)
-        if budget is not None and file is not None:
+        if isinstance(vest, BudgetedVest) and file is not None:
             # Who is not named may be any of those who are, and begins where the one who had most of it left off.
             may_be = sorted(file.parent.glob("people/*/vest-dose.json")) if file.name == NAMELESS else []
-            stack.enter_context(KeptDose(file, budget, may_be=may_be))
+            stack.enter_context(KeptDose(file, vest.budget, may_be=may_be))
         yield stack.enter_context(vest)

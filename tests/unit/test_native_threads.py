@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent
+from tega.sim.gel import Gel, ball
 from tega.wire import AsciiEmgDecoder, ChordsDecoder, CytonDecoder, SpikerDecoder
 
 # Long enough that the thread that feeds leaves the interpreter to the other many times.
 _ROWS = np.random.default_rng(1).normal(size=(400_000, 3))
 _BYTES = bytes(4_000_000)
 _LOOKS = 3
+_BALL = (ball(force_n=2.0),)
 
 _WATCHED: dict[str, tuple[Callable[[], Any], Callable[[Any], object], Callable[[Any], object]]] = {
     "cyton": (CytonDecoder, lambda d: d.feed(_BYTES), lambda d: d.skipped_bytes),
@@ -31,6 +33,7 @@ _WATCHED: dict[str, tuple[Callable[[], Any], Callable[[Any], object], Callable[[
         lambda f: f.held_samples,
     ),
     "mean": (lambda: BlockMean(50, 3), lambda m: m.process(_ROWS), lambda m: m.held_samples),
+    "gel": (lambda: Gel(1), lambda g: [g.frame(_BALL, index=k) for k in range(40)], lambda g: g.truth),
     "intent": (
         lambda: GraspIntent(1000.0, [1.0, 1.0, 1.0], tau=100),
         lambda i: i.process(_ROWS),
@@ -64,6 +67,31 @@ def test_what_one_thread_feeds_another_may_look_at(name: str) -> None:
         ended.wait(1e-4)
     worker.join()
     assert not failed
+
+
+def test_others_go_on_while_a_gel_is_made() -> None:
+    """A gel takes long to make; whoever makes one leaves the interpreter to the threads of a run."""
+    begun, n_made = threading.Event(), 0
+
+    def make() -> None:
+        nonlocal n_made
+        begun.set()
+        for seed in range(50):
+            Gel(seed)
+            n_made += 1
+
+    before = sys.getswitchinterval()
+    # Nobody is asked to let go of the interpreter, so that another runs only where it was let go of.
+    sys.setswitchinterval(1000.0)
+    try:
+        maker = threading.Thread(target=make)
+        maker.start()
+        begun.wait()
+        n_when_we_ran = n_made
+        maker.join()
+    finally:
+        sys.setswitchinterval(before)
+    assert (n_made, n_when_we_ran < 50) == (50, True)
 
 
 def test_threads_that_cannot_start_lose_no_frame() -> None:

@@ -464,7 +464,7 @@ def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path
     from tega.toml_text import tree_text
     from tega_emulators.lab import emulated_lab
 
-    folder = study(tmp_path, simulated=False, window_s=2.0)
+    folder = study(tmp_path, simulated=False, window_s=2.0, seed=1)
     assert read_plan(folder).of("p01")[0].condition == "haptic"
     with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=("thumb",)) as lab:
         # The maxima come from a file, which names nobody.

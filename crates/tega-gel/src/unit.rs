@@ -62,7 +62,8 @@ fn still(seed: u64, spread: f32) -> Vec<f32> {
         for (k, term) in terms.iter_mut().enumerate() {
             *term *= 1.0 + spread * STILL_SPREAD * drawn.normal((channel * 6 + k) as u64);
         }
-        let rest = smooth_field(Stream::new(seed, 2 + channel as u64), STILL_REST[channel]);
+        let drawn = Stream::new(seed, 2 + channel as u64);
+        let rest = smooth_field(|k| drawn.normal(k), STILL_REST[channel]);
         for y in 0..HEIGHT {
             for x in 0..WIDTH {
                 let level = polynomial(&terms, across(x as f32), along(y as f32)) + rest[y * WIDTH + x];
@@ -87,9 +88,9 @@ pub(crate) fn polynomial(p: &[f32; 6], x: f32, y: f32) -> f32 {
 }
 
 /// Random, smooth, mean about 0, standard deviation `sd`: a cubic B-spline over a few random knots.
-fn smooth_field(drawn: Stream, sd: f32) -> Vec<f32> {
+fn smooth_field(draw: impl Fn(u64) -> f32, sd: f32) -> Vec<f32> {
     let [rows, cols] = KNOTS;
-    let drawn: Vec<f32> = (0..(rows * cols) as u64).map(|k| drawn.normal(k)).collect();
+    let drawn: Vec<f32> = (0..(rows * cols) as u64).map(draw).collect();
     let mut field = Vec::with_capacity(HEIGHT * WIDTH);
     let at = |v: usize, size: usize, knots: usize| {
         let u = v as f32 / size as f32 * (knots - 3) as f32;
@@ -122,4 +123,21 @@ pub(crate) fn spline(t: f32) -> [f32; 4] {
         (1.0 + 3.0 * t + 3.0 * t2 - 3.0 * t3) / 6.0,
         t3 / 6.0,
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    #[test]
+    fn a_smooth_field_draws_each_knot_once() {
+        let n_drawn = Cell::new(0);
+        let count = |_| {
+            n_drawn.set(n_drawn.get() + 1);
+            1.0
+        };
+        let field = smooth_field(count, 2.0);
+        assert_eq!((n_drawn.get(), field.len()), (KNOTS[0] * KNOTS[1], HEIGHT * WIDTH));
+    }
 }

@@ -5,13 +5,14 @@ use pyo3::prelude::*;
 use tega_gel::{CELLS, Form, HEIGHT, Indenter, PICTURE, Setup, Shape, WIDTH};
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
+use crate::shared::Shared;
 
 type Picture<'py> = Bound<'py, PyArray3<u8>>;
 type Pressing<'py> = (String, [f64; 3], PyReadonlyArray2<'py, f64>, f64);
 type Found = (bool, usize, f64, f64, (f64, f64));
 
-#[pyclass(module = "tega._native")]
-struct Gel(tega_gel::Gel);
+#[pyclass(module = "tega._native", frozen)]
+struct Gel(Shared<tega_gel::Gel>);
 
 #[pymethods]
 impl Gel {
@@ -29,37 +30,36 @@ impl Gel {
                 .into());
             }
         };
-        Ok(Self(py.detach(|| tega_gel::Gel::new(Setup { seed, spread, form, memory }))?))
+        Ok(Self(Shared::new(py.detach(|| tega_gel::Gel::new(Setup { seed, spread, form, memory }))?)))
     }
 
     #[pyo3(signature = (indenters, t_s, /))]
-    fn press(&mut self, py: Python<'_>, indenters: Vec<Pressing<'_>>, t_s: f64) -> Result<bool, BindError> {
+    fn press(&self, py: Python<'_>, indenters: Vec<Pressing<'_>>, t_s: f64) -> Result<bool, BindError> {
         let indenters = collect(indenters)?;
-        let gel = &mut self.0;
-        Ok(py.detach(|| gel.press(&indenters, t_s))?)
+        Ok(py.detach(|| self.0.with(|gel| gel.press(&indenters, t_s)))?)
     }
 
     fn remains(&self, t_s: f64) -> bool {
-        self.0.remains(t_s)
+        self.0.with(|gel| gel.remains(t_s))
     }
 
     fn last_s(&self) -> Option<f64> {
-        self.0.last_s()
+        self.0.with(|gel| gel.last_s())
     }
 
-    fn forget(&mut self) {
-        self.0.forget();
+    fn forget(&self) {
+        self.0.with(tega_gel::Gel::forget);
     }
 
     fn touch(&self) -> Found {
-        let touch = self.0.touch();
+        let touch = self.0.with(|gel| gel.touch());
         let [x, y] = touch.centre_xy;
         (touch.touches, touch.area_px, touch.area_mm2, touch.depth_mm, (x, y))
     }
 
     #[pyo3(signature = (indenters, index, /, *, t_s, out))]
     fn frame<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         indenters: Vec<Pressing<'py>>,
         index: u64,
@@ -77,36 +77,37 @@ impl Gel {
                 "make it with numpy.empty((320, 240, 3), numpy.uint8)",
             ))
         })?;
-        let gel = &mut self.0;
         py.detach(|| {
-            gel.press(&indenters, t_s)?;
-            gel.paint(index, pixels)
+            self.0.with(|gel| {
+                gel.press(&indenters, t_s)?;
+                gel.paint(index, pixels)
+            })
         })?;
         Ok(())
     }
 
     #[pyo3(signature = (index, /))]
-    fn still<'py>(&mut self, py: Python<'py>, index: u64) -> Result<Picture<'py>, BindError> {
+    fn still<'py>(&self, py: Python<'py>, index: u64) -> Result<Picture<'py>, BindError> {
         let mut still = vec![0; PICTURE];
-        self.0.still(index, &mut still)?;
+        py.detach(|| self.0.with(|gel| gel.still(index, &mut still)))?;
         Ok(still.into_pyarray(py).reshape([HEIGHT, WIDTH, 3])?)
     }
 
     fn contact_mask<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
         let mut mask = vec![false; HEIGHT * WIDTH];
-        self.0.contact_mask(&mut mask);
+        self.0.with(|gel| gel.contact_mask(&mut mask));
         Ok(mask.into_pyarray(py).reshape([HEIGHT, WIDTH])?)
     }
 
     fn displacement_mm<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
         let mut displacement = vec![0.0; CELLS[0] * CELLS[1]];
-        self.0.displacement(&mut displacement);
+        self.0.with(|gel| gel.displacement(&mut displacement));
         Ok(displacement.into_pyarray(py).reshape(CELLS)?)
     }
 
     fn surface<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray3<f32>>, BindError> {
         let mut surface = vec![[0.0; 4]; CELLS[0] * CELLS[1]];
-        self.0.surface(&mut surface);
+        self.0.with(|gel| gel.surface(&mut surface));
         Ok(surface.into_flattened().into_pyarray(py).reshape([CELLS[0], CELLS[1], 4])?)
     }
 }

@@ -33,11 +33,12 @@ from tega.calibration.records import (
     TouchRecord,
     VestRecord,
     read_record,
-    write_bytes,
     write_record,
 )
-from tega.errors import CalibrationError
+from tega.errors import CalibrationError, RecordingError
+from tega.foreign_file import read_foreign
 from tega.plain_name import plain_name
+from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -130,7 +131,7 @@ class CalibrationFolder:
 
         _, png = load_cv2(record.driver).imencode(".png", picture)
         path = self.path / "gels" / record.device / f"{record.made.strftime(_STAMP)}.png"
-        write_bytes(path, bytes(png))
+        write_whole(path, bytes(png), sync=True)
         write_record(record, path.with_suffix(".toml"))
         return path
 
@@ -178,7 +179,7 @@ class CalibrationFolder:
                 stamp = read_record(path, _TYPES[part]).made.strftime(_STAMP)
             except CalibrationError:
                 stamp = "unreadable"
-            write_bytes(path.parent / "before" / f"{path.stem}.{stamp}.toml", path.read_bytes())
+            write_whole(path.parent / "before" / f"{path.stem}.{stamp}.toml", path.read_bytes(), sync=True)
         write_record(record, path)
         return path
 
@@ -221,14 +222,16 @@ class CalibrationFolder:
     def unfinished(self, person: str, now: datetime) -> Unfinished | None:
         """Return an interrupted calibration that can be gone on with."""
         try:
-            found = msgspec.json.decode(self._unfinished(person).read_bytes(), type=Unfinished)
-        except (OSError, msgspec.MsgspecError):
+            found = msgspec.json.decode(read_foreign(self._unfinished(person), most_mib=64), type=Unfinished)
+        except (OSError, RecordingError, msgspec.MsgspecError):
             return None
         return found if timedelta(0) <= now - found.started <= timedelta(hours=RESUME_H) else None
 
     def keep_unfinished(self, person: str, unfinished: Unfinished) -> None:
         """Keep what is finished so far."""
-        write_bytes(self._unfinished(person), msgspec.json.format(msgspec.json.encode(unfinished)) + b"\n")
+        write_whole(
+            self._unfinished(person), msgspec.json.format(msgspec.json.encode(unfinished)) + b"\n", sync=True
+        )
 
     def forget_unfinished(self, person: str) -> None:
         """Nothing is left to go on with."""

@@ -5,7 +5,6 @@ A record is written whole or not at all, and refused where its format or version
 
 from __future__ import annotations
 
-import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import ClassVar, Literal, TypeVar
@@ -17,6 +16,7 @@ from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 from tega.foreign_file import parse_toml, read_words
 from tega.toml_text import toml_value
+from tega.whole_file import write_whole
 
 __all__ = [
     "EmgRecord",
@@ -28,7 +28,6 @@ __all__ = [
     "VestRecord",
     "read_record",
     "utc_now",
-    "write_bytes",
     "write_record",
 ]
 
@@ -336,21 +335,7 @@ def write_record(record: Record, path: Path) -> None:
             ]
         else:
             lines.append(f"{name} = {toml_value(value)}{said}")
-    write_bytes(path, ("\n".join([*lines, *tables]) + "\n").encode())
+    write_whole(path, "\n".join([*lines, *tables]) + "\n", sync=True)
 
 
 _FIRST = ("person", "device", "driver", "made")
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with beside.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

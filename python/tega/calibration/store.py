@@ -32,6 +32,7 @@ from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 from tega.foreign_file import parse_toml, read_words
 from tega.toml_text import toml_value
+from tega.whole_file import write_whole
 
 __all__ = [
     "Calibration",
@@ -206,7 +207,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         calibration: What to write.
         path: The file; it is replaced.
     """
-    path.write_text(calibration_text(calibration), encoding="utf-8", newline="\n")
+    write_whole(path, calibration_text(calibration))
 
 
 def calibration_text(calibration: Calibration) -> str:

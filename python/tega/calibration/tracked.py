@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from tega.calibration.practice import Curve
-from tega.calibration.records import PracticeRecord, read_record, write_bytes
+from tega.calibration.records import PracticeRecord, read_record
 from tega.errors import CalibrationError
 from tega.foreign_file import load_npy, read_foreign
+from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -74,7 +75,7 @@ def keep_tracked(data: NDArray[np.float64], record: Path) -> Path:
     file = io.BytesIO()
     np.save(file, data, allow_pickle=False)
     path = record.with_suffix(".npy")
-    write_bytes(path, file.getvalue())
+    write_whole(path, file.getvalue(), sync=True)
     return path
 
 

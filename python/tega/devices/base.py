@@ -31,13 +31,19 @@ if TYPE_CHECKING:
 
     from tega.arm.pose import ArmCommand, StampedPose
     from tega.arm.robot.words import Health
+    from tega.devices.picture_check import CameraCounts
+    from tega.hand_link import HandState, Received
     from tega.haptics import VestFrame
+    from tega.safety.motor_budget import MotorBudget
     from tega.wire import CanFrame
 
 __all__ = [
     "OPTIONAL",
+    "AnsweringHand",
     "ArmDriver",
+    "BudgetedVest",
     "ComparingSource",
+    "CountingSource",
     "Device",
     "DeviceInfo",
     "DiscoveringDevice",
@@ -53,11 +59,15 @@ __all__ = [
     "Kind",
     "Options",
     "PreflightedArm",
+    "RepeatingVest",
+    "ReportingHand",
     "SkippingSource",
+    "StampingVest",
     "SteeredHand",
     "TactileFrame",
     "TactileSource",
     "TellingArm",
+    "TellingHand",
     "Tracker",
     "VestSink",
     "optional",
@@ -180,6 +190,58 @@ class ComparingSource(TactileSource, Protocol):
         ...
 
 
+@runtime_checkable
+class CountingSource(Protocol):
+    """A camera that counts what it sent and what could not be used; optional, for ``doctor``."""
+
+    @property
+    def counts(self) -> CameraCounts:
+        """What it sent so far."""
+        ...
+
+
+@runtime_checkable
+class BudgetedVest(Protocol):
+    """A vest that holds its motors to a limit, to their heat and to a day's vibration; without it nothing does.
+
+    What the wearer had of that day before is put into the budget before the vest is opened, and what this run adds is
+    kept.
+    """
+
+    @property
+    def budget(self) -> MotorBudget:
+        """What its motors may still do; the same object for as long as the vest is there."""
+        ...
+
+
+@runtime_checkable
+class RepeatingVest(Protocol):
+    """A vest that sends what it shows again, so that it goes on; how often, is set before it is opened."""
+
+    keep_alive_s: float
+
+
+@runtime_checkable
+class StampingVest(Protocol):
+    """A vest that tells when a frame leaves; without it no latency is counted to it."""
+
+    def handed_over(self) -> Sequence[tuple[int, int, int]]:
+        """Return what left since the last call.
+
+        Returns:
+            Of each frame that brought something new the ``t_ns`` it was written with, and the monotonic times, ns,
+            until which it was held back (0 where it was not) and at which it left.
+        """
+        ...
+
+
+@runtime_checkable
+class TellingHand(Protocol):
+    """A hand that tells of every exchange with it, so that a recording holds it and a replay computes it again."""
+
+    on_exchange: Callable[[int, float, Sequence[Received], Sequence[CanFrame], str], None] | None
+
+
 OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
     {
         "limits": None,
@@ -266,6 +328,24 @@ class SteeredHand(Device, Protocol):
 
     def limp(self) -> Sequence[CanFrame]:
         """Begin to let go and return the frames sent since the last call."""
+        ...
+
+
+@runtime_checkable
+class AnsweringHand(SteeredHand, Protocol):
+    """A hand that tells when torques first left; without it no latency is counted to it."""
+
+    def answered_ns(self, since_ns: int) -> int | None:
+        """Return when torques first left at or after a monotonic time; ``None`` if none have yet."""
+        ...
+
+
+@runtime_checkable
+class ReportingHand(SteeredHand, Protocol):
+    """A hand that tells what it last reported; optional, for ``doctor``."""
+
+    def state(self) -> HandState:
+        """Return what it reported."""
         ...
 
 

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 from tega.devices import HarmlessDevice, driver_class
+from tega.devices.base import ReportingHand
 from tega.devices.can_links import can_links, link_trouble
 from tega.doctor.case import Case, failed
 from tega.doctor.findings import Finding
@@ -35,7 +36,7 @@ def try_hand(case: Case) -> list[Finding]:
     try:
         with hand:
             measured = _look(hand)
-            info, joints_c = hand.info, hand.state().joints_c if hasattr(hand, "state") else []
+            info, joints_c = hand.info, hand.state().joints_c if isinstance(hand, ReportingHand) else []
     except TegaError as error:
         return [failed(case, error, device=label)]
     said = (
@@ -56,7 +57,7 @@ def try_hand(case: Case) -> list[Finding]:
 
 def _look(hand: Any) -> dict[str, float]:
     """Count a hand's reports for a moment; a driver without a state has none."""
-    if not hasattr(hand, "state"):
+    if not isinstance(hand, ReportingHand):
         return {}
     started_s, before = time.monotonic(), hand.state().counts.sets
     time.sleep(_LOOK_S)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tega.devices import TactileSource, driver_class
-from tega.devices.base import TactileFrame
+from tega.devices.base import CountingSource, TactileFrame
 from tega.devices.picture_check import CameraCounts
 from tega.devices.video_nodes import VideoNode, video_nodes
 from tega.doctor.case import Case, failed, holders
@@ -64,7 +64,9 @@ def try_camera(case: Case) -> tuple[list[Finding], Camera | None]:
         said = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
         return gel or [case.told(label, "fine", said)], None
     findings = [
-        *_pictures(case, label, rate_hz, info.rate_hz, getattr(source, "counts", None)),
+        *_pictures(
+            case, label, rate_hz, info.rate_hz, source.counts if isinstance(source, CountingSource) else None
+        ),
         *(case.told(label, "doubt", f"{name}: {note}") for note in info.notes),
         *gel,
     ]
@@ -163,8 +165,7 @@ def _read(source: TactileSource) -> tuple[list[TactileFrame], float]:
 
 def _unusable(case: Case, error: TegaError, source: Any) -> Finding:
     label = source.info.label
-    counts = getattr(source, "counts", None)
-    if counts is not None and counts.received:
+    if isinstance(source, CountingSource) and source.counts.received:
         return failed(case, error, device=label, status="wrong")
     node = next((n for n in video_nodes() if n.serial and n.serial == label), None)
     place = node.device if node is not None else str(getattr(case.options, "source", None) or "")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tega.errors import ConfigError
+from tega.foreign_file import read_foreign
 from tega.lifecycle import require
 from tega.net.link import KEY_FILES
 
@@ -91,7 +92,7 @@ def expiry(folder: Path) -> datetime:
     from cryptography import x509
 
     try:
-        return x509.load_pem_x509_certificate((folder / KEY_FILES[1]).read_bytes()).not_valid_after_utc
+        return x509.load_pem_x509_certificate(_read(folder / KEY_FILES[1])).not_valid_after_utc
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"{folder.name}: its certificate cannot be read: {error}", "make it with: tega-teleop net keys"
@@ -118,6 +119,10 @@ def check_expiry(folder: Path, *, now: datetime | None = None) -> str:
     return f"warning: the certificate in {folder.name} ends on {until:%Y-%m-%d}; {again}"
 
 
+def _read(path: Path) -> bytes:
+    return read_foreign(path, most_mib=1, error=ConfigError)
+
+
 def _authority(folder: Path, now: datetime) -> tuple[EllipticCurvePrivateKey, Certificate]:
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
@@ -125,8 +130,8 @@ def _authority(folder: Path, now: datetime) -> tuple[EllipticCurvePrivateKey, Ce
 
     certificate_file, key_file = folder / "ca.pem", folder / "ca.key"
     if key_file.exists():
-        key: Any = load_pem_private_key(key_file.read_bytes(), None)
-        return key, x509.load_pem_x509_certificate(certificate_file.read_bytes())
+        key: Any = load_pem_private_key(_read(key_file), None)
+        return key, x509.load_pem_x509_certificate(_read(certificate_file))
     made = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "TEGA private authority")])
     certificate = (

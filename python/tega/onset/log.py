@@ -11,10 +11,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.calibration.records import write_bytes
 from tega.errors import MissingExtraError, RecordingError
 from tega.foreign_file import read_foreign
 from tega.onset.clock import ClockMap
+from tega.whole_file import write_whole
 
 __all__ = ["OnsetLog", "read_log", "read_wav", "write_log", "write_wav"]
 
@@ -57,7 +57,7 @@ class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", ta
 
 def write_log(log: OnsetLog, path: Path) -> None:
     """Write a log, whole or not at all."""
-    write_bytes(path, msgspec.json.format(msgspec.json.encode(log)) + b"\n")
+    write_whole(path, msgspec.json.format(msgspec.json.encode(log)) + b"\n", sync=True)
 
 
 def read_log(path: Path) -> OnsetLog:

@@ -14,6 +14,7 @@ from tega.calibration.folder import device_name
 from tega.calibration.identify import light_motor
 from tega.calibration.records import OnsetRecord
 from tega.clock import Clock
+from tega.devices.base import StampingVest
 from tega.errors import CalibrationError, DeviceUnavailableError
 from tega.onset.clock import ClockMap, by_clicks
 from tega.onset.detect import Onsets, find_onsets
@@ -49,7 +50,7 @@ def watched_vest(vest: VestSink) -> VestSink:
     Raises:
         DeviceUnavailableError: It cannot, so that no delay can be counted from there.
     """
-    if not vest.info.live or not hasattr(vest, "handed_over"):
+    if not vest.info.live or not isinstance(vest, StampingVest):
         raise DeviceUnavailableError(
             f"{vest.info.driver}: does not tell when a frame leaves, so no delay can be counted from there",
             "use bhaptics-player, bhaptics-ble or hid-vest, or let your driver have handed_over()",

@@ -21,9 +21,11 @@ from collections import deque
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from tega.errors import UnsafeNameError
+from tega.errors import RecordingError, UnsafeNameError
+from tega.foreign_file import read_words
 from tega.plain_name import plain_name
 from tega.recording.lock import lock
+from tega.whole_file import write_whole
 
 __all__ = ["DirectFile", "SpooledFile", "open_disk", "rescue_tails", "take_tail"]
 
@@ -118,7 +120,7 @@ class SpooledFile:
             owner = {"path": str(path.absolute()), "file": [own.st_dev, own.st_ino]}
             self._owner.write(json.dumps(owner).encode())
             self._owner.flush()
-            self._note.write_text(self._folder.name, encoding="utf-8")
+            write_whole(self._note, self._folder.name)
         except OSError:
             shutil.rmtree(self._folder, ignore_errors=True)
             raise
@@ -218,8 +220,8 @@ def take_tail(part: Path) -> None:
     if not note.exists():
         return
     # After a restart of the machine there is no such folder; and one that is not ours is left alone.
-    with contextlib.suppress(UnsafeNameError, OSError, ValueError):
-        name = plain_name(note.read_text(encoding="utf-8").strip(), what="folder", source=note.name)
+    with contextlib.suppress(RecordingError, UnsafeNameError, OSError, ValueError):
+        name = plain_name(read_words(note).strip(), what="folder", source=note.name)
         if name.startswith(_PREFIX):
             _bring(_MEMORY / name, part)
     note.unlink()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tega.errors import ConfigError
+from tega.errors import ConfigError, RecordingError
+from tega.foreign_file import read_words
 from tega.recording.tables import TABLES
+from tega.whole_file import write_whole
 
 __all__ = ["OUTPUT_NAMES", "SUMMARY_FORMAT", "prepare_folder"]
 
@@ -40,12 +42,12 @@ def prepare_folder(folder: Path) -> None:
     for name in OUTPUT_NAMES:
         (folder / name).unlink(missing_ok=True)
     begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": "not yet, or it was killed"}
-    (folder / "summary.json").write_text(json.dumps(begun, indent=2) + "\n", encoding="utf-8", newline="\n")
+    write_whole(folder / "summary.json", json.dumps(begun, indent=2) + "\n")
 
 
 def _holds_a_run(folder: Path) -> bool:
     try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        summary = json.loads(read_words(folder / "summary.json"))
+    except (OSError, ValueError, RecordingError):
         return False
     return isinstance(summary, dict) and summary.get("format") in _FORMATS

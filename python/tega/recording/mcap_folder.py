@@ -9,8 +9,10 @@ from typing import Any, NamedTuple
 
 from tega.errors import ConfigError, RecordingError
 from tega.file_lock import lock_file
+from tega.foreign_file import read_words
 from tega.recording.disk import take_tail
 from tega.recording.mcap_copy import McapCopy, McapRecords
+from tega.whole_file import new_file, write_whole
 
 __all__ = ["INDEX_NAME", "Recovered", "SessionFolder", "recover_file", "session_files"]
 
@@ -75,15 +77,13 @@ class SessionFolder:
         trials = {trial["file"]: trial for trial in index["trials"]}
         trials[name] = {"file": name, **trials.get(name, {}), **facts}
         index["trials"] = [trials[key] for key in sorted(trials, key=in_order)]
-        new = self.path / f"{INDEX_NAME}.new"
-        new.write_text(json.dumps(index, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-        new.replace(self.path / INDEX_NAME)
+        write_whole(self.path / INDEX_NAME, json.dumps(index, indent=2, ensure_ascii=False) + "\n")
 
     def index(self) -> dict[str, Any]:
         """Return the index as it stands."""
         try:
-            index = json.loads((self.path / INDEX_NAME).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            index = json.loads(read_words(self.path / INDEX_NAME, most_mib=64))
+        except (OSError, ValueError, RecordingError):
             index = None
         if not isinstance(index, dict) or not isinstance(index.get("trials"), list):
             return {"format": INDEX_FORMAT, "version": 1, "trials": []}
@@ -95,6 +95,8 @@ class SessionFolder:
     def _recover(self) -> list[Recovered]:
         done = []
         for part in sorted(self.path.glob(f"trial-*.mcap{_PART}")):
+            if part.is_symlink() or not part.is_file():
+                continue  # nothing that a recording left behind
             with part.open("rb") as file:
                 if not lock_file(file, part):
                     continue  # somebody is writing it
@@ -126,14 +128,12 @@ def recover_file(source: Path, target: Path) -> Recovered:
     Raises:
         MissingExtraError: The package ``mcap`` is not installed.
     """
-    new = target.with_name(f"{target.name}.recovering")
-    with source.open("rb") as old, new.open("wb") as file:
+    with source.open("rb") as old, new_file(target) as file:
         # A file killed before its first flush has nothing, not even a header: the copy has one all the same.
         copy, records = McapCopy(file), McapRecords(old)
         for record in records:
             copy.take(record)
         copy.finish()
-    new.replace(target)
     return Recovered(target, copy.n_messages, copy.end_ns, records.problem)
 
 

@@ -12,6 +12,7 @@ from tega.lifecycle import require
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.origin import new_session, origin, span
+from tega.whole_file import new_file
 
 __all__ = ["merge_sessions"]
 
@@ -125,17 +126,12 @@ def _fit(first: _Part, part: _Part) -> None:
 
 def _copy(part: _Part, target: Path) -> Path:
     name, step = origin(part.tables, part.path, made_by="merge", part=span(part.tables))
-    new = target.with_name(f"{target.name}.new")
-    try:
-        with part.path.open("rb") as old, new.open("xb") as file:
-            copy = McapCopy(file)
-            copy.table(name, step)
-            for item in McapRecords(old):
-                copy.take(item)
-            copy.finish()
-        new.replace(target)
-    finally:
-        new.unlink(missing_ok=True)
+    with part.path.open("rb") as old, new_file(target) as file:
+        copy = McapCopy(file)
+        copy.table(name, step)
+        for item in McapRecords(old):
+            copy.take(item)
+        copy.finish()
     lossless = part.tables["tega"].get("lossless") == "true"
     facts = {"state": "merged", "lossless": lossless, "origin": step}
     SessionFolder(target.parent).note(target.name, facts)

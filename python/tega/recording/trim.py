@@ -17,6 +17,7 @@ from tega.foreign_file import tells_damage
 from tega.recording.mcap_copy import McapCopy, McapRecords, Record
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
+from tega.whole_file import new_file
 
 __all__ = ["trim_session"]
 
@@ -63,13 +64,8 @@ def trim_session(
     look = _Look(source, part)
     new_session(out)
     target = out / "trial-001.mcap"
-    new = target.with_name(f"{target.name}.new")
-    try:
-        with new.open("xb") as file:
-            _copy(source, look, McapCopy(file), lead_in=look.lead_in if lead_in else b"")
-        new.replace(target)
-    finally:
-        new.unlink(missing_ok=True)
+    with new_file(target) as file:
+        _copy(source, look, McapCopy(file), lead_in=look.lead_in if lead_in else b"")
     lossless = look.tables["tega"].get("lossless") == "true"
     facts = {"state": "trimmed", "lossless": lossless, "origin": look.origin[1]}
     SessionFolder(out).note(target.name, facts)

@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 import msgspec
 import numpy as np
 
-from tega.calibration.records import write_bytes
 from tega.errors import CalibrationError
+from tega.foreign_file import read_foreign
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
+from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -86,7 +87,7 @@ class KeptDose:
         used_s = np.maximum(self._budget.dose_s - self._carried_s, 0.0)
         now = _Run(self._now_s(), tuple(used_s.tolist()), tuple(self._budget.heat.tolist()))
         runs = [*self._before, now] if used_s.any() else self._before
-        write_bytes(self._file, msgspec.json.encode(runs) + b"\n")
+        write_whole(self._file, msgspec.json.encode(runs) + b"\n", sync=True)
 
     def __enter__(self) -> Self:
         """Begin to keep it."""
@@ -127,7 +128,7 @@ def _left(runs: Sequence[_Run], now_s: float) -> tuple[NDArray[np.float64], NDAr
 
 def _read(file: Path) -> list[_Run]:
     try:
-        return msgspec.json.decode(file.read_bytes(), type=list[_Run])
+        return msgspec.json.decode(read_foreign(file, most_mib=1, error=CalibrationError), type=list[_Run])
     except FileNotFoundError:
         return []
     except (OSError, msgspec.MsgspecError) as error:

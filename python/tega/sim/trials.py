@@ -18,6 +18,7 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_foreign
 from tega.sim.trial import TrialPlan, TrialResult, run_trial
 from tega.sim.workers import over_cores
+from tega.whole_file import write_whole
 
 __all__ = ["plan_trials", "read_results", "run_trials"]
 
@@ -144,8 +145,5 @@ def _add(file: IO[bytes], result: TrialResult) -> None:
 def _write(path: Path, plans: Sequence[TrialPlan], known: dict[TrialPlan, TrialResult]) -> None:
     """Write what is known in the order of the plans, other plans' results behind; equal runs give equal bytes."""
     ordered = dict.fromkeys([*plans, *known])
-    beside = path.with_name(path.name + ".new")
-    beside.write_bytes(
-        b"".join(msgspec.json.encode(known[plan]) + b"\n" for plan in ordered if plan in known)
-    )
-    beside.replace(path)
+    lines = [msgspec.json.encode(known[plan]) + b"\n" for plan in ordered if plan in known]
+    write_whole(path, b"".join(lines))

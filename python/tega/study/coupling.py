@@ -9,6 +9,7 @@ s.
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +18,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError
+from tega.foreign_file import read_words
 from tega.study.packages import scipy_stats
+from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -93,10 +96,9 @@ def read_course(path: Path) -> TouchCourse:
         RecordingError: It is missing, or something in it is no number of its range.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.reader(file))
+        rows = list(csv.reader(io.StringIO(read_words(path, most_mib=64))))
         table = np.array([[float(cell) for cell in row] for row in rows[1:]], dtype=np.float64).reshape(-1, 4)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise RecordingError(f"{path}: is no course of a trial: {error}", "restore it from a copy") from error
     if not rows or rows[0] != list(TouchCourse._fields):
         raise RecordingError(f"{path}: has other columns than t_s,cci,eda,pose", "restore it from a copy")
@@ -112,12 +114,9 @@ def write_course(path: Path, course: TouchCourse) -> None:
         path: The file; its folder is made.
         course: The course.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     rows = np.column_stack(course)
     text = "t_s,cci,eda,pose\n" + "".join(f"{t:.3f},{c:.5f},{e:.5f},{p:.0f}\n" for t, c, e, p in rows)
-    beside = path.with_name(path.name + ".new")
-    beside.write_text(text, encoding="utf-8", newline="\n")
-    beside.replace(path)
+    write_whole(path, text)
 
 
 def on_grid(course: TouchCourse, *, rate_hz: float = GRID_HZ) -> TouchCourse:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from tega.errors import RecordingError
+from tega.foreign_file import read_words
 from tega.study.touch_rows import touch_path
+from tega.whole_file import write_whole
 
 __all__ = ["HandRow", "hand_path", "read_hand", "write_hand"]
 
@@ -36,14 +39,11 @@ def hand_path(folder: Path, participant: str, trial_id: str, attempt: int) -> Pa
 
 def write_hand(path: Path, rows: Sequence[HandRow]) -> None:
     """Write rows, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     text = ",".join(HandRow._fields) + "\n"
     for row in rows:
         cells = (_cell(row.level, "d"), _cell(row.closure, ".4f"), _cell(row.height_m, ".5f"))
         text += f"{row.t_s:.4f},{','.join(cells)}\n"
-    beside = path.with_name(path.name + ".new")
-    beside.write_text(text, encoding="utf-8", newline="\n")
-    beside.replace(path)
+    write_whole(path, text)
 
 
 def read_hand(path: Path) -> list[HandRow]:
@@ -55,17 +55,16 @@ def read_hand(path: Path) -> list[HandRow]:
     if not path.exists():
         return []
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return [
-                HandRow(
-                    float(row["t_s"]),
-                    int(row["level"]) if row["level"] else None,
-                    float(row["closure"]) if row["closure"] else None,
-                    float(row["height_m"]) if row["height_m"] else None,
-                )
-                for row in csv.DictReader(file)
-            ]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return [
+            HandRow(
+                float(row["t_s"]),
+                int(row["level"]) if row["level"] else None,
+                float(row["closure"]) if row["closure"] else None,
+                float(row["height_m"]) if row["height_m"] else None,
+            )
+            for row in csv.DictReader(io.StringIO(read_words(path, most_mib=64)))
+        ]
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise RecordingError(f"{path}: no course of a hand: {error}", "restore it from a copy") from error
 
 

@@ -18,12 +18,13 @@ from typing import NamedTuple
 
 import msgspec
 
-from tega.calibration.records import write_bytes
 from tega.errors import InvalidValueError, RecordingError
+from tega.foreign_file import read_foreign, read_words
 from tega.study.journal import Event, Journal, read_events
 from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
+from tega.whole_file import write_whole
 
 __all__ = ["Withdrawal", "export", "note_elsewhere", "withdraw", "withdrawn"]
 
@@ -61,7 +62,7 @@ def withdrawn(folder: Path) -> set[str]:
     path = folder / _LIST
     if not path.exists():
         return set()
-    ids = {line for line in path.read_text(encoding="utf-8").splitlines() if re.fullmatch(r"p\d+", line)}
+    ids = {line for line in read_words(path).splitlines() if re.fullmatch(r"p\d+", line)}
     for person in sorted(ids):
         if os.path.lexists(events_path(folder, person).parent):
             _LOG.warning(
@@ -90,7 +91,7 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
 
 
 def _noted(notes: Path) -> list[str]:
-    return notes.read_text(encoding="utf-8").splitlines() if notes.is_file() else []
+    return read_words(notes).splitlines() if notes.is_file() else []
 
 
 def withdraw(folder: Path, participant: str) -> Withdrawal:
@@ -160,14 +161,14 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
 def forget_person(path: Path, participant: str) -> bool:
     """Take a person's observations out of a BORIS project; tell whether there were any."""
     try:
-        tree = msgspec.json.decode(path.read_bytes())
+        tree = msgspec.json.decode(read_foreign(path, most_mib=64))
         mine = [name for name in tree["observations"] if str(name).startswith(f"{participant}_")]
     except (OSError, msgspec.DecodeError, KeyError, TypeError):
         return False
     for name in mine:
         del tree["observations"][name]
     if mine:
-        write_bytes(path, msgspec.json.format(msgspec.json.encode(tree), indent=1) + b"\n")
+        write_whole(path, msgspec.json.format(msgspec.json.encode(tree), indent=1) + b"\n", sync=True)
     return bool(mine)
 
 

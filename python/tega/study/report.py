@@ -11,6 +11,7 @@ from typing import NamedTuple
 import msgspec
 
 from tega.errors import InvalidValueError
+from tega.foreign_file import read_words
 from tega.study.analyse import Analysis, Material, analyse_bench, analyse_study
 from tega.study.figure_3 import figure_3
 from tega.study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
@@ -89,8 +90,7 @@ def _is_report(folder: Path) -> bool:
 
 def _keep_others(old: Path, new: Path) -> None:
     """Move what an earlier report did not write into the folder that takes its place."""
-    with (old / "provenance.csv").open(encoding="utf-8", newline="") as file:
-        written = {row[0] for row in csv.reader(file) if row}
+    written = {row[0] for row in csv.reader(read_words(old / "provenance.csv").splitlines()) if row}
     written |= {"provenance.csv", "analysis.json", *(f"{name}.svg" for name in FIGURES)}
     for path in sorted(old.iterdir()):
         if path.name not in written and not (new / path.name).exists():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
 import numpy as np
 
 from tega.errors import MissingExtraError, RecordingError
-from tega.foreign_file import parse_toml
+from tega.foreign_file import load_npy, parse_toml, read_foreign
 from tega.inbox.sources import metrics_of
 from tega.stages.base import TouchMap
 from tega.stages.choose import finger_metric, preset_metric
@@ -135,7 +135,7 @@ def read_touch_picture(path: Path) -> FingerPicture:
         RecordingError: The file is missing or damaged.
     """
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+        with np.load(io.BytesIO(read_foreign(path, most_mib=16)), allow_pickle=False) as file:
             finger, preset = str(file["finger"]), str(file["preset"])
             baseline, frame = file["baseline"], file["frame"]
             cci_max, eda_max = (float(one) for one in file["maxima"])
@@ -184,7 +184,7 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
         return None
     finger = firmest.finger
     calibration = parse_calibration(reader.files["calibration.toml"].decode(), files[0].name)
-    baseline = np.load(io.BytesIO(reader.files[f"baseline-{finger}.npy"]), allow_pickle=False)
+    baseline = load_npy(reader.files[f"baseline-{finger}.npy"], files[0].name)
     maxima = calibration.touch(finger)
     stages = without_devices(parse_toml(reader.files["session.toml"].decode())).stages
     metric = finger_metric(stages, calibration.preset, finger, baseline, maxima)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from tega.errors import RecordingError
+from tega.foreign_file import read_words
+from tega.whole_file import write_whole
 
 __all__ = ["TouchRow", "read_touch", "touch_path", "write_touch"]
 
@@ -43,15 +46,12 @@ def touch_path(folder: Path, participant: str, trial_id: str, attempt: int) -> P
 
 def write_touch(path: Path, rows: Sequence[TouchRow]) -> None:
     """Write frames, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     text = ",".join(TouchRow._fields) + "\n"
     text += "".join(
         f"{r.t_s:.4f},{r.finger},{r.in_contact},{r.eda:g},{r.mass:.5g},{r.peak:.5g},{r.x:.2f},{r.y:.2f}\n"
         for r in rows
     )
-    beside = path.with_name(path.name + ".new")
-    beside.write_text(text, encoding="utf-8", newline="\n")
-    beside.replace(path)
+    write_whole(path, text)
 
 
 def read_touch(path: Path) -> list[TouchRow]:
@@ -61,8 +61,7 @@ def read_touch(path: Path) -> list[TouchRow]:
         RecordingError: The file is missing or damaged.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(io.StringIO(read_words(path, most_mib=64))))
         return [
             TouchRow(
                 float(row["t_s"]),
@@ -72,5 +71,5 @@ def read_touch(path: Path) -> list[TouchRow]:
             )
             for row in rows
         ]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise RecordingError(f"{path}: no frames of a trial: {error}", "restore it from a copy") from error

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tega.devices.base import FeedingSource
+from tega.devices.base import AnsweringHand, FeedingSource, StampingVest
 from tega.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
 from tega.inbox.reader import ReadAhead, Reader
 from tega.inbox.sources import Block, Contact, grasp_blocks, picture_of, samples_of
@@ -44,14 +44,14 @@ def latency_trace(
     """Make what follows frames and blocks through the loop, where there is something live to follow."""
     if not any(source.info.live for source in prepared.sources):
         return None
-    vests: list[Any] = sinks.live_vests
+    hand = sinks.steered
     return LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
         budget_ms=budget_ms,
         steady=steady,
-        vests=[vest for vest in vests if hasattr(vest, "handed_over")],
-        answered_ns=getattr(sinks.steered, "answered_ns", None),
+        vests=[vest for vest in sinks.live_vests if isinstance(vest, StampingVest)],
+        answered_ns=hand.answered_ns if isinstance(hand, AnsweringHand) else None,
         motor=motor,
         bus=bus,
     )

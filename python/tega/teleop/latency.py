@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from tega.bus import Bus
 from tega.inbox.spread import Spread
@@ -36,9 +36,10 @@ from tega.records.latency import INTENT_STAGES, TOUCH_STAGES, Latency
 
 if TYPE_CHECKING:
     from tega.calibration.motor_onset import MotorOnset
+    from tega.devices.base import StampingVest
 
 
-__all__ = ["INTENT_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace", "Tells"]
+__all__ = ["INTENT_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace"]
 
 SKIN: Final = "skin"
 """The stage that the motor's onset is part of; there is none where that was not measured."""
@@ -46,19 +47,6 @@ SKIN: Final = "skin"
 _LIVE_NS: Final = 5_000_000_000
 _TELL_NS: Final = 1_000_000_000
 _PENDING: Final = 64
-
-
-class Tells(Protocol):
-    """A vest that tells when a frame was handed to its transport."""
-
-    def handed_over(self) -> Sequence[tuple[int, int, int]]:
-        """Return what left since the last call.
-
-        Returns:
-            Of each frame the time it was written with, and the monotonic times, ns, until which its link's greatest
-            rate held it back (0 for not at all) and at which it left.
-        """
-        ...
 
 
 class LatencyTrace:
@@ -90,7 +78,7 @@ class LatencyTrace:
         start_ns: int,
         budget_ms: float,
         steady: bool = False,
-        vests: Sequence[Tells] = (),
+        vests: Sequence[StampingVest] = (),
         answered_ns: Callable[[int], int | None] | None = None,
         motor: MotorOnset | None = None,
         bus: Bus | None = None,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tega.devices.base import HandDriver, SteeredHand, VestSink
+from tega.devices.base import HandDriver, SteeredHand, TellingHand, VestSink
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand import split_level
@@ -91,7 +91,7 @@ def open_sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus:
 
 def _listen(hand: Any, bus: Bus) -> None:
     """Tell the bus of every exchange with a hand; before that is opened, so that none is missed."""
-    if not hasattr(hand, "on_exchange") or not bus.wants(HandExchange):
+    if not isinstance(hand, TellingHand) or not bus.wants(HandExchange):
         return
 
     def exchanged(

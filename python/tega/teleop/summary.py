@@ -14,6 +14,7 @@ from tega.errors import TegaError
 from tega.recording.folder import SUMMARY_FORMAT
 from tega.teleop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.teleop.touch import STALE_NS
+from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     from tega.config import Pace
@@ -256,4 +257,4 @@ def _ending(name: str, report: SourceReport, run_end_ns: int, then: str) -> list
 
 def write_summary(summary: dict[str, Any], path: Path) -> None:
     """Write a summary as JSON, keys in their order, one newline at the end."""
-    path.write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", newline="\n")
+    write_whole(path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n")

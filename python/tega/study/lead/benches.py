@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tega.study.lead.going import Going
     from tega.study.plan import PlannedTrial, StudyPlan
 from tega.study.state import Where
+from tega.whole_file import write_whole
 
 __all__ = ["Bench", "LabBench", "SimulatedBench"]
 
@@ -231,7 +232,7 @@ class SimulatedBench:
                 going.see(event.kind, round(event.t_s * 1e9))
         folder.mkdir(parents=True, exist_ok=True)
         streams.write_tables(folder)
-        (folder / "loop.toml").write_text(config_text(self.config), encoding="utf-8")
+        write_whole(folder / "loop.toml", config_text(self.config))
 
 
 class _Watched(Streams):

@@ -9,6 +9,10 @@ from pathlib import Path
 
 import msgspec
 
+from tega.errors import RecordingError
+from tega.foreign_file import read_foreign
+from tega.whole_file import write_whole
+
 __all__ = ["Board", "board_path", "read_board", "write_board"]
 
 
@@ -51,14 +55,12 @@ def board_path(folder: Path, participant: str) -> Path:
 
 def write_board(path: Path, board: Board) -> None:
     """Replace the board."""
-    beside = path.with_name(path.name + ".new")
-    beside.write_bytes(msgspec.json.encode(board) + b"\n")
-    beside.replace(path)
+    write_whole(path, msgspec.json.encode(board) + b"\n")
 
 
 def read_board(path: Path) -> Board | None:
     """Read the board; ``None`` where there is none that can be read."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Board)
-    except (OSError, msgspec.DecodeError):
+        return msgspec.json.decode(read_foreign(path, most_mib=1), type=Board)
+    except (OSError, RecordingError, msgspec.DecodeError):
         return None

@@ -15,6 +15,7 @@ from tega.study.lead.going import Going, in_thread
 from tega.study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
 from tega.study.touch_rows import touch_path, write_touch
 from tega.study.trials import course_path
+from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     from tega.clock import Clock
@@ -189,7 +190,7 @@ class LedTrial:
             "zero_ns": self.going.zero_ns,
             "started_ns": started_ns,
         }
-        (where / "trial.json").write_bytes(msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n")
+        write_whole(where / "trial.json", msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n")
 
     def _press(self, keys: list[str]) -> _End | None:
         t_s = self.going.elapsed_s()

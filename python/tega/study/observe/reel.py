@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError, TegaError
+from tega.foreign_file import load_npy, read_words
 from tega.hand import JOINT_NAMES
 from tega.inbox.sources import metrics_of
 from tega.records import Contact
@@ -171,7 +172,9 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
             elif message.schema in {"tega.Frame", "tega.Contact"}:
                 finger = message.topic.split("/")[2]
                 if finger not in strips:
-                    strips[finger] = _Strip(np.load(io.BytesIO(reader.files[f"baseline-{finger}.npy"])).shape)
+                    strips[finger] = _Strip(
+                        load_npy(reader.files[f"baseline-{finger}.npy"], trial.folder.name).shape
+                    )
                 if message.schema == "tega.Contact":
                     contact = read(Contact, message.value, finger=finger)
                     strips[finger].metrics[contact.t_ns - trial.zero_ns] = metrics_of(contact)
@@ -230,12 +233,11 @@ def _of_bench(trial: RecordedTrial) -> Reel:
     angles = np.array([np.interp(at, levels, joint) for joint in GRASP_POSES_RAD.T]).T
     truth_t_ns, truth = [], []
     try:
-        with (trial.folder / "truth.csv").open(encoding="utf-8", newline="") as file:
-            for row in csv.DictReader(file):
-                truth_t_ns.append(round(float(row["t_s"]) * 1e9))
-                numbers = (float(row[n]) for n in ("object_height_m", "slip_m", "deformation_m"))
-                truth.append(Truth(*numbers))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        for row in csv.DictReader(io.StringIO(read_words(trial.folder / "truth.csv", most_mib=64))):
+            truth_t_ns.append(round(float(row["t_s"]) * 1e9))
+            numbers = (float(row[n]) for n in ("object_height_m", "slip_m", "deformation_m"))
+            truth.append(Truth(*numbers))
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, csv.Error) as error:
         raise RecordingError(f"truth.csv is damaged: {error}") from error
     _reaches(trial, truth_t_ns[-1] if truth_t_ns else 0)
     return Reel(
