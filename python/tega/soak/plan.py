@@ -18,7 +18,7 @@ class Kind(NamedTuple):
         kind: What it stands for.
         device: What it happens to.
         how: The emulator's own word for it, or what the soak itself does.
-        told: An alert or a state's reason that begins with one of these reports it.
+        told: An alert, a state's reason, or ``arm`` and what the arm does and why, that begins with one of these reports it.
         then: Whether the run has to go on by itself, or ends and is started again.
         lasts_s: So long it lasts, between these.
     """
@@ -41,6 +41,8 @@ def _finger(name: str) -> list[Kind]:
         Kind("transport stall", name, "pause", (name,)),
     ]
 
+
+_TRACKER = ("hololens", "arm holding: the forearm", "arm holding: no pose", "arm idle", "arm stopped")
 
 KINDS: Final[tuple[Kind, ...]] = (
     *_finger("thumb"),
@@ -65,7 +67,22 @@ KINDS: Final[tuple[Kind, ...]] = (
     Kind("unplug", "vest", "refuse", ("vest",)),
     Kind("unplug", "vest", "drop", ("vest",), lasts_s=(0.1, 0.2)),
     Kind("freeze", "vest", "freeze", ("vest",), lasts_s=(2.0, 3.0)),
-    Kind("wrong data", "vest", "no-vest", ("vest",)),
+    Kind("switched off", "vest", "off", ("vest",)),
+    Kind("unplug", "pedal", "unplug", ("dead-man",)),
+    Kind("freeze", "pedal", "freeze", ("dead-man",)),
+    Kind("noise", "pedal", "garbage", ("dead-man",)),
+    Kind("wrong data", "pedal", "half", ("dead-man",)),
+    Kind("late", "pedal", "slow", ("dead-man",)),
+    Kind("unplug", "tracker", "hide", _TRACKER, lasts_s=(0.5, 3.0)),
+    Kind("freeze", "tracker", "freeze", _TRACKER, lasts_s=(0.5, 3.0)),
+    Kind("noise", "tracker", "guess", _TRACKER),
+    Kind("late", "tracker", "late 400", _TRACKER),
+    Kind("wrong data", "tracker", "same", _TRACKER),
+    Kind("wrong data", "tracker", "nan", _TRACKER),
+    Kind("wrong data", "tracker", "odd-size", _TRACKER),
+    Kind("out of sight", "tracker", "lose", _TRACKER),
+    Kind("freeze", "arm", "stop", ("arm", "simulated-arm")),
+    Kind("kill -9", "arm", "kill", ("simulated-arm",), "restarts"),
     Kind("clock step", "computer", "clock", ("clock",), lasts_s=(0.5, 1.0)),
     Kind("disk full", "computer", "disk", ("recording",), "restarts"),
     Kind("late", "program", "stop", ("the loop", "hand"), lasts_s=(1.2, 1.8)),

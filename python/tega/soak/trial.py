@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import statistics
 import sys
 import time
@@ -13,11 +15,12 @@ from tega.errors import DeviceUnavailableError, TegaError
 from tega.hand import TORQUE_LIMITS
 from tega.recording.mcap_folder import SessionFolder
 from tega.soak.lost import Kept, look
+from tega.soak.operator import SoakOperator
 from tega.soak.plan import KINDS, Kind, Planned, plan
 from tega.soak.report import NOT_JUDGED, Fault, SoakReport
 from tega.soak.standstill import Standstills, within_ns
 from tega.soak.supervisor import Line, Supervisor
-from tega.testing.emulators.vests import seen_by
+from tega.testing.emulators.vests import felt_now, seen_by
 from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.toml_text import tree_text
 
@@ -41,6 +44,11 @@ _STEP_S = 0.005
 _CLOCK_S = 3600.0
 # A fault is only begun where there is time to see the end of it.
 _ROOM_S = 6.0
+
+# What ends a fault of the tracker, where "clear" does not.
+_TRACKER_AGAIN = {"hide": ("show",), "late 400": ("late 0",), "lose": ("find",)}
+# After these the run goes on by itself, though without what it lost, and is ended and started again.
+_GOES_ON = frozenset({("computer", "disk"), ("arm", "kill")})
 
 Progress = Callable[[str, int, int], None]
 
@@ -82,13 +90,25 @@ def soak(
             "run it on Linux; replay, demo and the tests of drivers run here",
         )
     with emulated_lab(
-        folder, emg_hz=250.0, hand=True, vest=True, fingers=FINGERS, camera_hz=camera_hz
+        folder,
+        emg_hz=250.0,
+        hand=True,
+        vest="bhaptics-ble",
+        fingers=FINGERS,
+        arm=True,
+        dead_man="pedal",
+        camera_hz=camera_hz,
     ) as lab:
         settings = _settings(lab, folder, patient=patient)
-        with Supervisor(settings, folder / "errors.log") as program, Standstills() as still:
+        first = lab.go_ahead()
+        with (
+            Supervisor(settings, folder / "errors.log", lab.environment) as program,
+            Standstills() as still,
+        ):
             soaked = _Soak(lab, folder, program, still, keep=keep)
-            soaked.report.patient = patient
-            return soaked.run(seconds, plan(seed, kinds=kinds), seed, progress)
+            soaked.report.patient, soaked.report.emulators_first = patient, first
+            with soaked.operator.at_work():
+                return soaked.run(seconds, plan(seed, kinds=kinds), seed, progress)
 
 
 def _settings(lab: EmulatedLab, folder: Path, *, patient: bool) -> Path:
@@ -126,6 +146,7 @@ class _Soak:
         self._still = still
         self._lab, self._folder, self._program, self._keep = lab, folder, program, keep
         self._session = folder / "session"
+        self.operator = SoakOperator(lab, lambda: program.newest.said)
         self.report = SoakReport()
         self._began_s = 0.0
         self._looked: set[str] = set()
@@ -172,6 +193,7 @@ class _Soak:
         if kind.how == "kill":
             return self._kill(fault)
         at_ns = time.time_ns()
+        self.operator.waits = True
         self._make(kind)
         over_s = time.monotonic() + each.lasts_s
         told: Line | None = None
@@ -184,6 +206,7 @@ class _Soak:
         self._until(lambda: time.monotonic() >= over_s, each.lasts_s + 1)
         still_felt = kind.device in FINGERS and kind.how not in _FRESH and self._felt(kind.device)
         self._unmake(kind)
+        self.operator.waits = False
         fault.ended_s = self._now()
         if told is None:
             self._until(lambda: self._told(kind, seen) is not None, 1.0)
@@ -199,7 +222,7 @@ class _Soak:
 
     def _felt(self, finger: str) -> bool:
         """Tell whether the emulated vest still shows a finger."""
-        return bool(seen_by(self._lab.vest).motors[FINGERS.index(finger)])
+        return bool(felt_now(self._lab.vest)[FINGERS.index(finger)])
 
     def _make(self, kind: Kind) -> None:
         lab, program = self._lab, self._program
@@ -213,6 +236,12 @@ class _Soak:
                     lab.emg.say("signal flat")
             case "vest":
                 lab.vest.say(kind.how)
+            case "pedal":
+                lab.pedal.say(kind.how)
+            case "tracker":
+                lab.headset.say(kind.how)
+            case "arm":
+                self._signal_arm(signal.SIGKILL if kind.how == "kill" else signal.SIGSTOP)
             case "program":
                 program.hold_up(on=True)
                 self._held.append((time.time_ns(), 0))
@@ -237,6 +266,13 @@ class _Soak:
                 lab.emg.say("signal emg")
             case "vest":
                 lab.vest.say("clear")
+            case "pedal":
+                lab.pedal.say("plug" if kind.how == "unplug" else "clear")
+            case "tracker":
+                for words in _TRACKER_AGAIN.get(kind.how, ("clear",)):
+                    lab.headset.say(words)
+            case "arm":
+                self._signal_arm(signal.SIGCONT)
             case "program":
                 program.hold_up(on=False)
                 self._held[-1] = (self._held[-1][0], time.time_ns())
@@ -248,16 +284,21 @@ class _Soak:
                 lab.sensors[finger].say("clear")
                 lab.sensors[finger].say("press 1")
 
+    def _signal_arm(self, number: signal.Signals) -> None:
+        if (pid := self._program.arm_process()) is not None:
+            os.kill(pid, number)
+
     def _told(self, kind: Kind, seen: int) -> Line | None:
         return next((line for line in self._program.lines[seen:] if _words(line, kind)), None)
 
     def _kill(self, fault: Fault) -> Fault:
         """Kill the program, see that the devices are safe without it, and start it again."""
+        arm = self._program.arm_process()
         killed_ns = self._program.kill()
         fault.ended_s = self._now()
-        if self._until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S):
+        if self._until(lambda: self._lab.limp() and self._lab.at_rest() and not _runs(arm), _LIMP_S):
             fault.detected_s = self._now()
-            fault.said = "the guard let go of the hand, the vest's frames ended"
+            fault.said = "the guard let go of the hand, the vest is at rest, the arm's process has ended"
         for recovered in SessionFolder(self._session).recovered:
             self._lose(recovered.path, killed_ns)
         self._restart()
@@ -267,7 +308,7 @@ class _Soak:
     def _look_after(self, fault: Fault, kind: Kind, at_ns: int) -> None:
         """After a fault that ends a run or its recording: see that all is safe, and start again."""
         program = self._program
-        if program.alive and kind.how != "disk":
+        if program.alive and (kind.device, kind.how) not in _GOES_ON:
             self._until(lambda: not program.alive, _TELL_S)
         program.end()
         if not self._until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S):
@@ -333,8 +374,8 @@ class _Soak:
             report.failures.append("at the end hand or vest were not at rest")
         self._look_through()
         vest, hand = seen_by(lab.vest), lab.hand.say("look")
-        report.over_limit = {"vest": vest.over, "hand": hand["over"]}
-        report.commands = {"vest": vest.received, "hand": hand["torques"]}
+        report.over_limit |= {"vest": vest.over, "hand": hand["over"]}
+        report.commands |= {"vest": vest.received, "hand": hand["torques"]}
         report.failures += [f"the vest was sent {error}" for error in dict.fromkeys(vest.errors)]
         report.memory = [
             [(at_s - self._began_s, mib) for at_s, mib in process] for process in program.memory if process
@@ -363,12 +404,20 @@ class _Soak:
             report.failures.append(f"{path.name} cannot be read: {error}")
             return
         report.recordings += 1
+        report.commands["arm"] = report.commands.get("arm", 0) + kept.arm_targets
+        report.over_limit["arm"] = report.over_limit.get("arm", 0) + kept.arm_over
         if kept.cut:
             report.failures.append(f"{path.name} is cut: {kept.cut}")
         at_end_s = 0.0 if end_ns is None else max(0.0, (end_ns - kept.newest_ns) / 1e9)
         # While the soak itself had stopped the program there was nothing to record; a slow machine is no excuse.
         gaps_s = [(till - since - within_ns(self._held, since, till)) / 1e9 for since, till in kept.gaps]
-        report.lost_s = max([report.lost_s, at_end_s, kept.dropped_s, *gaps_s])
+        for where, lost_s in {
+            "at its end": at_end_s,
+            "in records that did not fit": kept.dropped_s,
+            "in a gap": max(gaps_s, default=0.0),
+        }.items():
+            if lost_s > report.lost_s:
+                report.lost_s, report.lost_where = lost_s, f"{path.name} {where}"
         if not self._keep:
             path.unlink()
 
@@ -397,5 +446,10 @@ def _words(line: Line, kind: Kind) -> str:
     if "ended" in said:
         return str(said["ended"]) if "ended" in kind.told else ""
     reason = said.get("reason", "") if said.get("state") in {"hold", "idle", "armed"} else ""
-    every: list[str] = [*said.get("alerts", ()), reason]
+    every: list[str] = [*said.get("alerts", ()), reason, f"arm {said.get('arm', '')}"]
     return next((words for words in every if words.startswith(kind.told)), "")
+
+
+def _runs(pid: int | None) -> bool:
+    """Tell whether a process is still there."""
+    return pid is not None and Path(f"/proc/{pid}/stat").exists()
