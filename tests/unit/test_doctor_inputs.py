@@ -66,6 +66,7 @@ def told(folder: Path) -> dict[str, list[Finding]]:
     return by_check
 
 
+@pytest.mark.slow
 def test_every_seat_is_examined_and_what_is_wrong_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -143,6 +143,7 @@ def test_a_run_traces_both_ways(tmp_path: Path) -> None:
     assert set(summary["latency_ms"]) == {"touch", "intent"}
 
 
+@pytest.mark.slow
 def test_bench_loop_tells_every_stage() -> None:
     words = [sys.executable, "-m", "tega.cli", "bench", "loop", "--seconds", "3", "--json"]
     said = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
