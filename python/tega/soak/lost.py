@@ -67,7 +67,9 @@ def look(path: Path) -> Kept:
             at = message.value.pose.position
             arm.see(message.log_ns, (at.x, at.y, at.z))
             continue
-        if message.topic not in _TICKS:  # the reader gives every record, those that were not wanted without content
+        if (
+            message.topic not in _TICKS
+        ):  # the reader gives every record, those that were not wanted without content
             continue
         newest_ns = max(newest_ns, message.log_ns)
         if last_ns and message.log_ns - last_ns > LEAST_GAP_S * 1e9:

@@ -73,12 +73,16 @@ class Supervisor:
         """The newest line that tells the state and the alerts."""
         return next((line for line in reversed(self.lines) if "alerts" in line.said), Line(0.0, {}))
 
+    @property
+    def leads(self) -> bool:
+        """Whether the arm follows, as it told last."""
+        return bool(self.newest.said.get("arm", "").startswith("following"))
+
     def well(self, since_s: float = 0.0) -> bool:
-        """Tell whether it runs, has been heard since then, is active, leads the arm, and only latency is wrong."""
+        """Tell whether it runs, has been heard since then, is active, and nothing but latency is wrong."""
         at_s, said = self.newest
         wrong = [alert for alert in said.get("alerts", ()) if not alert.startswith("latency")]
-        leads = said.get("arm", "").startswith("following")
-        return self.alive and at_s > since_s and said.get("state") == "active" and leads and not wrong
+        return self.alive and at_s > since_s and said.get("state") == "active" and not wrong
 
     def start(self) -> None:
         """Start it."""

@@ -88,7 +88,7 @@ def main() -> None:
         except Exception as error:
             say(ended=f"{type(error).__name__}: {error}")
             raise
-    say(ended=summary["ended"], recording=summary["recording"], pacing=summary["pacing"])
+    say(ended=summary["ended"], recording=summary.get("recording"), pacing=summary["pacing"])
 
 
 if __name__ == "__main__":

@@ -100,8 +100,8 @@ def emulated_lab(
         fingers: DIGITs, each with something pressed into its gel.
         arm: A simulated arm, or the driver of another, led by a wrist that a headset sees, with the buttons of a
             SpaceMouse; ``franky`` is led on franky-sim's robot, which carries a hand's weight.
-        dead_man: With ``pedal`` a pedal that repeats itself while it is held is dead-man and clutch in one, and its other
-            button recovers. Only a program with the lab's ``environment`` finds it.
+        dead_man: With ``pedal`` a pedal that repeats itself while it is held is dead-man and clutch in one, and its
+            other button recovers. Only a program with the lab's ``environment`` finds it.
         camera_hz: Pictures a second that they really give.
         touch: What counts as full touch; ``None`` for so little that what is pressed is felt fully.
 
