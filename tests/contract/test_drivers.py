@@ -14,7 +14,7 @@ from tega.contract import check_driver, main
 from tega.contract.sources import check_source
 from tega.devices import Found, Options, driver_class, driver_names, list_drivers
 from tega.errors import TegaError
-from tega.testing.benches import BENCHES, why_not
+from tega_emulators.benches import BENCHES, why_not
 
 
 def test_every_built_in_driver_is_put_through_the_contract() -> None:

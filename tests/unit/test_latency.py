@@ -18,7 +18,7 @@ from tega.inbox.spread import Spread
 from tega.records import Latency
 from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, LatencyTrace
 from tega.teleop.session import run_session
-from tega.testing.lab import PRESSED, emulated_lab, pressing
+from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
 MS = 1_000_000
 

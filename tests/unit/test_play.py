@@ -29,9 +29,9 @@ from tega.replay.play_clock import PlayClock
 from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
-from tega.testing.emulators.vests import seen_by
-from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.toml_text import tree_text
+from tega_emulators.lab import EmulatedLab, emulated_lab
+from tega_emulators.vests import seen_by
 
 SECONDS = 1.5
 

@@ -11,7 +11,7 @@ from tega.config import check_tree
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
 from tega.records import ArmTarget, Joints, Record, Skip
-from tega.soak.lost import Kept, look
+from tega_campaigns.soak.lost import Kept, look
 
 _MS = 1_000_000
 
