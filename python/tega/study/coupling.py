@@ -9,6 +9,7 @@ s.
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError
+from tega.foreign_file import read_words
 from tega.study.packages import scipy_stats
 
 if TYPE_CHECKING:
@@ -93,10 +95,9 @@ def read_course(path: Path) -> TouchCourse:
         RecordingError: It is missing, or something in it is no number of its range.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.reader(file))
+        rows = list(csv.reader(io.StringIO(read_words(path, most_mib=64), newline="")))
         table = np.array([[float(cell) for cell in row] for row in rows[1:]], dtype=np.float64).reshape(-1, 4)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise RecordingError(f"{path}: is no course of a trial: {error}", "restore it from a copy") from error
     if not rows or rows[0] != list(TouchCourse._fields):
         raise RecordingError(f"{path}: has other columns than t_s,cci,eda,pose", "restore it from a copy")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from tega.errors import RecordingError
+from tega.foreign_file import read_words
 from tega.study.touch_rows import touch_path
 
 __all__ = ["HandRow", "hand_path", "read_hand", "write_hand"]
@@ -55,17 +57,17 @@ def read_hand(path: Path) -> list[HandRow]:
     if not path.exists():
         return []
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return [
-                HandRow(
-                    float(row["t_s"]),
-                    int(row["level"]) if row["level"] else None,
-                    float(row["closure"]) if row["closure"] else None,
-                    float(row["height_m"]) if row["height_m"] else None,
-                )
-                for row in csv.DictReader(file)
-            ]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        rows = csv.DictReader(io.StringIO(read_words(path, most_mib=256), newline=""))
+        return [
+            HandRow(
+                float(row["t_s"]),
+                int(row["level"]) if row["level"] else None,
+                float(row["closure"]) if row["closure"] else None,
+                float(row["height_m"]) if row["height_m"] else None,
+            )
+            for row in rows
+        ]
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise RecordingError(f"{path}: no course of a hand: {error}", "restore it from a copy") from error
 
 

@@ -20,6 +20,7 @@ import msgspec
 
 from tega.calibration.records import write_bytes
 from tega.errors import InvalidValueError, RecordingError
+from tega.foreign_file import read_foreign, read_words
 from tega.study.journal import Event, Journal, read_events
 from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
@@ -61,7 +62,7 @@ def withdrawn(folder: Path) -> set[str]:
     path = folder / _LIST
     if not path.exists():
         return set()
-    ids = {line for line in path.read_text(encoding="utf-8").splitlines() if re.fullmatch(r"p\d+", line)}
+    ids = {line for line in _lines(path) if re.fullmatch(r"p\d+", line)}
     for person in sorted(ids):
         if os.path.lexists(events_path(folder, person).parent):
             _LOG.warning(
@@ -90,7 +91,19 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
 
 
 def _noted(notes: Path) -> list[str]:
-    return notes.read_text(encoding="utf-8").splitlines() if notes.is_file() else []
+    return _lines(notes) if notes.is_file() else []
+
+
+def _lines(path: Path) -> list[str]:
+    """Return the lines of a list.
+
+    Raises:
+        RecordingError: It is no text.
+    """
+    try:
+        return read_words(path).splitlines()
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path}: no list of lines: {error}", "restore it from a copy") from error
 
 
 def withdraw(folder: Path, participant: str) -> Withdrawal:
@@ -160,9 +173,9 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
 def forget_person(path: Path, participant: str) -> bool:
     """Take a person's observations out of a BORIS project; tell whether there were any."""
     try:
-        tree = msgspec.json.decode(path.read_bytes())
+        tree = msgspec.json.decode(read_foreign(path, most_mib=256))
         mine = [name for name in tree["observations"] if str(name).startswith(f"{participant}_")]
-    except (OSError, msgspec.DecodeError, KeyError, TypeError):
+    except (OSError, msgspec.DecodeError, RecordingError, RecursionError, ValueError, KeyError, TypeError):
         return False
     for name in mine:
         del tree["observations"][name]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from tega.errors import RecordingError
+from tega.foreign_file import read_words
 
 __all__ = ["TouchRow", "read_touch", "touch_path", "write_touch"]
 
@@ -61,8 +63,7 @@ def read_touch(path: Path) -> list[TouchRow]:
         RecordingError: The file is missing or damaged.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(io.StringIO(read_words(path, most_mib=256), newline="")))
         return [
             TouchRow(
                 float(row["t_s"]),
@@ -72,5 +73,5 @@ def read_touch(path: Path) -> list[TouchRow]:
             )
             for row in rows
         ]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise RecordingError(f"{path}: no frames of a trial: {error}", "restore it from a copy") from error

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import msgspec
 
+from tega.errors import RecordingError
+from tega.foreign_file import read_foreign
+
 __all__ = ["Board", "board_path", "read_board", "write_board"]
 
 
@@ -59,6 +62,6 @@ def write_board(path: Path, board: Board) -> None:
 def read_board(path: Path) -> Board | None:
     """Read the board; ``None`` where there is none that can be read."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Board)
-    except (OSError, msgspec.DecodeError):
+        return msgspec.json.decode(read_foreign(path, most_mib=1), type=Board)
+    except (OSError, msgspec.DecodeError, RecordingError, ValueError, RecursionError):
         return None

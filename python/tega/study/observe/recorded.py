@@ -8,6 +8,7 @@ from typing import NamedTuple
 import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.foreign_file import read_foreign
 from tega.study.journal import read_events
 from tega.study.lead.trial import recording_folder
 from tega.study.order import shuffled
@@ -124,8 +125,8 @@ def _begins(where: Path, trial_id: str, attempt: int, start_ns: int) -> int:
     if not (path := where / "trial.json").exists():
         raise RecordingError("no recording" if not where.exists() else "trial.json is missing")
     try:
-        facts = msgspec.json.decode(path.read_bytes(), type=_Facts)
-    except (msgspec.DecodeError, OSError) as error:
+        facts = msgspec.json.decode(read_foreign(path, most_mib=1), type=_Facts)
+    except (msgspec.DecodeError, OSError, ValueError, RecursionError) as error:
         raise RecordingError(f"trial.json is damaged: {error}") from error
     if (facts.trial, facts.attempt) != (trial_id, attempt):
         raise RecordingError(f"the recording is of another trial, {facts.trial} attempt {facts.attempt}")

@@ -7,7 +7,6 @@ SHA-256 and what else decides the outcome. A report is made from these two, not 
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from tega.errors import RecordingError
+from tega.foreign_file import parse_toml, read_foreign, read_words
 from tega.toml_text import tree_text
 
 if TYPE_CHECKING:
@@ -123,8 +123,8 @@ def read_assumptions(folder: Path) -> Assumptions | None:
     if not path.exists():
         return None
     try:
-        stated = msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), Assumptions)
-        content = (folder / PARAMETERS).read_bytes()
+        stated = msgspec.convert(parse_toml(read_words(path)), Assumptions)
+        content = read_foreign(folder / PARAMETERS, most_mib=1)
     except (OSError, ValueError, msgspec.ValidationError) as error:
         raise RecordingError(f"{path}: {error}", "restore the folder from a copy") from error
     if hashlib.sha256(content).hexdigest() != stated.parameters_sha256:
@@ -150,8 +150,6 @@ def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
     if not path.exists():
         return {}
     try:
-        return msgspec.convert(
-            tomllib.loads(path.read_text(encoding="utf-8")), dict[str, dict[str, Parameter]]
-        )
+        return msgspec.convert(parse_toml(read_words(path)), dict[str, dict[str, Parameter]])
     except (OSError, ValueError, msgspec.ValidationError) as error:
         raise RecordingError(f"{path}: {error}", "restore it from a copy") from error
