@@ -1,5 +1,5 @@
-# Every developer verb; `make help` lists them. .ci/run runs `make test` and `make lint`; .ci/extras what needs
-# environments of its own.
+# Every developer verb; `make help` lists them. .ci/run runs `make test` and `make lint`; with TEGA_CI=all `make slow` and
+# .ci/extras too, which makes environments of its own.
 VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3

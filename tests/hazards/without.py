@@ -344,13 +344,13 @@ GUARDS: Final = (
         "no limit and heat before the vest",
         "allowed = self.budget.allow(time.monotonic_ns(), frame.x40())",
         "allowed = frame.x40()",
-        "soak no-vest vest",
+        "soak off vest",
     ),
     Guard(
         "the hand's torque has the vendor's ceiling",
         "torque_limits=TORQUE_LIMITS * o.torque_share",
         "torque_limits=TORQUE_LIMITS",
-        "soak no-vest vest",
+        "soak off vest",
     ),
     Guard(
         "no process guards the hand",

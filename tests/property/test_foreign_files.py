@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import os
+import re
+import shutil
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -24,19 +27,27 @@ from reference.recordings import pressed, write_video
 from reference.sessions import tree
 from tega.arm.sources.recorded import read_poses
 from tega.audit import read_marks
+from tega.audit.truth import read_forces
 from tega.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.calibration.records import TouchRecord, read_record
 from tega.config import load_config
 from tega.devices.emg_formats import read_emg_file
 from tega.devices.video import VideoFile, VideoFileOptions
 from tega.errors import CalibrationError, ConfigError, RecordingError, TegaError
-from tega.foreign_file import MIB, load_npy
+from tega.foreign_file import MIB, load_npy, read_foreign
 from tega.hand_poses import load_poses
 from tega.opencv import read_image
 from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.coupling import TouchCourse, read_course, write_course
+from tega.study.hand_rows import read_hand
 from tega.study.journal import Journal, read_events
+from tega.study.observe import recorded
 from tega.study.score import boris
+from tega.study.silico.assumptions import read_assumptions, read_parameters
+from tega.study.touch_picture import read_touch_picture
+from tega.study.touch_rows import read_touch
 
 _FEW = settings(
     max_examples=60,
@@ -91,6 +102,49 @@ def _boris() -> bytes:
     return json.dumps({"observations": {"p01-t01_r1": {"events": [event, event]}}}).encode()
 
 
+def _plan(name: str) -> Callable[[Path], bytes]:
+    def made(folder: Path) -> bytes:
+        write_plan(make_plan(participants=2, seed=1, objects=["bottle"], trials=2), folder / "study")
+        return (folder / "study" / name).read_bytes()
+
+    return made
+
+
+def _read_plan(path: Path) -> None:
+    """Read a plan whose other file is as it should be, and whose digest says that this one is."""
+    if path.name == "plan.csv":
+        digest = hashlib.sha256(read_foreign(path, most_mib=64)).hexdigest()
+        settings = _plan("study.toml")(path.parent / "made").decode()
+        (path.parent / "study.toml").write_text(
+            re.sub(r'plan_sha256 = "\w*"', f'plan_sha256 = "{digest}"', settings), encoding="utf-8"
+        )
+    else:
+        (path.parent / "plan.csv").write_bytes(_plan("plan.csv")(path.parent / "made"))
+    shutil.rmtree(path.parent / "made")
+    read_plan(path.parent)
+
+
+def _course(folder: Path) -> bytes:
+    t_s = np.arange(1, 20) / 30
+    write_course(folder / "course.csv", TouchCourse(t_s, t_s, t_s, np.round(t_s)))
+    return (folder / "course.csv").read_bytes()
+
+
+def _picture_of_touch() -> bytes:
+    file = io.BytesIO()
+    frame, baseline = pressed(0.5, noise=1), pressed(0.0, noise=1)
+    np.savez(file, finger="thumb", preset="paper", baseline=baseline, frame=frame, maxima=[1.0, 9000.0])
+    return file.getvalue()
+
+
+_STATED = b'version = "0.1.0"\nparameters_sha256 = ""\npreset = "live"\n'
+_PERSON = b"[hand]\nwide = { mean = 1.0, sd = 0.2, source = 'a test', unit = 'mm' }\n"
+_TOUCH = b"t_s,finger,in_contact,eda,mass,peak,x,y\n0.1,thumb,1,9,1.5,2.5,3.0,4.0\n0.2,thumb,0,0,0,0,0,0\n"
+_HAND = b"t_s,level,closure,height_m\n0.1,1,1.0,0.2\n0.2,,,\n"
+_FACTS = b'{"trial": "p01-t01", "attempt": 1, "started_ns": 5, "zero_ns": 3}'
+_FORCES = b"img_name,force_n\nframe_0.png,1.5\nframe_1.png,2.5\n"
+_COURSE_OF_FORCE = b"t_s,force_n\n0.1,1.5\n0.2,2.5\n"
+
 _POSES = b"t_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.0,0.1,0.2,0.3,1,0,0,0\n0.1,0.1,0.2,0.3,1,0,0,0\n"
 _EVENTS = b"Observation id,Behavior,Time\np01-t01,slip,1.5\np01-t01,drop,2.5\n"
 _MARKS = b"img_name,center_x,center_y,radius\nframe_0.png,10,20,5\nframe_1.png,11,21,6\n"
@@ -117,6 +171,21 @@ _READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]
     "journal": ("events.jsonl", _journal, read_events),
     "BORIS project": ("a.boris", lambda _: _boris(), boris._project),
     "BORIS table": ("a.csv", lambda _: _EVENTS, boris._table),
+    "study": ("study.toml", _plan("study.toml"), _read_plan),
+    "plan": ("plan.csv", _plan("plan.csv"), _read_plan),
+    "assumptions": ("simulation.toml", lambda _: _STATED, lambda p: read_assumptions(p.parent)),
+    "parameters": ("parameters.toml", lambda _: _PERSON, lambda p: read_parameters(p.parent)),
+    "course of a trial": ("course.csv", _course, read_course),
+    "touch of a trial": ("touch.csv", lambda _: _TOUCH, read_touch),
+    "hand of a trial": ("hand.csv", lambda _: _HAND, read_hand),
+    "facts of a trial": (
+        "trial.json",
+        lambda _: _FACTS,
+        lambda p: recorded._begins(p.parent, "p01-t01", 1, 5),
+    ),
+    "picture of touch": ("touch.npz", lambda _: _picture_of_touch(), read_touch_picture),
+    "forces": ("forces.csv", lambda _: _FORCES, read_forces),
+    "course of force": ("forces.csv", lambda _: _COURSE_OF_FORCE, read_forces),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
 }
 

@@ -31,6 +31,7 @@ def test_a_short_soak_passes(capsys: pytest.CaptureFixture[str]) -> None:
         )
     assert report["over_limit_commands"] == 0
     assert report["commands"]["hand"] > 1000
+    assert report["commands"]["arm"] > 100
     assert report["lost_s"] <= 0.5
     assert report["rss_mib_end"] > 10
 
@@ -52,7 +53,7 @@ def good() -> SoakReport:
         rss_mib_start=100.0,
         rss_mib_end=101.0,
         lost_s=0.2,
-        commands={"vest": 10, "hand": 10},
+        commands={"vest": 10, "hand": 10, "arm": 10},
         recordings=1,
     )
 
@@ -81,7 +82,8 @@ def test_a_good_report_passes() -> None:
         ("faults", good().faults + unjudged(2), "20 of 22 faults could be judged"),
         ("faults", good().faults + unjudged(1, "freeze 1"), "was never judged"),
         ("commands", {}, "the vest was commanded nothing"),
-        ("commands", {"vest": 10, "hand": 0}, "the hand was commanded nothing"),
+        ("commands", {"vest": 10, "hand": 0, "arm": 10}, "the hand was commanded nothing"),
+        ("commands", {"vest": 10, "hand": 10}, "the arm was commanded nothing"),
         ("recordings", 0, "nothing was recorded"),
         ("rss_mib_end", 0.0, "memory was not measured"),
         ("faults", [Fault(kind="a", device="b", how="c", injected_s=0.0, outcome="not told")], "not told"),

@@ -96,7 +96,7 @@ def read_course(path: Path) -> TouchCourse:
         RecordingError: It is missing, or something in it is no number of its range.
     """
     try:
-        rows = list(csv.reader(io.StringIO(read_words(path, most_mib=64))))
+        rows = list(csv.reader(io.StringIO(read_words(path, most_mib=64), newline="")))
         table = np.array([[float(cell) for cell in row] for row in rows[1:]], dtype=np.float64).reshape(-1, 4)
     except (OSError, ValueError, csv.Error) as error:
         raise RecordingError(f"{path}: is no course of a trial: {error}", "restore it from a copy") from error

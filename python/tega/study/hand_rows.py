@@ -55,6 +55,7 @@ def read_hand(path: Path) -> list[HandRow]:
     if not path.exists():
         return []
     try:
+        rows = csv.DictReader(io.StringIO(read_words(path, most_mib=256), newline=""))
         return [
             HandRow(
                 float(row["t_s"]),
@@ -62,7 +63,7 @@ def read_hand(path: Path) -> list[HandRow]:
                 float(row["closure"]) if row["closure"] else None,
                 float(row["height_m"]) if row["height_m"] else None,
             )
-            for row in csv.DictReader(io.StringIO(read_words(path, most_mib=64)))
+            for row in rows
         ]
     except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise RecordingError(f"{path}: no course of a hand: {error}", "restore it from a copy") from error

@@ -359,10 +359,10 @@ def read_plan(folder: Path) -> StudyPlan:
             f"{folder / 'plan.csv'}: is not as it was written",
             "a plan is never changed; restore it from a copy",
         )
-    rows = csv.DictReader(io.StringIO(content.decode()))
     try:
+        rows = csv.DictReader(io.StringIO(content.decode()))
         trials = tuple(msgspec.convert(row, PlannedTrial, strict=False) for row in rows)
-    except msgspec.ValidationError as error:
+    except (msgspec.ValidationError, UnicodeDecodeError, csv.Error, TypeError) as error:
         raise RecordingError(f"{folder / 'plan.csv'}: {error}", "restore it from a copy") from error
     for trial in trials:
         for what in ("participant", "object", "condition"):

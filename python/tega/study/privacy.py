@@ -62,7 +62,7 @@ def withdrawn(folder: Path) -> set[str]:
     path = folder / _LIST
     if not path.exists():
         return set()
-    ids = {line for line in read_words(path).splitlines() if re.fullmatch(r"p\d+", line)}
+    ids = {line for line in _lines(path) if re.fullmatch(r"p\d+", line)}
     for person in sorted(ids):
         if os.path.lexists(events_path(folder, person).parent):
             _LOG.warning(
@@ -91,7 +91,19 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
 
 
 def _noted(notes: Path) -> list[str]:
-    return read_words(notes).splitlines() if notes.is_file() else []
+    return _lines(notes) if notes.is_file() else []
+
+
+def _lines(path: Path) -> list[str]:
+    """Return the lines of a list.
+
+    Raises:
+        RecordingError: It is no text.
+    """
+    try:
+        return read_words(path).splitlines()
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path}: no list of lines: {error}", "restore it from a copy") from error
 
 
 def withdraw(folder: Path, participant: str) -> Withdrawal:
@@ -161,9 +173,9 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
 def forget_person(path: Path, participant: str) -> bool:
     """Take a person's observations out of a BORIS project; tell whether there were any."""
     try:
-        tree = msgspec.json.decode(read_foreign(path, most_mib=64))
+        tree = msgspec.json.decode(read_foreign(path, most_mib=256))
         mine = [name for name in tree["observations"] if str(name).startswith(f"{participant}_")]
-    except (OSError, msgspec.DecodeError, KeyError, TypeError):
+    except (OSError, msgspec.DecodeError, RecordingError, RecursionError, ValueError, KeyError, TypeError):
         return False
     for name in mine:
         del tree["observations"][name]

@@ -135,11 +135,13 @@ def read_touch_picture(path: Path) -> FingerPicture:
         RecordingError: The file is missing or damaged.
     """
     try:
-        with np.load(io.BytesIO(read_foreign(path, most_mib=16)), allow_pickle=False) as file:
+        with np.load(io.BytesIO(read_foreign(path, most_mib=64)), allow_pickle=False) as file:
             finger, preset = str(file["finger"]), str(file["preset"])
             baseline, frame = file["baseline"], file["frame"]
             cci_max, eda_max = (float(one) for one in file["maxima"])
             known = _touch(file, frame) if "numbers" in file else None
+    except RecordingError:
+        raise
     except Exception as error:  # a damaged archive raises what its decoder raises
         raise RecordingError(f"{path}: no picture of a finger: {error}", "restore it from a copy") from error
     if preset not in {"paper", "live"} or frame.dtype != np.uint8 or frame.shape != baseline.shape:

@@ -61,7 +61,7 @@ def read_touch(path: Path) -> list[TouchRow]:
         RecordingError: The file is missing or damaged.
     """
     try:
-        rows = list(csv.DictReader(io.StringIO(read_words(path, most_mib=64))))
+        rows = list(csv.DictReader(io.StringIO(read_words(path, most_mib=256), newline="")))
         return [
             TouchRow(
                 float(row["t_s"]),

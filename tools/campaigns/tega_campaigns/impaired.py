@@ -24,6 +24,8 @@ import time
 from types import TracebackType
 from typing import Self
 
+from tega_emulators.process import first_of_all
+
 __all__ = ["ImpairedLink"]
 
 _SEGMENT_BYTES = 1448
@@ -77,6 +79,10 @@ class ImpairedLink:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(_PATIENCE_S)
         self._loop.close()
+
+    def go_ahead(self) -> bool:
+        """Let it go before every thread of a run, as a cable does; return whether the system allows that."""
+        return first_of_all(self._thread.native_id or 0)
 
     def stall(self) -> None:
         """Keep everything back from now on, both ways."""

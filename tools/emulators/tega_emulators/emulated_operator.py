@@ -17,9 +17,12 @@ from tega.lifecycle import require
 from tega_emulators.franka_faults import HAND_KG, on_franky_sim
 from tega_emulators.process import Emulator
 
-__all__ = ["EmulatedOperator"]
+__all__ = ["PEDAL", "EmulatedOperator", "write_hidapi"]
 
 _PEDAL: Final = (0x05F3, 0x00FF)
+PEDAL: Final = {"vendor_id": _PEDAL[0], "product_id": _PEDAL[1], "report": "joystick", "button_byte": 3}
+"""Options by which the driver of pedals finds the emulated one."""
+
 _HELD_S, _LET_GO_S = 8.0, 2.0
 _HIDAPI: Final = '''"""Stands for hidapi, so that the emulated pedal is found."""
 
@@ -29,6 +32,19 @@ _port = HidPort(HidBoard({path!r}, {vendor:#06x}, {product:#06x}))
 enumerate = _port.enumerate
 device = _port.device
 '''
+
+
+def write_hidapi(folder: Path, port: str) -> None:
+    """Write the module that stands for hidapi and finds an emulated pedal.
+
+    Args:
+        folder: For it; a program finds it there if ``PYTHONPATH`` names the folder first.
+        port: Where the pedal's emulator can be reached.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    text = _HIDAPI.format(path=port, vendor=_PEDAL[0], product=_PEDAL[1])
+    for name in ("hid", "hidraw"):
+        (folder / f"{name}.py").write_text(text, encoding="utf-8")
 
 
 class EmulatedOperator:
@@ -83,14 +99,8 @@ class EmulatedOperator:
     @property
     def looked(self) -> dict[str, Looked]:
         """What a search would have found, had they been real."""
-        options = {
-            "vendor_id": _PEDAL[0],
-            "product_id": _PEDAL[1],
-            "report": "joystick",
-            "button_byte": 3,
-            # A program that repeats itself is held up now and then, as no pedal is.
-            "silent_after_ms": 500,
-        }
+        # A program that repeats itself is held up now and then, as no pedal is.
+        options = PEDAL | {"silent_after_ms": 500}
         return {"pedal": Looked("input", [Found(driver="pedal", label="emulated pedal", options=options)])}
 
     @property
@@ -104,10 +114,7 @@ class EmulatedOperator:
 
     def write_hidapi(self, folder: Path) -> None:
         """Write the module that stands for hidapi."""
-        folder.mkdir(parents=True, exist_ok=True)
-        text = _HIDAPI.format(path=self.pedal.port, vendor=_PEDAL[0], product=_PEDAL[1])
-        for name in ("hid", "hidraw"):
-            (folder / f"{name}.py").write_text(text, encoding="utf-8")
+        write_hidapi(folder, self.pedal.port)
         self.hidapi = folder
 
     def act(self, after_s: float) -> None:

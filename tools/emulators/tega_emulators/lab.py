@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,10 +15,11 @@ from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, 
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
 from tega.repeated import repeated
+from tega_emulators.emulated_operator import PEDAL, write_hidapi
 from tega_emulators.franka_faults import HAND_KG, on_franky_sim
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
+from tega_emulators.vests import felt_now
 
 __all__ = ["PRESSED", "EmulatedLab", "emulated_lab", "pressing"]
 
@@ -41,6 +43,8 @@ class EmulatedLab:
         headset: The emulated headset, if there is an arm.
         cap: The emulated SpaceMouse, if there is an arm; its buttons are dead-man, clutch and recover.
         robot: franky-sim's robot with a hand's weight at its flange, if that is the arm.
+        pedal: The emulated pedal, if that is the dead-man; its buttons are dead-man and recover.
+        environment: What a program has to have in its environment to reach the devices.
     """
 
     emg: Emulator
@@ -49,14 +53,16 @@ class EmulatedLab:
     headset: Emulator
     cap: Emulator
     robot: Emulator
+    pedal: Emulator
 
     def __init__(self) -> None:
         self.tree: dict[str, Any] = {}
+        self.environment: dict[str, str] = {}
         self.sensors: dict[str, Emulator] = {}
 
     def go_ahead(self) -> bool:
         """Let every device go before every thread of a run; return whether the system allows that."""
-        names = ("emg", "hand", "vest", "headset", "cap", "robot")
+        names = ("emg", "hand", "vest", "headset", "cap", "robot", "pedal")
         found = [getattr(self, name) for name in names if hasattr(self, name)]
         granted = [device.go_ahead() for device in (*found, *self.sensors.values())]
         return all(granted)
@@ -68,7 +74,7 @@ class EmulatedLab:
 
     def at_rest(self) -> bool:
         """Whether no motor of the vest turns."""
-        return not any(seen_by(self.vest).motors)
+        return not any(felt_now(self.vest))
 
 
 @contextmanager
@@ -77,9 +83,10 @@ def emulated_lab(
     *,
     emg_hz: float | None = None,
     hand: bool = False,
-    vest: bool = False,
+    vest: bool | str = False,
     fingers: Sequence[str] = (),
     arm: bool | str = False,
+    dead_man: Literal["spacemouse", "pedal"] = "spacemouse",
     camera_hz: float = 60.0,
     touch: TouchMaxima | None = None,
 ) -> Iterator[EmulatedLab]:
@@ -89,10 +96,13 @@ def emulated_lab(
         folder: For calibration and baselines.
         emg_hz: Three tensed muscles at so many samples a second: 250 on a Cyton, else on a Chords board.
         hand: An Allegro Hand behind a serial CAN adapter.
-        vest: A vest behind the vendor's Player.
+        vest: A vest behind the vendor's Player, or that of another driver: ``bhaptics-ble`` has one behind BlueZ on a
+            message bus of its own.
         fingers: DIGITs, each with something pressed into its gel.
         arm: A simulated arm, or the driver of another, led by a wrist that a headset sees, with the buttons of a
             SpaceMouse; ``franky`` is led on franky-sim's robot, which carries a hand's weight.
+        dead_man: With ``pedal`` a pedal that repeats itself while it is held is dead-man and clutch in one, and its
+            other button recovers. Only a program with the lab's ``environment`` finds it.
         camera_hz: Pictures a second that they really give.
         touch: What counts as full touch; ``None`` for so little that what is pressed is felt fully.
 
@@ -120,15 +130,17 @@ def emulated_lab(
             patient = {"silent_after_ms": 1000.0, "lowest_rate_hz": 10.0, "reconnects": 0}
             tree["hand"] = {"driver": "allegro", "options": {**lab.hand.address, **patient}}
         if vest:
-            lab.vest = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
-            options = {"port": lab.vest.address["port"]}
-            tree["vest"] = {"driver": "bhaptics-player", "layout": "x40", "options": options}
+            _vest(stack, lab, vest if isinstance(vest, str) else "bhaptics-player")
         for seed, finger in enumerate(fingers):
             sensor = Emulator("digit", "--rate-hz", str(camera_hz), "--seed", str(seed))
             lab.sensors[finger] = stack.enter_context(sensor)
             tree.setdefault("tactile", {})[finger] = _fingertip(sensor, folder / f"{finger}.npy")
         if arm:
             _arm(stack, lab, arm if isinstance(arm, str) else "simulated-arm")
+            if dead_man == "pedal":
+                _pedal(stack, lab, folder)
+            else:
+                _cap(stack, lab)
         full = touch or TouchMaxima(cci_max=0.01, eda_max=500.0)
         calibration = Calibration(
             preset="live",
@@ -170,21 +182,50 @@ def _amplifier(stack: ExitStack, rate_hz: float) -> tuple[Emulator, dict[str, An
 
 
 def _arm(stack: ExitStack, lab: EmulatedLab, driver: str) -> None:
-    """Start headset and SpaceMouse, and set an arm that follows them."""
+    """Start a headset, and set an arm that follows it."""
     lab.headset = stack.enter_context(Emulator("hololens"))
-    lab.cap = stack.enter_context(Emulator("hid_input", "--device", "spacemouse"))
-    stack.enter_context(HidPort(HidBoard(lab.cap.port, 0x046D, 0xC626)).installed())
-    buttons = {"dead_man": "left", "clutch": "right", "recover": "button 3"}
-    # Its buttons say nothing while they are held, as a real one's; so long it is believed.
-    held = {"silent_after_ms": 10_000.0}
-    lab.tree["input"] = {
-        seat: {"driver": "spacemouse", "button": b, "options": held} for seat, b in buttons.items()
-    }
     tracker = {"driver": "hololens", "options": dict(lab.headset.address)}
     lab.tree["arm"] = {"driver": driver, "tracker": tracker}
     if driver == "franky":
         lab.robot = stack.enter_context(Emulator("franka_faults", "--hand-kg", str(HAND_KG)))
         lab.tree["arm"] |= on_franky_sim(lab.robot.address["host"])
+
+
+def _cap(stack: ExitStack, lab: EmulatedLab) -> None:
+    """Start a SpaceMouse, and seat its buttons; this program finds it."""
+    lab.cap = stack.enter_context(Emulator("hid_input", "--device", "spacemouse"))
+    stack.enter_context(HidPort(HidBoard(lab.cap.port, 0x046D, 0xC626)).installed())
+    # Its buttons say nothing while they are held, as a real one's; so long it is believed.
+    held = {"silent_after_ms": 10_000.0}
+    buttons = {"dead_man": "left", "clutch": "right", "recover": "button 3"}
+    lab.tree["input"] = {
+        seat: {"driver": "spacemouse", "button": b, "options": held} for seat, b in buttons.items()
+    }
+
+
+def _pedal(stack: ExitStack, lab: EmulatedLab, folder: Path) -> None:
+    """Start a pedal, and seat its buttons; a program with the lab's environment finds it."""
+    lab.pedal = stack.enter_context(Emulator("hid_input", "--device", "pedal-repeating"))
+    write_hidapi(folder / "hidapi", lab.pedal.port)
+    before = os.environ.get("PYTHONPATH", "")
+    lab.environment["PYTHONPATH"] = os.pathsep.join(filter(None, (str(folder / "hidapi"), before)))
+    buttons = {"dead_man": "1", "recover": "2"}
+    options = PEDAL | {"silent_after_ms": 100.0}
+    lab.tree["input"] = {
+        seat: {"driver": "pedal", "button": b, "options": options} for seat, b in buttons.items()
+    }
+
+
+def _vest(stack: ExitStack, lab: EmulatedLab, driver: str) -> None:
+    """Start a vest, and set it."""
+    options: dict[str, Any] = {}
+    if driver == "bhaptics-ble":
+        lab.vest = stack.enter_context(Emulator("bluez_vest"))
+        lab.environment["DBUS_SYSTEM_BUS_ADDRESS"] = lab.vest.address["bus"]
+    else:
+        lab.vest = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
+        options["port"] = lab.vest.address["port"]
+    lab.tree["vest"] = {"driver": driver, "layout": "x40", "options": options}
 
 
 def _fingertip(sensor: Emulator, baseline: Path) -> dict[str, Any]:

@@ -19,11 +19,26 @@ from typing import Any, Self
 from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError, InvalidValueError
 
-__all__ = ["Emulator"]
+__all__ = ["Emulator", "first_of_all"]
 
 _LEAVE_S = 5.0
 # Above every thread of a run.
 _PRIORITY = 20
+
+
+def first_of_all(thread: int) -> bool:
+    """Let a thread go before every thread of a run; return whether the system allows that.
+
+    Args:
+        thread: Its number in the system.
+    """
+    if sys.platform != "linux":
+        return False
+    try:
+        os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(_PRIORITY))
+    except OSError:  # not allowed
+        return False
+    return True
 
 
 class Emulator:
@@ -108,12 +123,8 @@ class Emulator:
         """
         if self._process is None or sys.platform != "linux":
             return False
-        try:
-            for thread in Path(f"/proc/{self._process.pid}/task").iterdir():
-                os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(_PRIORITY))
-        except OSError:  # not allowed
-            return False
-        return True
+        threads = Path(f"/proc/{self._process.pid}/task").iterdir()
+        return all(first_of_all(int(thread.name)) for thread in threads)
 
     def kill(self) -> None:
         """End it without a word, as a cable that is pulled."""

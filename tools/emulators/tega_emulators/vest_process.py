@@ -1,8 +1,9 @@
 """What the emulated vests share: what their motors do, and the pipe through which a test talks to them.
 
 This runs in the emulator's process and knows nothing of TEGA's packets. A line is the name of a fault, which ends
-every other one, ``clear`` for none, ``limit 80 0.5`` (what to count as too much: intensity, and
-heat as a share of what full drive for ever would make it), or ``look``, answered by everything that was seen.
+every other one, ``clear`` for none, ``limit 80 0.5`` (what to count as too much: intensity, and heat as a share of what
+full drive for ever would make it), ``glance``, answered by what the motors do now, or ``look``, by everything that was
+seen.
 
 Its motors can be heard (:mod:`~tega_emulators.motor_sound`): ``sound delay_ms 80`` changes how, ``hear FROM N``
 gives the next N samples, the first call setting the time of the first; ``click S`` and ``knock S`` are heard at that
@@ -92,9 +93,11 @@ async def serve(vest: Vest) -> None:
             return heard.act(words)
         if " ".join(words) not in known:
             raise ValueError(f"there are {', '.join(known)}")
+        if words == ["glance"]:
+            return {"motors": vest.motors.now}
         return _seen(vest) if words == ["look"] else {}
 
-    known = (*vest.faults, "clear", "look")
+    known = (*vest.faults, "clear", "glance", "look")
 
     tell(await vest.start())
     while line := (await reader.readline()).decode("ascii", "replace"):

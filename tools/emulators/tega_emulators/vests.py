@@ -14,7 +14,7 @@ import msgspec
 
 from tega_emulators.process import Emulator
 
-__all__ = ["VestReport", "seen_by"]
+__all__ = ["VestReport", "felt_now", "seen_by"]
 
 
 class VestReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,6 +37,12 @@ class VestReport(msgspec.Struct, frozen=True, kw_only=True):
     received: int
     connections: int
     modules: list[str]
+
+
+def felt_now(vest: Emulator) -> list[int]:
+    """Ask the same for what its 40 motors do now, 0 to 100, in the wearer's order, and nothing else."""
+    motors: list[int] = vest.say("glance")["motors"]
+    return motors
 
 
 def seen_by(vest: Emulator) -> VestReport:

@@ -62,5 +62,5 @@ def read_board(path: Path) -> Board | None:
     """Read the board; ``None`` where there is none that can be read."""
     try:
         return msgspec.json.decode(read_foreign(path, most_mib=1), type=Board)
-    except (OSError, RecordingError, msgspec.DecodeError):
+    except (OSError, msgspec.DecodeError, RecordingError, ValueError, RecursionError):
         return None

@@ -126,7 +126,7 @@ def _begins(where: Path, trial_id: str, attempt: int, start_ns: int) -> int:
         raise RecordingError("no recording" if not where.exists() else "trial.json is missing")
     try:
         facts = msgspec.json.decode(read_foreign(path, most_mib=1), type=_Facts)
-    except (msgspec.DecodeError, OSError) as error:
+    except (msgspec.DecodeError, OSError, ValueError, RecursionError) as error:
         raise RecordingError(f"trial.json is damaged: {error}") from error
     if (facts.trial, facts.attempt) != (trial_id, attempt):
         raise RecordingError(f"the recording is of another trial, {facts.trial} attempt {facts.attempt}")

@@ -233,11 +233,12 @@ def _of_bench(trial: RecordedTrial) -> Reel:
     angles = np.array([np.interp(at, levels, joint) for joint in GRASP_POSES_RAD.T]).T
     truth_t_ns, truth = [], []
     try:
-        for row in csv.DictReader(io.StringIO(read_words(trial.folder / "truth.csv", most_mib=64))):
+        text = read_words(trial.folder / "truth.csv", most_mib=256)
+        for row in csv.DictReader(io.StringIO(text, newline="")):
             truth_t_ns.append(round(float(row["t_s"]) * 1e9))
             numbers = (float(row[n]) for n in ("object_height_m", "slip_m", "deformation_m"))
             truth.append(Truth(*numbers))
-    except (OSError, ValueError, KeyError, TypeError, OverflowError, csv.Error) as error:
+    except (OSError, ValueError, OverflowError, KeyError, TypeError, csv.Error) as error:
         raise RecordingError(f"truth.csv is damaged: {error}") from error
     _reaches(trial, truth_t_ns[-1] if truth_t_ns else 0)
     return Reel(

@@ -6,6 +6,9 @@ module         what it does
 ``plan``       which faults there are, how each is made, seen and over; in which order a seed puts them
 ``system``     the program under test, in a process of its own: a recorded run that says how it is
 ``supervisor`` starts it, hears what it says, starts it again
+``programs``   one run or two stations, each with its supervisor
+``operator``   the foot on the pedal, and the hand on the arm
+``faults``     makes the faults, and takes them away
 ``trial``      the soak: one fault after another, what was seen when, what the emulators really got
 ``lost``       what is missing in the recordings
 ``standstill`` when the whole machine did nothing, which is no fault of the system

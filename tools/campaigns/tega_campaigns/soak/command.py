@@ -21,18 +21,26 @@ __all__ = ["soak"]
     help="Keep report.json, errors.log, faults.png and the recordings here.",
 )
 @click.option(
+    "--stations",
+    is_flag=True,
+    help="Two stations, robot and operator, and a link between them that breaks too.",
+)
+@click.option(
     "--patient",
     is_flag=True,
     help="For a machine that does other work: loosen the hand's limits of silence and rate.",
 )
 @json_option
 @debug_option
-def soak(*, seconds: float, seed: int, out: Path | None, patient: bool, as_json: bool) -> None:
+def soak(
+    *, seconds: float, seed: int, out: Path | None, stations: bool, patient: bool, as_json: bool
+) -> None:
     """Run everything on emulated devices, make faults at random, and see that nothing bad comes of them.
 
-    Four fingertip cameras, an EMG board, a hand and a vest, each a program of its own, and a recorded run. They are
-    unplugged, frozen, slowed down, fed with noise and wrong data; the clock is set, the disk is full, the run is
-    killed. It passes if every fault is told and over afterwards, no command beyond a limit reaches hand or vest, no
+    Four fingertip cameras, an EMG board, a hand, a vest, a headset and a pedal, each a program of its own, and a
+    recorded run that leads a simulated arm; with --stations the same shared among two stations. They are unplugged,
+    frozen, slowed down, fed with noise and wrong data; the clock is set, the disk is full, the run is killed. It
+    passes if every fault is told and over afterwards, no command beyond a limit reaches hand, vest or arm, no
     recording loses more than half a second, and memory does not grow; and if enough took place: at least 95 % of the
     faults could be judged, each kind once, and there were commands and recordings. Guards are set as they come, or as
     --patient says, which the report then tells. Exit code 1 if it does not pass.
@@ -55,7 +63,13 @@ def soak(*, seconds: float, seed: int, out: Path | None, patient: bool, as_json:
         folder.mkdir(parents=True, exist_ok=True)
         with progress_bar(enabled=not as_json) as progress:
             report = run_soak(
-                folder, seconds=seconds, seed=seed, keep=out is not None, patient=patient, progress=progress
+                folder,
+                seconds=seconds,
+                seed=seed,
+                stations=stations,
+                keep=out is not None,
+                patient=patient,
+                progress=progress,
             )
     if out is not None:
         (out / "report.json").write_bytes(msgspec.json.format(msgspec.json.encode(report)) + b"\n")

@@ -6,7 +6,7 @@ import random
 from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple
 
-__all__ = ["KINDS", "Kind", "Planned", "plan"]
+__all__ = ["KINDS", "STATION_KINDS", "Kind", "Planned", "plan"]
 
 Then = Literal["recovers", "restarts"]
 
@@ -18,7 +18,7 @@ class Kind(NamedTuple):
         kind: What it stands for.
         device: What it happens to.
         how: The emulator's own word for it, or what the soak itself does.
-        told: An alert or a state's reason that begins with one of these reports it.
+        told: What reports it begins with one of these: an alert, a state's reason, or ``arm`` and what the arm does.
         then: Whether the run has to go on by itself, or ends and is started again.
         lasts_s: So long it lasts, between these.
     """
@@ -41,6 +41,8 @@ def _finger(name: str) -> list[Kind]:
         Kind("transport stall", name, "pause", (name,)),
     ]
 
+
+_TRACKER = ("hololens", "arm holding: the forearm", "arm holding: no pose", "arm idle", "arm stopped")
 
 KINDS: Final[tuple[Kind, ...]] = (
     *_finger("thumb"),
@@ -65,13 +67,44 @@ KINDS: Final[tuple[Kind, ...]] = (
     Kind("unplug", "vest", "refuse", ("vest",)),
     Kind("unplug", "vest", "drop", ("vest",), lasts_s=(0.1, 0.2)),
     Kind("freeze", "vest", "freeze", ("vest",), lasts_s=(2.0, 3.0)),
-    Kind("wrong data", "vest", "no-vest", ("vest",)),
+    Kind("switched off", "vest", "off", ("vest",)),
+    Kind("unplug", "pedal", "unplug", ("dead-man",)),
+    Kind("freeze", "pedal", "freeze", ("dead-man",)),
+    Kind("noise", "pedal", "garbage", ("dead-man",)),
+    Kind("wrong data", "pedal", "half", ("dead-man",)),
+    Kind("late", "pedal", "slow", ("dead-man",)),
+    Kind("unplug", "tracker", "hide", _TRACKER, lasts_s=(0.5, 3.0)),
+    Kind("freeze", "tracker", "freeze", _TRACKER, lasts_s=(0.5, 3.0)),
+    Kind("noise", "tracker", "guess", _TRACKER),
+    Kind("late", "tracker", "late 400", _TRACKER),
+    Kind("wrong data", "tracker", "same", _TRACKER),
+    Kind("wrong data", "tracker", "nan", _TRACKER),
+    Kind("wrong data", "tracker", "odd-size", _TRACKER),
+    Kind("out of sight", "tracker", "lose", _TRACKER),
+    Kind("freeze", "arm", "stop", ("arm", "simulated-arm")),
+    Kind("kill -9", "arm", "kill", ("simulated-arm",), "restarts"),
     Kind("clock step", "computer", "clock", ("clock",), lasts_s=(0.5, 1.0)),
     Kind("disk full", "computer", "disk", ("recording",), "restarts"),
     Kind("late", "program", "stop", ("the loop", "hand"), lasts_s=(1.2, 1.8)),
     Kind("kill -9", "program", "kill", ("guard",), "restarts"),
 )
-"""Every fault that a soak makes."""
+"""Every fault that a soak of one program makes."""
+
+_LINK = ("link",)
+STATION_KINDS: Final[tuple[Kind, ...]] = (
+    *(kind for kind in KINDS if kind.device != "program"),
+    Kind("unplug", "link", "cut", _LINK),
+    Kind("transport stall", "link", "stall", _LINK),
+    Kind("late", "link", "delay_ms 400", _LINK),
+    Kind("noise", "link", "loss 0.3", _LINK, lasts_s=(2.0, 3.0)),
+    Kind("late", "robot", "stop", ("the loop", "hand", "link"), lasts_s=(1.2, 1.8)),
+    Kind("late", "operator", "stop", _LINK, lasts_s=(1.2, 1.8)),
+    Kind("kill -9", "robot", "kill", ("guard",), "restarts"),
+    Kind("kill -9", "operator", "kill", ("guard",), "restarts"),
+)
+"""Every fault that a soak of two stations makes."""
+
+_FIRST = (("program", "kill"), ("robot", "kill"), ("computer", "disk"))
 
 
 class Planned(NamedTuple):
@@ -91,7 +124,8 @@ class Planned(NamedTuple):
 def plan(seed: int, *, kinds: Sequence[Kind] = KINDS, n: int = 1000) -> list[Planned]:
     """Put faults in order: every one once, in any order, then again in another.
 
-    The first one is a kill and the second one a full disk where ``kinds`` has them, so that a short soak has both.
+    The first one is a kill of the program and the second one a full disk where ``kinds`` has them, so that a short soak
+    has both.
     Those that end a run come in every fourth round only, so that a long soak has a run that lasts.
 
     Args:
@@ -100,7 +134,7 @@ def plan(seed: int, *, kinds: Sequence[Kind] = KINDS, n: int = 1000) -> list[Pla
         n: How many.
     """
     chance = random.Random(seed)
-    first = [kind for how in ("kill", "disk") for kind in kinds if kind.how == how]
+    first = [kind for what in _FIRST for kind in kinds if (kind.device, kind.how) == what]
     order: list[Kind] = []
     n_rounds = 0
     while len(order) < n:

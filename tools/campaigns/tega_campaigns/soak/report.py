@@ -66,15 +66,18 @@ class SoakReport(msgspec.Struct, kw_only=True):
         seconds: How long it took.
         seed: The plan's.
         faults: In order.
-        over_limit_commands: Commands above a limit that the emulated vest and hand really got.
+        over_limit_commands: Commands above a limit that the emulated vest and hand really got, and the arm as recorded.
         over_limit: The same by device.
         lost_s: The longest stretch that a recording lost at a kill, a full disk, or on the way.
+        lost_where: In which recording, and where in it.
         rss_mib_start: Resident memory soon after the start of the longest process.
         rss_mib_end: The same at its end.
         restarts: How often the program was started again.
-        commands: Messages that vest and hand took in all.
+        commands: Messages that vest and hand took in all, and targets that the arm was given.
         stood_still_s: How long the whole machine, this program included, did nothing.
         recordings: How many were looked through.
+        emulators_first: Whether the system let the emulators go before every thread of the run, as devices do.
+        stations: Whether there were two stations instead of one program.
         patient: Whether the hand's limits of silence and rate were loosened for a busy machine.
         memory: Resident memory over time, of every process, as (seconds since the soak's beginning, MiB).
     """
@@ -87,13 +90,16 @@ class SoakReport(msgspec.Struct, kw_only=True):
     over_limit_commands: int = 0
     over_limit: dict[str, int] = {}
     lost_s: float = 0.0
+    lost_where: str = ""
     rss_mib_start: float = 0.0
     rss_mib_end: float = 0.0
     restarts: int = 0
     commands: dict[str, int] = {}
     stood_still_s: float = 0.0
     recordings: int = 0
+    stations: bool = False
     patient: bool = False
+    emulators_first: bool = False
     memory: list[list[tuple[float, float]]] = []
 
     def judge(self) -> None:
@@ -109,7 +115,9 @@ class SoakReport(msgspec.Struct, kw_only=True):
                 f"{n} commands above a limit reached the {name}" for name, n in self.over_limit.items() if n
             ]
         if self.lost_s > MOST_LOST_S:
-            failed.append(f"{self.lost_s:.2f} s of a recording are lost, {MOST_LOST_S} s are allowed")
+            failed.append(
+                f"{self.lost_s:.2f} s of a recording are lost ({self.lost_where}), {MOST_LOST_S} s are allowed"
+            )
         if not memory_is_flat(self.rss_mib_start, self.rss_mib_end):
             failed.append(f"memory grew from {self.rss_mib_start:.0f} to {self.rss_mib_end:.0f} MiB")
         self.passed = not failed
@@ -125,7 +133,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
         kinds = {(f.kind, f.device, f.how) for f in self.faults}
         never = sorted(kinds - {(f.kind, f.device, f.how) for f in judged})
         unproven += [f"{kind} of {device} ({how}) was never judged" for kind, device, how in never]
-        idle = [name for name in ("vest", "hand") if self.commands.get(name, 0) == 0]
+        idle = [name for name in ("vest", "hand", "arm") if self.commands.get(name, 0) == 0]
         unproven += [f"the {name} was commanded nothing" for name in idle]
         if self.recordings == 0:
             unproven.append("nothing was recorded")
@@ -160,8 +168,9 @@ def print_report(report: SoakReport, out: Console) -> None:
         )
     out.print(table)
     patient = ", the hand with loosened limits" if report.patient else ""
+    form = ", two stations" if report.stations else ""
     out.print(
-        f"{report.seconds:.0f} s, {len(report.faults)} faults, {sum(f.judged for f in report.faults)} judged, "
+        f"{report.seconds:.0f} s{form}, {len(report.faults)} faults, {sum(f.judged for f in report.faults)} judged, "
         f"{sum(f.good and f.judged for f in report.faults)} as they should be, "
         f"{report.restarts} restarts; {report.over_limit_commands} commands above a limit of "
         f"{sum(report.commands.values())}{patient}; at most {report.lost_s:.2f} s of a recording lost; "

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -31,6 +33,7 @@ class Supervisor:
     Args:
         settings: The session's settings.
         errors: Where its error output goes.
+        environment: What it finds in its environment besides this program's.
 
     Attributes:
         lines: What the present one has said.
@@ -38,8 +41,8 @@ class Supervisor:
         exits: Exit code of each that has ended, with the time.
     """
 
-    def __init__(self, settings: Path, errors: Path) -> None:
-        self._settings = settings
+    def __init__(self, settings: Path, errors: Path, environment: Mapping[str, str]) -> None:
+        self._settings, self._environment = settings, environment
         self._errors = errors.open("ab")
         self._process: subprocess.Popen[str] | None = None
         self._reader: threading.Thread | None = None
@@ -70,6 +73,11 @@ class Supervisor:
         """The newest line that tells the state and the alerts."""
         return next((line for line in reversed(self.lines) if "alerts" in line.said), Line(0.0, {}))
 
+    @property
+    def leads(self) -> bool:
+        """Whether the arm follows, as it told last."""
+        return bool(self.newest.said.get("arm", "").startswith("following"))
+
     def well(self, since_s: float = 0.0) -> bool:
         """Tell whether it runs, has been heard since then, is active, and nothing but latency is wrong."""
         at_s, said = self.newest
@@ -88,7 +96,7 @@ class Supervisor:
             stdout=subprocess.PIPE,
             stderr=self._errors,
             text=True,
-            env=python_environment(),
+            env=python_environment({**os.environ, **self._environment}),
         )
         self._reader = threading.Thread(
             target=self._hear, args=(self._process, self.lines, memory), daemon=True
@@ -108,6 +116,20 @@ class Supervisor:
         if self._process is not None:
             hard = resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE)[1]
             resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE, (0 if full else hard, hard))
+
+    def arm_process(self) -> int | None:
+        """Return the number of the process that it has started for the arm; ``None`` if there is none."""
+        if self._process is None:
+            return None
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                words = (folder / "cmdline").read_bytes().split(b"\0")
+                parent = int((folder / "stat").read_text("ascii").rpartition(")")[2].split()[1])
+            except (OSError, ValueError):  # it has ended meanwhile
+                continue
+            if parent == self._process.pid and b"tega.arm.robot.process" in words:
+                return int(folder.name)
+        return None
 
     def hold_up(self, *, on: bool) -> None:
         """Give it no time at all, or time again."""

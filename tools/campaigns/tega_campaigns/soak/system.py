@@ -38,11 +38,12 @@ class _Said:
     def look(self, view: LoopView) -> None:
         now_s = time.monotonic()
         # Numbers that count up, such as for how long a picture is missing, are no news.
-        key = re.sub(r"[\d.]+", "#", f"{view.state} {view.reason} {view.alerts}")
+        arm = "" if view.seen_arm is None else f"{view.seen_arm.state}: {view.seen_arm.reason}"
+        key = re.sub(r"[\d.]+", "#", f"{view.state} {view.reason} {view.alerts} {arm}")
         if key == self._key and now_s < self._next_s:
             return
         self._key, self._next_s = key, now_s + _EVERY_S
-        say(state=view.state, reason=view.reason, alerts=list(view.alerts), rss_mib=_rss_mib())
+        say(state=view.state, reason=view.reason, alerts=list(view.alerts), arm=arm, rss_mib=_rss_mib())
 
     def change(self, change: Transition) -> None:
         say(state=change.state, reason=change.reason)
@@ -87,7 +88,7 @@ def main() -> None:
         except Exception as error:
             say(ended=f"{type(error).__name__}: {error}")
             raise
-    say(ended=summary["ended"], recording=summary["recording"], pacing=summary["pacing"])
+    say(ended=summary["ended"], recording=summary.get("recording"), pacing=summary["pacing"])
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ from __future__ import annotations
 import statistics
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,18 @@ from tega.errors import DeviceUnavailableError, TegaError
 from tega.hand import TORQUE_LIMITS
 from tega.recording.mcap_folder import SessionFolder
 from tega.toml_text import tree_text
+from tega_campaigns.impaired import ImpairedLink
+from tega_campaigns.soak.faults import Breaker, link_board
 from tega_campaigns.soak.lost import Kept, look
-from tega_campaigns.soak.plan import KINDS, Kind, Planned, plan
+from tega_campaigns.soak.operator import SoakOperator
+from tega_campaigns.soak.plan import KINDS, STATION_KINDS, Kind, Planned, plan
+from tega_campaigns.soak.programs import Programs
 from tega_campaigns.soak.report import NOT_JUDGED, Fault, SoakReport
 from tega_campaigns.soak.standstill import Standstills, within_ns
 from tega_campaigns.soak.supervisor import Line, Supervisor
 from tega_emulators.lab import EmulatedLab, emulated_lab
-from tega_emulators.vests import seen_by
+from tega_emulators.stations import free_port, split, write_trees
+from tega_emulators.vests import felt_now, seen_by
 
 __all__ = ["soak"]
 
@@ -38,9 +44,11 @@ _STAYS_S = 1.0
 _FRESH = frozenset({"slow"})
 _STARTS = 3
 _STEP_S = 0.005
-_CLOCK_S = 3600.0
 # A fault is only begun where there is time to see the end of it.
 _ROOM_S = 6.0
+
+# After these the run goes on by itself, though without what it lost, and is ended and started again.
+_GOES_ON = frozenset({("computer", "disk"), ("arm", "kill")})
 
 Progress = Callable[[str, int, int], None]
 
@@ -50,7 +58,8 @@ def soak(
     *,
     seconds: float,
     seed: int,
-    kinds: Sequence[Kind] = KINDS,
+    kinds: Sequence[Kind] | None = None,
+    stations: bool = False,
     camera_hz: float = 60.0,
     keep: bool = False,
     patient: bool = False,
@@ -62,7 +71,8 @@ def soak(
         folder: For settings, recordings and the program's error output.
         seconds: How long.
         seed: Of the faults, their order and times.
-        kinds: Faults to choose from.
+        kinds: Faults to choose from; ``None`` for every one there is.
+        stations: Two stations and a link between them instead of one program.
         camera_hz: Pictures a second of each emulated DIGIT.
         keep: Whether to keep the recordings that have been looked through.
         patient: For a machine that does other work: the hand may be silent for a second and slow, which would end a
@@ -81,18 +91,53 @@ def soak(
             "soak: needs Linux: it fills the program's disk and stops its process by Linux's own means",
             "run it on Linux; replay, demo and the tests of drivers run here",
         )
-    with emulated_lab(
-        folder, emg_hz=250.0, hand=True, vest=True, fingers=FINGERS, camera_hz=camera_hz
-    ) as lab:
-        settings = _settings(lab, folder, patient=patient)
-        with Supervisor(settings, folder / "errors.log") as program, Standstills() as still:
-            soaked = _Soak(lab, folder, program, still, keep=keep)
-            soaked.report.patient = patient
-            return soaked.run(seconds, plan(seed, kinds=kinds), seed, progress)
+    with ExitStack() as stack:
+        lab = stack.enter_context(
+            emulated_lab(
+                folder,
+                emg_hz=250.0,
+                hand=True,
+                vest="bhaptics-ble",
+                fingers=FINGERS,
+                arm=True,
+                dead_man="pedal",
+                camera_hz=camera_hz,
+            )
+        )
+        tree = _tree(lab, folder, patient=patient)
+        link, files = None, {"program": folder / "soak.toml"}
+        if stations:
+            port = free_port()
+            link = stack.enter_context(ImpairedLink(port))
+            listen, connect = (f"tcp/127.0.0.1:{at}" for at in (port, link.port))
+            robot, operator = write_trees(folder, split(tree, listen=listen, connect=connect))
+            files = {"robot": robot, "operator": operator}
+        else:
+            files["program"].write_text(tree_text(tree), encoding="utf-8")
+        first = lab.go_ahead() and (link is None or link.go_ahead())
+        programs = stack.enter_context(
+            Programs(
+                {
+                    name: Supervisor(file, folder / "errors.log", lab.environment)
+                    for name, file in files.items()
+                }
+            )
+        )
+        breaker = Breaker(lab, programs, link, folder)
+        still = stack.enter_context(Standstills())
+        sys.setswitchinterval(
+            0.0005
+        )  # what listens and what stands between stations waits for no other thread
+        soaked = _Soak(lab, folder, programs, breaker, still, keep=keep)
+        report = soaked.report
+        report.patient, report.emulators_first, report.stations = patient, first, stations
+        stack.enter_context(soaked.operator.at_work())
+        chosen = kinds if kinds is not None else STATION_KINDS if stations else KINDS
+        return soaked.run(seconds, plan(seed, kinds=chosen), seed, progress)
 
 
-def _settings(lab: EmulatedLab, folder: Path, *, patient: bool) -> Path:
-    """Set limits that a run without them would break, and tell the emulators what to count."""
+def _tree(lab: EmulatedLab, folder: Path, *, patient: bool) -> dict[str, Any]:
+    """Return settings with limits that a run without them would break, and tell the emulators what to count."""
     tree = lab.tree
     lab.vest.say(f"limit {VEST_LIMIT} {HEAT_SHARE + _HEAT_SLACK}")
     lab.hand.say("limit " + " ".join(str(v) for v in (SLEW, *(TORQUE_LIMITS * TORQUE_SHARE))))
@@ -104,38 +149,35 @@ def _settings(lab: EmulatedLab, folder: Path, *, patient: bool) -> Path:
     if patient:
         # A machine that is shared holds an emulated hand up now and then.
         hand |= {"silent_after_ms": 1000.0, "reconnects": 20, "lowest_rate_hz": 0.0}
-    # udev gives a board the same name wherever it is plugged in.
-    port = folder / "board"
-    _link(port, lab)
-    tree["emg"]["options"]["port"] = str(port)
+    tree["emg"]["options"]["port"] = str(link_board(folder, lab))
     tree["recording"] = {"dir": str(folder / "session"), "stop_free_mib": 64.0, "warn_free_mib": 64.0}
-    path = folder / "soak.toml"
-    path.write_text(tree_text(tree), encoding="utf-8")
-    return path
-
-
-def _link(port: Path, lab: EmulatedLab) -> None:
-    port.unlink(missing_ok=True)
-    port.symlink_to(lab.emg.port)
+    return tree
 
 
 class _Soak:
     def __init__(
-        self, lab: EmulatedLab, folder: Path, program: Supervisor, still: Standstills, *, keep: bool
+        self,
+        lab: EmulatedLab,
+        folder: Path,
+        programs: Programs,
+        breaker: Breaker,
+        still: Standstills,
+        *,
+        keep: bool,
     ) -> None:
-        self._still = still
-        self._lab, self._folder, self._program, self._keep = lab, folder, program, keep
+        self._still, self._breaker = still, breaker
+        self._lab, self._programs, self._keep = lab, programs, keep
         self._session = folder / "session"
+        self.operator = SoakOperator(lab, lambda: programs.told)
         self.report = SoakReport()
         self._began_s = 0.0
         self._looked: set[str] = set()
-        self._held: list[tuple[int, int]] = []
 
     def run(self, seconds: float, planned: Sequence[Planned], seed: int, progress: Progress) -> SoakReport:
-        report, program = self.report, self._program
+        report, program = self.report, self._programs
         report.seed = seed
         if not self._start():
-            report.failures.append(f"the run did not begin: {self._last_words()}")
+            report.failures.append(f"the run did not begin: {program.last_words}; {program.now}")
             return report
         self._began_s = time.monotonic()
         end_s = self._began_s + seconds
@@ -146,7 +188,7 @@ class _Soak:
             self._until(lambda: False, each.wait_s)
             self._until(lambda: program.well() or not program.alive, _READY_S)
             if not program.alive:
-                report.failures.append(f"the run ended by itself: {self._last_words()}")
+                report.failures.append(f"the run ended by itself: {program.last_words}")
                 self._restart()
             began_ns = time.time_ns()
             fault = self._one(each)
@@ -166,13 +208,14 @@ class _Soak:
 
     def _one(self, each: Planned) -> Fault:
         """Make one fault, take it away, and wait until all is well again."""
-        kind, program = each.fault, self._program
+        kind, program = each.fault, self._programs
         fault = Fault(kind=kind.kind, device=kind.device, how=kind.how, injected_s=self._now())
-        seen = len(program.lines)
-        if kind.how == "kill":
+        seen = program.mark()
+        if kind.how == "kill" and kind.device != "arm":
             return self._kill(fault)
         at_ns = time.time_ns()
-        self._make(kind)
+        self.operator.waits = True
+        self._breaker.make(kind)
         over_s = time.monotonic() + each.lasts_s
         told: Line | None = None
         while told is None and time.monotonic() < over_s + _TELL_S:
@@ -183,7 +226,8 @@ class _Soak:
         # A fault that is over before it could be seen may be told a moment later.
         self._until(lambda: time.monotonic() >= over_s, each.lasts_s + 1)
         still_felt = kind.device in FINGERS and kind.how not in _FRESH and self._felt(kind.device)
-        self._unmake(kind)
+        self._breaker.mend(kind)
+        self.operator.waits = False
         fault.ended_s = self._now()
         if told is None:
             self._until(lambda: self._told(kind, seen) is not None, 1.0)
@@ -199,75 +243,43 @@ class _Soak:
 
     def _felt(self, finger: str) -> bool:
         """Tell whether the emulated vest still shows a finger."""
-        return bool(seen_by(self._lab.vest).motors[FINGERS.index(finger)])
+        return bool(felt_now(self._lab.vest)[FINGERS.index(finger)])
 
-    def _make(self, kind: Kind) -> None:
-        lab, program = self._lab, self._program
-        match kind.device:
-            case "emg":
-                lab.emg.say(kind.how)
-            case "hand":
-                lab.hand.say(kind.how)
-                if kind.how == "freeze":
-                    # Angles that do not change are noticed where the hand is to move: the muscles let go.
-                    lab.emg.say("signal flat")
-            case "vest":
-                lab.vest.say(kind.how)
-            case "program":
-                program.hold_up(on=True)
-                self._held.append((time.time_ns(), 0))
-            case "computer" if kind.how == "disk":
-                program.fill_disk(full=True)
-            case "computer":
-                program.tell(f"clock {_CLOCK_S}")
-            case finger:
-                lab.sensors[finger].say(kind.how)
-
-    def _unmake(self, kind: Kind) -> None:
-        lab, program = self._lab, self._program
-        match kind.device:
-            case "emg" if kind.how == "unplug":
-                lab.emg.say("plug")
-                _link(self._folder / "board", lab)
-            case "emg":
-                lab.emg.say("clear")
-                lab.emg.say("signal emg")
-            case "hand":
-                lab.hand.say("clear")
-                lab.emg.say("signal emg")
-            case "vest":
-                lab.vest.say("clear")
-            case "program":
-                program.hold_up(on=False)
-                self._held[-1] = (self._held[-1][0], time.time_ns())
-            case "computer" if kind.how == "disk":
-                program.fill_disk(full=False)
-            case "computer":
-                program.tell(f"clock -{_CLOCK_S}")
-            case finger:
-                lab.sensors[finger].say("clear")
-                lab.sensors[finger].say("press 1")
-
-    def _told(self, kind: Kind, seen: int) -> Line | None:
-        return next((line for line in self._program.lines[seen:] if _words(line, kind)), None)
+    def _told(self, kind: Kind, seen: Mapping[str, int]) -> Line | None:
+        return next((line for line in self._programs.lines(seen) if _words(line, kind)), None)
 
     def _kill(self, fault: Fault) -> Fault:
         """Kill the program, see that the devices are safe without it, and start it again."""
-        killed_ns = self._program.kill()
+        victim, seen = self._programs[fault.device], self._programs.mark()
+        leads_devices = victim is self._programs.main
+        arm = victim.arm_process()
+        killed_ns = victim.kill()
         fault.ended_s = self._now()
-        if self._until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S):
+
+        def safe() -> bool:
+            if leads_devices:
+                return self._lab.limp() and self._lab.at_rest() and not _runs(arm)
+            return self._lab.at_rest() and any(
+                line.said.get("state") not in {None, "active"} for line in self._programs.lines(seen)
+            )
+
+        if self._until(safe, _LIMP_S):
             fault.detected_s = self._now()
-            fault.said = "the guard let go of the hand, the vest's frames ended"
-        for recovered in SessionFolder(self._session).recovered:
-            self._lose(recovered.path, killed_ns)
-        self._restart()
+            fault.said = "the vest is at rest, the robot no longer obeys"
+            if leads_devices:
+                fault.said = "the guard let go of the hand, the vest is at rest, the arm's process has ended"
+        if leads_devices:
+            for recovered in SessionFolder(self._session).recovered:
+                self._lose(recovered.path, killed_ns)
+        self.report.restarts += 1
+        self._start(anew=False)
         self._recover(fault, None)
         return fault
 
     def _look_after(self, fault: Fault, kind: Kind, at_ns: int) -> None:
         """After a fault that ends a run or its recording: see that all is safe, and start again."""
-        program = self._program
-        if program.alive and kind.how != "disk":
+        program = self._programs
+        if program.alive and (kind.device, kind.how) not in _GOES_ON:
             self._until(lambda: not program.alive, _TELL_S)
         program.end()
         if not self._until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S):
@@ -278,16 +290,16 @@ class _Soak:
         self._restart()
 
     def _recover(self, fault: Fault, kind: Kind | None) -> None:
-        program = self._program
+        program = self._programs
         well_s = self._well_again()
         if well_s is not None:
             fault.recovered_s = well_s - self._began_s
         elif not program.alive:
-            fault.outcome = f"the program ended: {self._last_words()}"
+            fault.outcome = f"the program ended: {program.last_words}"
             self._restart()
             return
         else:
-            fault.outcome = f"not well again: {program.newest.said}"
+            fault.outcome = f"not well again: {program.now}"
             return
         restarted = kind is None or kind.then == "restarts"
         fault.outcome = "restarted" if restarted else "recovered"
@@ -296,7 +308,7 @@ class _Soak:
 
     def _well_again(self) -> float | None:
         """Wait until all is well and stays so for a while; return since when."""
-        program, began_s = self._program, time.monotonic()
+        program, began_s = self._programs, time.monotonic()
         since_s: float | None = None
         while time.monotonic() < began_s + _READY_S and program.alive:
             if not program.well(began_s):
@@ -309,32 +321,36 @@ class _Soak:
         return None
 
     def _restart(self) -> None:
-        self._program.end()
+        self._programs.end()
         self._look_through()
         self.report.restarts += 1
         self._start()
 
-    def _start(self) -> bool:
-        """Start the program until it is well, again where a device did not answer in time; tell whether it is."""
-        program = self._program
-        for _ in range(_STARTS):
-            program.end()
+    def _start(self, *, anew: bool = True) -> bool:
+        """Start what does not run until all is well, again where a device did not answer in time; tell whether it is.
+
+        With ``anew`` all of it is ended first.
+        """
+        program = self._programs
+        for k in range(_STARTS):
+            if anew or k:
+                program.end()
             program.start()
             if self._until(lambda: program.well() or not program.alive, _READY_S) and program.alive:
                 return True
         return False
 
     def _finish(self) -> None:
-        report, program, lab = self.report, self._program, self._lab
+        report, program, lab = self.report, self._programs, self._lab
         code = program.end()
         if code != 0:
-            report.failures.append(f"the run ended with {code}: {self._last_words()}")
+            report.failures.append(f"the run ended with {code}: {program.last_words}")
         if not self._until(lambda: lab.limp() and lab.at_rest(), _LIMP_S):
             report.failures.append("at the end hand or vest were not at rest")
         self._look_through()
         vest, hand = seen_by(lab.vest), lab.hand.say("look")
-        report.over_limit = {"vest": vest.over, "hand": hand["over"]}
-        report.commands = {"vest": vest.received, "hand": hand["torques"]}
+        report.over_limit |= {"vest": vest.over, "hand": hand["over"]}
+        report.commands |= {"vest": vest.received, "hand": hand["torques"]}
         report.failures += [f"the vest was sent {error}" for error in dict.fromkeys(vest.errors)]
         report.memory = [
             [(at_s - self._began_s, mib) for at_s, mib in process] for process in program.memory if process
@@ -363,12 +379,22 @@ class _Soak:
             report.failures.append(f"{path.name} cannot be read: {error}")
             return
         report.recordings += 1
+        report.commands["arm"] = report.commands.get("arm", 0) + kept.arm_targets
+        report.over_limit["arm"] = report.over_limit.get("arm", 0) + kept.arm_over
         if kept.cut:
             report.failures.append(f"{path.name} is cut: {kept.cut}")
         at_end_s = 0.0 if end_ns is None else max(0.0, (end_ns - kept.newest_ns) / 1e9)
         # While the soak itself had stopped the program there was nothing to record; a slow machine is no excuse.
-        gaps_s = [(till - since - within_ns(self._held, since, till)) / 1e9 for since, till in kept.gaps]
-        report.lost_s = max([report.lost_s, at_end_s, kept.dropped_s, *gaps_s])
+        gaps_s = [
+            (till - since - within_ns(self._breaker.held, since, till)) / 1e9 for since, till in kept.gaps
+        ]
+        for where, lost_s in {
+            "at its end": at_end_s,
+            "in records that did not fit": kept.dropped_s,
+            "in a gap": max(gaps_s, default=0.0),
+        }.items():
+            if lost_s > report.lost_s:
+                report.lost_s, report.lost_where = lost_s, f"{path.name} {where}"
         if not self._keep:
             path.unlink()
 
@@ -379,10 +405,6 @@ class _Soak:
                 return False
             time.sleep(_STEP_S)
         return True
-
-    def _last_words(self) -> str:
-        said: list[dict[str, Any]] = [line.said for line in self._program.lines[-1:]]
-        return str(said[0].get("ended") or said[0]) if said else "it said nothing; see errors.log"
 
     def _now(self) -> float:
         return time.monotonic() - self._began_s
@@ -397,5 +419,10 @@ def _words(line: Line, kind: Kind) -> str:
     if "ended" in said:
         return str(said["ended"]) if "ended" in kind.told else ""
     reason = said.get("reason", "") if said.get("state") in {"hold", "idle", "armed"} else ""
-    every: list[str] = [*said.get("alerts", ()), reason]
+    every: list[str] = [*said.get("alerts", ()), reason, f"arm {said.get('arm', '')}"]
     return next((words for words in every if words.startswith(kind.told)), "")
+
+
+def _runs(pid: int | None) -> bool:
+    """Tell whether a process is still there."""
+    return pid is not None and Path(f"/proc/{pid}/stat").exists()

@@ -1,0 +1,60 @@
+"""The operator of a soak: a foot on the pedal, and an arm that swings."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from tega.errors import TegaError
+from tega.repeated import repeated
+from tega_emulators.lab import EmulatedLab
+
+__all__ = ["SoakOperator"]
+
+_LOOK_S = 0.5
+_LET_GO_S = 0.15
+_SWING = "wave 0.06 0.2"
+_DEAD_MAN, _RECOVER = 0, 1
+
+
+class SoakOperator:
+    """Holds the pedal down; takes hold of the arm again when it does not follow, and recovers it when it has stopped.
+
+    Args:
+        lab: With pedal and headset.
+        told: Returns what the program has told last.
+
+    Attributes:
+        waits: Whether something is broken on purpose, so that there is nothing to take hold of.
+    """
+
+    def __init__(self, lab: EmulatedLab, told: Callable[[], Mapping[str, Any]]) -> None:
+        self._lab, self._told = lab, told
+        self.waits = False
+
+    @contextmanager
+    def at_work(self) -> Iterator[None]:
+        """Be there for as long as the block lasts."""
+        self._lab.headset.say(_SWING)
+        with repeated(self._look, every_s=_LOOK_S, name="tega-soak-operator"):
+            yield
+
+    def _look(self) -> None:
+        told = self._told()
+        if self.waits or told.get("arm", "").startswith("following"):
+            return
+        with contextlib.suppress(TegaError):  # the emulator has ended
+            self._take_hold(stopped=told.get("arm", "").startswith("stopped"))
+
+    def _take_hold(self, *, stopped: bool) -> None:
+        pedal = self._lab.pedal
+        pedal.say(f"lift {_DEAD_MAN}")
+        time.sleep(_LET_GO_S)
+        if stopped:
+            pedal.say(f"press {_RECOVER}")
+            time.sleep(_LET_GO_S)
+            pedal.say(f"lift {_RECOVER}")
+        pedal.say(f"press {_DEAD_MAN}")

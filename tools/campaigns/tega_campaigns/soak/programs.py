@@ -1,0 +1,100 @@
+"""The programs under test: one run, or the stations of robot and operator, started and ended together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any, Self
+
+from tega_campaigns.soak.supervisor import Line, Supervisor
+
+__all__ = ["Programs"]
+
+
+class Programs:
+    """Supervisors by what their program is called.
+
+    Args:
+        parts: In the order in which they are started. The first has hand, arm and recorder.
+    """
+
+    def __init__(self, parts: Mapping[str, Supervisor]) -> None:
+        self._parts = dict(parts)
+        self.main = next(iter(self._parts.values()))
+
+    def __enter__(self) -> Self:
+        """Start nothing yet."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End what still runs."""
+        for part in reversed(self._parts.values()):
+            part.__exit__(kind, error, trace)
+
+    def __getitem__(self, name: str) -> Supervisor:
+        """Return the supervisor of one; with one program it goes by any name."""
+        return self._parts.get(name, self.main)
+
+    @property
+    def alive(self) -> bool:
+        """Whether all of them run."""
+        return all(part.alive for part in self._parts.values())
+
+    def well(self, since_s: float = 0.0) -> bool:
+        """Tell whether all of them run, were heard since then, are active, and nothing but latency is wrong."""
+        return all(part.well(since_s) for part in self._parts.values()) and self.main.leads
+
+    @property
+    def told(self) -> Mapping[str, Any]:
+        """What the first of them has told last."""
+        return self.main.newest.said
+
+    def mark(self) -> dict[str, int]:
+        """Return how far each has told, for :meth:`lines`."""
+        return {name: len(part.lines) for name, part in self._parts.items()}
+
+    def lines(self, since: Mapping[str, int]) -> list[Line]:
+        """Return what all of them have told since a mark, oldest first; all of it of one that was started since."""
+        found = []
+        for name, part in self._parts.items():
+            lines = part.lines
+            found += lines[since[name] if since[name] <= len(lines) else 0 :]
+        return sorted(found, key=lambda line: line.at_s)
+
+    def start(self) -> None:
+        """Start those that do not run."""
+        for part in self._parts.values():
+            if not part.alive:
+                part.end()
+                part.start()
+
+    def end(self) -> int:
+        """Ask all of them to end, the last one first, and return the first exit code that is none of success."""
+        return next(filter(None, [part.end() for part in reversed(list(self._parts.values()))]), 0)
+
+    def tell(self, line: str) -> None:
+        """Give all of them a line of their standard input."""
+        for part in self._parts.values():
+            part.tell(line)
+
+    @property
+    def memory(self) -> list[list[tuple[float, float]]]:
+        """Resident memory of every process there was, as (time, MiB)."""
+        return [process for part in self._parts.values() for process in part.memory]
+
+    @property
+    def now(self) -> str:
+        """What each of them has told last, for people."""
+        return "; ".join(f"{name}: {part.newest.said}" for name, part in self._parts.items())
+
+    @property
+    def last_words(self) -> str:
+        """The last that each has told that does not run."""
+        found = []
+        for name, part in self._parts.items():
+            if not part.alive and part.lines:
+                said = part.lines[-1].said
+                found.append(f"{name}: {said.get('ended') or said}")
+        return "; ".join(found) or "it said nothing; see errors.log"
