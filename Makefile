@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow deep lint fmt fuzz bench counts figures licences arm64 wheel site pictures clean
+.PHONY: help setup build test slow guards deep lint fmt fuzz bench counts figures licences arm64 wheel site pictures clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -24,6 +24,9 @@ test: ## everything that needs no waiting, Rust tests included, on all cores
 
 slow: ## what waits in true time: emulated devices, sessions, kills, soaks
 	$(BIN)/python -m pytest -m 'slow and not deep'
+
+guards: ## tests have to fail without the guard they show; all of them into docs/evidence/guards.md (THIRD=today: a third)
+	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
 
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
