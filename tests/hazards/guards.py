@@ -70,8 +70,8 @@ GUARDS: Final = (
     ),
     Guard(
         "a finger's last picture stays on the vest",
-        "            if t_ns - seen_ns <= STALE_NS:",
-        "            if True:",
+        "if t_ns - newest[0] <= STALE_NS]",
+        "if True]",
         f"{_LOST}a_lost_camera_silences_its_column_and_no_other[pause]",
     ),
     Guard(
@@ -407,8 +407,8 @@ GUARDS: Final = (
     ),
     Guard(
         "a finger's last picture stays on the vest",
-        "            if t_ns - seen_ns <= STALE_NS:",
-        "            if True:",
+        "if t_ns - newest[0] <= STALE_NS]",
+        "if True]",
         "soak pause index",
     ),
 )

@@ -398,9 +398,14 @@ def test_a_slow_board_is_refused(tmp_path: Path) -> None:
 
 
 def test_without_calibration_nothing_starts(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True) as made:
+    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
         made.tree["calibration"] = {}
-        made.tree["session"]["duration_s"] = 2.0  # a run that does start ends
-        with pytest.raises(CalibrationError, match=r"calibration\.file|no calibration"):
+        # A run that does start measures the finger's greatest touch until it is told to stop.
+        ends = threading.Timer(3.0, lambda: made.stop.ask("it has started"))
+        ends.start()
+        with pytest.raises(BaseException, match=r"calibration\.file|no calibration") as raised:
             made.run(lambda: None)
+        ends.cancel()
+        assert raised.type is CalibrationError
         assert made.limp()
+        assert made.at_rest()
