@@ -18,6 +18,7 @@ _DISK: Final = "tests/unit/test_recording_disk.py::test_"
 _PLAN: Final = "tests/unit/test_study_plan.py::test_"
 _PAGE: Final = "tests/unit/test_view_browser.py::test_"
 _FOREIGN: Final = "tests/property/test_foreign_files.py::test_"
+_PICTURES: Final = "tests/unit/test_picture_votes.py::test_"
 _LIMB: Final = "tests/unit/test_limb_loss.py::test_"
 
 
@@ -72,13 +73,13 @@ GUARDS: Final = (
         "a finger's last picture stays on the vest",
         "if t_ns - newest[0] <= STALE_NS]",
         "if True]",
-        f"{_LOST}a_lost_camera_silences_its_column_and_no_other[pause]",
+        f"{_LOST}a_lost_camera_silences_its_column_and_no_other[pause-]",
     ),
     Guard(
         "a lost camera never holds",
         'if stream.kind == "emg" or s.tactile_lost == "hold":',
         'if stream.kind == "emg":',
-        f"{_LOST}a_lost_camera_holds_the_hand_where_the_settings_say_so",
+        f"{_LOST}a_lost_camera_holds_the_hand_where_the_settings_say_so[pause-]",
     ),
     Guard(
         "nobody asks for a stream's rate",
@@ -269,9 +270,39 @@ GUARDS: Final = (
     ),
     Guard(
         "a tracker's jump is believed",
-        '            return f"it jumped by {1e3 * step_m:.0f} mm"',
+        '            return f"{JUMPED} {1e3 * step_m:.0f} mm"',
         '            return ""',
         "tests/unit/test_arm.py::test_a_jump_is_believed_once_the_hand_was_lost",
+    ),
+    Guard(
+        "a dim picture keeps its vote",
+        "        if share < _DARK_SHARE:",
+        "        if False:",
+        f"{_PICTURES}a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture",
+    ),
+    Guard(
+        "a torn picture keeps its vote",
+        "        if of_one_colour or any(one == other for one, other in zip(now, before, strict=False)):",
+        "        if False:",
+        f"{_PICTURES}a_torn_picture_is_left_out_and_a_camera_that_tears_them_has_no_vote",
+    ),
+    Guard(
+        "the same picture again counts as a new one",
+        "if self._live and last.n_equal >= STUCK_FRAMES:",
+        "if False:",
+        f"{_PICTURES}a_frozen_camera_has_no_vote_until_a_picture_differs",
+    ),
+    Guard(
+        "a black picture is given by the driver",
+        'if verdict == "good" and',
+        "if",
+        "tests/unit/test_digit.py::test_a_fault_is_counted_silences_and_is_survived[black]",
+    ),
+    Guard(
+        "a tracker that jumps away and back keeps its vote",
+        "            self._untrusted |= len(self._jumps_ns) == _JUMPS and spread_ms <= _STEADY_MS",
+        "            del spread_ms",
+        "tests/unit/test_arm.py::test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady",
     ),
     Guard(
         "the guard of a Bluetooth vest is dismissed whatever the vest took",
@@ -479,6 +510,30 @@ LATE: Final = (
         "_MAINS_S = 0.2",
         "_MAINS_S = 2.0",
         f"{_VOTES}a_fault_of_every_channel_keeps_the_level_before_it",
+    ),
+    _late(
+        "a camera's way back",
+        "_BACK_NS = 500_000_000",
+        "_BACK_NS = 5_000_000_000",
+        f"{_PICTURES}a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture",
+    ),
+    _late(
+        "a tracker's way back",
+        "_STEADY_MS = 500.0",
+        "_STEADY_MS = 5000.0",
+        "tests/unit/test_arm.py::test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady",
+    ),
+    _late(
+        "a tracker that does not come back",
+        "    lost_ms: _Ms = 250.0",
+        "    lost_ms: _Ms = 2500.0",
+        "tests/unit/test_arm.py::test_a_jump_is_believed_once_the_hand_was_lost",
+    ),
+    _late(
+        "no news on the page",
+        "NO_NEWS_S: Final = 1.5",
+        "NO_NEWS_S: Final = 15.0",
+        f"{_TIMES}a_page_without_news_says_so_after_a_second_and_a_half",
     ),
     _late(
         "a silent hand",

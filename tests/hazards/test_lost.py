@@ -155,8 +155,18 @@ def test_one_electrode_that_is_off_has_no_vote_and_the_others_go_on(tmp_path: Pa
         assert made.limp()
 
 
-@pytest.mark.parametrize("fault", ["pause", "freeze", "black", "cut"])
-def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: str) -> None:
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        ("pause", ""),
+        ("freeze", "the same again and again"),
+        ("black", "those that come are black"),
+        ("torn", "those that come are torn"),
+        ("wear half-lit", "of the light of the untouched picture"),
+        ("cut", ""),
+    ],
+)
+def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: str, why: str) -> None:
     with lab(tmp_path, vest=True, fingers=("thumb", "index")) as made:
 
         def script() -> None:
@@ -165,6 +175,7 @@ def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: s
             # In one look at the vest; a camera that waits for a core may be silent in another.
             made.until(lambda: [bool(m) for m in seen_by(made.vest).motors[:2]] == [False, True])
             made.until(lambda: "thumb: no picture for" in made.said())
+            made.until(lambda: why in made.said())
             # And so it stays; a noisy picture may rest for a moment by itself.
             made.until(lambda: not column(made, 0))
             for _ in range(100):
@@ -180,26 +191,31 @@ def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: s
         made.until(made.at_rest)
 
 
-def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("fault", "why"), [("pause", ""), ("wear half-lit", "dark: ")])
+def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path, fault: str, why: str) -> None:
     with lab(
         tmp_path,
         emg=True,
         hand=True,
         fingers=("thumb",),
+        recording={"dir": str(tmp_path / "recorded")},
         safety={"tactile_lost": "hold", "hold_ms": 60_000.0},
     ) as made:
 
         def script() -> None:
             made.until(lambda: made.state == "active" and closed(made))
-            made.sensors["thumb"].say("pause")
+            made.sensors["thumb"].say(fault)
             made.until(lambda: made.state == "hold")
             assert "thumb: no picture" in made.changes[-1].reason
+            made.until(lambda: why in made.said())
             made.sensors["thumb"].say("clear")
             made.sensors["thumb"].say("press 0.7")
             made.until(lambda: made.state == "active")
 
         made.run(script)
         assert made.limp()
+    found = inspect_file(tmp_path / "recorded" / made.summary["recording"]["file"])
+    assert any("thumb: no picture" in event.text for event in found.states)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
