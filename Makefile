@@ -22,8 +22,9 @@ build: ## release build of the extension into the virtual environment, editable
 test: ## everything that needs no waiting, Rust tests included, on all cores
 	$(BIN)/python -m pytest
 
-slow: ## what waits in true time: emulated devices, sessions, kills, soaks
+slow: ## what waits in true time: emulated devices, sessions, kills, soaks; then the day's third of the guards
 	$(BIN)/python -m pytest -m 'slow and not deep'
+	$(MAKE) guards THIRD=today
 
 guards: ## tests have to fail without the guard they show; all of them into docs/evidence/guards.md (THIRD=today: a third)
 	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
