@@ -25,10 +25,10 @@ from reference.waiting import until
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.devices.vest_player import PlayerOptions, PlayerVest
 from tega.haptics import vest_frame
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import seen_by
-from tega.testing.stations import Program, free_port, split, write_trees
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
+from tega_emulators.vests import seen_by
+from tega_emulators.stations import Program, free_port, split, write_trees
 
 pytestmark = pytest.mark.slow
 
