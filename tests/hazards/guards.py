@@ -422,7 +422,7 @@ GUARDS: Final = (
         "the hand's torque has the vendor's ceiling",
         "torque_limits=TORQUE_LIMITS * o.torque_share",
         "torque_limits=TORQUE_LIMITS",
-        "soak no-vest vest",
+        f"{_LOST}no_torque_is_beyond_the_share_that_is_set",
     ),
     Guard(
         "no process guards the hand",

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 from hazards.bench import LONGEST_S, Lab, lab
+from reference.waiting import until
+from tega.devices.allegro import Allegro, AllegroOptions
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
-from tega.hand import CLOSURE_POSES_RAD
+from tega.hand import CLOSURE_POSES_RAD, TORQUE_LIMITS
 from tega.recording.inspection import inspect_file
 from tega.teleop.moment import LoopView
 from tega_emulators.hid_port import HidBoard, HidPort
@@ -286,6 +288,16 @@ def test_a_hand_in_trouble_is_let_go_and_the_vest_rests(tmp_path: Path, fault: s
             made.run(script)
         assert made.limp()
         made.until(made.at_rest)
+
+
+def test_no_torque_is_beyond_the_share_that_is_set() -> None:
+    share = 0.02
+    with Emulator("allegro_port") as hand:
+        hand.say("limit inf " + " ".join(str(limit) for limit in TORQUE_LIMITS * share))
+        quiet: Any = {"silent_after_ms": 5000.0, "lowest_rate_hz": 0.0}
+        with Allegro(AllegroOptions(**hand.address, **quiet, torque_share=share)) as driver:
+            until(lambda: driver.step(5) is not None and hand.say("look")["torques"] > 400)
+        assert hand.say("look")["over"] == 0
 
 
 def test_a_silent_hand_ends_the_run(tmp_path: Path) -> None:

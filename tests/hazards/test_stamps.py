@@ -27,8 +27,8 @@ from tega.devices.vest_player import PlayerOptions, PlayerVest
 from tega.haptics import vest_frame
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
 from tega_emulators.stations import Program, free_port, split, write_trees
+from tega_emulators.vests import seen_by
 
 pytestmark = pytest.mark.slow
 
