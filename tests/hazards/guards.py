@@ -254,7 +254,7 @@ GUARDS: Final = (
         "electrodes that are off keep their vote",
         "        found = {**self._mains(), **self._stuck()}",
         "        found: dict[int, tuple[str, int]] = {}",
-        f"{_LOST}electrodes_that_are_off_hold_the_level_then_open_the_hand[rail]",
+        f"{_LOST}electrodes_that_are_off_hold_the_level_then_open_the_hand[rail-stays at]",
     ),
     Guard(
         "one electrode that is off keeps its vote",
