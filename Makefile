@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow deep lint fmt fuzz bench counts figures licences arm64 wheel site pictures clean
+.PHONY: help setup build test slow guards deep lint fmt fuzz bench counts figures licences arm64 wheel site pictures clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -23,8 +23,12 @@ build: ## release build of the extension into the virtual environment, editable
 test: ## everything that needs no waiting, Rust tests included, on all cores
 	$(BIN)/python -m pytest
 
-slow: ## what waits in true time: emulated devices, sessions, kills, soaks
+slow: ## what waits in true time: emulated devices, sessions, kills, soaks; then the day's third of the guards
 	$(BIN)/python -m pytest -m 'slow and not deep'
+	$(MAKE) guards THIRD=today
+
+guards: ## tests have to fail without the guard they show; all of them into docs/evidence/guards.md (THIRD=today: a third)
+	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
 
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep

@@ -172,6 +172,8 @@ def lab(
         # A busy machine must not matter, except where that is what is tried: emulated devices that wait for a core
         # are late and slow, and would be taken for lost ones.
         made.tree["safety"] = {"late_ms": 2000.0, "lowest_rate_share": 0.1, "emg_lost_ms": 600.0}
+        if hand:
+            made.tree["hand"]["options"] |= {"silent_after_ms": 5000.0, "lowest_rate_hz": 0.0}
         for name, table in tables.items():
             made.tree.setdefault(name, {}).update(table)
         try:

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 from hazards.bench import LONGEST_S, Lab, lab
+from reference.waiting import until
+from tega.devices.allegro import Allegro, AllegroOptions
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
-from tega.hand import CLOSURE_POSES_RAD
+from tega.hand import CLOSURE_POSES_RAD, TORQUE_LIMITS
 from tega.recording.inspection import inspect_file
 from tega.teleop.moment import LoopView
 from tega_emulators.hid_port import HidBoard, HidPort
@@ -155,8 +157,18 @@ def test_one_electrode_that_is_off_has_no_vote_and_the_others_go_on(tmp_path: Pa
         assert made.limp()
 
 
-@pytest.mark.parametrize("fault", ["pause", "freeze", "black", "cut"])
-def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: str) -> None:
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        ("pause", ""),
+        ("freeze", "the same again and again"),
+        ("black", "those that come are black"),
+        ("torn", "those that come are torn"),
+        ("wear half-lit", "of the light of the untouched picture"),
+        ("cut", ""),
+    ],
+)
+def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: str, why: str) -> None:
     with lab(tmp_path, vest=True, fingers=("thumb", "index")) as made:
 
         def script() -> None:
@@ -165,6 +177,12 @@ def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: s
             # In one look at the vest; a camera that waits for a core may be silent in another.
             made.until(lambda: [bool(m) for m in seen_by(made.vest).motors[:2]] == [False, True])
             made.until(lambda: "thumb: no picture for" in made.said())
+            made.until(lambda: why in made.said())
+            # And so it stays; a noisy picture may rest for a moment by itself.
+            made.until(lambda: not column(made, 0))
+            for _ in range(100):
+                assert not column(made, 0)
+                time.sleep(0.005)
             assert made.state == "active"
             made.sensors["thumb"].say("clear")
             made.sensors["thumb"].say("press 0.7")
@@ -175,26 +193,31 @@ def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: s
         made.until(made.at_rest)
 
 
-def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("fault", "why"), [("pause", ""), ("wear half-lit", "dark: ")])
+def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path, fault: str, why: str) -> None:
     with lab(
         tmp_path,
         emg=True,
         hand=True,
         fingers=("thumb",),
+        recording={"dir": str(tmp_path / "recorded")},
         safety={"tactile_lost": "hold", "hold_ms": 60_000.0},
     ) as made:
 
         def script() -> None:
             made.until(lambda: made.state == "active" and closed(made))
-            made.sensors["thumb"].say("pause")
+            made.sensors["thumb"].say(fault)
             made.until(lambda: made.state == "hold")
             assert "thumb: no picture" in made.changes[-1].reason
+            made.until(lambda: why in made.said())
             made.sensors["thumb"].say("clear")
             made.sensors["thumb"].say("press 0.7")
             made.until(lambda: made.state == "active")
 
         made.run(script)
         assert made.limp()
+    found = inspect_file(tmp_path / "recorded" / made.summary["recording"]["file"])
+    assert any("thumb: no picture" in event.text for event in found.states)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
@@ -265,6 +288,16 @@ def test_a_hand_in_trouble_is_let_go_and_the_vest_rests(tmp_path: Path, fault: s
             made.run(script)
         assert made.limp()
         made.until(made.at_rest)
+
+
+def test_no_torque_is_beyond_the_share_that_is_set() -> None:
+    share = 0.02
+    with Emulator("allegro_port") as hand:
+        hand.say("limit inf " + " ".join(str(limit) for limit in TORQUE_LIMITS * share))
+        quiet: Any = {"silent_after_ms": 5000.0, "lowest_rate_hz": 0.0}
+        with Allegro(AllegroOptions(**hand.address, **quiet, torque_share=share)) as driver:
+            until(lambda: driver.step(5) is not None and hand.say("look")["torques"] > 400)
+        assert hand.say("look")["over"] == 0
 
 
 def test_a_silent_hand_ends_the_run(tmp_path: Path) -> None:
@@ -393,8 +426,14 @@ def test_a_slow_board_is_refused(tmp_path: Path) -> None:
 
 
 def test_without_calibration_nothing_starts(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True) as made:
+    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
         made.tree["calibration"] = {}
-        with pytest.raises(CalibrationError, match=r"calibration\.file|no calibration"):
+        # A run that does start measures the finger's greatest touch until it is told to stop.
+        ends = threading.Timer(3.0, lambda: made.stop.ask("it has started"))
+        ends.start()
+        with pytest.raises(BaseException, match=r"calibration\.file|no calibration") as raised:
             made.run(lambda: None)
+        ends.cancel()
+        assert raised.type is CalibrationError
         assert made.limp()
+        assert made.at_rest()

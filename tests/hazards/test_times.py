@@ -313,3 +313,19 @@ def test_a_message_older_than_100_ms_is_not_used() -> None:
         gate.begin(1)
         stamp = Stamped(session=1, sequence=0, sent_ns=0)
         assert gate.refusal(stamp, age_ms * MS, Offset(0, 0)) == refused
+
+
+def test_a_page_without_news_says_so_after_a_second_and_a_half() -> None:
+    server = pytest.importorskip("tega.view.browser.server")
+    told_s: list[float] = []
+    page = SimpleNamespace(paint_state=lambda _loop, *, age_s, **_words: told_s.append(age_s))
+    view = SimpleNamespace(
+        _newest=(10.0, SimpleNamespace(loop=None)),
+        _told_age_s=0.0,
+        page=page,
+        problem="",
+        controls=SimpleNamespace(paused=False),
+    )
+    for tenth in range(31):
+        server.BrowserView._tell_age(view, 10.0 + tenth / 10)
+    assert told_s[0] == pytest.approx(1.5, abs=0.11)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 
 import pytest
 
-_PATIENCE_S = 60.0
+# Who takes a guard out knows that there is nothing to wait for.
+_PATIENCE_S = float(os.environ.get("TEGA_PATIENCE_S", "60"))
 
 
 def until(what: Callable[[], bool]) -> None:

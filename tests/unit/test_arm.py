@@ -109,6 +109,25 @@ def test_a_jump_is_believed_once_the_hand_was_lost() -> None:
     assert bench.away_m == [0, 0, 0]
 
 
+def test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady() -> None:
+    bench = Bench().take_hold()
+    for jumps in range(1, 4):
+        bench.hand_m = bench.hand_m + 0.73
+        bench.go(10)
+        bench.hand_m = bench.hand_m - 0.73
+        following = bench.go(90).state == "following"
+        assert following == (jumps < 3), bench.last.reason
+    assert "the tracker has no vote: it jumped by 1264 mm" in bench.last.reason
+    assert bench.chain.doubt in bench.last.reason
+    before = bench.away_m
+    assert bench.go(390, move=(0.05, 0, 0)).state == "holding"
+    assert bench.away_m == before
+    # By itself, and from where it rests: the clutch is still pressed.
+    assert bench.go(30).state == "following"
+    assert bench.chain.doubt == ""
+    assert bench.away_m == before
+
+
 def test_a_turn_between_two_poses_in_the_cone_may_lead_out_of_it() -> None:
     workspace = Workspace(LimitSettings(tilt_rad=1.0))
     # The tool's axis circles 0.6 rad around an axis that leans by 0.6: it leans by 0 to 1.2 rad on the way.

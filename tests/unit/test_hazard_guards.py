@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hazards.without import GUARDS, LATE, Guard, place
+from hazards.guards import GUARDS, LATE, Guard
+from hazards.without import place, read_page
 
 PAGE = Path(__file__).parents[2] / "docs/safety.md"
 
@@ -22,3 +23,9 @@ def test_every_line_of_the_hazard_table_has_a_guard() -> None:
     shown = {name.split("[")[0] for name in named}
     assert len(shown) > 20
     assert not shown - {guard.shown_by.split("[")[0] for guard in GUARDS}
+
+
+@pytest.mark.parametrize("guard", [*GUARDS, *LATE], ids=lambda guard: guard.what)
+def test_every_guard_was_seen_to_be_missed(guard: Guard) -> None:
+    seen = read_page()[guard.what, guard.shown_by]
+    assert seen[3] == "fails"

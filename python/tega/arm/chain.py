@@ -33,6 +33,9 @@ class ArmChain:
     Args:
         settings: All settings.
 
+    Attributes:
+        doubt: Why poses that come are not believed now; ``""`` while they are, and where none come.
+
     Raises:
         InvalidValueError: A setting is out of its range.
     """
@@ -53,6 +56,7 @@ class ArmChain:
         self._engagements = 0
         self._was_open = False  # the clutch was seen open since it was last lost
         self._attached = False  # an operator has taken hold and not let go since
+        self.doubt = ""
 
     def step(
         self,
@@ -80,6 +84,8 @@ class ArmChain:
         self._see_arm(now_ns, measured)
         before = self._see_poses(now_ns, poses)
         trouble = self._watch.trouble(now_ns, 1e3 * dt_s)
+        doubt = max(before, self._watch.with_poses(now_ns), key=lambda t: t.level)
+        self.doubt = "" if doubt.silent else doubt.reason
         if self._attached and before.level > trouble.level and before.level == Level.LOSE:
             trouble = before
         self._was_open |= not clutch
@@ -125,6 +131,7 @@ class ArmChain:
         if before.level >= Level.LOSE:  # then the next pose may be anywhere, and has to be taken hold of anew
             self._gate.forget()
             self._filter.forget()
+            self._watch.forget_jumps()
         for pose in poses:
             refusal = self._gate.refusal(pose, now_ns)
             if refusal:

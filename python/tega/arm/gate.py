@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -10,7 +11,10 @@ from tega.arm.pose import StampedPose
 from tega.arm.rotation import Floats, between, unit
 from tega.arm.settings import GateSettings
 
-__all__ = ["Gate", "malformed"]
+__all__ = ["JUMPED", "Gate", "malformed"]
+
+JUMPED: Final = "it jumped by"
+"""How the reason begins for which a pose that is whole and in time is not believed."""
 
 
 def malformed(pose: StampedPose, settings: GateSettings) -> str:
@@ -77,7 +81,7 @@ class Gate:
         turn = unit(np.asarray(pose.quaternion_xyzw, np.float64))
         step_rad = math.hypot(*between(self._turn, turn).tolist())
         if step_m > min(s.step_m, s.speed_m_s * dt_s):
-            return f"it jumped by {1e3 * step_m:.0f} mm"
+            return f"{JUMPED} {1e3 * step_m:.0f} mm"
         if step_rad > min(s.step_rad, s.turn_rad_s * dt_s):
-            return f"it jumped by {step_rad:.2f} rad"
+            return f"{JUMPED} {step_rad:.2f} rad"
         return ""

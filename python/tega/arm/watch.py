@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections import deque
 from enum import IntEnum
 from typing import NamedTuple
 
+from tega.arm.gate import JUMPED
 from tega.arm.settings import WatchdogSettings
 
 __all__ = ["Level", "Trouble", "Watch"]
+
+
+# A tracker that jumps so often within this time has no vote, until so much time has passed without a jump.
+_JUMPS = 3
+_STEADY_MS = 500.0
 
 
 class Level(IntEnum):
@@ -46,10 +53,18 @@ class Watch:
         self._refused_ns: int | None = None
         self._refusal = ""
         self._arm_ns: int | None = None
+        self._jumps_ns: deque[int] = deque(maxlen=_JUMPS)
+        self._untrusted = False
 
     def forget(self) -> None:
         """Begin anew: nothing has been heard yet."""
         self._believed_ns = self._refused_ns = self._arm_ns = None
+        self.forget_jumps()
+
+    def forget_jumps(self) -> None:
+        """Forget where the forearm has jumped: it has to be taken hold of anew."""
+        self._jumps_ns.clear()
+        self._untrusted = False
 
     def believed(self, t_ns: int) -> None:
         """Take note of the stamp of a pose that is believed."""
@@ -58,6 +73,10 @@ class Watch:
     def refused(self, now_ns: int, why: str) -> None:
         """Take note of a pose that is not."""
         self._refused_ns, self._refusal = now_ns, why
+        if why.startswith(JUMPED):
+            self._jumps_ns.append(now_ns)
+            spread_ms = (now_ns - self._jumps_ns[0]) / 1e6
+            self._untrusted |= len(self._jumps_ns) == _JUMPS and spread_ms <= _STEADY_MS
 
     def arm(self, t_ns: int) -> None:
         """Take note of the stamp of a pose of the arm."""
@@ -90,11 +109,19 @@ class Watch:
             said = f"the last one: {self._refusal}" if refused else "is the tracker on?"
             return Trouble(Level.LOSE, f"there was no pose yet; {said}", silent=not refused)
         if age_ms <= s.hold_ms:
-            return Trouble(Level.NONE, "")
+            return self._with_jumps(now_ns)
         if refused:
             level = Level.LOSE if age_ms > s.lost_ms else Level.HOLD
             return Trouble(level, f"the forearm is lost: {self._refusal}")
         return self._by_age(age_ms, "no pose came", silent=True)
+
+    def _with_jumps(self, now_ns: int) -> Trouble:
+        """Tell of a tracker that jumps away and back: what it says between jumps is not believed either."""
+        if self._untrusted and (now_ns - self._jumps_ns[-1]) / 1e6 > _STEADY_MS:
+            self.forget_jumps()
+        if not self._untrusted:
+            return Trouble(Level.NONE, "")
+        return Trouble(Level.HOLD, f"the tracker has no vote: {self._refusal}, {_JUMPS} times and more")
 
     def _with_arm(self, now_ns: int) -> Trouble:
         if self._arm_ns is None:

@@ -148,7 +148,7 @@ class HarmlessDevice(Protocol):
 
 @runtime_checkable
 class TactileSource(Device, Protocol):
-    """A camera behind a gel, or a recording of one."""
+    """A camera behind a gel, or a recording of one. It may have ``faults`` (:data:`OPTIONAL`)."""
 
     @property
     def ended(self) -> bool:
@@ -258,9 +258,10 @@ OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
 
 An amplifier: ``limits``, the smallest and largest value its converter can give, in the samples' unit, without which
 saturation cannot be told; ``measured_hz``, the samples per second that really come; ``faults``, what is wrong with
-the signal now, one sentence each, which a run shows as an alert. A hand that is steered: ``problem``, what is wrong
-with it now, ``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its
-motors off if this program were killed, which holds a run. A vest: ``reached``, whether frames arrive; ``spared``, how
+the signal now, one sentence each, which a run shows as an alert. A camera: ``faults``, why the newest picture was not
+given, which a run tells where the finger has none. A hand that is steered: ``problem``, what is wrong with it now,
+``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its motors off if
+this program were killed, which holds a run. A vest: ``reached``, whether frames arrive; ``spared``, how
 many it did not send because it showed them already; ``in_steps``, whether it shows 16 steps and nothing between.
 """
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
 from tega.devices.digit_search import find_digits
-from tega.devices.picture_check import CameraCounts, PictureCheck
+from tega.devices.picture_check import WORDS, CameraCounts, PictureCheck
 from tega.devices.picture_origin import PictureOrigin
 from tega.devices.video_nodes import find_node
 from tega.devices.ways_out import closes_on_exit, release
@@ -182,6 +182,12 @@ class Digit(Opened):
             release(self.close)
 
     @property
+    def faults(self) -> tuple[str, ...]:
+        """Why the newest picture was not given; nothing while good ones come, or none."""
+        wrong = WORDS.get(self._check.newest)
+        return (f"those that come are {wrong}",) if wrong else ()
+
+    @property
     def ended(self) -> bool:
         """Never: a camera that went away is looked for again."""
         return False
@@ -338,6 +344,7 @@ class Digit(Opened):
             if image.ndim != 3 or image.shape[:2] != (self._options.height, self._options.width):
                 self.counts.received += 1
                 self.counts.odd_size += 1
+                check.newest = "odd_size"
                 continue
             verdict = check.judge(image)
             self._count_rate(t_ns)

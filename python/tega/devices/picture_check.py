@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, Literal
 
 import msgspec
 import numpy as np
@@ -12,13 +14,26 @@ from tega.devices.picture_origin import PictureOrigin
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["CameraCounts", "PictureCheck"]
+__all__ = ["WORDS", "CameraCounts", "PictureCheck", "Verdict"]
 
 # Mean below which a picture is black although the lights are on.
 _BLACK = 5.0
 # A sensor's noise makes two pictures, or two rows, never equal; so many equal ones are a stalled source.
 _STUCK = 3
 _TAIL_SHARE = 16
+
+Verdict = Literal["good", "odd_size", "duplicate", "black", "torn", "foreign"]
+
+WORDS: Final[Mapping[Verdict, str]] = MappingProxyType(
+    {
+        "odd_size": "of another size",
+        "duplicate": "the same again and again",
+        "black": "black",
+        "torn": "torn",
+        "foreign": "another sensor's",
+    }
+)
+"""What is wrong with pictures that cannot be used."""
 
 
 class CameraCounts(msgspec.Struct, kw_only=True):
@@ -60,6 +75,7 @@ class PictureCheck:
     Attributes:
         origin: Tells whether a picture is another sensor's; ``None`` for no such check.
         foreign_shares: Of each sensor whose lines were seen, the largest share of a picture.
+        newest: What the newest picture was.
     """
 
     def __init__(self, counts: CameraCounts) -> None:
@@ -68,15 +84,18 @@ class PictureCheck:
         self._n_equal = 0
         self.origin: PictureOrigin | None = None
         self.foreign_shares: dict[str, float] = {}
+        self.newest: Verdict = "good"
 
-    def judge(
-        self, image: NDArray[np.uint8]
-    ) -> Literal["good", "odd_size", "duplicate", "black", "torn", "foreign"]:
+    def judge(self, image: NDArray[np.uint8]) -> Verdict:
         """Tell whether a picture can be used; the reason is counted.
 
         Args:
             image: uint8 (H, W, 3), rows in the order the sensor sends them. It is kept: do not change it.
         """
+        self.newest = self._judged(image)
+        return self.newest
+
+    def _judged(self, image: NDArray[np.uint8]) -> Verdict:
         counts, last = self._counts, self._last
         counts.received += 1
         if last is not None and image.shape != last.shape:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING
 
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
+from tega.inbox.picture_votes import PictureVotes
 from tega.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.inbox.repeats import STUCK_FRAMES, LastFrame
 from tega.inbox.sources import Contact, SourceReport
@@ -58,6 +59,7 @@ class FrameMeter:
         self._live = live
         self._start_ns = start_ns if live else 0
         self._last = LastFrame()
+        self._votes = PictureVotes(baseline)
         self.seq: int | None = None
         self.next_seq = 0
 
@@ -68,7 +70,8 @@ class FrameMeter:
             frame: The next one of the source.
 
         Returns:
-            Its time and metrics; ``None`` for a frame that came again under its number, or of a stuck sensor.
+            Its time and metrics; ``None`` for a frame that came again under its number, or of a live sensor without
+            a vote (:mod:`tega.inbox.picture_votes`).
 
         Raises:
             RecordingError: The frame is not of the baseline's size.
@@ -78,10 +81,14 @@ class FrameMeter:
             report.n_duplicate += 1
             return None
         self.seq = frame.seq
-        metrics = last.repeat(frame.image)
+        metrics, may_vote = last.repeat(frame.image), True
         if metrics is None:
-            metrics = self._measure(frame)
-            last.keep(frame.image, metrics)
+            self._check_size(frame)
+            # One that has no vote is not measured either: no metric learns from it.
+            may_vote = not self._live or self._votes.take(frame.image, frame.t_ns)
+            if may_vote:
+                metrics = self._measure(frame)
+                last.keep(frame.image, metrics)
         else:
             report.n_identical += 1
         if self._live and self.next_seq == 0:
@@ -91,6 +98,10 @@ class FrameMeter:
         self.next_seq = frame.seq + 1
         if self._live and last.n_equal >= STUCK_FRAMES:
             report.n_stuck += 1
+            self._votes.frozen()
+        report.n_unfit += not may_vote
+        report.faults = (self._votes.fault,) if self._votes.fault else ()
+        if metrics is None or self._votes.fault:
             return None
         report.n_items += 1
         return frame.t_ns - self._start_ns, metrics
@@ -99,12 +110,14 @@ class FrameMeter:
         """Forget the numbers of a source that was opened again: it counts from wherever it likes."""
         self.seq, self.next_seq, self._last = None, 0, LastFrame()
 
-    def _measure(self, frame: TactileFrame) -> ContactMetrics:
+    def _check_size(self, frame: TactileFrame) -> None:
         if frame.image.shape != self._shape:
             raise RecordingError(
                 f"{frame.name}: {_size(frame.image.shape)} pixels, its baseline has {_size(self._shape)}",
                 "give the baseline taken with the same sensor and mode",
             )
+
+    def _measure(self, frame: TactileFrame) -> ContactMetrics:
         return contact_metrics_of(self.metric.update(frame.image, frame.t_ns - self._start_ns))
 
 

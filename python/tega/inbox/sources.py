@@ -115,11 +115,12 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_duplicate: Frames delivered again under the number they had before; neither measured nor used.
         n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
         n_stuck: Of those, from a live source, the third and later in a row: not used either.
+        n_unfit: Frames of a live source that were dark, torn, or between such ones: neither measured nor used.
         lost: Why the source went away; ``""`` while it is there.
         n_lost: How often it went away.
         last_lost: Why it did last.
         end_ns: When the source ended, once it has.
-        faults: Channels of EMG that have no vote now, with the reason.
+        faults: Channels of EMG, or what of a camera, that have no vote now, with the reason.
     """
 
     n_items: int = 0
@@ -128,6 +129,7 @@ class SourceReport(msgspec.Struct, kw_only=True):
     n_duplicate: int = 0
     n_identical: int = 0
     n_stuck: int = 0
+    n_unfit: int = 0
     lost: str = ""
     n_lost: int = 0
     last_lost: str = ""

@@ -40,12 +40,14 @@ class Watched(NamedTuple):
         kind: What it is.
         rate_hz: Blocks or pictures a second; ``None`` where that is not known.
         report: What has become of it.
+        driver_faults: What its driver says is wrong with what comes, in words.
     """
 
     name: str
     kind: Literal["tactile", "emg"]
     rate_hz: float | None
     report: SourceReport
+    driver_faults: Callable[[], Sequence[str]] = tuple
 
 
 class Guard:
@@ -242,7 +244,10 @@ class Guard:
             stale_ns = period_ns + round(self._settings.emg_lost_ms * 1e6)
         age_ns = t_ns - stamp_ns
         if age_ns > stale_ns:
-            return f"{name}: lost: {lost}" if lost else f"{name}: no {what} for {age_ns / 1e9:.1f} s"
+            if lost:
+                return f"{name}: lost: {lost}"
+            why = "" if stream.kind == "emg" else "; ".join(stream.report.faults or stream.driver_faults())
+            return f"{name}: no {what} for {age_ns / 1e9:.1f} s" + (f": {why}" if why else "")
         if stream.kind == "emg" and not good_emg:
             why = "; ".join(stream.report.faults)
             return f"{name}: no channel can be believed" + (f": {why}" if why else "")

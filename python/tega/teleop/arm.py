@@ -92,7 +92,8 @@ class Steering:
     @property
     def problem(self) -> str:
         """What is wrong with arm, tracker or what leads them; ``""`` for nothing."""
-        said = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem]
+        doubt = f"arm: {self._chain.doubt}" if self._chain.doubt else ""
+        said = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem, doubt]
         if not any(said) and self._command is not None and self._command.state == "stopped":
             said = [f"arm: stopped: {self._command.reason}"]
         return "; ".join(s for s in said if s)

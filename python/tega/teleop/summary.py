@@ -142,6 +142,7 @@ def _finger(state: RunFacts, name: str) -> dict[str, Any]:
         "duplicate": finger.report.n_duplicate,
         "identical": finger.report.n_identical,
         "stuck": finger.report.n_stuck,
+        "unfit": finger.report.n_unfit,
         "silent_s": loop.n_stale_ticks[name] / state.rig.config.vest.rate_hz,
         "baseline": finger.baseline_origin,
         "cci_max": None if maxima is None else maxima.cci_max,
@@ -229,6 +230,10 @@ def _lost_emg(state: RunFacts) -> str:
 def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
     """Say that pixels stood still, which the noise of a sensor does not let them."""
     notes = []
+    if report.n_unfit:
+        notes.append(
+            f"{name}: {report.n_unfit} pictures were dark or torn; not used, and the finger was silent"
+        )
     if report.n_duplicate and not live:  # a live source may well be asked faster than it takes pictures
         notes.append(f"{name}: {report.n_duplicate} frames came again under the same number; used once")
     if report.n_stuck:

@@ -133,9 +133,8 @@ class TouchLoop:
     def fresh(self, t_ns: int) -> Sequence[Felt]:
         """Return what each finger feels at a time, thumb first; nothing where its frame is too old."""
         fresh = [_NOTHING] * len(_FINGERS)
-        for finger, (seen_ns, felt, _) in self._newest.items():
-            if t_ns - seen_ns <= STALE_NS:
-                fresh[_FINGERS.index(finger)] = felt
+        for finger, (_, felt, _) in self._seen_lately(t_ns):
+            fresh[_FINGERS.index(finger)] = felt
         return fresh
 
     def frame(self, t_ns: int) -> VestFrame:
@@ -144,11 +143,7 @@ class TouchLoop:
         Raises:
             InvalidValueError: The mapping gave no finite number for every motor.
         """
-        contacts = {
-            finger: contact
-            for finger, (seen_ns, _, contact) in self._newest.items()
-            if t_ns - seen_ns <= STALE_NS
-        }
+        contacts = {finger: contact for finger, (_, _, contact) in self._seen_lately(t_ns)}
         events = tuple(self._events)
         self._events.clear()
         levels = self.mapping.levels(t_ns, contacts, events)
@@ -158,6 +153,10 @@ class TouchLoop:
     def silence(self) -> VestFrame:
         """Return the frame in which every motor rests."""
         return self._silence
+
+    def _seen_lately(self, t_ns: int) -> list[tuple[str, tuple[int, Felt, Contact]]]:
+        """Return the fingers whose newest frame is not too old; a finger without one is not felt."""
+        return [(finger, newest) for finger, newest in self._newest.items() if t_ns - newest[0] <= STALE_NS]
 
 
 def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics) -> Sequence[Event]:

@@ -42,7 +42,13 @@ def watch_over(
     """
     alerts: dict[str, Callable[[], str]] = {"subscribers": bus.problem}
     streams = [
-        Watched(name, "tactile", finger.source.info.rate_hz, finger.report)
+        Watched(
+            name,
+            "tactile",
+            finger.source.info.rate_hz,
+            finger.report,
+            partial(optional, finger.source, "faults"),
+        )
         for name, finger in prepared.fingers.items()
         if finger.source.info.live
     ]

@@ -188,6 +188,7 @@ def _act(node: AllegroNode, port: SlcanPort | BusPort, line: list[str]) -> dict[
         port.garbage = port.garbage and words != "clear"
         node.command(words)
     return {
+        "t_s": time.monotonic(),
         "servo_on": node.servo_on,
         "over": node.n_over,
         "torques": node.n_torques,

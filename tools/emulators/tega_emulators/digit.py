@@ -40,6 +40,7 @@ FAULTS: Final = {
 WEAR: Final = {
     "dark-spot": "dirt on the gel, or a hole in its coat",
     "dimmer": "all lights give a tenth less",
+    "half-lit": "all lights give less than half",
     "noisier": "three times the noise",
 }
 """What can become of a gel."""
@@ -154,6 +155,8 @@ def _worn(light: Any, wear: frozenset[str]) -> Any:
     rows, columns = np.mgrid[: _SIZE[0], : _SIZE[1]]
     if "dimmer" in wear:
         light = light * 0.9
+    if "half-lit" in wear:
+        light = light * 0.45
     if "dark-spot" in wear:
         light[(rows - 170) ** 2 + (columns - 250) ** 2 < 6**2] -= 35
     return light

@@ -1,0 +1,108 @@
+"""Take the vote from a fingertip whose pictures show no touch: dark ones, torn ones, the same one again and again.
+
+The check is causal and a function of pictures and their times alone, so that a replay takes the same votes. It concerns
+live cameras of every driver; one that refuses such pictures itself never passes them on.
+
+=======  ===============================================================  ========================================
+fault    rule                                                             why there
+=======  ===============================================================  ========================================
+dark     less than 0.6 of the light of the untouched picture              presses leave 0.89 and more (recordings)
+torn     a sixteenth along an edge is of one colour, or the last one's    noise makes no two such strips equal
+frozen   the third picture in a row with exactly these pixels             likewise
+=======  ===============================================================  ========================================
+
+A single dark or torn picture is left out and no more. With the third within half a second the camera has no vote, until
+half a second has passed without one. A frozen one has it back with the first picture that differs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["PictureVotes"]
+
+_DARK_SHARE = 0.6
+# Every so many pixels tell a picture's light.
+_STRIDE = 8
+_STRIPS = 16
+# A strip of the untouched picture with less spread, counts of 255, is of one colour by itself.
+_LEAST_SPREAD = 1.0
+_FEWEST = 3
+_BACK_NS = 500_000_000
+
+
+class PictureVotes:
+    """Judges the pictures of one camera as they come.
+
+    Args:
+        baseline: The untouched picture, uint8 (H, W, 3).
+
+    Attributes:
+        fault: Why the camera has no vote now, in words; ``""`` while it has.
+
+    Example:
+        >>> lit = np.random.default_rng(1).integers(90, 110, (64, 48, 3), dtype=np.uint8)
+        >>> votes = PictureVotes(lit)
+        >>> [votes.take(lit // 4, k * 16_000_000) for k in range(3)], votes.fault
+        ([False, False, False], 'dark: 25 % of the light of the untouched picture')
+    """
+
+    def __init__(self, baseline: NDArray[np.uint8]) -> None:
+        self._light = _light(baseline)
+        self._edges = [k for k, strip in enumerate(_strips(baseline)) if float(strip.std()) >= _LEAST_SPREAD]
+        self._last: list[bytes] = []
+        self._bad_ns: deque[int] = deque(maxlen=_FEWEST)
+        self._lost = False
+        self.fault = ""
+
+    def take(self, image: NDArray[np.uint8], t_ns: int) -> bool:
+        """Judge the next picture that is not the one before it again.
+
+        Args:
+            image: uint8 (H, W, 3), of the baseline's size.
+            t_ns: Its time.
+
+        Returns:
+            Whether it may be used.
+        """
+        said = self._wrong(image)
+        if said:
+            self._bad_ns.append(t_ns)
+            self._lost |= len(self._bad_ns) == _FEWEST and t_ns - self._bad_ns[0] <= _BACK_NS
+        elif self._lost and t_ns - self._bad_ns[-1] >= _BACK_NS:
+            self._lost = False
+        if said or not self._lost:
+            self.fault = said if self._lost else ""
+        return not (said or self._lost)
+
+    def frozen(self) -> None:
+        """Take note that the camera sends the same picture again and again; the next other one is judged anew."""
+        self.fault = "frozen: it sends the same picture again and again"
+
+    def _wrong(self, image: NDArray[np.uint8]) -> str:
+        strips = _strips(image)
+        now, before = [strips[k].tobytes() for k in self._edges], self._last
+        self._last = now
+        share = _light(image) / self._light if self._light else 1.0
+        if share < _DARK_SHARE:
+            return f"dark: {100 * share:.0f} % of the light of the untouched picture"
+        of_one_colour = any((strips[k] == strips[k][-1, -1]).all() for k in self._edges)
+        if of_one_colour or any(one == other for one, other in zip(now, before, strict=False)):
+            return "torn: part of each picture is missing, or of the one before"
+        return ""
+
+
+def _light(image: NDArray[np.uint8]) -> float:
+    return float(image[::_STRIDE, ::_STRIDE].mean())
+
+
+def _strips(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """Return a sixteenth along each edge: whichever way a picture is turned, its end is one of them."""
+    rows, columns = (max(2, n // _STRIPS) for n in image.shape[:2])
+    return [image[:rows], image[-rows:], image[:, :columns], image[:, -columns:]]
