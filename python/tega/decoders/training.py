@@ -376,7 +376,8 @@ def _monotone(
     closure = np.array([knot[1] for knot in knots])[first]
     if len(effort) < 2 or closure[-1] == closure[0]:
         raise CalibrationError(
-            "the decoder's effort does not rise with the target", "record again; see docs/evidence/emg-decoders.md"
+            "the decoder's effort does not rise with the target",
+            "record again; see docs/evidence/emg-decoders.md",
         )
     return effort, closure
 
