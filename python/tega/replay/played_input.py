@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tega.devices.base import DeviceInfo
+from tega.foreign_file import tells_damage
 from tega.hand import split_level
 from tega.inbox.prepared import Finger, Muscles, Prepared
 from tega.inbox.sources import Block, SourceReport
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Switched", "played_input"]
 
 
+@tells_damage
 def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: str) -> Prepared:
     """Make of a recording what a run starts with.
 

@@ -63,8 +63,14 @@ class Episode(NamedTuple):
         for message in McapReader(self.path).messages(lambda topic: topic.endswith("/image")):
             finger = _finger(message, "/image")
             if finger:
-                n_frames = int(self.shown[finger][places[finger]])
-                places[finger] += 1
+                shown, place = self.shown.get(finger, ()), places.get(finger, 0)
+                if place >= len(shown):  # two topics share a finger's name
+                    raise RecordingError(
+                        f"{self.path.name}: damaged, or not written by TEGA: pictures of {finger} in two topics",
+                        "inspect says how far it can be read",
+                    )
+                n_frames = int(shown[place])
+                places[finger] = place + 1
                 if n_frames:
                     yield finger, read_picture(message), n_frames
 
