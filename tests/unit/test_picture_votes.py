@@ -48,13 +48,13 @@ class Camera:
 def test_a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture() -> None:
     camera = Camera()
     assert camera.used(picture(), picture(0.5)) == [True, False]
-    assert camera.report.faults == ()
+    assert not camera.report.faults
     assert camera.used(picture()) == [True]  # one bad picture alone is left out
     assert camera.used(picture(0.5), picture(0.5)) == [False, False]
-    assert camera.report.faults[0].startswith("dark: ")
+    assert "; ".join(camera.report.faults).startswith("dark: ")
     # 500 ms after the last dark one, which was 20 ms ago.
     assert camera.used(*(picture() for _ in range(26))) == [False] * 24 + [True, True]
-    assert camera.report.faults == ()
+    assert not camera.report.faults
     assert camera.report.n_unfit == 27
 
 
@@ -80,7 +80,7 @@ def test_a_frozen_camera_has_no_vote_until_a_picture_differs() -> None:
     assert camera.used(same, same.copy(), same.copy(), same.copy()) == [True, True, False, False]
     assert camera.report.faults == ("frozen: it sends the same picture again and again",)
     assert camera.used(picture()) == [True]
-    assert camera.report.faults == ()
+    assert not camera.report.faults
 
 
 def test_a_recording_keeps_its_dark_pictures() -> None:
