@@ -57,8 +57,7 @@ def nominal_light() -> GelLight:
 _DEPTH_POWER = 17 / 16
 # Of the shading alone, which is all that the light's two directions change of it.
 _SHADED_POWER = 5 / 8
-# The change of colour shares in depth and hangs on the light's directions as well, but is not mended: the shading is
-# mended for both.
+# A map answers to about half of what the balance of the light's two directions is changed by (simulated units).
 _BALANCE = 2.0
 
 
