@@ -2,8 +2,8 @@
 
 Prints the tables of ``docs/touch-live.md``: simulated presses with two plain peers on the same frames, what the
 memory loses to slow presses, depth and force after three known presses, the demo's three lifts, and recorded touch.
-Seeds of simulated units come from the hash of the commit. Recordings are looked for in the folder that ``TEGA_DATA`` names; without them their table is
-left out.
+Seeds of simulated units come from the hash of the commit. Recordings are looked for in the folder that ``TEGA_DATA``
+names; without them their table is left out.
 Needs the extra ``lab``.
 """
 
