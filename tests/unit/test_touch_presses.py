@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError
-from tega.sim.check_touch_live import felt_of_slow_press
 from tega.sim.gel import PX_PER_MM, Gel
 from tega.sim.gel_sequences import SHAPES, press_sequence
-from tega.sim.touch_presses import (
+from tega.touch import GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
+from tega_figures.check_touch_live import felt_of_slow_press
+from tega_figures.touch_presses import (
     CALIBRATION,
     calibrated_errors,
     hold_press,
@@ -18,7 +19,6 @@ from tega.sim.touch_presses import (
     three_press_light,
     unit_seeds,
 )
-from tega.touch import GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
 
 pytest.importorskip("scipy", reason="needs the extra tega[lab]")
 UNITS = unit_seeds(2)
