@@ -53,6 +53,14 @@ def nominal_light() -> GelLight:
     )
 
 
+# How depth follows a gain of all the light: the sum of the exponents in crates/tega-tactile/src/live/law.rs.
+_DEPTH_POWER = 17 / 16
+# Of the shading alone, which is all that the light's two directions change of it.
+_SHADED_POWER = 5 / 8
+# A map answers to about half of what the balance of the light's two directions is changed by (simulated units).
+_BALANCE = 2.0
+
+
 class KnownPress(NamedTuple):
     """What a tracker read of a press whose force, and depth where it is known, was measured by other means."""
 
@@ -61,32 +69,41 @@ class KnownPress(NamedTuple):
     """Normal force, newtons: of a scale, say."""
     depth_mm: float | None = None
     """How far the gel was pressed in, millimetres: of a screw or a stage; ``None`` where it was not measured."""
+    depth_map: NDArray[np.floating] | None = None
+    """:meth:`TouchTracker.depth_map` after the same frame; ``None`` where nobody asked for it."""
+    ball: bool = False
+    """Whether a ball no larger than a fingertip pressed: its dent is as steep across as along, and its map tells
+    how strongly the light answers either way."""
 
 
 def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None) -> GelLight:
     """Scale a gel's light and stiffness so that depth and force of known presses come out right on average.
 
-    Three presses are enough: two with a ball, one with a flat, each held still, 1 to 5 N. Depth gain g and stiffness
-    k' are geometric means over the presses, so that relative errors count: g = mean(depth / read depth), k' = k
-    mean(force /
-    read force) / g. Depth goes inversely with the light's terms, which are divided by g; force is stiffness times
-    pressed volume.
+    Three presses are enough: two with a ball, one with a flat, each held still, 1 to 5 N. First the light's two
+    directions are balanced, so that the maps of balls are as steep across as along: with r the root of the ratio of
+    their squared slopes, the terms across are multiplied by r and those along divided by it. Then depth gain g and
+    stiffness k' are geometric means over the presses, so that relative errors count: g = mean(depth / read
+    depth)^(16/17), k' = k mean(force / read force) / g, with the balance taken into account where a press has its
+    map. Depth goes inversely with the light's terms (to the power 17/16), which are divided by g; force is stiffness
+    times pressed volume.
 
     Args:
-        presses: What was read with ``light`` and what was true. Where no depth is known, the terms stay.
+        presses: What was read with ``light`` and what was true. Where no depth is known, the gain stays; where no
+            ball has its map, the balance.
         light: The light that the presses were read with; ``None`` is :func:`nominal_light`.
 
     Returns:
         The light of this unit, for :class:`TouchTracker`.
 
     Raises:
-        InvalidValueError: There are no presses, one was not felt, or a force or depth is not finite and more than 0.
+        InvalidValueError: There are no presses, one was not felt, a force or depth is not finite and more than 0, or
+            a depth map is empty.
     """
     if not presses:
         raise InvalidValueError(
             "0 presses, wanted at least 1", "press a ball twice and a flat once, 1 to 5 N"
         )
-    for number, (contact, force_n, depth_mm) in enumerate(presses):
+    for number, (contact, force_n, depth_mm, _, _) in enumerate(presses):
         if not (contact.in_contact and contact.force_n > 0 and contact.depth_mm > 0):
             raise InvalidValueError(f"press {number} was not felt", "press harder, or leave it out")
         for what, value in (("force_n", force_n), ("depth_mm", depth_mm)):
@@ -95,11 +112,46 @@ def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None
                     f"press {number}: {what} = {value}, wanted more than 0", "measure it again"
                 )
     light = nominal_light() if light is None else light
-    deeper = [math.log(depth_mm / c.depth_mm) for c, _, depth_mm in presses if depth_mm is not None]
-    gain = math.exp(sum(deeper) / len(deeper)) if deeper else 1.0
-    harder = math.exp(sum(math.log(force_n / c.force_n) for c, force_n, _ in presses) / len(presses))
-    terms = tuple(tuple(tuple(term / gain for term in axis) for axis in colour) for colour in light.terms)
+    steep = [None if p.depth_map is None else _steepness(p.depth_map, k) for k, p in enumerate(presses)]
+    of_balls = [one for one, press in zip(steep, presses, strict=True) if one is not None and press.ball]
+    balance = math.exp(_BALANCE * _mean([math.log(x / y) for x, y in of_balls]) / 2) if of_balls else 1.0
+    # What the balance makes of a depth by shading: slopes across are divided by it, those along multiplied.
+    shaded = [
+        1.0 if s is None else (s[0] ** 2 / balance + s[1] ** 2 * balance) / (s[0] ** 2 + s[1] ** 2)
+        for s in steep
+    ]
+    deeper = [
+        math.log(p.depth_mm / p.contact.depth_mm) - _SHADED_POWER * math.log(by)
+        for p, by in zip(presses, shaded, strict=True)
+        if p.depth_mm is not None
+    ]
+    gain = math.exp(_mean(deeper) / _DEPTH_POWER) if deeper else 1.0
+    harder = math.exp(
+        _mean([math.log(p.force_n / p.contact.force_n / by) for p, by in zip(presses, shaded, strict=True)])
+    )
+    scales = (balance / gain, 1 / (balance * gain))
+    terms = tuple(
+        tuple(tuple(term * by for term in axis) for axis, by in zip(colour, scales, strict=True))
+        for colour in light.terms
+    )
     return GelLight(terms, light.mm_per_px, light.stiffness_n_mm3 * harder / gain)
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _steepness(depth_map: NDArray[np.floating], number: int) -> tuple[float, float]:
+    """Return the root of the summed squared steps of a map, across and along."""
+    across, along = (
+        math.sqrt(sum(float(step) ** 2 for step in (after - before).flat))
+        for before, after in ((depth_map[:, :-1], depth_map[:, 1:]), (depth_map[:-1], depth_map[1:]))
+    )
+    if not (0 < across < math.inf and 0 < along < math.inf):
+        raise InvalidValueError(
+            f"the depth map of press {number} is flat", "take it from the tracker that felt the press"
+        )
+    return across, along
 
 
 def sensor_noise(

@@ -31,7 +31,7 @@ from tega.inbox.sources import SourceReport
 from tega.recording.mcap_reader import McapReader
 from tega.records import Picture
 from tega.replay import replay_file
-from tega.sim.gel import Gel, ball, board
+from tega.sim.gel import PX_PER_MM, Gel, ball, board
 from tega.sim.plan import loop_settings
 from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
@@ -310,8 +310,7 @@ def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> N
         plain = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
         known = ball(force_n=ball_of.force_n, radius_mm=ball_of.diameter_mm / 2)
         presses = [_pressed_with(gel, known, plain, 30 + 180 * n) for n in range(3)]
-        gain, stiffness_n_mm3 = fit_gel(presses, ball_of)
-        full = TouchMaxima(cci_max=1.0, eda_max=9000.0, depth_gain=gain, stiffness_n_mm3=stiffness_n_mm3)
+        full = TouchMaxima(cci_max=1.0, eda_max=9000.0, **fit_gel(presses, ball_of)._asdict())
         fitted = finger_metric(StagesSection(), "live", "thumb", baseline, full)
         assert isinstance(fitted, LiveMetric)
         gel.forget()
@@ -320,8 +319,11 @@ def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> N
             gel.forget()
             contact = held(_pressed_with(gel, ball(force_n=5.0, radius_mm=9.0), metric, 0))
             assert contact is not None
-            assert contact.area_mm2 is None, "the scale is not known"
             assert contact.force_n is not None
+            if metric is plain:
+                assert contact.area_mm2 is None, "the scale is not known"
+            else:
+                assert contact.area_mm2 == pytest.approx(contact.eda / PX_PER_MM**2, rel=0.15)
             errors.append(abs(contact.force_n / 5.0 - 1))
     assert max(near) < 0.25
     assert np.mean(near) < np.mean(off) / 2
@@ -336,13 +338,16 @@ def test_a_calibration_file_keeps_what_is_known_of_the_gel() -> None:
         noise_counts=(1.5, 0.8, 1.25),
         depth_gain=1.25,
         stiffness_n_mm3=0.4,
+        mm_per_px=0.05,
     )
     calibration = Calibration(preset="live", origin="presses", tactile=FingerMaxima(thumb=full))
     text = calibration_text(calibration)
     assert parse_calibration(text, "calibration.toml") == calibration
     assert "stiffness_n_mm3 = 0.4" in text
     # One of an earlier version says nothing of it, and nothing is assumed.
-    old = text.replace("noise_counts = [1.5, 0.8, 1.25]\ndepth_gain = 1.25\nstiffness_n_mm3 = 0.4\n", "")
+    old = text.replace(
+        "noise_counts = [1.5, 0.8, 1.25]\ndepth_gain = 1.25\nstiffness_n_mm3 = 0.4\nmm_per_px = 0.05\n", ""
+    )
     assert parse_calibration(old, "old.toml").tactile.thumb == TouchMaxima(cci_max=1.0, eda_max=9000.0)
 
 

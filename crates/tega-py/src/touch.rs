@@ -24,9 +24,7 @@ pub(crate) struct Contact {
     cci: f64,
     /// Height of the dent, counts: change of colour times the dent's width; rises with the press.
     peak: f64,
-    /// How fast `peak` rises, counts a second, over about a tenth of a second; less than 0 while it falls.
-    trend: f64,
-    /// Depth of the dent from shading, millimetres; nominal unless the sensor's light was given.
+    /// Largest depth of the dent, millimetres; nominal unless the sensor's light was given.
     depth_mm: f64,
     /// Normal force, newtons: volume pressed in times the gel's stiffness; nominal unless the sensor's light was given.
     force_n: f64,
@@ -85,7 +83,6 @@ impl TouchTracker {
             area_mm2: self.mm2_per_px.map(|mm2| mm2 * f64::from(t.eda)),
             cci: t.cci,
             peak: t.peak,
-            trend: t.trend,
             depth_mm: t.depth_mm,
             force_n: t.force_n,
             mass: t.mass,

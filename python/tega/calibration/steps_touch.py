@@ -255,12 +255,8 @@ def take_presses(
         preset: guided_maxima([frame for name in _PRESSED for frame in meters[name].frames(preset)])
         for preset in metrics
     }
-    gain = stiffness_n_mm3 = None
-    if ball is not None:
-        gain, stiffness_n_mm3 = fit_gel(known, ball)
-    live = msgspec.structs.replace(
-        full["live"], noise_counts=baseline.cell_noise, depth_gain=gain, stiffness_n_mm3=stiffness_n_mm3
-    )
+    fitted = {} if ball is None else fit_gel(known, ball)._asdict()
+    live = msgspec.structs.replace(full["live"], noise_counts=baseline.cell_noise, **fitted)
     n_firm = sum(len(meters[name].firm) for name in _PRESSED)
     guide.say(f"{finger}: {n_firm} firm presses, full is {live.eda_max or 0:.0f} pixels", tone="good")
     return TouchRecord(

@@ -58,6 +58,7 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
             ``None`` takes a DIGIT's.
         depth_gain: Depth by depth as the nominal light of a gel has it; ``None`` where no known press was taken.
         stiffness_n_mm3: Of the gel, newtons per cubic millimetre; ``None`` likewise.
+        mm_per_px: Scale of a picture of 320 x 240 pixels; ``None`` likewise.
     """
 
     cci_max: _Positive | None = None
@@ -65,6 +66,7 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     noise_counts: tuple[_Positive, _Positive, _Positive] | None = None
     depth_gain: _Positive | None = None
     stiffness_n_mm3: _Positive | None = None
+    mm_per_px: _Positive | None = None
 
 
 class FingerMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -50,11 +50,13 @@ class GelTraits(NamedTuple):
         noise_counts: Noise of its cells, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
         depth_gain: Depth by depth as a gel's nominal light has it.
         stiffness_n_mm3: Of its gel, newtons per cubic millimetre.
+        mm_per_px: Scale of a picture of 320 x 240 pixels.
     """
 
     noise_counts: tuple[float, float, float] | None = None
     depth_gain: float | None = None
     stiffness_n_mm3: float | None = None
+    mm_per_px: float | None = None
 
 
 class FingerSetup(NamedTuple):

@@ -94,8 +94,9 @@ class LiveOptions(StageOptions, frozen=True):
         noise_counts: Noise of the sensor's cells in blue, green and red, from :func:`tega.tactile.sensor_noise`;
             none takes the calibration's, or else that of a DIGIT. How much the sensor varies at rest is learned in any
             case.
-        mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none leaves that out. Depth and force are
-            nominal unless the calibration had a press of known force.
+        mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none takes the calibration's, which knows
+            it where a ball of known size and force was pressed, and else leaves the area out. Depth and force are
+            nominal without such a press.
         trend: Measures the value ``trend_mm_s``, the rate of change of the dent's depth, for a column to show:
             ``rise`` while it grows, ``change`` whichever way; ``none`` does not measure it.
         trend_s: Time constant of that rate, seconds.
@@ -114,7 +115,7 @@ class LiveMetric(Metric):
 
     summary: ClassVar[str] = "every contact in grades, without flicker; CCI rises with the press"
     memory: ClassVar[bool] = True
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
     @classmethod
@@ -128,7 +129,8 @@ class LiveMetric(Metric):
         self._finger = setup.finger
         self._trend, self._trend_s = options.trend, options.trend_s
         self._depth_mm = 0.0
-        scale, gel = options.mm_per_px, setup.gel
+        gel = setup.gel
+        scale = options.mm_per_px or gel.mm_per_px
         self._scaled = scale is not None
         light = None
         if scale is not None or gel.depth_gain is not None or gel.stiffness_n_mm3 is not None:

@@ -1,30 +1,42 @@
 """What the touch reading is worth, as tables: ``python -m tega_figures.check_touch_live``.
 
 Prints the tables of ``docs/touch-live.md``: simulated presses with two plain peers on the same frames, what the
-memory loses to slow presses,
-and recorded touch. Recordings are looked for in the folder that ``TEGA_DATA`` names; without them their table is
-left out.
+memory loses to slow presses, depth and force after three known presses, the demo's three lifts, and recorded touch.
+Seeds of simulated units come from the hash of the commit. Recordings are looked for in the folder that ``TEGA_DATA``
+names; without them their table is left out.
 Needs the extra ``lab``.
 """
 
 from __future__ import annotations
 
 import os
+import subprocess
 from pathlib import Path
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.sim.gel_sequences import SHAPES, press_sequence, ramp
-from tega.touch import TouchTracker
-from tega_figures.touch_presses import PEERS, Image, PressScore, Reading, score_press, unit_seeds
-from tega_figures.touch_recordings import GRIPS, grip_video, rest, soft_grips
+from tega.touch import TouchTracker, sensor_noise, update_fingers
+from tega_figures.touch_demo import DemoScore, score_demo
+from tega_figures.touch_presses import (
+    PEERS,
+    Image,
+    PressScore,
+    Reading,
+    calibrated_errors,
+    score_press,
+    unit_seeds,
+)
+from tega_figures.touch_recordings import GRIPS, Grip, grip_video, rest, soft_grips
 
 __all__ = ["felt_of_slow_press"]
 
 # Most recordings begin in contact: background subtraction has nothing to learn from.
 _ON_RECORDINGS = {name: make for name, make in PEERS.items() if name != "OpenCV MOG2"}
 SLOW_S = (3.0, 10.0, 30.0)
+_TABLES = ("simulated", "slow", "calibrated", "demo", "recorded")
 _HEAD = {
     "felt_n": "felt from N",
     "peak_rank": "rank: peak, force",
@@ -89,6 +101,35 @@ def _slow_table(units: list[int]) -> list[str]:
     return lines
 
 
+def _calibrated_table(units: list[int]) -> list[str]:
+    lines = ["| shape | depth: within 15 % | worst | force: within 25 % | worst |", "|---" * 5 + "|"]
+    found = [calibrated_errors(seed) for seed in units]
+    for name in SHAPES:
+        errors = np.abs([error for unit in found for error in unit[name]])
+        cells = [
+            cell
+            for values, bar in zip(errors.T, (0.15, 0.25), strict=True)
+            for cell in (f"{(values <= bar).sum()} of {len(values)}", f"{values.max():.1%}")
+        ]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _demo_table() -> list[str]:
+    lines = [
+        "| finger | " + " | ".join(DemoScore._fields) + " |",
+        "|---" * (1 + len(DemoScore._fields)) + "|",
+    ]
+    scores = score_demo()
+    for finger, score in scores.items():
+        lines.append(f"| {finger} | " + " | ".join(f"{value:.4g}" for value in score) + " |")
+    lines += [
+        "",
+        f"Rank, median over the fingers: {np.median([score.rank for score in scores.values()]):.3f}",
+    ]
+    return lines
+
+
 def _recorded_table(folder: Path) -> list[str]:
     lines = ["| recorded | " + " | ".join(_ON_RECORDINGS) + " |", "|---" * (1 + len(_ON_RECORDINGS)) + "|"]
 
@@ -109,11 +150,15 @@ def _recorded_table(folder: Path) -> list[str]:
         {p: _told(make(baseline, 1 / 5.9), frames) for p, make in _ON_RECORDINGS.items()},
     )
     for name, grip in GRIPS.items():
-        for camera in (0, 2):
-            images = grip_video(folder, name, camera)
+        fingers = [grip_video(folder, name, camera) for camera in (0, 2)]
+        together = _together(fingers, grip)
+        for number, (camera, images) in enumerate(zip((0, 2), fingers, strict=True)):
             still = np.median(images[grip.rest[0] : grip.rest[1] + 1], axis=0).astype(np.uint8)
             told = {}
             for peer, make in _ON_RECORDINGS.items():
+                if peer == "live":
+                    told[peer] = [on[number] for on in together]
+                    continue
                 read = make(still, 25.0)
                 told[peer] = [read(frame).in_contact for frame in images[grip.from_frame :]]
             held = slice(grip.held[0] - grip.from_frame, grip.held[1] + 1 - grip.from_frame)
@@ -127,6 +172,19 @@ def _recorded_table(folder: Path) -> list[str]:
     return lines
 
 
+def _together(fingers: list[NDArray[np.uint8]], grip: Grip) -> list[list[bool]]:
+    """Read both fingers of a grip as the loop does: each is told of the other, and knows its sensor's noise."""
+    still = [frames[grip.rest[0] : grip.rest[1] + 1] for frames in fingers]
+    trackers = [
+        TouchTracker(np.median(frames, axis=0).astype(np.uint8), rate_hz=25.0, noise=sensor_noise(frames))
+        for frames in still
+    ]
+    return [
+        [contact.in_contact for contact in update_fingers(trackers, [frames[k] for frames in fingers])]
+        for k in range(grip.from_frame, min(map(len, fingers)))
+    ]
+
+
 def _shown(read: Reading, frame: Image) -> bool:
     return [read(frame).in_contact for _ in range(32)][-1]
 
@@ -135,20 +193,37 @@ def _told(read: Reading, frames: list[Image]) -> float:
     return float(np.mean([read(frame).in_contact for frame in frames]))
 
 
+def _commit() -> str:
+    """Return the hash of the commit that is checked out."""
+    asked = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
+    )
+    if asked.returncode:
+        raise click.UsageError("there is no commit here to take seeds from: give --seed-text")
+    return asked.stdout.strip()
+
+
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--units", type=click.IntRange(1, 100), default=4, show_default=True, help="Simulated units.")
-@click.option("--only", type=click.Choice(["simulated", "slow", "recorded"]), help="One table alone.")
-def main(units: int, only: str | None) -> None:
+@click.option("--only", type=click.Choice(_TABLES), help="One table alone.")
+@click.option("--seed-text", help="What the units' seeds are the hash of; without it the commit's own hash.")
+def main(units: int, only: str | None, seed_text: str | None) -> None:
     """Print the tables of docs/touch-live.md: the worst over the units; a star says that some unit has no value.
 
     Recordings are looked for in the folder that the variable TEGA_DATA names, else in ../shared/data.
     """
-    seeds = unit_seeds(units)
+    text = seed_text or _commit()
+    click.echo(f"Seeds of the units: from {text!r}.")
+    seeds = unit_seeds(units, text)
     folder = Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit"
     if only in (None, "simulated"):
         click.echo("\n".join(["", "## simulated presses, worst of the units", "", *_press_table(seeds)]))
     if only in (None, "slow"):
         click.echo("\n".join(["", "## felt from N, pressed to 1.5 N over", "", *_slow_table(seeds)]))
+    if only in (None, "calibrated"):
+        click.echo("\n".join(["", "## calibrated with three presses", "", *_calibrated_table(seeds)]))
+    if only in (None, "demo"):
+        click.echo("\n".join(["", "## the demo's three lifts", "", *_demo_table()]))
     if only in (None, "recorded"):
         there = folder.is_dir()
         lines = _recorded_table(folder) if there else [f"left out: no recordings at {folder}"]

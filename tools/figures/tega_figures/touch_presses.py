@@ -15,18 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.lifecycle import require
-from tega.sim.gel_sequences import Moment, press_sequence
-from tega.touch import TouchTracker
+from tega.sim.gel_sequences import SHAPES, Moment, press_sequence, ramp
+from tega.touch import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light
 
 __all__ = [
+    "CALIBRATION",
     "PEERS",
+    "Held",
     "Image",
     "PressScore",
     "Reading",
     "Seen",
+    "calibrated_errors",
+    "hold_press",
     "jumps",
     "rank_correlation",
     "score_press",
+    "three_press_light",
     "unit_seeds",
 ]
 
@@ -197,3 +202,48 @@ def _score(moments: list[Moment], seen: list[Seen]) -> PressScore:
         false_before=int(on[t_s <= rest_s].sum()),
         false_after=int(on[t_s >= gone_s + 1.0].sum()),
     )
+
+
+CALIBRATION: Final = (("ball 4 mm", 1.5), ("ball 4 mm", 4.0), ("face", 4.0))
+"""The three known presses: shape and newtons."""
+JUDGED_N: Final = (1.0, 2.0, 5.0)
+
+
+class Held(NamedTuple):
+    """What a tracker reads at the end of a held press, its depth map, and what is true."""
+
+    contact: TrackedContact
+    depth_map: NDArray[np.float32]
+    truth: Moment
+
+
+def hold_press(name: str, seed: int, force_n: float, light: GelLight | None = None) -> Held:
+    """Press a shape into a unit within a second, hold it for half a second, and read it."""
+    curve = ramp(peak_n=force_n, wait_s=1.0, rise_s=1.0, hold_s=1.0, fall_s=0.1)
+    moments = list(press_sequence(name, seed=seed, force_n=curve, duration_s=2.5, rate_hz=30.0))
+    tracker = TouchTracker(moments[0].image, rate_hz=30.0, light=light)
+    contact = [tracker.update(moment.image) for moment in moments][-1]
+    return Held(contact, tracker.depth_map(), moments[-1])
+
+
+def three_press_light(seed: int) -> GelLight:
+    """Return the light of a unit as three known presses calibrate it: depth, force and a ball's map are used."""
+    presses = []
+    for name, force_n in CALIBRATION:
+        held = hold_press(name, seed, force_n)
+        presses.append(
+            KnownPress(held.contact, force_n, held.truth.depth_mm, held.depth_map, name.startswith("ball"))
+        )
+    return calibrate_light(presses)
+
+
+def calibrated_errors(seed: int) -> dict[str, list[tuple[float, float]]]:
+    """Return relative errors of depth and force by shape, at 1, 2 and 5 N, after three presses of the same unit."""
+    light = three_press_light(seed)
+    errors: dict[str, list[tuple[float, float]]] = {}
+    for name in SHAPES:
+        for force_n in JUDGED_N:
+            contact, _, truth = hold_press(name, seed, force_n, light)
+            error = contact.depth_mm / truth.depth_mm - 1, contact.force_n / force_n - 1
+            errors.setdefault(name, []).append(error)
+    return errors

@@ -18,6 +18,9 @@ const CONTACT_LEVEL: f32 = 0.5;
 /// Share of the peak of the energy under which a cell is taken for untouched when depth is counted from there.
 const UNTOUCHED: f32 = 0.2;
 
+/// The length, as a share of the picture's diagonal, that a dent's height is given over.
+const HEIGHT_SHARE: f64 = 0.125;
+
 /// What the outline of a contact means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outline {
@@ -43,12 +46,21 @@ pub(super) struct Dent {
     pub moments: Moments,
     /// Strongest change of colour, noise units; a mean over the strongest cells.
     pub strongest: f64,
-    /// Deepest place, millimetres; a mean likewise.
-    pub depth_mm: f64,
-    /// Volume that is pressed in, cubic millimetres.
+    /// Deepest place by shading alone, millimetres; a mean likewise.
+    pub shaded_mm: f64,
+    /// Volume under that depth, cubic millimetres.
     pub volume_mm3: f64,
     /// Sum of the change of colour over the dent, noise units times pixels.
     pub mass: f64,
+}
+
+impl Dent {
+    /// How high it stands in noise units: a gel answers to its slope, so the mean change over the dent times the dent's width goes with depth. The
+    /// width is given over an eighth of the picture's diagonal.
+    pub fn height(&self, grid: &Grid) -> f64 {
+        let diagonal = ((grid.height * grid.height + grid.width * grid.width) as f64).sqrt();
+        self.mass / (self.moments.area.max(1) as f64).sqrt() / (HEIGHT_SHARE * diagonal)
+    }
 }
 
 /// Reads dents; made once for a sensor.
@@ -57,6 +69,8 @@ pub(super) struct DentReader {
     slopes: Slopes,
     solver: Solver,
     mm_per_cell: f64,
+    /// Height in millimetres for a change of one noise unit over the width that heights are given over.
+    pub mm_per_unit: f64,
     energy: Vec<f32>,
     spare: Vec<f32>,
     /// Change of colour a cell, noise units; of the last call.
@@ -73,8 +87,10 @@ impl DentReader {
         let buffer = || vec![0.0; n];
         // The field of view is that of the nominal picture, whatever its size.
         let nominal_px = 400.0 / ((grid.height * grid.height + grid.width * grid.width) as f64).sqrt();
+        let slopes = Slopes::of(light, noise, order.arrange([2, 1, 0]), grid);
         Self {
-            slopes: Slopes::of(light, noise, order.arrange([2, 1, 0]), grid),
+            mm_per_unit: HEIGHT_SHARE * 400.0 * light.mm_per_px / slopes.strength,
+            slopes,
             solver: Solver::of(grid),
             mm_per_cell: grid.side as f64 * nominal_px * light.mm_per_px,
             energy: buffer(),
@@ -121,7 +137,7 @@ impl DentReader {
         Dent {
             moments,
             strongest: f64::from(strongest),
-            depth_mm: f64::from(deepest),
+            shaded_mm: f64::from(deepest),
             volume_mm3: volume * self.mm_per_cell * self.mm_per_cell,
             mass: mass * (grid.side * grid.side) as f64,
         }

@@ -39,6 +39,8 @@ const HELD: f32 = 0.1;
 pub(super) struct Slopes {
     /// Across and along, for each byte of a pixel.
     pub weights: [[Vec<f32>; 3]; 2],
+    /// Change of colour for a slope of 1, noise units: root mean square over the picture, both directions and the colours.
+    pub strength: f64,
 }
 
 impl Slopes {
@@ -58,6 +60,7 @@ impl Slopes {
         let cells = || (0..grid.rows).flat_map(|row| (0..grid.cols).map(move |col| (row, col)));
         let strength: f32 =
             cells().map(|(row, col)| summed(answers(row, col).map(|[x, y]| x * x + y * y))).sum();
+        slopes.strength = (f64::from(strength) / (6 * grid.cells()) as f64).sqrt();
         let held = HELD * strength / (2 * grid.cells()) as f32 + f32::MIN_POSITIVE;
         for (row, col) in cells() {
             let a = answers(row, col);

@@ -13,8 +13,6 @@ use crate::metrics::ContactMetrics;
 
 /// S that two pictures of an untouched gel, taken minutes apart, do not reach: twice what shots of a DIGIT far from any press show.
 pub(super) const GATE: f32 = 3.0;
-/// The length, as a share of the picture's diagonal, that a dent's height is given over.
-const HEIGHT_SHARE: f64 = 0.125;
 
 /// What both the stateless reading and the tracker share: a sensor's cells, noise and light.
 #[derive(Debug, Clone, Default)]
@@ -101,7 +99,7 @@ impl Cells {
             return ContactMetrics::none(f64::NAN, 0.0, (0, 0));
         }
         let (x, y) = dent.moments.centroid();
-        let height = height(dent, &self.grid) * self.counts_per_unit();
+        let height = dent.height(&self.grid) * self.counts_per_unit();
         let area = dent.moments.area as f64;
         ContactMetrics {
             mass: dent.mass * self.counts_per_unit(),
@@ -115,13 +113,6 @@ impl Cells {
             in_contact: true,
         }
     }
-}
-
-/// How high a dent stands in noise units: a gel answers to its slope, so the mean change over the dent times the dent's width goes with depth. The
-/// width is given over an eighth of the picture's diagonal.
-pub(super) fn height(dent: &Dent, grid: &Grid) -> f64 {
-    let diagonal = ((grid.height * grid.height + grid.width * grid.width) as f64).sqrt();
-    dent.mass / (dent.moments.area.max(1) as f64).sqrt() / (HEIGHT_SHARE * diagonal)
 }
 
 /// Change of cell means to the untouched gel, in noise units.

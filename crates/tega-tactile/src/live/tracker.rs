@@ -14,9 +14,10 @@ use tega_error::OutOfRange;
 use super::cells::Grid;
 use super::colour::Field;
 use super::dent::{Dent, Outline};
+use super::law::Sums;
 use super::light::GelLight;
 use super::noise::SensorNoise;
-use super::still::{Cells, height};
+use super::still::Cells;
 use crate::error::TactileError;
 use crate::frame::Order;
 
@@ -57,6 +58,8 @@ const WAIT: f64 = 1.0;
 const TRACE: f64 = 0.13;
 const FAINT: f64 = 1.15;
 const FAINT_S: f64 = 2.0;
+/// Under the threshold that time runs faster, by so much for the whole threshold: at 0.8 of it a contact is over within 0.15 s.
+const FAINTER: f64 = 60.0;
 /// A gel's leftover sinks: what is not below this share of itself after this time is a light hold after a quick easing, and is felt again.
 const SINKS_S: f64 = 0.8;
 const SUNK: f64 = 0.88;
@@ -70,8 +73,6 @@ const LEFTOVER_S: f64 = 1.5;
 /// A new contact over a leftover is this much stronger than it, plus this share of the peak before.
 const OVER_LEFTOVER: f64 = 1.3;
 const OVER_LEFTOVER_SHARE: f64 = 0.03;
-/// Over how long the trend is taken, seconds.
-const TREND_S: f64 = 0.1;
 /// Shares of the threshold at which the strength is 0 and 1.
 const STRENGTH_FROM: f64 = 0.6;
 const STRENGTH_FULL: f64 = 2.0;
@@ -117,11 +118,9 @@ pub struct Touch {
     pub cci: f64,
     /// Height of the dent in counts: change of colour times width; rises with the press.
     pub peak: f64,
-    /// How fast `peak` rises, counts a second, over about a tenth of a second; less than 0 while it falls.
-    pub trend: f64,
     /// Depth of the dent, millimetres, as far as light and scale are those of the sensor.
     pub depth_mm: f64,
-    /// Normal force, newtons, by the gel's stiffness and the volume pressed in.
+    /// Normal force, newtons, by the gel's stiffness and the volume pressed in; likewise.
     pub force_n: f64,
     /// Sum of the change of colour over the dent, counts times pixels.
     pub mass: f64,
@@ -178,9 +177,9 @@ pub struct TouchTracker {
     smooth: Option<f64>,
     leftover: f64,
     quiet_frames: f64,
-    /// What `peak` was about a tenth of a second ago.
-    slow_peak: f64,
     dent: Option<Dent>,
+    /// The last frame's depth over that by shading alone.
+    deeper: f64,
 }
 
 /// Share of the way that a first-order lag of `tau_s` goes in `dt_s`; rational, so that no mathematical library decides a bit.
@@ -215,8 +214,8 @@ impl TouchTracker {
             smooth: None,
             leftover: 0.0,
             quiet_frames: FIRST_FRAMES,
-            slow_peak: 0.0,
             dent: None,
+            deeper: 1.0,
         })
     }
 
@@ -256,13 +255,7 @@ impl TouchTracker {
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);
         self.advance([before, s], now, dt_s, threshold, loaded);
-        let mut touch = self.touch(s, threshold);
-        self.slow_peak += step(dt_s, TREND_S) * (touch.peak - self.slow_peak);
-        touch.trend = (touch.peak - self.slow_peak) / TREND_S;
-        if !touch.in_contact {
-            (self.slow_peak, touch.trend) = (0.0, 0.0);
-        }
-        Ok(touch)
+        Ok(self.touch(s, threshold))
     }
 
     fn advance(&mut self, [before, s]: [f64; 2], now: f64, dt_s: f64, threshold: f64, loaded: bool) {
@@ -274,7 +267,11 @@ impl TouchTracker {
             State::Contact { peak, since_half_s, fallen, faint_s } => {
                 *peak = peak.max(s);
                 *since_half_s = if s >= HALF * *peak { 0.0 } else { *since_half_s + dt_s };
-                *faint_s = if s >= FAINT * threshold { (*faint_s - dt_s).max(0.0) } else { *faint_s + dt_s };
+                *faint_s = if s >= FAINT * threshold {
+                    (*faint_s - dt_s).max(0.0)
+                } else {
+                    *faint_s + dt_s * (1.0 + FAINTER * (1.0 - s / threshold).max(0.0))
+                };
                 *fallen = match *fallen {
                     _ if s >= 1.1 * KEPT * *peak => None,
                     None => (s < KEPT * *peak).then_some([*since_half_s, 0.0]),
@@ -355,7 +352,6 @@ impl TouchTracker {
             eda: 0,
             cci: 0.0,
             peak: 0.0,
-            trend: 0.0,
             depth_mm: 0.0,
             force_n: 0.0,
             mass: 0.0,
@@ -385,14 +381,23 @@ impl TouchTracker {
         }
         touch.in_contact = true;
         touch.eda = u32::try_from(dent.moments.area).unwrap_or(u32::MAX);
-        touch.peak = height(&dent, grid) * self.cells.counts_per_unit();
+        let (height, mm_per_unit) = (dent.height(grid), self.cells.reader.mm_per_unit);
+        touch.broad = area / (grid.height * grid.width) as f64;
+        let sums = Sums {
+            shaded_mm: dent.shaded_mm,
+            volume_mm3: dent.volume_mm3,
+            height_mm: height * mm_per_unit,
+            difference_mm: s * mm_per_unit,
+            broad: touch.broad,
+        };
+        touch.peak = height * self.cells.counts_per_unit();
         touch.cci = touch.peak / area.sqrt();
-        touch.depth_mm = dent.depth_mm;
-        touch.force_n = dent.volume_mm3 * self.options.light.stiffness_n_mm3;
+        touch.depth_mm = sums.depth_mm();
+        self.deeper = if dent.shaded_mm > 0.0 { touch.depth_mm / dent.shaded_mm } else { 0.0 };
+        touch.force_n = sums.volume_mm3() * self.options.light.stiffness_n_mm3;
         touch.mass = dent.mass * self.cells.counts_per_unit();
         touch.centroid_xy = dent.moments.centroid();
         touch.spread = dent.moments.spread();
-        touch.broad = area / (grid.height * grid.width) as f64;
         touch
     }
 
@@ -419,10 +424,16 @@ impl TouchTracker {
         (mask, [height, width])
     }
 
-    /// The last frame's depth in millimetres, a value a cell, and the numbers of rows and columns; 0 without contact.
+    /// The last frame's depth by shading, scaled so that its largest is the contact's, millimetres, a value a cell, and the numbers of rows and
+    /// columns; 0 without contact.
     pub fn depth_map(&self) -> (Vec<f32>, [usize; 2]) {
         let Grid { rows, cols, .. } = self.cells.grid;
-        let depth = if self.touches() { self.cells.reader.depth_mm.clone() } else { vec![0.0; rows * cols] };
+        let by = self.deeper as f32;
+        let depth = if self.touches() {
+            self.cells.reader.depth_mm.iter().map(|shaded| by * shaded).collect()
+        } else {
+            vec![0.0; rows * cols]
+        };
         (depth, [rows, cols])
     }
 }

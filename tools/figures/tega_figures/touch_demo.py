@@ -1,0 +1,126 @@
+"""Scores the touch of the demo's three lifts against what the simulator knows: felt, told falsely, jumps, ranks.
+
+The lifts are those of ``tega-teleop demo``: the same objects, person and loop, in which each finger is told whether
+another bears a load. The truth of a frame is that of its exposure.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from tega.config import FINGERS
+from tega.sim.lab import lab_of
+from tega.sim.plan import TrialPlan
+from tega.sim.rig import CAMERA_DELAY_NS
+from tega.sim.streams import Streams
+from tega.sim.trial import run_trial
+from tega_figures.touch_presses import rank_correlation
+
+if TYPE_CHECKING:
+    from tega.sim.lab import Lab
+    from tega.stages.base import MeasuredPicture
+
+__all__ = ["DEMO_OBJECTS", "DemoScore", "score_demo"]
+
+DEMO_OBJECTS: Final = ("bottle", "container", "bag")
+LOAD_N: Final = 0.5
+RELEASE_S: Final = 0.1
+# A force is steady that changes by less than this share between two frames.
+_STEADY: Final = 0.05
+_JUMP: Final = 0.15
+
+
+class DemoScore(NamedTuple):
+    """How one finger's touch follows the truth over the lifts."""
+
+    loaded: int
+    """Frames in which the finger carries 0.5 N or more."""
+    in_view: int
+    """Those of them in which the picture shows a part of what touches."""
+    missed: int
+    """Loaded frames without contact."""
+    missed_in_view: int
+    """Those of them in view."""
+    frames: int
+    """All frames."""
+    told_late: int
+    """Frames with a contact later than 0.1 s after the last true one."""
+    steady: int
+    """Pairs of frames in contact, 0.5 N and more, whose force differs by less than 5 %."""
+    jumps: int
+    """Those of them whose EDA differs by more than 0.15 of the range that this finger's EDA has in this lift."""
+    rank: float
+    """Rank correlation of force with front plus back of the vest over all frames."""
+    rank_touching: float
+    """The same over frames with force."""
+
+
+class _Kept(Streams):
+    """Keeps of every picture what was measured and what was so."""
+
+    def __init__(self, lab: Lab) -> None:
+        super().__init__()
+        self._lab = lab
+        self.seen: list[tuple[str, float, bool, float, bool, int]] = []
+
+    def picture_of(self, picture: MeasuredPicture) -> None:
+        """Keep time, contact, EDA, and whether and over how many pixels something touches."""
+        super().picture_of(picture)
+        truth, found = self._lab.gels[picture.finger].truth, picture.metrics
+        t_s = (picture.t_ns - CAMERA_DELAY_NS) / 1e9
+        self.seen.append(
+            (picture.finger, t_s, found.in_contact, float(found.eda), truth.touches, truth.area_px)
+        )
+
+
+def score_demo(seed: int = 1) -> dict[str, DemoScore]:
+    """Run the demo's three lifts and score each finger over all of them.
+
+    Args:
+        seed: Of the person and of all noise; the demo's own is 1.
+    """
+    counts = {finger: np.zeros(8, np.int64) for finger in FINGERS}
+    felt: dict[str, list[tuple[float, float]]] = {finger: [] for finger in FINGERS}
+    for name in DEMO_OBJECTS:
+        kept = _Kept(lab_of(seed, "live", ()))
+        run_trial(TrialPlan(object=name, seed=seed), streams=kept)
+        at_s = kept.array("truth", "t_s")
+        for finger in FINGERS:
+            force = kept.array("truth", f"{finger}_force_n")
+            rows = np.array([row[1:] for row in kept.seen if row[0] == finger], np.float64)
+            counts[finger] += _count(rows, np.interp(rows[:, 0], at_s, force))
+            whose = ("finger", finger)
+            of_vest = kept.array("contacts", "front", where=whose) + kept.array(
+                "contacts", "back", where=whose
+            )
+            shown_s = kept.array("contacts", "t_s", where=whose) - CAMERA_DELAY_NS / 1e9
+            felt[finger] += list(zip(np.interp(shown_s, at_s, force), of_vest, strict=True))
+    scores = {}
+    for finger, pairs in felt.items():
+        touching = [pair for pair in pairs if pair[0] > 0.05]
+        ranks = [rank_correlation(*zip(*some, strict=True)) for some in (pairs, touching)]
+        scores[finger] = DemoScore(*(int(n) for n in counts[finger]), *ranks)
+    return scores
+
+
+def _count(rows: np.ndarray[tuple[int, int], np.dtype[np.float64]], force: np.ndarray) -> np.ndarray:
+    """Return the counts of a lift in the order of :class:`DemoScore`."""
+    t_s, on, eda, touches, area_px = rows[:, 0], rows[:, 1] > 0, rows[:, 2], rows[:, 3] > 0, rows[:, 4]
+    loaded, in_view = force >= LOAD_N, area_px > 0
+    since_s = t_s - np.maximum.accumulate(np.where(touches, t_s, -np.inf))
+    pair = on[1:] & on[:-1] & loaded[1:] & (np.abs(np.diff(force)) < _STEADY * force[1:])
+    wide = np.ptp(eda[on]) if on.any() else 1.0
+    return np.array(
+        [
+            loaded.sum(),
+            (loaded & in_view).sum(),
+            (loaded & ~on).sum(),
+            (loaded & ~on & in_view).sum(),
+            len(rows),
+            (on & (since_s > RELEASE_S + 1e-6)).sum(),
+            pair.sum(),
+            (pair & (np.abs(np.diff(eda)) > _JUMP * wide)).sum(),
+        ]
+    )
