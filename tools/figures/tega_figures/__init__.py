@@ -1,0 +1,1 @@
+"""Measure and draw what the pages of the docs show: benchmarks, tables and pictures."""
