@@ -93,21 +93,28 @@ def _wedge_errors(folder: Path) -> list[ForceError]:
                 ratios[clip.name].append(gain * clip.told_n / clip.force_n)
     each = [np.concatenate(r) for r in ratios.values()]
     found.append(
-        _summary("wedge_force", "three presses of other clips, firmest frame", [np.abs(r - 1) for r in each], each)
+        _summary("wedge_force", "three presses of other clips", [np.abs(r - 1) for r in each], each)
         ._replace(n_frames=sum(len(c.force_n) for c in clips))
     )  # fmt: skip
-    return found
+    own = [_own(c) for c in clips]
+    return [*found, _summary("wedge_force", "three frames of the same clip", [np.abs(r - 1) for r in own], own)]
+
+
+def _own(clip: Felt) -> NDArray[np.float64]:
+    """Return told over measured force of a clip whose own three frames calibrate it; the others are judged."""
+    plain = clip.told_n / clip.force_n
+    used = np.round(np.quantile(np.arange(len(plain)), (0.15, 0.5, 0.85))).astype(int)
+    gain = _stiffer([KnownPress(clip.contacts[k], float(clip.force_n[k])) for k in used])
+    return np.delete(plain, used) * gain
 
 
 def _disc_errors(folder: Path) -> list[ForceError]:
     clip = _felt(disc_presses(folder), 2)
-    plain = clip.told_n / clip.force_n
-    found = [_summary("digit_disc_force", "no", [np.abs(plain - 1)], [plain])]
-    used = np.round(np.quantile(np.arange(len(plain)), (0.15, 0.5, 0.85))).astype(int)
-    gain = _stiffer([KnownPress(clip.contacts[k], float(clip.force_n[k])) for k in used])
-    rest = np.delete(plain, used) * gain
-    how = "three frames of the same closing, the others judged"
-    return [*found, _summary("digit_disc_force", how, [np.abs(rest - 1)], [rest])]
+    plain, own = clip.told_n / clip.force_n, _own(clip)
+    return [
+        _summary("digit_disc_force", "no", [np.abs(plain - 1)], [plain]),
+        _summary("digit_disc_force", "three frames of the same closing", [np.abs(own - 1)], [own]),
+    ]
 
 
 def force_errors(folder: Path) -> list[ForceError]:

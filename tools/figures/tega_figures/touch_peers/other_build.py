@@ -70,7 +70,7 @@ def built(name: str, *, commit: str | None = None, replace: Mapping[str, tuple[s
     wheels = PLACE / name / "wheels"
     for wheel in wheels.glob("*.whl"):
         wheel.unlink()
-    maturin = [sys.executable, "-m", "maturin", "build", "--release", "--quiet", "--interpreter", sys.executable]
+    maturin = ["maturin", "build", "--release", "--quiet", "--interpreter", sys.executable]
     subprocess.run([*maturin, "--out", str(wheels)], cwd=tree, env=env, check=True, stdout=sys.stderr)
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--upgrade", "--target", str(site)]
     subprocess.run([*pip, *map(str, wheels.glob("*.whl"))], check=True, stdout=sys.stderr)

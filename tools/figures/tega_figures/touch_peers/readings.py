@@ -78,6 +78,10 @@ def tracker(unit: Unit) -> Reading:
     return read
 
 
+WITH_MEMORY: Final[list[Makes]] = [tracker]
+"""Readings that are shown a single picture for a second."""
+
+
 def stateless(unit: Unit) -> Reading:
     """The ``live`` reading of one picture."""
     baseline, noise = unit.baseline, unit.noise

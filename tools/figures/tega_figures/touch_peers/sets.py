@@ -26,7 +26,7 @@ from tega.sim.touch_recordings import (
     wedge,
 )
 from tega.touch import TouchTracker, update_fingers
-from tega_figures.touch_peers.readings import Image, Makes, Reading, Seen, Unit, tracker
+from tega_figures.touch_peers.readings import WITH_MEMORY, Image, Makes, Reading, Seen, Unit, tracker
 
 __all__ = ["SETS", "Figure", "Presses", "disc_presses", "wedge_presses"]
 
@@ -64,7 +64,7 @@ class Presses(NamedTuple):
 def shown(make: Makes, unit: Unit, frame: Image) -> Seen:
     """Return what a reading made anew says of a picture that it is shown for a second."""
     read = make(unit)
-    return [read(frame) for _ in range(_SHOWN if make is tracker else 1)][-1]
+    return [read(frame) for _ in range(_SHOWN if make in WITH_MEMORY else 1)][-1]
 
 
 @cache
