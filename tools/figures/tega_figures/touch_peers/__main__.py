@@ -15,6 +15,7 @@ import json
 import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,7 +49,10 @@ def measure(folder: Path) -> dict[str, Any]:
     try:
         for name, judge in SETS.items():
             click.echo(name, err=True)
-            found = {reading: list(judge(folder, make)) for reading, make in readings.items()}
+            found = {}
+            for reading, make in readings.items():
+                found[reading] = list(judge(folder, make))
+                click.echo(f"  {reading}", err=True)
             best = max((r for r in found if r.startswith(MOG2)), key=lambda r: _score(found[r]))
             ways[name] = best.removeprefix(f"{MOG2}, ")
             kept = {r: f for r, f in found.items() if not r.startswith(MOG2)} | {MOG2: found[best]}
@@ -73,6 +77,17 @@ def measure(folder: Path) -> dict[str, Any]:
             for e in force_errors(folder)
         ],
     }
+
+
+def measure_cost() -> list[dict[str, Any]]:
+    """Measure what a frame costs, on AVX2 and on the fastest instruction set that there is."""
+    found = []
+    for simd in ("avx2", ""):
+        env = {k: v for k, v in os.environ.items() if k != "TEGA_SIMD"} | ({"TEGA_SIMD": simd} if simd else {})
+        command = [sys.executable, "-m", "tega_figures.touch_peers.cost"]
+        said = subprocess.run(command, check=True, capture_output=True, text=True, env=env).stdout
+        found.append(json.loads(said))
+    return found
 
 
 def _rounded(value: Any) -> Any:
@@ -112,6 +127,18 @@ def force(results: dict[str, Any]) -> str:
     return _table(lines)
 
 
+def cost(results: dict[str, Any]) -> str:
+    """Make the table of what a frame costs."""
+    sets = results["cost"]
+    head = ["240 x 320", *(f"{one['instruction_set']}: {what}" for one in sets for what in
+                           ("over the or-reduce", "µs, median", "µs, fastest tenth"))]  # fmt: skip
+    lines = [head]
+    for rows in zip(*(one["rows"] for one in sets), strict=True):
+        cells = [f"{row[key]:g}" for row in rows for key in ("over_floor", "median_us", "fastest_tenth_us")]
+        lines.append([rows[0]["what"], *cells])
+    return _table(lines)
+
+
 def _table(lines: list[list[str]]) -> str:
     head, *rest = lines
     return "\n".join("| " + " | ".join(line) + " |" for line in [head, ["---"] * len(head), *rest])
@@ -131,17 +158,22 @@ def page(text: str, parts: dict[str, str]) -> str:
 
 def parts(results: dict[str, Any]) -> dict[str, str]:
     """Return the made parts of the page by name."""
-    return {f.__name__: f(results) for f in (peers, ways, force)}
+    return {f.__name__: f(results) for f in (peers, ways, force, cost)}
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--tables", is_flag=True, help="Make the page from the committed figures; measure nothing.")
-def main(*, tables: bool) -> None:
+@click.option("--cost-only", is_flag=True, help="Measure what a frame costs, and leave the rest as it is.")
+def main(*, tables: bool, cost_only: bool) -> None:
     """Measure unless told not to, then write the page."""
-    if not tables:
+    results = json.loads(RESULTS.read_text(encoding="utf-8")) if tables or cost_only else {}
+    if not (tables or cost_only):
         folder = Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit"
-        RESULTS.write_text(json.dumps(measure(folder), indent=1) + "\n", encoding="utf-8")
-    results = json.loads(RESULTS.read_text(encoding="utf-8"))
+        results = measure(folder)
+        RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    if not tables:
+        results["cost"] = measure_cost()
+        RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     PAGE.write_text(page(PAGE.read_text(encoding="utf-8"), parts(results)), encoding="utf-8")
 
 

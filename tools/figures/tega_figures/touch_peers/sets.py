@@ -26,7 +26,7 @@ from tega.sim.touch_recordings import (
     wedge,
 )
 from tega.touch import TouchTracker, update_fingers
-from tega_figures.touch_peers.readings import WITH_MEMORY, Image, Makes, Reading, Seen, Unit, tracker
+from tega_figures.touch_peers.readings import SEES_ALL, WITH_MEMORY, Image, Makes, Reading, Seen, Unit, tracker
 
 __all__ = ["SETS", "Figure", "Presses", "disc_presses", "wedge_presses"]
 
@@ -173,8 +173,15 @@ def _both(make: Makes, units: Sequence[Unit], fingers: list[NDArray[np.uint8]], 
         return on
     for finger, (unit, frames) in enumerate(zip(units, fingers, strict=True)):
         read: Reading = make(unit)
-        on[first:, finger] = [read(frame).on for frame in frames[first:end]]
+        for k in range(first, end):
+            if make in SEES_ALL or _judged(k):
+                on[k, finger] = read(frames[k]).on
     return on
+
+
+def _judged(frame: int) -> bool:
+    """Whether a frame of a grip is judged: neighbours show the same, and slow readings are asked for one in five."""
+    return frame % 5 == 0
 
 
 @cache
@@ -190,9 +197,11 @@ def _grips(folder: Path, make: Makes) -> Iterator[Figure]:
     for name, grip in GRIPS.items():
         fingers, units = _grip(folder, name)
         on = _both(make, units, fingers, grip.from_frame)
-        held += on[grip.held[0] : grip.held[1] + 1].mean(axis=0).tolist()
+        judged = np.array([_judged(k) for k in range(len(on))])
+        places = np.arange(len(on))
+        held += on[judged & (places >= grip.held[0]) & (places <= grip.held[1])].mean(axis=0).tolist()
         if grip.silent_from is not None:
-            after += on[grip.silent_from :].mean(axis=0).tolist()
+            after += on[judged & (places >= grip.silent_from)].mean(axis=0).tolist()
     yield Figure("gsmini_grips", "held, mean of the fingers", float(np.mean(held)), n=len(held))
     yield Figure("gsmini_grips", "held, worst finger", float(min(held)), n=len(held))
     yield Figure("gsmini_grips", "from 1.5 s after, mean of the fingers", float(np.mean(after)), "low", len(after))
