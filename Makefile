@@ -15,6 +15,7 @@ $(BIN)/python:
 setup: $(BIN)/python ## virtual environment with everything a developer needs
 	$(BIN)/pip install --quiet maturin '.[lint]'
 	$(MAKE) build
+	$(BIN)/pip install --quiet --editable tools/emulators --editable tools/campaigns --editable tools/figures
 
 build: ## release build of the extension into the virtual environment, editable
 	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
@@ -81,6 +82,7 @@ wheel: ## build a wheel, install it in a fresh environment, try it
 	target/wheel-venv/bin/tega-teleop --help
 
 site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
+	PYTHONPATH=$(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/figures \
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 pictures: ## the drawn pictures of the docs, and the demo's animation; needs the extras sim and view

@@ -47,7 +47,8 @@ def measure() -> None:
         venv.create(place, with_pip=True)
         subprocess.run([python, "-m", "pip", "install", "--quiet", *packages], check=True)
     command = [python, "-m", "tega.cli", "bench", "--json", "--picture", str(PICTURE)]
-    env = os.environ | {"PYTHONPATH": str(PROJECT / "python")}
+    sources = (PROJECT / "python", PROJECT / "tools" / "figures")
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, sources))}
     said = subprocess.run(command, check=True, env=env, stdout=subprocess.PIPE, text=True).stdout
     RESULTS.write_text(json.dumps(rounded(json.loads(said)), indent=1) + "\n", encoding="utf-8")
 

@@ -30,6 +30,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 PROJECT: Final = Path(__file__).resolve().parent.parent
+# Programs that the tests start find what is not in the wheel as the tests do, by `pythonpath` of pyproject.toml.
+TOOLS: Final = [str(PROJECT / "tools" / name) for name in ("emulators", "campaigns", "figures")]
+_KEPT = [
+    entry for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if entry and entry not in TOOLS
+]
+os.environ["PYTHONPATH"] = os.pathsep.join([*_KEPT, *TOOLS])
 # The addopts of pyproject.toml leave out what has these marks.
 LEFT_OUT: Final = "not slow and not deep"
 MOST_ASKED_AGAIN: Final = 20

@@ -23,8 +23,8 @@ from PIL import Image
 from tega.sim.demo import run_demo
 from tega.sim.trials import plan_trials
 from tega.sim.world import OBJECTS, World
-from tega.sim.world.solids import add_solids
 from tega.view.state import ViewState
+from tega_figures.world.solids import add_solids
 
 HERE = Path(__file__).resolve().parent
 FINGERS = {"thumb": "#e07b39", "index": "#4a90d9", "middle": "#58a55c", "ring": "#b07cc6"}

@@ -14,6 +14,7 @@
     └── DeviceUnavailableError (RuntimeError)
         ├── WrongDeviceError            a device answers, but not the one the settings ask for
         ├── MissingExtraError (ImportError) a device needs a package that is not installed
+        │   └── MissingToolError        a verb needs a distribution that only a checkout brings
         └── SampleRateError                 a source's true sample rate cannot carry the filter
 
 Each message names the thing, the value and its unit; ``hint`` is the next step to take.
@@ -28,6 +29,7 @@ __all__ = [
     "DtypeError",
     "InvalidValueError",
     "MissingExtraError",
+    "MissingToolError",
     "RecordingError",
     "SampleRateError",
     "ShapeError",
@@ -98,6 +100,10 @@ class WrongDeviceError(DeviceUnavailableError):
 
 class MissingExtraError(DeviceUnavailableError, ImportError):
     """A device needs a package that is not installed; the hint names the extra that brings it."""
+
+
+class MissingToolError(MissingExtraError):
+    """A verb needs a distribution of the checkout's ``tools/`` that is not installed; the hint is the pip line."""
 
 
 class SampleRateError(DeviceUnavailableError):

@@ -14,7 +14,7 @@ from tega.contract import check_driver, main
 from tega.contract.sources import check_source
 from tega.devices import Found, Options, driver_class, driver_names, list_drivers
 from tega.errors import TegaError
-from tega.testing.benches import BENCHES, why_not
+from tega_emulators.benches import BENCHES, why_not
 
 
 def test_every_built_in_driver_is_put_through_the_contract() -> None:
@@ -22,7 +22,13 @@ def test_every_built_in_driver_is_put_through_the_contract() -> None:
     assert built_in == set(BENCHES)
 
 
-@pytest.mark.parametrize("name", driver_names())
+# Each waits some five seconds for a device that answers in its own time.
+_WAITS = {"chords", "lsl-emg"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n in _WAITS else ()) for n in driver_names()]
+)
 def test_contract(name: str, tmp_path: Path) -> None:
     if name not in BENCHES:
         pytest.skip(f"{name} is not TEGA's own: python -m tega.contract {name}")

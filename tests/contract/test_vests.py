@@ -26,12 +26,12 @@ from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import VestFrame, vest_frame
 from tega.teleop import run_session
-from tega.testing.emulators.hid_port import HidPort
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import seen_by
-from tega.testing.faults.vests import trouble
-from tega.testing.vest_bench import LIVE_VESTS, vest_bench
 from tega.wire import vest_levels
+from tega_campaigns.faults.vests import trouble
+from tega_emulators.hid_port import HidPort
+from tega_emulators.process import Emulator
+from tega_emulators.vest_bench import LIVE_VESTS, vest_bench
+from tega_emulators.vests import seen_by
 
 pytestmark = [
     pytest.mark.slow,
@@ -344,7 +344,7 @@ from tega.devices import driver_class
 from tega.haptics import vest_frame
 name, how, options = sys.argv[1], sys.argv[2], eval(sys.argv[3])
 if name == "hid-vest":
-    from tega.testing.emulators.hid_port import HidPort
+    from tega_emulators.hid_port import HidPort
     installed = HidPort(options.pop("path")).installed()
     installed.__enter__()
 driver = driver_class(name, "vest")

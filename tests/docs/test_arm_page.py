@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tega.arm import FRAMES, ArmSettings
-from tega.sim.arm_path import CASES
+from tega_figures.arm_path import CASES
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / "docs" / "arm.md"

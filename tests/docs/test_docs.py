@@ -12,13 +12,19 @@ from pathlib import Path
 import pytest
 
 import tega
+import tega_campaigns
+import tega_emulators
+import tega_figures
 from tega.cli.main import _VERBS
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*PROJECT.glob("*.md"), *(PROJECT / "docs").rglob("*.md")])
 # Modules whose import needs an optional package do so inside functions, so that all can be walked.
 MODULES = sorted(
-    m.name for m in pkgutil.walk_packages(tega.__path__, "tega.") if not m.name.endswith("__main__")
+    m.name
+    for package in (tega, tega_emulators, tega_campaigns, tega_figures)
+    for m in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    if not m.name.endswith("__main__")
 )
 
 pytestmark = pytest.mark.skipif(not (PROJECT / "README.md").is_file(), reason="not a checkout")
@@ -44,7 +50,7 @@ def test_examples_in_docstrings_run(name: str) -> None:
 
 def test_every_module_can_be_imported() -> None:
     for name in MODULES:
-        if name == "tega.testing.emulators.bluez_vest" and find_spec("dbus_fast") is None:
+        if name == "tega_emulators.bluez_vest" and find_spec("dbus_fast") is None:
             continue  # comes with bleak on Linux only
         importlib.import_module(name)
 

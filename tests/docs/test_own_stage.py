@@ -225,7 +225,7 @@ EMULATED = """
 import sys
 from pathlib import Path
 from tega.config import check_tree
-from tega.testing.lab import emulated_lab, PRESSED
+from tega_emulators.lab import emulated_lab, PRESSED
 from tega.toml_text import tree_text
 
 folder = Path(sys.argv[1])

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from tega.audit.places import PLACES, Place, places_table
 from tega.cli.main import main
 from tega.config import load_config
 from tega.errors import ConfigError
 from tega.stages import list_stages
+from tega_figures.places import PLACES, Place, places_table
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / "docs" / "readings.md"
@@ -21,7 +21,9 @@ CHOICES = [(place, item) for place in PLACES for item in place.sets]
 
 @pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
 def test_the_table_is_the_generated_one() -> None:
-    assert places_table() in PAGE.read_text(encoding="utf-8"), "python -m tega.audit.places docs/readings.md"
+    assert places_table() in PAGE.read_text(encoding="utf-8"), (
+        "python -m tega_figures.places docs/readings.md"
+    )
 
 
 @pytest.mark.parametrize(("place", "item"), CHOICES, ids=lambda one: getattr(one, "number", one))

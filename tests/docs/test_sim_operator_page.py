@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from tega.sim.operator.__main__ import main
+from tega_figures.simulated_person import main
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "sim-operator.md"
 

@@ -17,7 +17,7 @@ from tega.safety.states import Transition
 from tega.safety.stop import Stop
 from tega.teleop.moment import LoopView
 from tega.teleop.session import run_session
-from tega.testing.lab import EmulatedLab, emulated_lab
+from tega_emulators.lab import EmulatedLab, emulated_lab
 
 # A busy machine may need this long; who takes a guard out knows that there is nothing to wait for.
 LONGEST_S = float(os.environ.get("TEGA_PATIENCE_S", "60"))
@@ -28,7 +28,7 @@ class Lab:
 
     Attributes:
         tree: The settings.
-        sensors: See :class:`tega.testing.lab.EmulatedLab`, here and below.
+        sensors: See :class:`tega_emulators.lab.EmulatedLab`, here and below.
         changes: What the newest run's state did.
         views: The newest moment of it.
         summary: Of the newest run.

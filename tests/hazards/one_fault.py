@@ -6,8 +6,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tega.soak.plan import KINDS
-from tega.soak.trial import soak
+from tega_campaigns.soak.plan import KINDS
+from tega_campaigns.soak.trial import soak
 
 _SECONDS = 12.0
 

@@ -18,9 +18,9 @@ from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateErro
 from tega.hand import CLOSURE_POSES_RAD
 from tega.recording.inspection import inspect_file
 from tega.teleop.moment import LoopView
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import seen_by
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
+from tega_emulators.vests import seen_by
 
 pytestmark = pytest.mark.slow
 

@@ -519,7 +519,8 @@ def _command(shown_by: str) -> list[str]:
 
 def _try(copy: Path, shown_by: str) -> tuple[Outcome, str]:
     """Run what shows a guard; return what came of it, and its last words. One that does not end proves nothing."""
-    python = f"{copy / 'python'}{os.pathsep}{copy / 'tests'}"
+    tools = ("tools/emulators", "tools/campaigns", "tools/figures")
+    python = os.pathsep.join(str(copy / part) for part in ("python", "tests", *tools))
     running = subprocess.Popen(
         [sys.executable, *_command(shown_by)],
         cwd=copy,
@@ -568,7 +569,7 @@ def main() -> int:
     whole_outcome: dict[str, Outcome] = {}
     with tempfile.TemporaryDirectory(prefix="tega-without-") as name:
         copy = Path(name)
-        for part in ("python", "tests"):
+        for part in ("python", "tests", "tools"):
             shutil.copytree(ROOT / part, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy(ROOT / "pyproject.toml", copy)
         shutil.copy(

@@ -11,8 +11,8 @@ import pytest
 from tega.devices.hid_input import HidInput
 from tega.devices.pedal import Pedal, PedalOptions
 from tega.devices.spacemouse import SpaceMouse, SpaceMouseOptions
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
 
 MS = 1_000_000
 

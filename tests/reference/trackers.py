@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from tega.arm import ArmChain, ArmCommand, StampedPose
 from tega.devices import Tracker
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 
 class LiveTracker(Tracker, Protocol):

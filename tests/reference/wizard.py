@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from tega.calibration.wearing import SITES, site_motors
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import seen_by
+from tega_emulators.process import Emulator
+from tega_emulators.vests import seen_by
 
 __all__ = ["OnScreen", "Wearer", "Wizard", "presses", "records"]
 

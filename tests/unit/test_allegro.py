@@ -25,9 +25,9 @@ from tega.devices.allegro import Allegro, AllegroOptions
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, TegaError, WrongDeviceError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.teleop import run_session
-from tega.testing.emulators.allegro import FAULTS, AllegroNode
-from tega.testing.emulators.allegro_port import BusPort
-from tega.testing.emulators.process import Emulator
+from tega_emulators.allegro import FAULTS, AllegroNode
+from tega_emulators.allegro_port import BusPort
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 
@@ -63,7 +63,7 @@ def _limp(hand: Emulator) -> bool:
 
 def test_the_emulated_hand_shares_no_code_with_the_driver() -> None:
     program = (
-        "import sys, tega.testing.emulators.allegro_port\n"
+        "import sys, tega_emulators.allegro_port\n"
         "print([m for m in sys.modules if m.startswith(('tega.wire', 'tega._native', 'tega.hand'))])"
     )
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

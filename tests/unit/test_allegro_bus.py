@@ -8,7 +8,6 @@ can = pytest.importorskip("can")
 
 from tega.devices.python_can import PythonCan, PythonCanOptions  # noqa: E402
 from tega.errors import DeviceUnavailableError  # noqa: E402
-from tega.sim.allegro_bus import AllegroOnBus  # noqa: E402
 from tega.sim.world import FULL_DUTY_NM, World, hand_controller  # noqa: E402
 from tega.wire import (  # noqa: E402
     AllegroInfo,
@@ -26,6 +25,7 @@ from tega.wire import (  # noqa: E402
     allegro_set_period,
     allegro_torque_frames,
 )
+from tega_emulators.allegro_bus import AllegroOnBus  # noqa: E402
 
 TICK_S = 0.003
 

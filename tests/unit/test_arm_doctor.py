@@ -20,11 +20,11 @@ from tega.doctor import Finding, examine, lab_settings
 from tega.teleop.arm_view import ArmView
 from tega.teleop.moment import LoopView
 from tega.teleop.touch import Felt
-from tega.testing.emulated_bench import EmulatedBench
-from tega.testing.emulators.process import Emulator
-from tega.testing.lab import emulated_lab
 from tega.view.browser.page import _arm
 from tega.view.terminal import render
+from tega_emulators.emulated_bench import EmulatedBench
+from tega_emulators.lab import emulated_lab
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 
@@ -116,7 +116,9 @@ def test_an_emulated_bench_with_an_arm_is_run_by_another_program(tmp_path: Path)
         words = [sys.executable, "-m", "tega.cli", "run", str(settings), "--json"]
         # Slow machines lose samples of the emulated amplifier, and what is lost holds the arm.
         sets = ["safety.emg_lost_ms=2000"]
-        environ = os.environ | {"PYTHONPATH": str(operator.hidapi)}
+        environ = os.environ | {
+            "PYTHONPATH": os.pathsep.join([str(operator.hidapi), os.environ["PYTHONPATH"]])
+        }
         program = subprocess.Popen(
             [*words, *(w for s in sets for w in ("--set", s))], stdout=subprocess.PIPE, env=environ, text=True
         )

@@ -16,7 +16,7 @@ from reference.trackers import wrist_goes
 from tega.arm import StampedPose
 from tega.arm.sweep import Sweep
 from tega.cli.forward import forward
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 

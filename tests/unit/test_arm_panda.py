@@ -21,7 +21,7 @@ from tega.arm.robot.process import Loop, Settings
 from tega.arm.robot.words import Asked, Recover, Told
 from tega.devices.panda_arm import PandaArm, PandaArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 

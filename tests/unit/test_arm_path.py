@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tega.arm.sources import write_poses
-from tega.sim.arm_path import CASES, Followed, follow_path, hand_path, tracked
-from tega.sim.check_arm import hand_of, table
+from tega_figures.arm_path import CASES, Followed, follow_path, hand_path, tracked
+from tega_figures.check_arm import hand_of, table
 
 SECONDS = 3.5
 BY_NAME = {case.name: case for case in CASES}

@@ -21,9 +21,9 @@ from tega.recording.trim import trim_session
 from tega.replay import replay_file
 from tega.replay.arm import forearm
 from tega.replay.poses_file import PosesFile, PosesFileOptions
-from tega.sim.check_arm import hand_of
 from tega.teleop import LoopView, run_session
-from tega.testing.lab import emulated_lab
+from tega_emulators.lab import emulated_lab
+from tega_figures.check_arm import hand_of
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 pytest.importorskip("foxglove", reason="comes with the extra record")

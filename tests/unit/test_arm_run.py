@@ -24,10 +24,10 @@ from tega.config import check_tree, load_config
 from tega.errors import ConfigError
 from tega.replay.play import _settings
 from tega.teleop import LoopView, run_session
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import seen_by
-from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.view.terminal import render
+from tega_emulators.lab import EmulatedLab, emulated_lab
+from tega_emulators.process import Emulator
+from tega_emulators.vests import seen_by
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 

@@ -17,10 +17,10 @@ import pytest
 from click.testing import CliRunner
 
 from reference import tactile as reference
-from tega.bench import exact, filters, peers, report, scenes, simulation, tick, timing, variants
-from tega.bench.variants import CONTACT_LAWS, Law
-from tega.cli import bench as cli_bench
 from tega.haptics import FINGERS
+from tega_figures.bench import command as cli_bench
+from tega_figures.bench import exact, filters, peers, report, scenes, simulation, tick, timing, variants
+from tega_figures.bench.variants import CONTACT_LAWS, Law
 
 ROUNDING = 1e-12
 LAWS = [*CONTACT_LAWS, Law("rectified", "spatial", "bilinear"), Law("signed", "intensity", "bilinear")]

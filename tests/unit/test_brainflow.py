@@ -17,7 +17,7 @@ from tega.devices.brainflow_emg import BrainFlowEmg, BrainFlowOptions
 from tega.devices.cyton import Cyton, CytonOptions
 from tega.devices.live_emg import LiveEmg
 from tega.errors import DeviceUnavailableError
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 

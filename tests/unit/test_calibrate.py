@@ -22,8 +22,8 @@ from reference.wizard import OnScreen, Wearer, Wizard, presses, records
 from tega.calibration.folder import CalibrationFolder
 from tega.calibration.records import EmgRecord, utc_now, write_record
 from tega.cli.main import main
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import seen_by
+from tega_emulators.process import Emulator
+from tega_emulators.vests import seen_by
 
 pytestmark = pytest.mark.slow
 

@@ -135,7 +135,7 @@ def test_the_simulated_bench_shows_its_lift_off() -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("scipy")
     from tega.sim.plan import TrialPlan
-    from tega.study.check_events import WAYS, compare, judge, run
+    from tega_figures.check_events import WAYS, compare, judge, run
 
     kept = run(TrialPlan(object="bag", condition="non-haptic", seed=1))
     # This person's bag slips as well. How many slips are found is a matter of many people: see the page's table.

@@ -29,9 +29,9 @@ from tega.inbox.sources import SourceReport
 from tega.inbox.stream import LiveStream
 from tega.records import Picture
 from tega.teleop import run_session
-from tega.testing.emulators.digit import FAULTS
-from tega.testing.emulators.process import Emulator
-from tega.testing.lab import PRESSED, emulated_lab
+from tega_emulators.digit import FAULTS
+from tega_emulators.lab import PRESSED, emulated_lab
+from tega_emulators.process import Emulator
 
 
 def _driver(sensor: Emulator, **options: Any) -> Digit:

@@ -19,8 +19,8 @@ from tega.doctor import look_for
 from tega.doctor.bench import LOOK_S, ROLES, TRY_S, look_around, try_all
 from tega.doctor.case import Case, holders
 from tega.doctor.in_time import in_time
-from tega.testing.emulated_bench import EmulatedBench
-from tega.testing.emulators.vests import seen_by
+from tega_emulators.emulated_bench import EmulatedBench
+from tega_emulators.vests import seen_by
 
 FINDING_KEYS = {"check", "status", "finding", "why", "todo", "driver", "device", "measured"}
 

@@ -13,8 +13,8 @@ from reference.doctor import only, told
 from tega.doctor import Finding
 from tega.doctor.bench import look_around
 from tega.doctor.tactile import Camera, crowded
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.vests import seen_by
+from tega_emulators.process import Emulator
+from tega_emulators.vests import seen_by
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_vest_board_that_may_not_be_opened(tmp_path: Path) -> None:
     from tega.devices.vest_hid import HidVest
-    from tega.testing.emulators.hid_port import HidPort
+    from tega_emulators.hid_port import HidPort
 
     with Emulator("hid_bridge", str(tmp_path)) as vest:
         port = HidPort(vest.address["path"])

@@ -14,8 +14,8 @@ from tega.cli.main import main
 from tega.config import load_config
 from tega.doctor import Finding, examine, lab_settings
 from tega.doctor.bench import ROLES, look_around
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
 
 CAP, FOOT = (0x046D, 0xC626), (0x0C45, 0x7403)
 SETTINGS = """
@@ -66,6 +66,7 @@ def told(folder: Path) -> dict[str, list[Finding]]:
     return by_check
 
 
+@pytest.mark.slow
 def test_every_seat_is_examined_and_what_is_wrong_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

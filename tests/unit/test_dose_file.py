@@ -11,14 +11,17 @@ import numpy as np
 import pytest
 
 import tega
+import tega_campaigns
+import tega_emulators
+import tega_figures
 from tega.calibration.folder import CalibrationFolder
 from tega.config import check_tree
 from tega.errors import CalibrationError
 from tega.safety.dose_file import DAY_S, KeptDose
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.teleop import run_session
-from tega.testing.lab import emulated_lab
 from tega.worn_vest import NAMELESS
+from tega_emulators.lab import emulated_lab
 
 FULL = np.full(40, 100, np.uint8)
 
@@ -127,10 +130,10 @@ def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
 
 def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> None:
     """Whatever makes a motor vibrate goes through `worn_vest`, and none of it says that the wearer has no day."""
-    package = Path(tega.__file__).parent
+    packages = [Path(package.__path__[0]) for package in (tega, tega_emulators, tega_campaigns, tega_figures)]
     made, worn = set(), []
-    for file in package.rglob("*.py"):
-        where = file.relative_to(package).as_posix()
+    for parent, file in [(package.parent, file) for package in packages for file in package.rglob("*.py")]:
+        where = file.relative_to(parent).as_posix()
         for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if not isinstance(call, ast.Call):
                 continue
@@ -140,6 +143,6 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
             if name == "worn_vest":
                 worn.append(ast.unparse(call.args[1]))
     # The doctor sends zeros alone; the bench of the tests has no wearer.
-    assert made == {"worn_vest.py", "doctor/vest.py", "testing/vest_bench.py"}
+    assert made == {"tega/worn_vest.py", "tega/doctor/vest.py", "tega_emulators/vest_bench.py"}
     assert len(worn) == 4
     assert all("dose" in file for file in worn)

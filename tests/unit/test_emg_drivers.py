@@ -21,7 +21,7 @@ from tega.devices.live_emg import LiveEmg
 from tega.devices.lsl_emg import LslEmg, LslEmgOptions
 from tega.devices.serial_emg import SerialEmg, SerialEmgOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError, SampleRateError
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from tega.inbox.sources import SourceReport, grasp_blocks
 from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega.teleop.session import run_session
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 
 class Gappy:

@@ -14,11 +14,11 @@ import pytest
 
 from tega.clock import ManualClock
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega.testing.emulators.ascii_board import AsciiBoard
-from tega.testing.emulators.chords import ChordsBoard
-from tega.testing.emulators.cyton import CytonBoard
-from tega.testing.emulators.faults import FAULTS, Faults, Signal
-from tega.testing.emulators.process import Emulator
+from tega_emulators.ascii_board import AsciiBoard
+from tega_emulators.chords import ChordsBoard
+from tega_emulators.cyton import CytonBoard
+from tega_emulators.faults import FAULTS, Faults, Signal
+from tega_emulators.process import Emulator
 
 MODULES = (
     "allegro_port",
@@ -41,7 +41,7 @@ def signal(kind: str, rate_hz: float = 250.0) -> Signal:
 @pytest.mark.parametrize("module", MODULES)
 def test_an_emulator_imports_nothing_that_it_is_to_check(module: str) -> None:
     code = (
-        f"import sys, tega.testing.emulators.{module}\n"
+        f"import sys, tega_emulators.{module}\n"
         "print([m for m in sys.modules if m.startswith(('tega.wire', 'tega._native', 'tega.devices'))])\n"
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

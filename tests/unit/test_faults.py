@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from tega.devices import driver_class
-from tega.testing.benches import BENCHES
-from tega.testing.faults import FAULTS, Outcome, all_trials
-from tega.testing.faults.page import page
+from tega_campaigns.faults import FAULTS, Outcome, all_trials
+from tega_campaigns.faults.page import page
+from tega_emulators.benches import BENCHES
 
 PROJECT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
@@ -39,7 +39,7 @@ def test_every_driver_with_an_emulator_meets_every_fault_or_says_why_it_cannot()
 
 
 def run(*words: str) -> dict[str, object]:
-    words = (sys.executable, "-m", "tega.testing.faults", "--json", *words)
+    words = (sys.executable, "-m", "tega_campaigns.faults", "--json", *words)
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     (line,) = done.stdout.splitlines()
     outcome: dict[str, object] = json.loads(line)

@@ -17,7 +17,7 @@ from tega.child_process import python_command, python_environment
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.devices.guard_process import GuardProcess
 from tega.errors import DeviceUnavailableError
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 

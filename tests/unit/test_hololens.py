@@ -14,7 +14,7 @@ from reference.trackers import Steered, some, until
 from tega.devices.device_clock import DeviceClock
 from tega.devices.hololens import HoloLens, HoloLensOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 
 @pytest.fixture

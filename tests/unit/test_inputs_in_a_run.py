@@ -15,10 +15,10 @@ from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
 from tega.view.state import ViewState
 from tega.view.terminal import render
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
 
 pytestmark = [
     pytest.mark.slow,

@@ -18,7 +18,7 @@ from tega.inbox.spread import Spread
 from tega.records import Latency
 from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, LatencyTrace
 from tega.teleop.session import run_session
-from tega.testing.lab import PRESSED, emulated_lab, pressing
+from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
 MS = 1_000_000
 
@@ -143,6 +143,7 @@ def test_a_run_traces_both_ways(tmp_path: Path) -> None:
     assert set(summary["latency_ms"]) == {"touch", "intent"}
 
 
+@pytest.mark.slow
 def test_bench_loop_tells_every_stage() -> None:
     words = [sys.executable, "-m", "tega.cli", "bench", "loop", "--seconds", "3", "--json"]
     said = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)

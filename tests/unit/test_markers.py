@@ -19,8 +19,8 @@ from tega.cli.main import main
 from tega.config import check_tree
 from tega.recording.mcap_reader import McapReader, Message
 from tega.teleop import run_session
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +62,7 @@ class Peer:
 
 @contextmanager
 def peer(before: list[str]) -> Iterator[Peer]:
-    words = [*before, sys.executable, "-m", "tega.testing.emulators.lsl_markers"]
+    words = [*before, sys.executable, "-m", "tega_emulators.lsl_markers"]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         try:
             yield Peer(process)

@@ -28,13 +28,13 @@ from tega.onset.measure import found_in, play_bursts, record_of
 from tega.onset.microphone import Microphone
 from tega.recording.inspection import inspect_file
 from tega.teleop.session import run_session
-from tega.testing.emulators.motor_sound import RATE_HZ
-from tega.testing.emulators.process import Emulator
-from tega.testing.emulators.sound_port import SoundPort
-from tega.testing.emulators.vests import seen_by
-from tega.testing.lab import PRESSED, emulated_lab, pressing
-from tega.testing.vest_bench import vest_bench
 from tega.worn_vest import NAMELESS
+from tega_emulators.lab import PRESSED, emulated_lab, pressing
+from tega_emulators.motor_sound import RATE_HZ
+from tega_emulators.process import Emulator
+from tega_emulators.sound_port import SoundPort
+from tega_emulators.vest_bench import vest_bench
+from tega_emulators.vests import seen_by
 
 pytest.importorskip("scipy")
 

@@ -21,8 +21,8 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.net.messages import Refused, Welcome
 from tega.teleop import LoopView, run_session
-from tega.testing.lab import EmulatedLab, emulated_lab
-from tega.testing.stations import Program, free_port
+from tega_emulators.lab import EmulatedLab, emulated_lab
+from tega_emulators.stations import Program, free_port
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")]
 

@@ -12,11 +12,11 @@ import pytest
 
 pytest.importorskip("zenoh", reason="needs the extra net")
 
-from tega.testing.impaired import ImpairedLink
-from tega.testing.station_faults import FAULTS, Scene
-from tega.testing.station_faults.page import put_table, table
-from tega.testing.station_faults.scene import until
-from tega.testing.station_faults.trials import Outcome
+from tega_campaigns.impaired import ImpairedLink
+from tega_campaigns.station_faults import FAULTS, Scene
+from tega_campaigns.station_faults.page import put_table, table
+from tega_campaigns.station_faults.scene import until
+from tega_campaigns.station_faults.trials import Outcome
 
 pytestmark = pytest.mark.slow
 

@@ -19,7 +19,7 @@ from tega.errors import ConfigError
 from tega.net.keys import check_expiry, expiry, make_keys
 from tega.net.link import Channel, Link, zenoh_settings
 from tega.net.settings import Endpoint, NetSection
-from tega.testing.stations import free_port
+from tega_emulators.stations import free_port
 
 
 @pytest.fixture(scope="module")

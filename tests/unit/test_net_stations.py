@@ -35,7 +35,7 @@ from tega.recording.mcap_reader import McapReader
 from tega.records import Picture
 from tega.replay import replay_file
 from tega.teleop import run_session
-from tega.testing.stations import Program, free_port, split, write_stations, write_trees
+from tega_emulators.stations import Program, free_port, split, write_stations, write_trees
 
 pytestmark = pytest.mark.slow
 

@@ -18,8 +18,8 @@ from reference.trackers import Steered, some, until, wrist_goes
 from tega.cli.forward import forward
 from tega.devices.openxr import OpenXr, OpenXrOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError
-from tega.testing.emulators.process import Emulator
-from tega.testing.openxr_runtime import openxr_runtime, why_no_runtime
+from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 

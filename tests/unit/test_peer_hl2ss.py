@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from reference.trackers import some
 from tega.devices.hololens import HoloLens, HoloLensOptions
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 STATUS = {"left": 1 | 4, "right": 1 | 8}
 WRIST = 1

@@ -20,7 +20,7 @@ import pytest
 
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.hand import CLOSURE_POSES_RAD
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 

@@ -29,9 +29,9 @@ from tega.replay.play_clock import PlayClock
 from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
-from tega.testing.emulators.vests import seen_by
-from tega.testing.lab import EmulatedLab, emulated_lab
 from tega.toml_text import tree_text
+from tega_emulators.lab import EmulatedLab, emulated_lab
+from tega_emulators.vests import seen_by
 
 SECONDS = 1.5
 
@@ -261,6 +261,7 @@ def test_of_a_session_with_several_recordings_one_has_to_be_named(
     assert "trial-002.mcap" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_played_session_is_held_to_the_day_of_who_wears_the_vest(session: Session, tmp_path: Path) -> None:
     file = CalibrationFolder(tmp_path).person("p01") / "vest-dose.json"
     calibration = {"person": "p01", "folder": str(tmp_path)}

@@ -19,7 +19,7 @@ from tega.priority import ahead_of_others, all_along, bring_along, realtime
 from tega.teleop.collector import settle, settled
 from tega.teleop.moment import LoopView
 from tega.teleop.session import run_session
-from tega.testing.lab import emulated_lab
+from tega_emulators.lab import emulated_lab
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time threads are asked for on Linux only")
 

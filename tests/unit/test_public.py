@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tega.testing.public import PUBLIC, main, public_text
+from tega_figures.public import PUBLIC, main, public_text
 
 SNAPSHOT = Path(__file__).resolve().parents[2] / "docs" / "public.txt"
 
@@ -20,8 +20,8 @@ def test_the_public_interface_is_the_one_that_is_written_down() -> None:
         difflib.unified_diff(before.splitlines(), now.splitlines(), "written", "now", n=0, lineterm="")
     )
     assert not changed, (
-        f"{changed}\nif that is meant: python -m tega.testing.public docs/public.txt, and a line of migration in "
-        "CHANGELOG.md"
+        f"{changed}\nif that is meant: python tools/figures/tega_figures/public.py docs/public.txt, and a line of "
+        "migration in CHANGELOG.md"
     )
 
 

@@ -29,8 +29,8 @@ from tega.teleop.moment import LoopView
 from tega.teleop.pacing import Pacer
 from tega.teleop.session import run_session
 from tega.teleop.touch import TouchLoop
-from tega.testing.emulators.vests import seen_by
-from tega.testing.lab import emulated_lab
+from tega_emulators.lab import emulated_lab
+from tega_emulators.vests import seen_by
 
 FRAME_MS = 16
 LONG_S = 60.0

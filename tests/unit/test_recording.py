@@ -17,9 +17,9 @@ from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
 from tega.toml_text import config_text
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
 
 
 def test_the_public_reader_finds_well_known_schemas_times_and_files(lossless: Path) -> None:

@@ -33,8 +33,8 @@ from tega.recording.mcap_recorder import McapRecorder
 from tega.records import Marker, Picture
 from tega.replay import replay_file
 from tega.teleop import run_session
-from tega.testing.kills import kill_one, settings
 from tega.toml_text import config_text
+from tega_campaigns.kills import kill_one, settings
 
 
 @pytest.mark.slow

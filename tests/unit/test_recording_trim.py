@@ -20,7 +20,7 @@ from tega.recording.origin import LEAD_IN
 from tega.recording.trim import trim_session
 from tega.replay import replay_file
 from tega.teleop import run_session
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 S = 1_000_000_000
 

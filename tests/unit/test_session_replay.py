@@ -20,7 +20,7 @@ from tega.replay import replay_file
 from tega.safety.guard import Guard
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
-from tega.testing.emulators.process import Emulator
+from tega_emulators.process import Emulator
 
 
 def test_a_lossless_recording_is_computed_again_bit_for_bit(lossless: Path) -> None:

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.sim.broad import (
+from tega.sim.gel import Gel
+from tega.sim.gel_sequences import pressing
+from tega_figures.broad import (
     TOLERANCES,
     Broad,
     broad,
@@ -17,8 +19,6 @@ from tega.sim.broad import (
     simulated_disc,
     simulated_grasps,
 )
-from tega.sim.gel import Gel
-from tega.sim.gel_sequences import pressing
 
 
 def ratio(of: str, recorded: list[Broad], simulated: list[Broad]) -> float:

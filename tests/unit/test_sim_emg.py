@@ -17,8 +17,8 @@ from scipy import signal
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent
 from tega.errors import InvalidValueError, ShapeError
 from tega.sim.operator import ForearmEmg, Person, calibrate, draw_person, typical_person
-from tega.sim.operator.holds import hold_shares, unsteady
 from tega.sim.seams import Act
+from tega_figures.holds import hold_shares, unsteady
 
 CLEAN = {"white_uv": 0, "mains_uv": 0, "artefact_hz": 0, "drift_uv": 0, "drive_share": 0, "drive_floor": 0}
 FRESH = {"fatigue_per_s": 0.0}

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from tega.audit import Mark
-from tega.sim import check_touch
-from tega.sim.check_touch import (
+from tega.sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
+from tega.tactile import read_contact
+from tega_figures import check_touch
+from tega_figures.check_touch import (
     GOLDEN,
     GOLDEN_RADIUS_MM,
     Presses,
@@ -19,9 +21,7 @@ from tega.sim.check_touch import (
     load_presses,
     readings,
 )
-from tega.sim.closeness import TOLERANCES, match_press, statistics
-from tega.sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
-from tega.tactile import read_contact
+from tega_figures.closeness import TOLERANCES, match_press, statistics
 
 
 @pytest.fixture(scope="module")

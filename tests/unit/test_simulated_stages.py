@@ -43,6 +43,7 @@ def verb(*words: object, capsys: Any) -> Any:
     return json.loads(out.out)
 
 
+@pytest.mark.slow
 def test_stages_beside_a_lift_are_told_and_change_nothing() -> None:
     import msgspec
 
@@ -68,6 +69,7 @@ def test_stages_beside_a_lift_are_told_and_change_nothing() -> None:
     assert {row[1] for row in streams.rows["beside-contacts"]} == {"reading"}
 
 
+@pytest.mark.slow
 def test_a_demo_writes_what_stages_beside_say(tmp_path: Path, capsys: Any) -> None:
     report = verb(
         "demo", "--objects", "bottle", "--operator", "scripted", "--fast", "--preset", "paper",

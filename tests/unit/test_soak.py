@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from tega.cli.main import main
-from tega.soak.plan import KINDS, plan
-from tega.soak.report import Fault, SoakReport
+from tega_campaigns.soak.plan import KINDS, plan
+from tega_campaigns.soak.report import Fault, SoakReport
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="emulated devices need pseudo-terminals, limits Linux"

@@ -10,11 +10,12 @@ from types import SimpleNamespace
 import pytest
 
 from tega.errors import DeviceUnavailableError
-from tega.soak import trial
+from tega_campaigns.soak import trial
 
 
 def test_soak_is_imported_where_there_is_no_resource_module() -> None:
-    code = "import sys; sys.modules['resource'] = None; import tega.soak.supervisor, tega.cli.soak"
+    modules = "tega_campaigns.soak.supervisor, tega_campaigns.soak.command"
+    code = f"import sys; sys.modules['resource'] = None; import {modules}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 

@@ -15,9 +15,9 @@ from tega.devices.hid_input import AT_REST, HidInput
 from tega.devices.pedal import Pedal
 from tega.devices.spacemouse import MODELS, NOT_SIX_AXES, SpaceMouse
 from tega.errors import DeviceUnavailableError
-from tega.testing.emulators.hid_input import InputDevice
-from tega.testing.emulators.hid_port import HidBoard, HidPort
-from tega.testing.emulators.process import Emulator
+from tega_emulators.hid_input import InputDevice
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
 

@@ -16,9 +16,9 @@ import pytest
 from reference import emg as reference_emg
 from reference import tactile as reference_tactile
 from tega.cli.main import main
-from tega.stress import GROUPS, StressCase, render_page
-from tega.stress.exact_emg import dc_gain, design, filtered, gain_squared, transfer_function
-from tega.stress.exact_touch import exact_contact
+from tega_campaigns.stress import GROUPS, StressCase, render_page
+from tega_campaigns.stress.exact_emg import dc_gain, design, filtered, gain_squared, transfer_function
+from tega_campaigns.stress.exact_touch import exact_contact
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "stress.md"
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 def test_the_console_is_drawn_as_it_was_driven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("textual")
-    from tega.study.observe import __main__ as picture
+    from tega_figures import study_console as picture
 
     monkeypatch.setattr(picture, "KEYS", tuple((key, 0.05) for key, _ in picture.KEYS))
     done = CliRunner().invoke(picture.main, [str(tmp_path / "console.svg")], catch_exceptions=False)
@@ -24,7 +24,7 @@ def test_the_console_is_drawn_as_it_was_driven(tmp_path: Path, monkeypatch: pyte
 def test_the_console_for_recordings_is_drawn_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("textual")
     pytest.importorskip("foxglove")
-    from tega.study.observe import __main__ as picture
+    from tega_figures import study_console as picture
 
     monkeypatch.setattr(picture, "RECORDED_S", 1.5)
     monkeypatch.setattr(picture, "RECORDED_KEYS", (("space", 0.1), ("s", 0.6), ("s", 0.3)))

@@ -414,7 +414,7 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     from tega.config import check_tree
     from tega.recording.mcap_reader import McapReader
     from tega.replay.recorded import read_recorded
-    from tega.testing.lab import emulated_lab
+    from tega_emulators.lab import emulated_lab
 
     folder = study(tmp_path, conditions=["haptic", "non-haptic", "event-gated"])
     plan = read_plan(folder)
@@ -461,8 +461,8 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
 @pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
 def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    from tega.testing.lab import emulated_lab
     from tega.toml_text import tree_text
+    from tega_emulators.lab import emulated_lab
 
     folder = study(tmp_path, simulated=False, window_s=2.0)
     assert read_plan(folder).of("p01")[0].condition == "haptic"
@@ -482,7 +482,7 @@ def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path
 def test_devices_that_do_not_come_begin_no_trial(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
     from tega.config import check_tree
-    from tega.testing.lab import emulated_lab
+    from tega_emulators.lab import emulated_lab
 
     folder = study(tmp_path)
     lab_folder = tmp_path / "lab"

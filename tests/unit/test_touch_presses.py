@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError
-from tega.sim.check_touch_live import felt_of_slow_press
 from tega.sim.gel import Gel
 from tega.sim.gel_sequences import SHAPES, Moment, press_sequence, ramp
-from tega.sim.touch_presses import score_press, unit_seeds
 from tega.touch import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light, nominal_light
+from tega_figures.check_touch_live import felt_of_slow_press
+from tega_figures.touch_presses import score_press, unit_seeds
 
 pytest.importorskip("scipy", reason="needs the extra tega[lab]")
 UNITS = unit_seeds(2)

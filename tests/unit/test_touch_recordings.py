@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from tega.audit import read_marks
 from tega.opencv import read_image
-from tega.sim.touch_presses import rank_correlation
-from tega.sim.touch_recordings import (
+from tega.tactile import contact_mask, read_contact
+from tega.touch import TouchTracker, TrackedContact, sensor_noise, update_fingers
+from tega_figures.touch_presses import rank_correlation
+from tega_figures.touch_recordings import (
     GRIPS,
     best_lag,
     disc,
@@ -25,8 +27,6 @@ from tega.sim.touch_recordings import (
     soft_grips,
     wedge,
 )
-from tega.tactile import contact_mask, read_contact
-from tega.touch import TouchTracker, TrackedContact, sensor_noise, update_fingers
 
 pytest.importorskip("cv2", reason="needs the extra tega[lab]")
 Image = NDArray[np.uint8]

@@ -32,8 +32,8 @@ from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
 from tega.teleop.session import run_session
 from tega.teleop.touch import TouchLoop
-from tega.testing.lab import PRESSED, emulated_lab, pressing
 from tega.worn_vest import worn_vest
+from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
 LONG_S = 60.0
 

@@ -141,7 +141,7 @@ def test_a_program_that_is_stopped_leaves_no_page_that_says_active(browser):
         [sys.executable, "-c", serve],
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(tests)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tests), os.environ["PYTHONPATH"]])},
     )
     try:
         assert program.stdout is not None

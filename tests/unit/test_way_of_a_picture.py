@@ -13,7 +13,7 @@ import pytest
 
 from tega.config import check_tree
 from tega.teleop import run_session
-from tega.testing.lab import PRESSED, emulated_lab
+from tega_emulators.lab import PRESSED, emulated_lab
 
 PASSED = {"TactileFrame", "ContactMetrics", "Contact", "Felt", "VestFrame"}
 

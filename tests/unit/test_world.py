@@ -22,9 +22,9 @@ from tega.sim.world import (
     World,
     hand_controller,
 )
-from tega.sim.world.check import main as check
-from tega.sim.world.lift import lift
-from tega.sim.world.rig import GRAVITY_M_S2, slip_force_n
+from tega_figures.world.check import main as check
+from tega_figures.world.lift import lift
+from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
 
 
 def in_the_grasp_pose(spec, **arguments):

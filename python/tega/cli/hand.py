@@ -47,12 +47,14 @@ def _opened(
     """Open the hand, or the emulated one."""
     from contextlib import ExitStack
 
+    from tega.checkout_tools import needs_tools
     from tega.devices.allegro import Allegro, AllegroOptions
 
     with ExitStack() as stack:
         where: dict[str, Any] = {"interface": interface, "channel": channel}
         if emulated:
-            from tega.testing.emulators.process import Emulator
+            with needs_tools("tega-teleop hand --emulated"):
+                from tega_emulators.process import Emulator
 
             there = Emulator("allegro_port", "--side", side, "--device-id", str(device_id))
             where = stack.enter_context(there).address
@@ -159,8 +161,8 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
     """
     import msgspec
 
-    from tega.bench.hand import time_loop
     from tega.cli.options import echo_json
+    from tega.doctor.hand_timing import time_loop
 
     # A loop without a hand behind it is to be watched when it is late, not to be ended.
     patience: dict[str, Any] = {"silent_after_ms": 500.0, "lowest_rate_hz": 0.0} if where["emulated"] else {}

@@ -97,10 +97,13 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> No
     import time
     import tomllib
 
+    from tega.checkout_tools import needs_tools
     from tega.cli.options import echo_json
     from tega.safety.ctrl_c import Stop
-    from tega.testing.emulated_bench import EmulatedBench
-    from tega.testing.stations import free_port, split, write_trees
+
+    with needs_tools("tega-teleop init --emulated"):
+        from tega_emulators.emulated_bench import EmulatedBench
+        from tega_emulators.stations import free_port, split, write_trees
 
     if not as_json:
         click.echo("Starting emulated devices …", err=True)

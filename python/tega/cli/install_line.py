@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
@@ -12,7 +13,7 @@ __all__ = ["with_origin"]
 
 
 def with_origin(text: str, installed: Distribution | None = None) -> str:
-    """Put the place that TEGA was installed from into ``pip install 'tega[…]'``.
+    """Put the place that TEGA was installed from into ``pip install 'tega[…]'`` and ``pip install './tools/…'``.
 
     Args:
         text: A message or hint.
@@ -21,7 +22,7 @@ def with_origin(text: str, installed: Distribution | None = None) -> str:
     Returns:
         The text as it is where TEGA came from an index, or nothing says where from.
     """
-    if "pip install 'tega[" not in text:
+    if "pip install 'tega[" not in text and "'./tools/" not in text:
         return text
     try:
         said = (installed or distribution("tega")).read_text("direct_url.json")
@@ -31,4 +32,6 @@ def with_origin(text: str, installed: Distribution | None = None) -> str:
     if address.scheme != "file":
         return text
     place = url2pathname(address.path)
+    if Path(place, "tools").is_dir():
+        text = text.replace("'./tools/", f"'{place}/tools/")
     return re.sub(r"pip install 'tega(\[[^']*)'", lambda m: f"pip install '{place}{m[1]}'", text)

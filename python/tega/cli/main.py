@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import click
 
-from tega.errors import DeviceUnavailableError, TegaError
+from tega.checkout_tools import needs_tools
+from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
 
 __all__ = ["main"]
 
@@ -93,11 +94,18 @@ _VERBS = {
     "emg-score": _Verb(
         "Tooling", "tega.cli.emg_score", "emg_score", "Score the closure levels against a measured force."
     ),
-    "bench": _Verb("Tooling", "tega.cli.bench", "bench", "Measure the run time and error of each kernel."),
-    "soak": _Verb(
-        "Tooling", "tega.cli.soak", "soak", "Run all emulated devices for long, with random faults."
+    "bench": _Verb(
+        "Tooling", "tega_figures.bench.command", "bench", "Measure the run time and error of each kernel."
     ),
-    "stress": _Verb("Tooling", "tega.cli.stress", "stress", "Test each kernel at its numerical extremes."),
+    "soak": _Verb(
+        "Tooling",
+        "tega_campaigns.soak.command",
+        "soak",
+        "Run all emulated devices for long, with random faults.",
+    ),
+    "stress": _Verb(
+        "Tooling", "tega_campaigns.stress.command", "stress", "Test each kernel at its numerical extremes."
+    ),
     "stages": _Verb("Tooling", "tega.cli.stages", "stages", "List metrics, decoders, mappings and layouts."),
     "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a settings file."),
 }
@@ -113,7 +121,8 @@ class _Verbs(click.Group):
         verb = _VERBS.get(cmd_name)
         if verb is None:
             return None
-        command: click.Command = getattr(importlib.import_module(verb.module), verb.function)
+        with needs_tools(f"tega-teleop {cmd_name}"):
+            command: click.Command = getattr(importlib.import_module(verb.module), verb.function)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
@@ -180,6 +189,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo("stopped", err=True)
         sys.exit(EXIT_STOPPED)
+    except MissingToolError as error:
+        _tell(error.message, error.hint, debug=debug)
+        sys.exit(EXIT_USAGE)
     except DeviceUnavailableError as error:
         _tell(error.message, error.hint, debug=debug)
         sys.exit(EXIT_DEVICE)

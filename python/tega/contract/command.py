@@ -81,8 +81,8 @@ def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
 
 def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
     """Check one driver; return the verdict and what there is to say."""
+    from tega.checkout_tools import needs_tools
     from tega.config import driver_options
-    from tega.testing.benches import BENCHES, why_not
 
     with ExitStack() as stack:
         tree: dict[str, Any] = {}
@@ -91,7 +91,9 @@ def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str
             driver = driver_class(name)
             if sets:
                 where = f"with {' '.join(sets)}"
-            elif name in BENCHES and not real:
+            elif driver.__module__.startswith("tega.") and not real:
+                with needs_tools(f"python -m tega.contract {name}"):
+                    from tega_emulators.benches import BENCHES, why_not
                 if reason := why_not(name):
                     return "not tried", reason
                 where = BENCHES[name].summary

@@ -1,7 +1,7 @@
 """The detector's numbers, all of them, and why they are what they are.
 
 They were fixed before they were compared with anything. The slip's rule with hand and arm was chosen and fitted on
-simulated people 1000 to 1022 (``python -m tega.study.check_events --fit 1000:1023``), the one by fingertips alone on
+simulated people 1000 to 1022 (``python -m tega_figures.check_events --fit 1000:1023``), the one by fingertips alone on
 1000 to 1019 of an earlier version of the simulated gel; both are reported on others.
 """
 

@@ -167,8 +167,11 @@ def _bench(
             note_elsewhere(folder, participant, calibrations.person(code))
         yield LabBench(loaded.config, settings=str(lab))
     elif emulated:
+        from tega.checkout_tools import needs_tools
         from tega.config import check_tree, override_tree
-        from tega.testing.lab import emulated_lab
+
+        with needs_tools("tega-teleop study run --emulated"):
+            from tega_emulators.lab import emulated_lab
 
         with tempfile.TemporaryDirectory() as beside:
             made_in = Path(beside)

@@ -35,7 +35,7 @@ _TURN_RAD: Final = 1.0
 
 
 class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the motion is computed. The defaults are chosen by ``python -m tega.sim.world.check``.
+    """How the motion is computed. The defaults are chosen by ``python -m tega_figures.world.check``.
 
     Attributes:
         timestep_s: One step, seconds; that of the hand's cycle.

@@ -1,0 +1,41 @@
+"""Name the pip line for emulators, campaigns and figure scripts, which are not in the wheel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from tega.errors import MissingToolError
+
+__all__ = ["needs_tools"]
+
+# What is installed for each package that a checkout brings; what it needs itself stands before it.
+_FOLDERS: Final = {
+    "tega_emulators": ("emulators",),
+    "tega_campaigns": ("emulators", "campaigns"),
+    "tega_figures": ("emulators", "figures"),
+}
+
+
+@contextmanager
+def needs_tools(what: str) -> Iterator[None]:
+    """Say which pip line brings a package of ``tools/`` that an import in this block does not find.
+
+    Args:
+        what: The command that needs the package, for the message.
+
+    Raises:
+        MissingToolError: The package is not installed; the hint is the pip line, to be typed in a checkout.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in _FOLDERS:
+            raise
+        places = " ".join(f"'./tools/{folder}'" for folder in _FOLDERS[package])
+        raise MissingToolError(
+            f"{what} needs the package {package!r}, which is not part of the wheel",
+            f"install it from a checkout of TEGA: pip install {places}",
+        ) from error

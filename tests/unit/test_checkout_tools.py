@@ -1,0 +1,111 @@
+"""What is not in the wheel is asked for by name, and the pip line for it stands in the error."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import tega
+from tega.checkout_tools import needs_tools
+from tega.cli.install_line import with_origin
+from tega.errors import MissingToolError
+
+PROJECT = Path(__file__).resolve().parents[2]
+PACKAGES = ("tega_emulators", "tega_campaigns", "tega_figures")
+
+
+def run_without(code: str) -> subprocess.CompletedProcess[str]:
+    """Run Python where none of the packages can be imported."""
+    hide = "".join(f"sys.modules[{name!r}] = None; " for name in PACKAGES)
+    words = [sys.executable, "-c", f"import sys; {hide}{code}"]
+    return subprocess.run(words, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ("words", "folders"),
+    [
+        (("soak",), ("emulators", "campaigns")),
+        (("stress", "--help"), ("emulators", "campaigns")),
+        (("bench", "sim"), ("emulators", "figures")),
+        (("init", "--emulated"), ("emulators",)),
+        (("hand", "measure", "--emulated"), ("emulators",)),
+    ],
+    ids=" ".join,
+)
+def test_a_verb_without_its_package_prints_the_pip_line(
+    words: tuple[str, ...], folders: tuple[str, ...]
+) -> None:
+    done = run_without(f"from tega.cli.main import main; main({list(words)!r})")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.stdout == ""
+    assert f"error: tega-teleop {words[0]}" in done.stderr
+    hint = done.stderr.splitlines()[-1]
+    assert "pip install" in hint
+    assert [part.rstrip("'").rpartition("/")[2] for part in hint.split() if "tools/" in part] == list(folders)
+
+
+def test_the_list_of_verbs_and_the_contract_need_none_of_the_packages() -> None:
+    listed = run_without("from tega.cli.main import main; main(['--help'])")
+    assert listed.returncode == 0
+    assert "soak" in listed.stdout
+    tried = run_without("from tega.contract.command import main; sys.exit(main(['digit']))")
+    assert (tried.returncode, tried.stdout.split()[:2]) == (2, ["not", "tried"])
+    assert "./tools/emulators" in tried.stdout
+    real = run_without(
+        "from tega.contract.command import main; sys.exit(main(['synthetic-emg', '--set', 'rate_hz=1000']))"
+    )
+    assert (real.returncode, real.stdout.split()[:1]) == (0, ["ok"])
+
+
+def test_another_missing_module_stays_what_it_is() -> None:
+    with pytest.raises(ModuleNotFoundError, match="no_such_module") as caught, needs_tools("this"):
+        import no_such_module  # type: ignore[import-not-found]  # noqa: F401
+    assert not isinstance(caught.value, MissingToolError)
+
+
+def test_the_folders_in_the_pip_line_are_those_of_the_checkout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in PACKAGES:
+        folder = PROJECT / "tools" / name.removeprefix("tega_")
+        project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        assert project["name"] == name.replace("_", "-")
+        assert (folder / name / "__init__.py").is_file()
+        monkeypatch.setitem(sys.modules, name, None)
+        with pytest.raises(MissingToolError) as caught, needs_tools("this"):
+            __import__(name)
+        assert f"'./tools/{folder.name}'" in caught.value.hint
+
+    class Installed:
+        def read_text(self, _name: str) -> str:
+            return f'{{"url": "{tmp_path.as_uri()}"}}'
+
+    hint = "pip install './tools/emulators'"
+    assert with_origin(hint, Installed()) == hint  # type: ignore[arg-type]
+    (tmp_path / "tools").mkdir()
+    assert with_origin(hint, Installed()) == f"pip install '{tmp_path}/tools/emulators'"  # type: ignore[arg-type]
+
+
+def imports_outside_needs_tools(tree: ast.AST, *, guarded: bool = False) -> list[str]:
+    """Return the imports of the packages that do not stand in a block of ``needs_tools``."""
+    found = []
+    for node in ast.iter_child_nodes(tree):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        if not guarded:
+            found += [name for name in names if name.partition(".")[0] in PACKAGES]
+        within = isinstance(node, ast.With) and "needs_tools(" in ast.unparse(node.items[0])
+        found += imports_outside_needs_tools(node, guarded=guarded or within)
+    return found
+
+
+def test_the_wheel_imports_the_packages_only_where_it_says_how_to_get_them() -> None:
+    for file in Path(tega.__file__).parent.rglob("*.py"):
+        assert imports_outside_needs_tools(ast.parse(file.read_text(encoding="utf-8"))) == [], file
+    wrong = "def f():\n    from tega_emulators.lab import x\n    with needs_tools(''):\n        import tega_figures\n"
+    assert imports_outside_needs_tools(ast.parse(wrong)) == ["tega_emulators.lab"]

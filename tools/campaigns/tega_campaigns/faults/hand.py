@@ -1,0 +1,105 @@
+"""The Allegro Hand's driver on an emulated hand, with the driver's own limits, asked to close."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import Any, Final
+
+from tega.devices.allegro import Allegro, AllegroOptions
+from tega.errors import DeviceUnavailableError
+from tega_campaigns.faults.trials import Outcome, Trial
+from tega_emulators.allegro import FAULTS
+from tega_emulators.process import Emulator
+
+__all__ = ["CANNOT", "trials"]
+
+CANNOT: Final[dict[tuple[str, str], str]] = {}
+
+_WATCH_S = 8.0
+_NUISANCE_S = 3.0
+_DEAF = frozenset({"silence", "unplug"})
+_MORE = {"garbage": "noise between the adapter's lines", "unplug": "hand and adapter are gone"}
+_STARTS = {
+    "wrong version": ("is version 5.0", ("--hardware", "0x0500")),
+    "wrong side": ("is a left hand", ("--side", "left")),
+    "absent": ("another hand is on the bus", ("--device-id", "3")),
+}
+# The table's words for what the emulator calls otherwise.
+_NAMES = {"half": "half packet", "power-cycle": "power cycle", "silence": "freeze", "freeze": "angles stuck"}
+
+
+def trials() -> list[Trial]:
+    """Return the trials."""
+    refused = [
+        Trial("allegro", name, what, partial(_refused, words)) for name, (what, words) in _STARTS.items()
+    ]
+    met = [
+        Trial("allegro", _NAMES.get(fault, fault), what, partial(_met, fault))
+        for fault, what in {**FAULTS, **_MORE}.items()
+    ]
+    return refused + met
+
+
+def _refused(arguments: tuple[str, ...]) -> Outcome:
+    make: Any = AllegroOptions
+    with Emulator("allegro_port", *arguments) as hand:
+        begin_s = time.monotonic()
+        driver = Allegro(make(**hand.address))
+        try:
+            driver.open()
+        except DeviceUnavailableError as error:
+            return Outcome(effect="refused", said=_words(error), seen_s=time.monotonic() - begin_s)
+        driver.close()
+    return Outcome(effect="goes on", said="opens, unnoticed")
+
+
+def _met(fault: str) -> Outcome:
+    make: Any = AllegroOptions
+    # A busy machine must not look like a slow hand before the fault.
+    with Emulator("allegro_port") as hand, Allegro(make(**hand.address, lowest_rate_hz=200.0)) as driver:
+        driver.step(5)
+        time.sleep(0.5)
+        if fault == "unplug":
+            hand.kill()
+        else:
+            hand.say(fault)
+        begin_s, off_s, silences = time.monotonic(), None, driver.state().counts.silences
+        while (spent_s := time.monotonic() - begin_s) < _WATCH_S:
+            if off_s is None and fault not in _DEAF and _is_off(hand):
+                off_s = time.monotonic() - begin_s
+            try:
+                driver.step(5)
+            except DeviceUnavailableError as error:
+                told_s, said = time.monotonic() - begin_s, _words(error)
+                break
+            if spent_s > _NUISANCE_S and driver.state().phase == "running":
+                if driver.state().counts.silences == silences:
+                    said = "what is missing is bridged, what does not belong is ignored"
+                    return Outcome(effect="goes on", said=said)
+                said = "motors off; its version is checked again, then it goes where it was told"
+                return Outcome(effect="falls silent", said=said, seen_s=off_s)
+            time.sleep(0.001)
+        else:
+            return Outcome(effect="goes on", said="neither told nor over within 8 s")
+        if off_s is None and fault not in _DEAF:
+            time.sleep(0.05)
+            off_s = told_s if _is_off(hand) else None
+    if fault in _DEAF:
+        said += "; it hears nothing meanwhile and keeps its last torque: use the switch"
+    elif off_s is not None and told_s - off_s > 0.1:
+        said += f" (told after {told_s:.1f} s)"
+    return Outcome(
+        effect="lets go" if off_s is not None else "ends",
+        said=said,
+        seen_s=told_s if off_s is None else off_s,
+    )
+
+
+def _is_off(hand: Emulator) -> bool:
+    state = hand.say("look")
+    return not state["servo_on"] and not any(state["duties"])
+
+
+def _words(error: DeviceUnavailableError) -> str:
+    return error.message.removeprefix("allegro: ")

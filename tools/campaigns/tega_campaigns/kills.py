@@ -1,0 +1,310 @@
+"""Kills recordings at random instants and looks at what is left.
+
+``python -m tega_campaigns.kills --instants 20 --seed 1`` starts a lossless recording in real time as often, kills its
+process (SIGKILL) at a random instant, opens the file with the public ``mcap`` reader, finishes it as the next run
+would, opens that too, and computes it again. What is lost is counted in the finished file. One line per instant, exit
+code 1 unless every one is good.
+
+The run is fed by the emulated DIGIT, Cyton and Allegro Hand in processes of their own, and feels an emulated Player;
+``--synthetic`` takes made-up sources instead, which need nothing and start sooner.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import mmap
+import random
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
+from tega.child_process import python_command, python_environment
+from tega.recording.mcap_folder import SessionFolder
+from tega.recording.mcap_reader import McapReader
+from tega.replay import replay_file
+from tega.toml_text import tree_text
+
+__all__ = ["Kill", "kill_one", "main", "settings"]
+
+MOST_LOST_S = 0.5
+"""What a kill may cost."""
+
+_BEGIN_S = 60.0
+_NOTE_BYTES = 8
+
+
+class Kill(msgspec.Struct, frozen=True):
+    """What one kill left.
+
+    Attributes:
+        at_s: When it came, seconds after the session began.
+        messages: What the public reader found in the file as it was left.
+        ending: What that reader said where the file breaks off.
+        lost_s: Of what the loop had done by then: from the newest frame of it in the finished file to the newest vest
+            tick that the run itself had come to, as it noted in memory that outlives it.
+        stood_s: From that tick to the kill. More than a tick or two is a process that the machine did not let run.
+        stream_lost_s: Like ``lost_s``, for the stream that lost most, of those that had come at least ten times.
+        recovered: Messages in the file once it was finished; the public seeking reader opens it.
+        dropped: Records that the queue had no room for.
+        differ: Rows in which a replay differs.
+        good: Whether all of it is as promised.
+    """
+
+    at_s: float
+    messages: int
+    ending: str
+    lost_s: float
+    stood_s: float
+    stream_lost_s: float
+    recovered: int
+    dropped: int
+    differ: int
+    good: bool
+
+
+@contextmanager
+def settings(folder: Path, *, synthetic: bool, lossless: bool) -> Iterator[Path]:
+    """Write the settings of a run that lasts, start what it needs, and yield their file.
+
+    Args:
+        folder: Where to.
+        synthetic: Made-up sources instead of emulators.
+        lossless: Record the pictures as they are.
+    """
+    tree: dict[str, Any] = {
+        "tactile": {},
+        "session": {"pace": "real"},
+        "recording": {"dir": str(folder / "session"), "lossless": lossless, "stop_free_mib": 16.0},
+    }
+    with ExitStack() as stack:
+        if synthetic:
+            for k, finger in enumerate(("thumb", "index")):
+                options: dict[str, Any] = {"duration_s": 8.0, "seed": k}
+                tree["tactile"][finger] = {"driver": "synthetic-touch", "options": options}
+            tree["emg"] = {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 8.0}}
+        else:
+            tree |= _emulated(folder, stack)
+        path = folder / "settings.toml"
+        path.write_text(tree_text(tree), encoding="utf-8")
+        yield path
+
+
+def _emulated(folder: Path, stack: ExitStack) -> dict[str, Any]:
+    from tega_emulators.process import Emulator
+    from tega_emulators.vest_bench import vest_bench
+
+    tree: dict[str, Any] = {"tactile": {}}
+    for k, finger in enumerate(("thumb", "index")):
+        sensor = stack.enter_context(Emulator("digit", "--seed", str(k)))
+        # The emulated light as it is sent, without noise, turned as the driver turns it.
+        rows, columns = np.mgrid[:240, :320]
+        light = np.stack([90 + 0.2 * rows, 110 - 0.1 * columns, 80 + 0.15 * columns], axis=2)
+        np.save(folder / f"{finger}.npy", np.rot90(light).astype(np.uint8))
+        options = {"source": sensor.address["source"], "warm_up_s": 0.1}
+        tree["tactile"][finger] = {
+            "driver": "digit",
+            "baseline": str(folder / f"{finger}.npy"),
+            "options": options,
+        }
+    board = stack.enter_context(Emulator("cyton", "--signal", "emg"))
+    tree["emg"] = {"driver": "cyton", "kind": "raw", "options": {"port": board.port, "measure_s": 0.25}}
+    hand = stack.enter_context(Emulator("allegro_port"))
+    # A loaded machine is late now and then; that is not what is tried here.
+    patient = {"silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0}
+    tree["hand"] = {"driver": "allegro", "options": {**hand.address, **patient}}
+    player = stack.enter_context(vest_bench("bhaptics-player")).peer
+    tree["vest"] = {"driver": "bhaptics-player", "options": {"port": player.address["port"]}}
+    full = TouchMaxima(cci_max=1.0, eda_max=500.0)
+    emg = EmgMaxima(
+        kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
+    )
+    calibration = Calibration(
+        preset="live", origin="made up", tactile=FingerMaxima(thumb=full, index=full), emg=emg
+    )
+    save_calibration(calibration, folder / "calibration.toml")
+    tree["calibration"] = {"file": str(folder / "calibration.toml")}
+    return tree
+
+
+def kill_one(path: Path, after_s: float) -> Kill:
+    """Start a recording, kill it so long after its session began, and look at what is left.
+
+    Args:
+        path: Its settings, as :func:`settings` wrote them.
+        after_s: When to kill.
+
+    Raises:
+        RuntimeError: The run did not begin.
+    """
+    session = path.parent / "session"
+    words = python_command("tega_campaigns.kills", "--run", str(path))
+    with subprocess.Popen(
+        words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=python_environment()
+    ) as run:
+        part, began_ns = _begun(path, run)
+        time.sleep(max(0.0, after_s - (time.time_ns() - began_ns) / 1e9))
+        killed_ns = time.time_ns()
+        run.send_signal(signal.SIGKILL)
+        run.wait()
+    left, ending = _public_reader(part)[1:]
+    (recovered,) = SessionFolder(session).recovered
+    newest, counts, _ = _public_reader(recovered.path)
+    reader = McapReader(recovered.path)
+    next(reader.messages(), None)
+    epoch_ns = int(reader.metadata["tega"]["epoch_ns"])
+    alive_ns = epoch_ns + _tick_ns(path)
+    # A made-up source is read ahead of its time: the loop's own frames tell how far it had come.
+    told = [newest.get(topic, epoch_ns) for topic in ("/hand/frames", "/vest/frame")]
+    lost_s = max(0, alive_ns - max(told)) / 1e9
+    stream_lost_s = max(
+        (
+            max(0, alive_ns - t_ns) / 1e9
+            for topic, t_ns in newest.items()
+            if _steady(topic) and counts[topic] >= 10
+        ),
+        default=lost_s,
+    )
+    with recovered.path.open("rb") as file:
+        from mcap.reader import make_reader
+
+        summary = make_reader(file).get_summary()
+    n_recovered = 0 if summary is None or summary.statistics is None else summary.statistics.message_count
+    replay = replay_file(recovered.path)
+    differ = sum(stream.differ for stream in replay.streams)
+    n_messages = sum(left.values())
+    good = stream_lost_s <= MOST_LOST_S and replay.same and n_recovered >= n_messages
+    dropped = sum(replay.dropped.values())
+    return Kill(
+        at_s=(killed_ns - epoch_ns) / 1e9,
+        messages=n_messages,
+        ending=ending,
+        lost_s=lost_s,
+        stood_s=(killed_ns - alive_ns) / 1e9,
+        stream_lost_s=stream_lost_s,
+        recovered=n_recovered,
+        dropped=dropped,
+        differ=differ,
+        good=good,
+    )
+
+
+def _steady(topic: str) -> bool:
+    """Whether a stream has to come all the time; levels come ten times a second, a kept vest hears what changes."""
+    return topic in {"/hand/frames", "/vest/frame", "/emg/samples"} or topic.endswith("/image")
+
+
+def _tick_ns(path: Path) -> int:
+    """Return how far a run had come as it noted itself; -1 where it had not begun."""
+    note = path.with_suffix(".tick")
+    data = note.read_bytes() if note.exists() else b""
+    return int(struct.unpack("<q", data)[0]) if len(data) == _NOTE_BYTES else -1
+
+
+def _begun(path: Path, run: subprocess.Popen[str]) -> tuple[Path, int]:
+    """Wait until a session has begun; return its file and the time of day at its start, about."""
+    end_s = time.monotonic() + _BEGIN_S
+    while time.monotonic() < end_s and run.poll() is None:
+        # Not by the file: a disk that stands still would hold that up.
+        if (tick_ns := _tick_ns(path)) >= 0:
+            (part,) = (path.parent / "session").glob("*.mcap.part")
+            return part, time.time_ns() - tick_ns
+        time.sleep(0.01)
+    run.kill()
+    said = "" if run.stderr is None else run.stderr.read()
+    raise RuntimeError(f"the run did not begin: {said.strip()}")
+
+
+def _public_reader(path: Path) -> tuple[dict[str, int], dict[str, int], str]:
+    """Read a cut file with nothing but the ``mcap`` package."""
+    from mcap.reader import NonSeekingReader
+
+    newest: dict[str, int] = {}
+    counts: dict[str, int] = {}
+    ending = ""
+    with path.open("rb") as file:
+        try:
+            for _, channel, message in NonSeekingReader(file).iter_messages(log_time_order=False):
+                newest[channel.topic] = max(newest.get(channel.topic, 0), message.log_time)
+                counts[channel.topic] = counts.get(channel.topic, 0) + 1
+        except Exception as error:  # the end of a cut file, however the reader meets it
+            ending = type(error).__name__
+    return newest, counts, ending
+
+
+def _run(path: Path) -> None:
+    """Run a session and note how far it has come where a kill does not reach."""
+    from tega.config import load_config
+    from tega.teleop import run_session
+
+    note = path.with_suffix(".tick")
+    note.write_bytes(struct.pack("<q", -1))
+    with note.open("r+b") as file, mmap.mmap(file.fileno(), _NOTE_BYTES) as tick:
+        sys.setswitchinterval(0.0005)
+        run_session(
+            load_config(path).config, observer=lambda view: struct.pack_into("<q", tick, 0, view.t_ns)
+        )
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Kill, look, print, and exit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--instants", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--longest-s", type=float, default=4.0)
+    parser.add_argument("--synthetic", action="store_true")
+    parser.add_argument("--jpeg", action="store_true")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--run", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args(arguments)
+    if given.run is not None:
+        _run(given.run)
+        return
+    instants = random.Random(given.seed)
+    kills = []
+    for k in range(given.instants):
+        after_s = instants.uniform(0.3, given.longest_s)
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            settings(Path(folder), synthetic=given.synthetic, lossless=not given.jpeg) as path,
+        ):
+            kills.append(kill_one(path, after_s))
+        if not given.json:
+            _print(k, kills)
+    if given.json:
+        print(json.dumps(msgspec.to_builtins(kills), indent=2))  # noqa: T201  # this is a program
+    elif kills:
+        worst = max(kill.stream_lost_s for kill in kills)
+        print(f"{sum(k.good for k in kills)} of {len(kills)} good, at most {worst:.3f} s lost")  # noqa: T201
+    sys.exit(0 if all(kill.good for kill in kills) else 1)
+
+
+def _print(k: int, kills: list[Kill]) -> None:
+    kill = kills[-1]
+    if k == 0:
+        names = ("killed at s", "messages", "recovered", "lost s", "worst stream s", "stood s", "dropped")
+        print(f"| {' | '.join(names)} | replay differs |\n{'|---' * 8}|")  # noqa: T201
+    row = (
+        kill.messages,
+        kill.recovered,
+        f"{kill.lost_s:.3f}",
+        f"{kill.stream_lost_s:.3f}",
+        f"{kill.stood_s:.3f}",
+        kill.dropped,
+    )
+    print(f"| {kill.at_s:.2f} | {' | '.join(map(str, row))} | {kill.differ} rows |", flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+"""The whole system on emulated devices, for as long as wanted, with faults at random: ``tega-teleop soak``.
+
+=============  =========================================================================================
+module         what it does
+=============  =========================================================================================
+``plan``       which faults there are, how each is made, seen and over; in which order a seed puts them
+``system``     the program under test, in a process of its own: a recorded run that says how it is
+``supervisor`` starts it, hears what it says, starts it again
+``trial``      the soak: one fault after another, what was seen when, what the emulators really got
+``lost``       what is missing in the recordings
+``standstill`` when the whole machine did nothing, which is no fault of the system
+``report``     the result, for people and machines
+=============  =========================================================================================
+"""
+
+from __future__ import annotations
+
+from tega_campaigns.soak.report import Fault, SoakReport
+from tega_campaigns.soak.trial import soak
+
+__all__ = ["Fault", "SoakReport", "soak"]

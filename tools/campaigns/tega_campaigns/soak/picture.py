@@ -1,0 +1,52 @@
+"""A soak as a picture: its faults and its memory over time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tega.lifecycle import require
+from tega_campaigns.soak.report import SoakReport
+
+__all__ = ["draw"]
+
+_GOOD, _BAD, _TOLD, _MEMORY = "#8fb8de", "#d1495b", "#20639b", "#3b3b3b"
+
+
+def draw(report: SoakReport, path: Path) -> None:
+    """Draw every fault as a bar from its beginning until all was well again, above the memory of each process.
+
+    Args:
+        report: The soak.
+        path: The picture to write; its ending says which kind.
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+    """
+    figures = require("matplotlib.figure", driver="the picture of a soak", extra="study")
+    figure = figures.Figure(figsize=(10, 5.5), layout="constrained")
+    faults, memory = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    rows = sorted({(f.device, f.kind) for f in report.faults}, reverse=True)
+    for f in report.faults:
+        row = rows.index((f.device, f.kind))
+        end_s = f.recovered_s or f.ended_s or f.injected_s
+        faults.barh(
+            row,
+            max(end_s - f.injected_s, 0.3),
+            left=f.injected_s,
+            color=_GOOD if f.good else _BAD,
+            height=0.7,
+        )
+        if f.detected_s is not None:
+            faults.plot([f.detected_s] * 2, [row - 0.35, row + 0.35], color=_TOLD, linewidth=1.5)
+    faults.set_yticks(range(len(rows)), [f"{device}: {kind}" for device, kind in rows], fontsize=7)
+    faults.set_title(
+        "Bars: from the fault until all is well again; dark line: told. All devices emulated.", fontsize=9
+    )
+    faults.grid(axis="x", alpha=0.3)
+    for process in report.memory:
+        memory.plot(*zip(*process, strict=True), color=_MEMORY, linewidth=1)
+    memory.set_ylim(bottom=0)
+    memory.set_ylabel("memory, MiB", fontsize=8)
+    memory.set_xlabel("seconds", fontsize=8)
+    memory.grid(alpha=0.3)
+    figure.savefig(path, dpi=110)

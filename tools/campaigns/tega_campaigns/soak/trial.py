@@ -1,0 +1,401 @@
+"""The soak itself: one fault after another, and what came of each."""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from tega.errors import DeviceUnavailableError, TegaError
+from tega.hand import TORQUE_LIMITS
+from tega.recording.mcap_folder import SessionFolder
+from tega.toml_text import tree_text
+from tega_campaigns.soak.lost import Kept, look
+from tega_campaigns.soak.plan import KINDS, Kind, Planned, plan
+from tega_campaigns.soak.report import NOT_JUDGED, Fault, SoakReport
+from tega_campaigns.soak.standstill import Standstills, within_ns
+from tega_campaigns.soak.supervisor import Line, Supervisor
+from tega_emulators.lab import EmulatedLab, emulated_lab
+from tega_emulators.vests import seen_by
+
+__all__ = ["soak"]
+
+FINGERS = ("thumb", "index", "middle", "ring")
+VEST_LIMIT = 60
+HEAT_SHARE = 0.3
+TORQUE_SHARE = 0.2
+SLEW = 0.05
+# The emulated vest's sum of heat is taken in other steps than the driver's.
+_HEAT_SLACK = 0.02
+_READY_S = 40.0
+_TELL_S = 8.0
+_LIMP_S = 3.0
+_STAYS_S = 1.0
+# Of these a picture still comes often enough.
+_FRESH = frozenset({"slow"})
+_STARTS = 3
+_STEP_S = 0.005
+_CLOCK_S = 3600.0
+# A fault is only begun where there is time to see the end of it.
+_ROOM_S = 6.0
+
+Progress = Callable[[str, int, int], None]
+
+
+def soak(
+    folder: Path,
+    *,
+    seconds: float,
+    seed: int,
+    kinds: Sequence[Kind] = KINDS,
+    camera_hz: float = 60.0,
+    keep: bool = False,
+    patient: bool = False,
+    progress: Progress = lambda _what, _done, _total: None,
+) -> SoakReport:
+    """Run the whole system on emulated devices and make faults at random.
+
+    Args:
+        folder: For settings, recordings and the program's error output.
+        seconds: How long.
+        seed: Of the faults, their order and times.
+        kinds: Faults to choose from.
+        camera_hz: Pictures a second of each emulated DIGIT.
+        keep: Whether to keep the recordings that have been looked through.
+        patient: For a machine that does other work: the hand may be silent for a second and slow, which would end a
+            run with the limits as they come. The report says so.
+        progress: Told how it goes.
+
+    Returns:
+        What was seen.
+
+    Raises:
+        MissingExtraError: A package of the extras ``lab`` and ``record`` is not installed.
+        DeviceUnavailableError: This is another system than Linux.
+    """
+    if sys.platform != "linux":
+        raise DeviceUnavailableError(
+            "soak: needs Linux: it fills the program's disk and stops its process by Linux's own means",
+            "run it on Linux; replay, demo and the tests of drivers run here",
+        )
+    with emulated_lab(
+        folder, emg_hz=250.0, hand=True, vest=True, fingers=FINGERS, camera_hz=camera_hz
+    ) as lab:
+        settings = _settings(lab, folder, patient=patient)
+        with Supervisor(settings, folder / "errors.log") as program, Standstills() as still:
+            soaked = _Soak(lab, folder, program, still, keep=keep)
+            soaked.report.patient = patient
+            return soaked.run(seconds, plan(seed, kinds=kinds), seed, progress)
+
+
+def _settings(lab: EmulatedLab, folder: Path, *, patient: bool) -> Path:
+    """Set limits that a run without them would break, and tell the emulators what to count."""
+    tree = lab.tree
+    lab.vest.say(f"limit {VEST_LIMIT} {HEAT_SHARE + _HEAT_SLACK}")
+    lab.hand.say("limit " + " ".join(str(v) for v in (SLEW, *(TORQUE_LIMITS * TORQUE_SHARE))))
+    tree["vest"]["options"] |= {"limit": VEST_LIMIT, "heat_share": HEAT_SHARE}
+    hand = tree["hand"]["options"]
+    hand["torque_share"] = TORQUE_SHARE
+    for name in ("silent_after_ms", "lowest_rate_hz", "reconnects"):
+        hand.pop(name, None)  # as they come
+    if patient:
+        # A machine that is shared holds an emulated hand up now and then.
+        hand |= {"silent_after_ms": 1000.0, "reconnects": 20, "lowest_rate_hz": 0.0}
+    # udev gives a board the same name wherever it is plugged in.
+    port = folder / "board"
+    _link(port, lab)
+    tree["emg"]["options"]["port"] = str(port)
+    tree["recording"] = {"dir": str(folder / "session"), "stop_free_mib": 64.0, "warn_free_mib": 64.0}
+    path = folder / "soak.toml"
+    path.write_text(tree_text(tree), encoding="utf-8")
+    return path
+
+
+def _link(port: Path, lab: EmulatedLab) -> None:
+    port.unlink(missing_ok=True)
+    port.symlink_to(lab.emg.port)
+
+
+class _Soak:
+    def __init__(
+        self, lab: EmulatedLab, folder: Path, program: Supervisor, still: Standstills, *, keep: bool
+    ) -> None:
+        self._still = still
+        self._lab, self._folder, self._program, self._keep = lab, folder, program, keep
+        self._session = folder / "session"
+        self.report = SoakReport()
+        self._began_s = 0.0
+        self._looked: set[str] = set()
+        self._held: list[tuple[int, int]] = []
+
+    def run(self, seconds: float, planned: Sequence[Planned], seed: int, progress: Progress) -> SoakReport:
+        report, program = self.report, self._program
+        report.seed = seed
+        if not self._start():
+            report.failures.append(f"the run did not begin: {self._last_words()}")
+            return report
+        self._began_s = time.monotonic()
+        end_s = self._began_s + seconds
+        for k, each in enumerate(planned):
+            if time.monotonic() + _ROOM_S > end_s:
+                break
+            progress(f"{k + 1}: {each.fault.kind} of {each.fault.device}", self._elapsed(), round(seconds))
+            self._until(lambda: False, each.wait_s)
+            self._until(lambda: program.well() or not program.alive, _READY_S)
+            if not program.alive:
+                report.failures.append(f"the run ended by itself: {self._last_words()}")
+                self._restart()
+            began_ns = time.time_ns()
+            fault = self._one(each)
+            still_ns = self._still.within_ns(began_ns, time.time_ns())
+            # What a kill leaves behind is no matter of time.
+            if still_ns and not fault.good and each.fault.how != "kill":
+                fault.outcome = f"{NOT_JUDGED}: the machine stood still for {still_ns / 1e9:.1f} s"
+            report.faults.append(fault)
+        while (left_s := end_s - time.monotonic()) > 0:
+            progress("the rest", self._elapsed(), round(seconds))
+            time.sleep(min(0.5, left_s))
+        report.stood_still_s = self._still.total_s
+        report.seconds = time.monotonic() - self._began_s
+        self._finish()
+        report.judge()
+        return report
+
+    def _one(self, each: Planned) -> Fault:
+        """Make one fault, take it away, and wait until all is well again."""
+        kind, program = each.fault, self._program
+        fault = Fault(kind=kind.kind, device=kind.device, how=kind.how, injected_s=self._now())
+        seen = len(program.lines)
+        if kind.how == "kill":
+            return self._kill(fault)
+        at_ns = time.time_ns()
+        self._make(kind)
+        over_s = time.monotonic() + each.lasts_s
+        told: Line | None = None
+        while told is None and time.monotonic() < over_s + _TELL_S:
+            time.sleep(_STEP_S)
+            told = self._told(kind, seen)
+            if told is None and kind.then == "recovers" and time.monotonic() > over_s:
+                break
+        # A fault that is over before it could be seen may be told a moment later.
+        self._until(lambda: time.monotonic() >= over_s, each.lasts_s + 1)
+        still_felt = kind.device in FINGERS and kind.how not in _FRESH and self._felt(kind.device)
+        self._unmake(kind)
+        fault.ended_s = self._now()
+        if told is None:
+            self._until(lambda: self._told(kind, seen) is not None, 1.0)
+            told = self._told(kind, seen)
+        if told is not None:
+            fault.detected_s, fault.said = told.at_s - self._began_s, _words(told, kind)
+        if kind.then == "restarts" or not program.alive:
+            self._look_after(fault, kind, at_ns)
+        self._recover(fault, kind)
+        if still_felt:
+            fault.outcome = "its last picture was still felt"
+        return fault
+
+    def _felt(self, finger: str) -> bool:
+        """Tell whether the emulated vest still shows a finger."""
+        return bool(seen_by(self._lab.vest).motors[FINGERS.index(finger)])
+
+    def _make(self, kind: Kind) -> None:
+        lab, program = self._lab, self._program
+        match kind.device:
+            case "emg":
+                lab.emg.say(kind.how)
+            case "hand":
+                lab.hand.say(kind.how)
+                if kind.how == "freeze":
+                    # Angles that do not change are noticed where the hand is to move: the muscles let go.
+                    lab.emg.say("signal flat")
+            case "vest":
+                lab.vest.say(kind.how)
+            case "program":
+                program.hold_up(on=True)
+                self._held.append((time.time_ns(), 0))
+            case "computer" if kind.how == "disk":
+                program.fill_disk(full=True)
+            case "computer":
+                program.tell(f"clock {_CLOCK_S}")
+            case finger:
+                lab.sensors[finger].say(kind.how)
+
+    def _unmake(self, kind: Kind) -> None:
+        lab, program = self._lab, self._program
+        match kind.device:
+            case "emg" if kind.how == "unplug":
+                lab.emg.say("plug")
+                _link(self._folder / "board", lab)
+            case "emg":
+                lab.emg.say("clear")
+                lab.emg.say("signal emg")
+            case "hand":
+                lab.hand.say("clear")
+                lab.emg.say("signal emg")
+            case "vest":
+                lab.vest.say("clear")
+            case "program":
+                program.hold_up(on=False)
+                self._held[-1] = (self._held[-1][0], time.time_ns())
+            case "computer" if kind.how == "disk":
+                program.fill_disk(full=False)
+            case "computer":
+                program.tell(f"clock -{_CLOCK_S}")
+            case finger:
+                lab.sensors[finger].say("clear")
+                lab.sensors[finger].say("press 1")
+
+    def _told(self, kind: Kind, seen: int) -> Line | None:
+        return next((line for line in self._program.lines[seen:] if _words(line, kind)), None)
+
+    def _kill(self, fault: Fault) -> Fault:
+        """Kill the program, see that the devices are safe without it, and start it again."""
+        killed_ns = self._program.kill()
+        fault.ended_s = self._now()
+        if self._until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S):
+            fault.detected_s = self._now()
+            fault.said = "the guard let go of the hand, the vest's frames ended"
+        for recovered in SessionFolder(self._session).recovered:
+            self._lose(recovered.path, killed_ns)
+        self._restart()
+        self._recover(fault, None)
+        return fault
+
+    def _look_after(self, fault: Fault, kind: Kind, at_ns: int) -> None:
+        """After a fault that ends a run or its recording: see that all is safe, and start again."""
+        program = self._program
+        if program.alive and kind.how != "disk":
+            self._until(lambda: not program.alive, _TELL_S)
+        program.end()
+        if not self._until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S):
+            self.report.failures.append(f"after {fault.kind} of {fault.device} hand or vest were not at rest")
+        if kind.how == "disk":
+            for recovered in SessionFolder(self._session).recovered:
+                self._lose(recovered.path, at_ns)
+        self._restart()
+
+    def _recover(self, fault: Fault, kind: Kind | None) -> None:
+        program = self._program
+        well_s = self._well_again()
+        if well_s is not None:
+            fault.recovered_s = well_s - self._began_s
+        elif not program.alive:
+            fault.outcome = f"the program ended: {self._last_words()}"
+            self._restart()
+            return
+        else:
+            fault.outcome = f"not well again: {program.newest.said}"
+            return
+        restarted = kind is None or kind.then == "restarts"
+        fault.outcome = "restarted" if restarted else "recovered"
+        if fault.detected_s is None:
+            fault.outcome = "not told"
+
+    def _well_again(self) -> float | None:
+        """Wait until all is well and stays so for a while; return since when."""
+        program, began_s = self._program, time.monotonic()
+        since_s: float | None = None
+        while time.monotonic() < began_s + _READY_S and program.alive:
+            if not program.well(began_s):
+                since_s = None
+            elif since_s is None:
+                since_s = time.monotonic()
+            elif time.monotonic() > since_s + _STAYS_S:
+                return since_s
+            time.sleep(_STEP_S)
+        return None
+
+    def _restart(self) -> None:
+        self._program.end()
+        self._look_through()
+        self.report.restarts += 1
+        self._start()
+
+    def _start(self) -> bool:
+        """Start the program until it is well, again where a device did not answer in time; tell whether it is."""
+        program = self._program
+        for _ in range(_STARTS):
+            program.end()
+            program.start()
+            if self._until(lambda: program.well() or not program.alive, _READY_S) and program.alive:
+                return True
+        return False
+
+    def _finish(self) -> None:
+        report, program, lab = self.report, self._program, self._lab
+        code = program.end()
+        if code != 0:
+            report.failures.append(f"the run ended with {code}: {self._last_words()}")
+        if not self._until(lambda: lab.limp() and lab.at_rest(), _LIMP_S):
+            report.failures.append("at the end hand or vest were not at rest")
+        self._look_through()
+        vest, hand = seen_by(lab.vest), lab.hand.say("look")
+        report.over_limit = {"vest": vest.over, "hand": hand["over"]}
+        report.commands = {"vest": vest.received, "hand": hand["torques"]}
+        report.failures += [f"the vest was sent {error}" for error in dict.fromkeys(vest.errors)]
+        report.memory = [
+            [(at_s - self._began_s, mib) for at_s, mib in process] for process in program.memory if process
+        ]
+        longest = max(report.memory, key=lambda process: process[-1][0] - process[0][0])
+        some = max(1, len(longest) // 10)
+        # The first seconds fill queues and pools.
+        settled = [mib for at_s, mib in longest if at_s > longest[0][0] + 5.0] or [mib for _, mib in longest]
+        report.rss_mib_start = statistics.median(settled[:some])
+        report.rss_mib_end = statistics.median(settled[-some:])
+
+    def _look_through(self) -> None:
+        """Look through every recording that is finished and was not looked at yet."""
+        if not self._session.exists():
+            return
+        for path in sorted(self._session.glob("*.mcap")):
+            if path.name not in self._looked:
+                self._lose(path, None)
+
+    def _lose(self, path: Path, end_ns: int | None) -> None:
+        report = self.report
+        self._looked.add(path.name)
+        try:
+            kept: Kept = look(path)
+        except TegaError as error:
+            report.failures.append(f"{path.name} cannot be read: {error}")
+            return
+        report.recordings += 1
+        if kept.cut:
+            report.failures.append(f"{path.name} is cut: {kept.cut}")
+        at_end_s = 0.0 if end_ns is None else max(0.0, (end_ns - kept.newest_ns) / 1e9)
+        # While the soak itself had stopped the program there was nothing to record; a slow machine is no excuse.
+        gaps_s = [(till - since - within_ns(self._held, since, till)) / 1e9 for since, till in kept.gaps]
+        report.lost_s = max([report.lost_s, at_end_s, kept.dropped_s, *gaps_s])
+        if not self._keep:
+            path.unlink()
+
+    def _until(self, what: Callable[[], bool], seconds: float) -> bool:
+        end_s = time.monotonic() + seconds
+        while not what():
+            if time.monotonic() > end_s:
+                return False
+            time.sleep(_STEP_S)
+        return True
+
+    def _last_words(self) -> str:
+        said: list[dict[str, Any]] = [line.said for line in self._program.lines[-1:]]
+        return str(said[0].get("ended") or said[0]) if said else "it said nothing; see errors.log"
+
+    def _now(self) -> float:
+        return time.monotonic() - self._began_s
+
+    def _elapsed(self) -> int:
+        return round(self._now())
+
+
+def _words(line: Line, kind: Kind) -> str:
+    """Return what of a line reports a fault of this kind."""
+    said = line.said
+    if "ended" in said:
+        return str(said["ended"]) if "ended" in kind.told else ""
+    reason = said.get("reason", "") if said.get("state") in {"hold", "idle", "armed"} else ""
+    every: list[str] = [*said.get("alerts", ()), reason]
+    return next((words for words in every if words.startswith(kind.told)), "")

@@ -1,0 +1,201 @@
+"""The emulated Allegro Hand as a program: behind a serial CAN adapter (SLCAN on a pseudo-terminal), or on a CAN bus.
+
+``python -m tega_emulators.allegro_port`` prints the options of the ``allegro`` driver that reach it and then
+obeys lines on its standard input: the name of a fault, ``clear``, ``limit SLEW`` and 16 torques (what to count as too
+much), or ``look``; it answers each with the hand's state (``servo_on``, ``duties`` and ``angles_rad`` of the 16 joints,
+``torques``: frames heard, ``over``: those beyond a limit, ``reports``: whether it sends positions).
+
+Options: ``--hardware 0x0500``, ``--side left``, ``--device-id``, ``--seed``, ``--position-ms``, and
+``--interface udp_multicast --channel 239.74.163.2`` for a bus of python-can's instead of a terminal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import select
+import sys
+import time
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tega_emulators.allegro import AllegroNode, Frame
+from tega_emulators.pipe import obey, tell
+
+__all__ = ["BusPort", "SlcanPort", "main"]
+
+_IDLE_S = 0.05
+
+
+class SlcanPort:
+    """A serial CAN adapter with the hand behind it: ASCII lines that end with a carriage return.
+
+    Attributes:
+        channel: The terminal's path, for the other side.
+        garbage: Whether to put noise between the lines.
+    """
+
+    def __init__(self, node: AllegroNode) -> None:
+        """Open a pseudo-terminal in raw mode."""
+        import pty
+        import tty
+
+        self._node = node
+        # The other end stays open here as well, so that it survives its user.
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.channel = os.ttyname(self._slave)
+        self.garbage = False
+        self._open = False
+        self._pending = b""
+
+    def fileno(self) -> int:
+        """The file to wait for."""
+        return self._master
+
+    def take(self, t_s: float) -> None:
+        """Obey what has come in."""
+        try:
+            self._pending += os.read(self._master, 65536)
+        except (BlockingIOError, OSError):
+            return
+        *lines, self._pending = self._pending.split(b"\r")
+        for line in lines:
+            self._obey(line, t_s)
+
+    def _obey(self, line: bytes, t_s: float) -> None:
+        kind = line[:1]
+        if kind in {b"O", b"C"}:
+            self._open = kind == b"O"
+            self._say(b"\r")
+        elif kind in {b"t", b"r"} and self._open:
+            can_id, length = int(line[1:4], 16), int(line[4:5])
+            data = bytes.fromhex(line[5 : 5 + 2 * length].decode()) if kind == b"t" else b""
+            self._say(b"z\r")
+            self.send(self._node.hear(can_id, data, remote=kind == b"r", t_s=t_s))
+        elif line:
+            self._say(b"\r")
+
+    def send(self, frames: list[Frame]) -> None:
+        """Pass on what the hand sends."""
+        if not (self._open and frames):
+            return
+        lines = [f"t{can_id:03X}{len(data)}{data.hex().upper()}\r" for can_id, data in frames]
+        if self.garbage:
+            lines.insert(len(lines) // 2, "t08\x7f8zz\rQ\r")
+        self._say("".join(lines).encode())
+
+    def _say(self, text: bytes) -> None:
+        # An adapter whose host does not read loses frames as well.
+        try:
+            os.write(self._master, text)
+        except (BlockingIOError, OSError):
+            return
+
+
+class BusPort:
+    """The hand on one of python-can's buses.
+
+    Attributes:
+        channel: The bus's name.
+    """
+
+    garbage = False
+
+    def __init__(self, node: AllegroNode, *, interface: str, channel: str) -> None:
+        """Join the bus."""
+        import can
+
+        self._can: Any = can
+        self._node = node
+        self._bus: Any = can.Bus(interface=interface, channel=channel)
+        self.channel = channel
+
+    def fileno(self) -> int:
+        """The file to wait for; virtual buses have none."""
+        return int(self._bus.fileno())
+
+    def take(self, t_s: float) -> None:
+        """Hear every frame that has come."""
+        while (message := self._bus.recv(timeout=0)) is not None:
+            if not (message.is_extended_id or message.is_error_frame):
+                remote = message.is_remote_frame
+                answers = self._node.hear(message.arbitration_id, bytes(message.data), remote=remote, t_s=t_s)
+                self.send(answers)
+
+    def send(self, frames: list[Frame]) -> None:
+        """Pass on what the hand sends."""
+        for can_id, data in frames:
+            self._bus.send(self._can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run until the standard input ends."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--hardware", type=lambda text: int(text, 0), default=0x0402)
+    parser.add_argument("--side", choices=("right", "left"), default="right")
+    parser.add_argument("--device-id", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--position-ms", type=int, default=None)
+    parser.add_argument("--interface", default="slcan")
+    parser.add_argument("--channel", default="")
+    given = parser.parse_args(arguments)
+    node = AllegroNode(
+        hardware=given.hardware,
+        side=given.side,
+        device_id=given.device_id,
+        seed=given.seed,
+        position_ms=given.position_ms,
+    )
+    port: SlcanPort | BusPort = (
+        SlcanPort(node)
+        if given.interface == "slcan"
+        else BusPort(node, interface=given.interface, channel=given.channel)
+    )
+    address: dict[str, Any] = {"interface": given.interface, "channel": port.channel}
+    tell(address | ({"bus": {"sleep_after_open": 0.0}} if given.interface == "slcan" else {}))
+    pending = b""
+    while True:
+        wait_s = min(max(node.next_s() - time.monotonic(), 0.0), _IDLE_S)
+        ready, _, _ = select.select([port, sys.stdin.fileno()], [], [], wait_s)
+        if port in ready:
+            port.take(time.monotonic())
+        if sys.stdin.fileno() in ready:
+            chunk = os.read(sys.stdin.fileno(), 4096)
+            if not chunk:
+                return
+            *lines, pending = (pending + chunk).split(b"\n")
+            for line in lines:
+                obey(line.decode("ascii", "replace"), partial(_act, node, port))
+        port.send(node.due(time.monotonic()))
+
+
+def _act(node: AllegroNode, port: SlcanPort | BusPort, line: list[str]) -> dict[str, Any]:
+    words = " ".join(line)
+    if words == "garbage":
+        port.garbage = True
+    elif words.startswith("limit "):
+        node.slew_limit, *limits = map(float, words.split()[1:])
+        node.torque_limits = np.array(limits)
+    elif words != "look":
+        port.garbage = port.garbage and words != "clear"
+        node.command(words)
+    return {
+        "servo_on": node.servo_on,
+        "over": node.n_over,
+        "torques": node.n_torques,
+        "duties": [float(duty) for duty in node.duties],
+        "angles_rad": node.angles_rad,
+        "reports": node.next_s() < float("inf"),
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""A board that prints its samples, one line a sample: ``python -m tega_emulators.ascii_board``.
+
+A line is ``511,512,513`` and CR LF, counts of a 10-bit converter about its middle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+
+from tega_emulators.faults import Faults, Signal
+from tega_emulators.serial_board import Board, add_options, serve
+
+__all__ = ["AsciiBoard", "main"]
+
+
+class AsciiBoard(Board):
+    """Prints numbers from the moment it has power.
+
+    Args:
+        signal: What it measures.
+        rate_hz: Lines per second.
+        n_channels: Numbers on a line.
+        baud: Its speed.
+        stamp: Whether a line begins with the milliseconds since it started.
+        banner: What it says first.
+    """
+
+    def __init__(
+        self, signal: Signal, *, rate_hz: float, n_channels: int, baud: int, stamp: bool, banner: str
+    ) -> None:
+        self.rate_hz, self.baud = rate_hz, baud
+        self._signal, self._n_channels, self._stamp, self._banner = signal, n_channels, stamp, banner
+        self._n = 0
+
+    def power_on(self) -> bytes:
+        """Begin at sample 0, with the banner."""
+        self._n = 0
+        return f"{self._banner}\r\n".encode() if self._banner else b""
+
+    def packet(self) -> bytes:
+        """Return the next line."""
+        row = [
+            1023 if v is None else min(1023, 512 + v) for v in self._signal.steps(self._n, self._n_channels)
+        ]
+        fields = [round(1000 * self._n / self.rate_hz)] * self._stamp + row
+        self._n += 1
+        return ",".join(map(str, fields)).encode() + b"\r\n"
+
+
+def main() -> None:
+    """Run the board."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_options(parser)
+    parser.add_argument("--rate", type=float, default=500.0, help="lines per second")
+    parser.add_argument("--channels", type=int, default=3)
+    parser.add_argument("--baud", type=int, default=115_200)
+    parser.add_argument("--stamp", action="store_true", help="put milliseconds first on a line")
+    parser.add_argument("--banner", default="", help="what the board says when it starts")
+    options = parser.parse_args()
+    rng = random.Random(options.seed)
+    signal = Signal(options.rate, rng, options.signal)
+    board = AsciiBoard(
+        signal,
+        rate_hz=options.rate,
+        n_channels=options.channels,
+        baud=options.baud,
+        stamp=options.stamp,
+        banner=options.banner,
+    )
+    serve(board, signal, Faults(rng), options)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,243 @@
+"""What each of TEGA's own drivers can be tried on without hardware: an emulator in another process, or files.
+
+A new driver adds a line to :data:`BENCHES`; the tests fail until it has.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega.arm.pose import StampedPose
+from tega.arm.sources.recorded import write_poses
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
+from tega_emulators.process import Emulator
+
+__all__ = ["BENCHES", "Bench", "why_not"]
+
+_Options = Iterator[dict[str, Any]]
+
+
+class Bench(NamedTuple):
+    """Where a driver can be tried.
+
+    Attributes:
+        summary: What stands for the device, in a few words.
+        start: Given an empty folder, a context that lasts as long as that is there and gives the options to reach
+            it.
+        needs: Modules and programs that it takes beside the driver's own.
+        unix: Whether it needs Linux or macOS.
+        reason: Says what else is missing; ``""`` for nothing.
+    """
+
+    summary: str
+    start: Callable[[Path], AbstractContextManager[dict[str, Any]]]
+    needs: tuple[str, ...] = ()
+    unix: bool = False
+    reason: Callable[[], str] = str
+
+
+def why_not(name: str) -> str:
+    """Say why a driver cannot be tried here; ``""`` if it can."""
+    bench = BENCHES[name]
+    if bench.unix and sys.platform == "win32":
+        return "its emulator needs Linux or macOS"
+    missing = [n for n in bench.needs if importlib.util.find_spec(n) is None and shutil.which(n) is None]
+    return f"needs {', '.join(missing)}" if missing else bench.reason()
+
+
+@contextmanager
+def _images(folder: Path) -> _Options:
+    import cv2
+
+    rng = np.random.default_rng(1)
+    for k in range(5):
+        cv2.imwrite(str(folder / f"f{k}.png"), rng.integers(0, 256, (24, 32, 3), dtype=np.uint8))
+    yield {"folder": folder}
+
+
+@contextmanager
+def _video(folder: Path) -> _Options:
+    import cv2
+
+    writer = cv2.VideoWriter(str(folder / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, (32, 24))
+    for k in range(5):
+        writer.write(np.full((24, 32, 3), 40 * k, np.uint8))
+    writer.release()
+    yield {"file": folder / "v.avi"}
+
+
+@contextmanager
+def _emg_file(folder: Path) -> _Options:
+    np.save(folder / "emg.npy", np.arange(250.0).reshape(-1, 2))
+    yield {"file": folder / "emg.npy", "rate_hz": 200.0}
+
+
+@contextmanager
+def _digit(_folder: Path) -> _Options:
+    with Emulator("digit") as sensor:
+        yield {"source": sensor.address["source"], "warm_up_s": 0.1}
+
+
+@contextmanager
+def _allegro(_folder: Path) -> _Options:
+    # A busy machine must not look like a slow hand.
+    with Emulator("allegro_port") as hand:
+        yield {**hand.address, "silent_after_ms": 1000, "lowest_rate_hz": 50}
+
+
+@contextmanager
+def _serial(module: str, options: dict[str, Any], _folder: Path) -> _Options:
+    with Emulator(module) as board:
+        yield {"port": board.port, "measure_s": 0.3, **options}
+
+
+@contextmanager
+def _lsl(_folder: Path) -> _Options:
+    with Emulator("lsl") as outlet:
+        yield {"by": "source_id", "value": outlet.port, "measure_s": 0.3}
+
+
+@contextmanager
+def _input(device: str, numbers: tuple[int, int], _folder: Path) -> _Options:
+    with (
+        Emulator("hid_input", "--device", device) as peer,
+        HidPort(HidBoard(peer.port, *numbers)).installed(),
+    ):
+        yield {}
+
+
+@contextmanager
+def _hololens(_folder: Path) -> _Options:
+    with Emulator("hololens") as headset:
+        yield dict(headset.address)
+
+
+@contextmanager
+def _openxr(_folder: Path) -> _Options:
+    with openxr_runtime():
+        yield {}
+
+
+@contextmanager
+def _poses(folder: Path) -> _Options:
+    poses = [StampedPose(10_000_000 * k, (0.001 * k, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for k in range(200)]
+    write_poses(folder / "poses.csv", poses)
+    yield {"file": folder / "poses.csv"}
+
+
+@contextmanager
+def _franky(_folder: Path) -> _Options:
+    with Emulator("franka_faults") as robot:
+        yield {**robot.address, "robot": "fr3", "realtime": "ignore"}
+
+
+@contextmanager
+def _vest(driver: str, _folder: Path) -> _Options:
+    from tega_emulators.vest_bench import vest_bench
+
+    with vest_bench(driver) as bench:
+        yield msgspec.structs.asdict(bench.options)
+
+
+@contextmanager
+def _screen(_folder: Path) -> _Options:
+    """Open a terminal that somebody looks at."""
+    ours, theirs = os.openpty()
+
+    def look() -> None:
+        while True:
+            try:
+                os.read(ours, 4096)
+            except OSError:
+                return
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    try:
+        yield {"terminal": Path(os.ttyname(theirs))}
+    finally:
+        os.close(theirs)
+        looking.join()
+        os.close(ours)
+
+
+@contextmanager
+def _with(options: dict[str, Any], folder: Path) -> _Options:
+    yield {k: folder / v.name if isinstance(v, Path) else v for k, v in options.items()}
+
+
+_PROCESS = "emulator in another process"
+BENCHES: dict[str, Bench] = {
+    "allegro": Bench(f"{_PROCESS}, serial CAN adapter on a pseudo-terminal", _allegro, unix=True),
+    "bench-arm": Bench("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
+    "bhaptics-ble": Bench(
+        f"{_PROCESS}, BlueZ-shaped service on a private D-Bus",
+        partial(_vest, "bhaptics-ble"),
+        ("dbus-daemon",),
+        unix=True,
+    ),
+    "bhaptics-player": Bench(f"{_PROCESS}, websocket", partial(_vest, "bhaptics-player"), unix=True),
+    "brainflow": Bench(
+        "BrainFlow's own synthetic board",
+        partial(_with, {"board": "SYNTHETIC_BOARD", "measure_s": 0.5}),
+        ("brainflow",),
+    ),
+    "can-recorder": Bench("a file", partial(_with, {"file": Path("can.csv")})),
+    "chords": Bench(f"{_PROCESS}, pseudo-terminal", partial(_serial, "chords", {}), unix=True),
+    "cyton": Bench(f"{_PROCESS}, pseudo-terminal", partial(_serial, "cyton", {}), unix=True),
+    "digit": Bench(f"{_PROCESS}, MJPEG stream through the same VideoCapture", _digit),
+    "emg-file": Bench("a file", _emg_file),
+    "franky": Bench("franky-sim in another process, through libfranka", _franky, ("franky_sim",), unix=True),
+    "hid-vest": Bench(f"{_PROCESS}, report bytes over a socket", partial(_vest, "hid-vest"), unix=True),
+    "hololens": Bench(f"{_PROCESS}, TCP on loopback", _hololens, unix=True),
+    "images": Bench("files", _images),
+    "lsl-emg": Bench("a real outlet in another process", _lsl, ("pylsl",)),
+    "on-screen-vest": Bench("a pseudo-terminal", _screen, unix=True),
+    "openxr": Bench(
+        f"{_PROCESS}, behind an emulated runtime that OpenXR's own loader loads",
+        _openxr,
+        unix=True,
+        reason=why_no_runtime,
+    ),
+    "panda": Bench(
+        "nothing: only a Panda speaks to it", partial(_with, {}), ("a Panda with robot server 5",), unix=True
+    ),
+    "pedal": Bench(
+        f"{_PROCESS}, report bytes over a socket",
+        partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),
+        unix=True,
+    ),
+    "poses-file": Bench("a file", _poses),
+    "python-can": Bench(
+        "python-can's virtual bus", partial(_with, {"interface": "virtual", "channel": "contract"})
+    ),
+    "serial-emg": Bench(
+        f"{_PROCESS}, pseudo-terminal",
+        partial(_serial, "ascii_board", {"rate_hz": 500.0, "bits": 10}),
+        unix=True,
+    ),
+    "simulated-arm": Bench("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
+    "spacemouse": Bench(
+        f"{_PROCESS}, report bytes over a socket", partial(_input, "spacemouse", (0x046D, 0xC626)), unix=True
+    ),
+    "synthetic-emg": Bench("nothing: it makes its signal up", partial(_with, {"seed": 1, "duration_s": 1.0})),
+    "synthetic-touch": Bench(
+        "nothing: it makes its touch up", partial(_with, {"seed": 1, "duration_s": 0.2})
+    ),
+    "vest-recorder": Bench("a file", partial(_with, {"file": Path("vest.csv")})),
+    "video": Bench("a file", _video),
+}
+"""By driver; every built-in one is here."""

@@ -1,0 +1,167 @@
+"""Every emulator at once, each in a process of its own, and where they can be reached.
+
+Example::
+
+    with EmulatedBench() as bench:
+        print(bench.looked["digit"].found)
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from tega.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
+from tega.calibration.maxima import emg_conditions
+from tega.config import FINGERS, load_config
+from tega.devices import Found, driver_class
+from tega.doctor.bench import Looked
+from tega.doctor.lab_file import lab_settings
+from tega.errors import DeviceUnavailableError
+from tega.lifecycle import require
+from tega_emulators.emulated_operator import EmulatedOperator
+from tega_emulators.process import Emulator
+
+__all__ = ["EmulatedBench"]
+
+# The emulated muscles' mean is about half of it.
+_FULL_UV = 200.0
+
+
+class EmulatedBench:
+    """Two fingertip cameras, an OpenBCI Cyton, a Player with a vest, and an Allegro Hand.
+
+    Args:
+        arm: Driver of an arm that is led too; ``franky`` on franky-sim's robot. None for none.
+
+    Attributes:
+        digits: The cameras, thumb first.
+        board: The Cyton.
+        player: The Player.
+        hand: The hand.
+        operator: Who leads the arm, if there is one.
+        looked: What would have been found, had they been real.
+    """
+
+    def __init__(self, arm: str | None = None) -> None:
+        self._up = ExitStack()
+        # Their pictures go over HTTP, which costs more than USB; half the rate leaves room on two cores.
+        self.digits = [Emulator("digit", "--rate-hz", "30", "--seed", str(seed)) for seed in range(2)]
+        self.board = Emulator("cyton", "--signal", "emg")
+        self.player = Emulator("bhaptics_player", "--port", "0")
+        self.hand = Emulator("allegro_port")
+        self.operator = None if arm is None else EmulatedOperator(arm)
+        self.looked: dict[str, Looked] = {}
+
+    def __enter__(self) -> Self:
+        """Start them.
+
+        Raises:
+            MissingExtraError: A package that an emulator needs is not installed.
+            DeviceUnavailableError: This system has no pseudo-terminals.
+        """
+        for module in ("can", "cv2", "serial", "websockets"):
+            require(module, driver="an emulated bench", extra="lab")
+        if os.name != "posix":
+            raise DeviceUnavailableError(
+                "emulated serial devices need pseudo-terminals, which this system lacks", "use Linux or macOS"
+            )
+        with ExitStack() as starting:
+            for digit in self.digits:
+                starting.enter_context(digit)
+            starting.enter_context(self.board)
+            starting.enter_context(self.player)
+            starting.enter_context(self.hand)
+            if self.operator is not None:
+                starting.enter_context(self.operator)
+                # With physics beside them the programs that stand for devices would have to wait, as no device does.
+                for device in (*self.digits, self.board, self.player, self.hand, *self.operator.devices):
+                    device.go_ahead()
+            self._up = starting.pop_all()
+        cameras = [
+            Found(
+                driver="digit",
+                label=f"emulated camera {n}",
+                options={"source": digit.address["source"], "rate_hz": 30.0},
+            )
+            for n, digit in enumerate(self.digits, start=1)
+        ]
+        amplifier = Found(driver="cyton", label="emulated Cyton", options={"port": self.board.port})
+        port = self.player.address["port"]
+        vest = Found(driver="bhaptics-player", label="emulated Player", options={"port": port})
+        # An emulated hand is a program, which a busy machine holds up now and then.
+        patient = {"lowest_rate_hz": 150.0, "silent_after_ms": 100.0}
+        if (
+            self.operator is not None
+        ):  # one more who takes his share of the machine, and physics if it is a robot
+            patient = {"lowest_rate_hz": 10.0, "silent_after_ms": 1000.0}
+        hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.address | patient)
+        self.looked = {
+            "digit": Looked("tactile", cameras),
+            "cyton": Looked("emg", [amplifier]),
+            "bhaptics-player": Looked("vest", [vest]),
+            "allegro": Looked("hand", [hand]),
+        }
+        if self.operator is not None:
+            self.looked |= self.operator.looked
+        return self
+
+    def write_settings(self, file: Path) -> None:
+        """Write settings that reach the emulators, with baselines and a calibration made for them.
+
+        Args:
+            file: The settings file; the rest goes into a folder of the same name beside it.
+
+        Raises:
+            DeviceUnavailableError: An emulated camera sends no picture.
+        """
+        import msgspec
+
+        folder = file.with_suffix("")
+        folder.mkdir(parents=True, exist_ok=True)
+        fingers = FINGERS[: len(self.digits)]
+        baselines = {finger: Path(folder.name, f"{finger}.npy") for finger in fingers}
+        calibration = Path(folder.name, "calibration.toml")
+        arm = None if self.operator is None else self.operator.tables
+        text = lab_settings(
+            self.looked, name=file.name, baselines=baselines, calibration=calibration, arm=arm
+        )
+        file.write_text(text, encoding="utf-8")
+        if self.operator is not None:
+            self.operator.write_hidapi(folder / "hidapi")
+        config = load_config(file, environ={}).config
+        for finger, section in config.tactile.in_use().items():
+            self._keep_baseline(finger, section.options, file.parent / baselines[finger])
+        if config.emg is None:
+            return
+        amplifier = driver_class(config.emg.driver, "emg")(config.emg.options)
+        conditions = emg_conditions(amplifier, config.emg.kind)
+        touch = TouchMaxima(cci_max=1.0, eda_max=10_000.0)
+        save_calibration(
+            Calibration(
+                preset=config.session.preset,
+                origin="made up for the emulated devices",
+                tactile=FingerMaxima(**dict.fromkeys(fingers, touch)),
+                emg=msgspec.structs.replace(conditions, maxima=(_FULL_UV,) * len(conditions.channels)),
+            ),
+            file.parent / calibration,
+        )
+
+    @staticmethod
+    def _keep_baseline(finger: str, options: object, file: Path) -> None:
+        import numpy as np
+
+        with driver_class("digit", "tactile")(options) as camera:
+            frame = camera.read(2.0)
+        if frame is None:
+            raise DeviceUnavailableError(f"the emulated camera of the {finger} sends no picture", "try again")
+        np.save(file, frame.image)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End them."""
+        self._up.close()

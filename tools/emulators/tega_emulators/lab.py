@@ -1,0 +1,199 @@
+"""A whole lab of emulated devices, each in a process of its own, and the settings that reach them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
+from tega.devices.digit import Digit, DigitOptions
+from tega.errors import DeviceUnavailableError
+from tega.repeated import repeated
+from tega_emulators.franka_faults import HAND_KG, on_franky_sim
+from tega_emulators.hid_port import HidBoard, HidPort
+from tega_emulators.process import Emulator
+from tega_emulators.vests import seen_by
+
+__all__ = ["PRESSED", "EmulatedLab", "emulated_lab", "pressing"]
+
+PRESSED = TouchMaxima(cci_max=1.2, eda_max=9000.0)
+"""What counts as full so that each press of :func:`pressing` is felt otherwise."""
+
+_CYTON_HZ = 250.0
+_PRESS_S = 0.1
+_FIRMNESSES = (0.5, 0.6, 0.7, 0.8, 0.9)
+
+
+class EmulatedLab:
+    """What runs, and how to reach it.
+
+    Attributes:
+        tree: Settings of a session, as nested tables.
+        sensors: Emulated DIGITs by finger.
+        emg: The emulated amplifier, if there is one.
+        hand: The emulated hand, if there is one.
+        vest: The emulated vest, if there is one.
+        headset: The emulated headset, if there is an arm.
+        cap: The emulated SpaceMouse, if there is an arm; its buttons are dead-man, clutch and recover.
+        robot: franky-sim's robot with a hand's weight at its flange, if that is the arm.
+    """
+
+    emg: Emulator
+    hand: Emulator
+    vest: Emulator
+    headset: Emulator
+    cap: Emulator
+    robot: Emulator
+
+    def __init__(self) -> None:
+        self.tree: dict[str, Any] = {}
+        self.sensors: dict[str, Emulator] = {}
+
+    def go_ahead(self) -> bool:
+        """Let every device go before every thread of a run; return whether the system allows that."""
+        names = ("emg", "hand", "vest", "headset", "cap", "robot")
+        found = [getattr(self, name) for name in names if hasattr(self, name)]
+        granted = [device.go_ahead() for device in (*found, *self.sensors.values())]
+        return all(granted)
+
+    def limp(self) -> bool:
+        """Whether no motor of the hand pushes."""
+        state = self.hand.say("look")
+        return not state["servo_on"] and not any(state["duties"])
+
+    def at_rest(self) -> bool:
+        """Whether no motor of the vest turns."""
+        return not any(seen_by(self.vest).motors)
+
+
+@contextmanager
+def emulated_lab(
+    folder: Path,
+    *,
+    emg_hz: float | None = None,
+    hand: bool = False,
+    vest: bool = False,
+    fingers: Sequence[str] = (),
+    arm: bool | str = False,
+    camera_hz: float = 60.0,
+    touch: TouchMaxima | None = None,
+) -> Iterator[EmulatedLab]:
+    """Start emulators.
+
+    Args:
+        folder: For calibration and baselines.
+        emg_hz: Three tensed muscles at so many samples a second: 250 on a Cyton, else on a Chords board.
+        hand: An Allegro Hand behind a serial CAN adapter.
+        vest: A vest behind the vendor's Player.
+        fingers: DIGITs, each with something pressed into its gel.
+        arm: A simulated arm, or the driver of another, led by a wrist that a headset sees, with the buttons of a
+            SpaceMouse; ``franky`` is led on franky-sim's robot, which carries a hand's weight.
+        camera_hz: Pictures a second that they really give.
+        touch: What counts as full touch; ``None`` for so little that what is pressed is felt fully.
+
+    Yields:
+        The lab; everything ends with the block.
+    """
+    with ExitStack() as stack:
+        lab = EmulatedLab()
+        tree = lab.tree
+        tree["session"] = {}
+        tree["calibration"] = {"file": str(folder / "calibration.toml")}
+        maxima = None
+        if emg_hz is not None:
+            lab.emg, tree["emg"] = _amplifier(stack, emg_hz)
+            maxima = EmgMaxima(
+                kind="raw",
+                rate_hz=emg_hz,
+                tau=round(emg_hz / 10),
+                channels=("ch1", "ch2", "ch3"),
+                maxima=(1.0, 1.0, 1.0),
+            )
+        if hand:
+            lab.hand = stack.enter_context(Emulator("allegro_port"))
+            # The emulated hand shares a busy machine with everything else.
+            patient = {"silent_after_ms": 1000.0, "lowest_rate_hz": 10.0, "reconnects": 0}
+            tree["hand"] = {"driver": "allegro", "options": {**lab.hand.address, **patient}}
+        if vest:
+            lab.vest = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
+            options = {"port": lab.vest.address["port"]}
+            tree["vest"] = {"driver": "bhaptics-player", "layout": "x40", "options": options}
+        for seed, finger in enumerate(fingers):
+            sensor = Emulator("digit", "--rate-hz", str(camera_hz), "--seed", str(seed))
+            lab.sensors[finger] = stack.enter_context(sensor)
+            tree.setdefault("tactile", {})[finger] = _fingertip(sensor, folder / f"{finger}.npy")
+        if arm:
+            _arm(stack, lab, arm if isinstance(arm, str) else "simulated-arm")
+        full = touch or TouchMaxima(cci_max=0.01, eda_max=500.0)
+        calibration = Calibration(
+            preset="live",
+            origin="emulated devices",
+            tactile=FingerMaxima(**dict.fromkeys(fingers, full)),
+            emg=maxima,
+        )
+        save_calibration(calibration, folder / "calibration.toml")
+        yield lab
+
+
+@contextmanager
+def pressing(lab: EmulatedLab) -> Iterator[None]:
+    """Press all fingertips now more and now less, ten times a second, so that there is something new to feel."""
+    for firmness in _FIRMNESSES:  # a sensor makes the pictures of each when it is asked for the first time
+        for sensor in lab.sensors.values():
+            sensor.say(f"press {firmness}")
+
+    firmnesses = cycle(_FIRMNESSES)
+
+    def press() -> None:
+        firmness = next(firmnesses)
+        for sensor in lab.sensors.values():
+            sensor.say(f"press {firmness}")
+
+    with repeated(press, every_s=_PRESS_S, name="tega-press"):
+        yield
+
+
+def _amplifier(stack: ExitStack, rate_hz: float) -> tuple[Emulator, dict[str, Any]]:
+    quick = {"measure_s": 0.25, "silence_s": 0.5}
+    if rate_hz == _CYTON_HZ:
+        board = stack.enter_context(Emulator("cyton", "--signal", "emg"))
+        return board, {"driver": "cyton", "kind": "raw", "options": {"port": board.port, **quick}}
+    board = stack.enter_context(Emulator("chords", "--signal", "emg", "--rate", str(rate_hz)))
+    # A fast board on a busy machine takes longer to prove its rate.
+    options = {"port": board.port, "rate_hz": rate_hz, "measure_s": 1.0, "start_s": 20.0}
+    return board, {"driver": "chords", "kind": "raw", "options": options}
+
+
+def _arm(stack: ExitStack, lab: EmulatedLab, driver: str) -> None:
+    """Start headset and SpaceMouse, and set an arm that follows them."""
+    lab.headset = stack.enter_context(Emulator("hololens"))
+    lab.cap = stack.enter_context(Emulator("hid_input", "--device", "spacemouse"))
+    stack.enter_context(HidPort(HidBoard(lab.cap.port, 0x046D, 0xC626)).installed())
+    buttons = {"dead_man": "left", "clutch": "right", "recover": "button 3"}
+    # Its buttons say nothing while they are held, as a real one's; so long it is believed.
+    held = {"silent_after_ms": 10_000.0}
+    lab.tree["input"] = {
+        seat: {"driver": "spacemouse", "button": b, "options": held} for seat, b in buttons.items()
+    }
+    tracker = {"driver": "hololens", "options": dict(lab.headset.address)}
+    lab.tree["arm"] = {"driver": driver, "tracker": tracker}
+    if driver == "franky":
+        lab.robot = stack.enter_context(Emulator("franka_faults", "--hand-kg", str(HAND_KG)))
+        lab.tree["arm"] |= on_franky_sim(lab.robot.address["host"])
+
+
+def _fingertip(sensor: Emulator, baseline: Path) -> dict[str, Any]:
+    """Take a sensor's untouched picture, press something into it, and return its settings."""
+    with Digit(DigitOptions(source=sensor.address["source"], warm_up_s=0.1)) as camera:
+        frame = camera.read(5.0)
+    if frame is None:
+        raise DeviceUnavailableError("the emulated sensor gave no picture", "try again")
+    np.save(baseline, frame.image)
+    sensor.say("press 0.7")
+    options = {"source": sensor.address["source"], "warm_up_s": 0.1}
+    return {"driver": "digit", "baseline": str(baseline), "options": options}

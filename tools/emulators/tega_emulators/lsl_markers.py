@@ -1,0 +1,63 @@
+"""Another program that marks moments and hears those of others: ``python -m tega_emulators.lsl_markers``.
+
+Needs ``pylsl``. What its stream is called is the ``port`` that it prints. Commands: ``mark TEXT`` marks now,
+``mark TEXT S`` what was S seconds ago; ``hear NAME`` listens to a stream of texts; ``heard`` tells what came, each with
+its time. All times are this process's monotonic clock, seconds; on Linux that is the library's own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import Any
+
+from tega_emulators.pipe import obey, tell
+
+__all__ = ["main"]
+
+_FIND_S = 10.0
+
+
+def main() -> None:
+    """Obey until the standard input closes or says ``quit``."""
+    import pylsl
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--name", default=f"marks-{os.getpid()}")
+    name = parser.parse_args().name
+    outlet = pylsl.StreamOutlet(
+        pylsl.StreamInfo(name, "Markers", 1, 0.0, "string", f"emulator-{os.getpid()}")
+    )
+    inlets: list[Any] = []
+    heard: list[tuple[float, str]] = []
+    tell({"port": name})
+
+    def act(words: list[str]) -> dict[str, Any] | None:
+        if words[0] == "mark":
+            at_s = pylsl.local_clock() - (float(words[2]) if len(words) > 2 else 0.0)
+            outlet.push_sample([words[1]], at_s)
+            return {"at_s": at_s, "consumers": outlet.have_consumers()}
+        if words[0] == "hear":
+            (stream, *_) = pylsl.resolve_byprop("name", words[1], 1, _FIND_S) or [None]
+            if stream is None:
+                return {"found": False}
+            inlet = pylsl.StreamInlet(stream)
+            inlet.open_stream(_FIND_S)
+            inlets.append(inlet)
+            return {"found": True, "xml": inlet.info().as_xml()}
+        if words[0] == "heard":
+            for inlet in inlets:
+                while (got := inlet.pull_sample(0.0))[0] is not None:
+                    heard.append((got[1] + inlet.time_correction(), got[0][0]))
+            return {"heard": heard}
+        raise ValueError(words[0])
+
+    for line in sys.stdin:
+        if line.split() in ([], ["quit"]):
+            return
+        obey(line, act)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,134 @@
+"""Stands for the package sounddevice: a microphone that hears an emulated vest, and a loudspeaker that it hears too.
+
+It has the calls that TEGA makes, with that package's arguments, answers and failures. The sound is made in the
+process of the emulated vest; here it is fetched at its own pace, as old as a converter and its buffers make it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from importlib.machinery import ModuleSpec
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from tega_emulators.motor_sound import RATE_HZ
+from tega_emulators.process import Emulator
+
+__all__ = ["SoundPort"]
+
+_BLOCK_S = 0.02
+
+
+class PortAudioError(Exception):
+    """As sounddevice raises it."""
+
+
+class SoundPort:
+    """A module-like object.
+
+    Args:
+        peer: The emulated vest; it has to obey ``hear``.
+
+    Attributes:
+        present: Whether there is a microphone.
+        latency_s: How old sound is when it arrives.
+        stamped: Whether the sound system stamps it.
+        overflows: Whether samples get lost.
+        speaker_ms: What the loudspeaker takes beyond its stamp.
+    """
+
+    def __init__(self, peer: Emulator) -> None:
+        self.__spec__ = ModuleSpec("sounddevice", None)
+        self.peer = peer
+        self.present = self.stamped = True
+        self.overflows = False
+        self.latency_s, self.speaker_ms = 0.03, 0.0
+        self.PortAudioError = PortAudioError
+
+    def query_devices(self, device: Any = None, kind: str | None = None) -> Any:
+        """List what is there, or describe one."""
+        if not self.present:
+            if kind is None:
+                return []
+            raise PortAudioError("Error querying device -1")
+        found = {"name": "emulated microphone", "max_input_channels": 1}
+        return [found] if kind is None and device is None else found
+
+    def InputStream(self, **options: Any) -> _Stream:  # noqa: N802  # the package's name
+        """Return a stream that records."""
+        return _Stream(self, options["callback"], hears=True)
+
+    def OutputStream(self, **options: Any) -> _Stream:  # noqa: N802
+        """Return a stream that plays."""
+        return _Stream(self, options["callback"], hears=False)
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[None]:
+        """Stand in the place of the package as long as the block lasts."""
+        before = sys.modules.get("sounddevice")
+        sys.modules["sounddevice"] = self  # type: ignore[assignment]  # module-like is enough
+        try:
+            yield
+        finally:
+            if before is None:
+                del sys.modules["sounddevice"]
+            else:
+                sys.modules["sounddevice"] = before
+
+
+class _Stream:
+    def __init__(self, port: SoundPort, callback: Callable[..., None], *, hears: bool) -> None:
+        self._port, self._callback = port, callback
+        self._leave = threading.Event()
+        self._thread = threading.Thread(target=self._hear if hears else self._play, daemon=True)
+        self.samplerate, self.latency = RATE_HZ, port.latency_s
+
+    @property
+    def active(self) -> bool:
+        return self._thread.is_alive() and self._port.present
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._leave.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _hear(self) -> None:
+        port = self._port
+        first_s = time.monotonic()
+        n = round(_BLOCK_S * RATE_HZ)
+        k = 0
+        while not self._leave.wait(
+            max(0.0, first_s + (k + 1) * _BLOCK_S + port.latency_s - time.monotonic())
+        ):
+            if not port.present:
+                return
+            from_s = first_s + k * _BLOCK_S
+            heard = port.peer.say(f"hear {from_s!r} {n}")["samples"]
+            now_s = time.monotonic()
+            stamps = SimpleNamespace(
+                inputBufferAdcTime=from_s - 5.0 if port.stamped else 0.0,
+                currentTime=now_s - 5.0 if port.stamped else 0.0,
+            )
+            data = np.array(heard, np.float32)[:, None] / 32768
+            self._callback(data, n, stamps, SimpleNamespace(input_overflow=port.overflows and k == 20))
+            k += 1
+
+    def _play(self) -> None:
+        port = self._port
+        data = np.zeros((round(_BLOCK_S * RATE_HZ), 1), np.float32)
+        while not self._leave.wait(_BLOCK_S):
+            now_s = time.monotonic()
+            leaves_s = now_s + port.latency_s
+            stamps = SimpleNamespace(currentTime=now_s - 5.0, outputBufferDacTime=leaves_s - 5.0)
+            self._callback(data, len(data), stamps, SimpleNamespace())
+            if data.any():
+                port.peer.say(f"click {leaves_s + port.speaker_ms / 1e3!r}")

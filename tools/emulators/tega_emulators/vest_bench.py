@@ -1,0 +1,79 @@
+"""A live vest driver and the emulated vest at its other end."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any, NamedTuple
+
+from tega.devices import driver_class
+from tega.devices.vest_stream import StreamedVest, VestOptions
+from tega_emulators.hid_port import HidPort
+from tega_emulators.process import Emulator
+
+__all__ = ["LIVE_VESTS", "VestBench", "vest_bench"]
+
+LIVE_VESTS = ("bhaptics-ble", "bhaptics-player", "hid-vest")
+"""The drivers that have an emulated vest."""
+
+_BUS = "DBUS_SYSTEM_BUS_ADDRESS"
+
+
+class VestBench(NamedTuple):
+    """A live vest driver that is not open yet, and the emulator at its other end.
+
+    Attributes:
+        vest: The driver.
+        peer: The emulator.
+        port: What stands for hidapi, where the driver uses it.
+        options: The driver's options.
+    """
+
+    vest: StreamedVest
+    peer: Emulator
+    port: HidPort | None
+    options: VestOptions
+
+
+@contextmanager
+def vest_bench(driver: str, **options: Any) -> Iterator[VestBench]:
+    """Start the emulated vest of a driver and make a driver that reaches it.
+
+    Args:
+        driver: One of :data:`LIVE_VESTS`.
+        options: The driver's options, beside those that lead to the emulator.
+
+    Yields:
+        Both.
+    """
+    port = None
+    with ExitStack() as stack:
+        if driver == "bhaptics-player":
+            peer = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
+            options = {"port": peer.address["port"], **options}
+        elif driver == "hid-vest":
+            folder = stack.enter_context(tempfile.TemporaryDirectory())
+            peer = stack.enter_context(Emulator("hid_bridge", folder))
+            port = HidPort(peer.address["path"])
+            stack.enter_context(port.installed())
+        else:
+            peer = stack.enter_context(Emulator("bluez_vest"))
+            stack.enter_context(_system_bus(peer.address["bus"]))
+            options = {"scan_s": 1.0, **options}
+        make: Any = driver_class(driver, "vest")
+        made = make.options_type(**options)
+        yield VestBench(make(made), peer, port, made)
+
+
+@contextmanager
+def _system_bus(address: str) -> Iterator[None]:
+    before = os.environ.get(_BUS)
+    os.environ[_BUS] = address
+    try:
+        yield
+    finally:
+        os.environ.pop(_BUS)
+        if before is not None:
+            os.environ[_BUS] = before

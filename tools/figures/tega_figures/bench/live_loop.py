@@ -1,0 +1,105 @@
+"""The whole loop in real time on emulated devices, each in a process of its own: how long our part of it takes."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from tega.config import FINGERS, Pace, check_tree
+from tega_figures.bench.machine import Machine, describe_machine
+
+__all__ = ["LoopBench", "bench_loop"]
+
+EMG_HZ = 1000.0
+
+
+class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
+    """What a run gave.
+
+    Attributes:
+        machine: Where; the emulators ran on the same one.
+        seconds: How long the run was.
+        latency_ms: Percentiles of every stage by path; see :mod:`tega.teleop.latency`.
+        pacing: Ticks, and how late they were.
+        frames_hz: Pictures a second used, all fingers together.
+        samples_hz: EMG samples a second used.
+        hand_hz: Ticks of the loop for the hand a second; 333 are due.
+        cpu_cores: Processor time of our process per second.
+        vest: The summary's table of the vest: frames made, sent and left out.
+        held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
+        devices_ahead: Whether the emulators went before every thread of ours, as devices do, which have processors of
+            their own: what they took, they took from us.
+    """
+
+    machine: Machine
+    seconds: float
+    latency_ms: dict[str, Any]
+    pacing: dict[str, Any]
+    frames_hz: float
+    samples_hz: float
+    hand_hz: float
+    cpu_cores: float
+    vest: dict[str, Any]
+    held_ticks: int
+    devices_ahead: bool
+
+
+def bench_loop(
+    *, seconds: float, record: bool, pace: Pace = "by-frame", most_hz: float | None = None
+) -> LoopBench:
+    """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
+
+    Args:
+        seconds: How long.
+        record: Whether to record the run and write its tables as well.
+        pace: Of the vest; see ``vest.pace`` of a session's settings.
+        most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
+
+    Returns:
+        What was measured.
+
+    Raises:
+        MissingExtraError: A package of the extra ``lab`` is not installed.
+    """
+    from tega.teleop.session import run_session
+    from tega_emulators.lab import PRESSED, emulated_lab, pressing
+
+    with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
+        folder = Path(name)
+        with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED) as lab:
+            lab.tree["session"] = {"duration_s": seconds}
+            lab.tree["vest"]["pace"] = pace
+            if most_hz is not None:
+                lab.tree["vest"]["options"]["most_hz"] = most_hz
+            if record:
+                lab.tree["session"]["out_dir"] = str(folder / "out")
+                lab.tree["recording"] = {"dir": str(folder / "recorded")}
+            config = check_tree(lab.tree, {}, base=folder).config
+            cpu_s: list[float] = []
+
+            def progress(what: str, _done: int, _total: int) -> None:
+                if what == "running":
+                    cpu_s.append(time.process_time())
+
+            with pressing(lab):
+                ahead = lab.go_ahead()
+                summary = run_session(config, progress=progress)
+            used_s = time.process_time() - cpu_s[0]
+    wall_s = summary["duration_s"]
+    return LoopBench(
+        machine=describe_machine(),
+        seconds=wall_s,
+        latency_ms=summary["latency_ms"],
+        pacing=summary["pacing"],
+        frames_hz=sum(f["frames"] for f in summary["tactile"].values()) / wall_s,
+        samples_hz=summary["emg"]["samples"] / wall_s,
+        hand_hz=summary["hand"]["ticks"] / wall_s,
+        cpu_cores=used_s / wall_s,
+        vest=summary["vest"],
+        held_ticks=summary["safety"]["held_ticks"],
+        devices_ahead=ahead,
+    )

@@ -1,0 +1,176 @@
+"""A whole tick, stage by stage: four frames and one EMG block in, a vest packet and CAN bytes out.
+
+The stages are those of the dual loop, called as it calls them; devices, threads, recording and pacing are left out.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import cache
+from itertools import pairwise
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.calibration import TouchMaxima
+from tega.emg import GraspIntent
+from tega.hand import ModelledHand
+from tega.haptics import FINGERS, VestFrame
+from tega.inbox.repeats import LastFrame
+from tega.sim.gel import Gel, ball
+from tega.tactile import ContactMetrics, read_contact
+from tega.teleop.touch import TouchLoop
+from tega.wire import allegro_torque_frames, x40_ble_frame
+from tega_figures.bench.timing import Timing, in_turns
+
+__all__ = ["SKIPS", "STAGES", "Tick", "TickRow", "time_ticks"]
+
+STAGES = ("read", "map", "vest frame", "vest packet", "emg", "hand step", "can encode")
+SKIPS = ("same number", "same pixels", "equal vest frame", "no finger set")
+# 10 ms of three channels at 1 kHz.
+EMG_RATE_HZ, EMG_ROWS = 1000.0, 10
+# Pictures a finger, so that no two ticks in a row show the same one.
+PICTURES = 4
+
+
+class TickRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What a tick takes.
+
+    Attributes:
+        reading: The touch preset.
+        n_in_contact: Fingers that are pressed; the others are read as well.
+        stages_us: Median of each stage, microseconds.
+        total: Of all stages together.
+        saved_us: Median of what each skip saves in such a tick: every frame has the number of the one before it, or
+            its pixels, the vest shows this already, or touch is not in the settings at all.
+    """
+
+    reading: str
+    n_in_contact: int
+    stages_us: dict[str, float]
+    total: Timing
+    saved_us: dict[str, float]
+
+
+@cache
+def _pictures(seed: int, *, pressed: bool) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
+    gel = Gel(seed)
+    press = [ball(force_n=2.5)] if pressed else []
+    return [gel.frame(press, n) for n in range(PICTURES)], gel.still()
+
+
+class Tick:
+    """Everything one tick needs, ready to run again and again.
+
+    Args:
+        reading: The touch preset.
+        n_in_contact: How many of the four fingers are pressed.
+        seed: Of pictures and samples.
+    """
+
+    def __init__(self, reading: Literal["paper", "live"], n_in_contact: int, *, seed: int = 5) -> None:
+        self._reading = reading
+        self._fingers = [_pictures(seed + k, pressed=k < n_in_contact) for k in range(len(FINGERS))]
+        maxima = {finger: TouchMaxima(cci_max=1.0, eda_max=20_000.0) for finger in FINGERS}
+        self._touch = TouchLoop(maxima, layout="x40")
+        rng = np.random.default_rng(seed)
+        self._samples = 2048 + 300 * rng.standard_normal((PICTURES, EMG_ROWS, 3))
+        self._intent = GraspIntent(EMG_RATE_HZ, [300.0, 300.0, 300.0], tau=EMG_ROWS, preset=reading)
+        self._hand = ModelledHand()
+        self._seen = [LastFrame() for _ in FINGERS]
+        self._number = 0
+
+    def run(self) -> tuple[tuple[int, ...], bytes, bytes]:
+        """Run one tick.
+
+        Returns:
+            Nanoseconds of each stage, then of telling that the pictures and that the vest frame are the same as
+            before; the vest's packet; the CAN frames' data.
+        """
+        clock = time.perf_counter_ns
+        self._number += 1
+        now = self._number % PICTURES
+        t_ns = self._number * 10_000_000
+        started = clock()
+        contacts = [
+            read_contact(images[now], still, reading=self._reading) for images, still in self._fingers
+        ]
+        read = clock()
+        for finger, metrics in zip(FINGERS, contacts, strict=True):
+            self._touch.update(finger, t_ns, metrics)
+        mapped = clock()
+        frame = self._touch.frame(t_ns)
+        framed = clock()
+        packet = x40_ble_frame(frame.x40())
+        shown = clock()
+        level = int(self._intent.process(self._samples[now])[-1])
+        filtered = clock()
+        _, torques = self._hand.step(level)
+        stepped = clock()
+        data = b"".join(can.data for can in allegro_torque_frames(torques))
+        ended = clock()
+        alike = self._tell_repeats(t_ns, now, contacts, frame)
+        marks = (started, read, mapped, framed, shown, filtered, stepped, ended)
+        stages = tuple(later - sooner for sooner, later in pairwise(marks))
+        return (*stages, *alike), packet, data
+
+    def _tell_repeats(
+        self, t_ns: int, now: int, contacts: Sequence[ContactMetrics], frame: VestFrame
+    ) -> tuple[int, int]:
+        """Time what the skips do instead of the work: four pictures and a vest frame that are the ones before."""
+        clock = time.perf_counter_ns
+        for last, (images, _), metrics in zip(self._seen, self._fingers, contacts, strict=True):
+            last.keep(images[now], metrics)
+        again = self._touch.frame(t_ns)
+        started = clock()
+        for last, (images, _) in zip(self._seen, self._fingers, strict=True):
+            last.repeat(images[now])
+        compared = clock()
+        bool(again == frame)
+        return compared - started, clock() - compared
+
+
+def time_ticks(*, budget_s: float) -> list[TickRow]:
+    """Time ticks with none to four fingers in contact, under both presets, in turns.
+
+    Args:
+        budget_s: Roughly how long it may take.
+
+    Returns:
+        One row a preset and number of fingers.
+    """
+    presets: tuple[Literal["paper", "live"], ...] = ("live", "paper")
+    ticks: dict[tuple[str, int], Tick] = {
+        (preset, n): Tick(preset, n) for preset in presets for n in range(len(FINGERS) + 1)
+    }
+    measured = in_turns(ticks, _stages, budget_s=budget_s)
+    return [_row(reading, n, np.concatenate(turns) / 1000.0) for (reading, n), turns in measured.items()]
+
+
+def _stages(tick: Tick) -> tuple[int, ...]:
+    return tick.run()[0]
+
+
+def _row(reading: str, n_in_contact: int, times_us: NDArray[np.float64]) -> TickRow:
+    stages, (compare, compare_vest) = times_us[:, : len(STAGES)], times_us[:, len(STAGES) :].T
+    totals = stages.sum(axis=1)
+    of = dict(zip(STAGES, stages.T, strict=True))
+    touch = of["read"] + of["map"]
+    saved = (
+        touch,
+        of["read"] - compare,
+        of["vest packet"] - compare_vest,
+        touch + of["vest frame"] + of["vest packet"],
+    )
+    return TickRow(
+        reading=reading,
+        n_in_contact=n_in_contact,
+        stages_us={name: float(np.median(us)) for name, us in of.items()},
+        total=Timing(
+            median_us=float(np.median(totals)), p99_us=float(np.percentile(totals, 99)), n_calls=len(totals)
+        ),
+        saved_us={name: float(np.median(us)) for name, us in zip(SKIPS, saved, strict=True)},
+    )

@@ -1,0 +1,395 @@
+"""How well events are found in the signals of the simulated bench: fits the slip's rules, and compares with the truth.
+
+::
+
+    python -m tega_figures.check_events --fit 1000:1023                       # weights for tega.detect.settings
+    python -m tega_figures.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
+    python -m tega_figures.check_events --narrowing --objects bag             # what a deformation could be told by
+
+Needs the extras ``sim`` and ``study``. A seed is a person; those that the rules were fitted on are never reported.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tega.detect import Detector, Found
+from tega.detect.detector import Rise
+from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, Rule
+from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.streams import Streams
+from tega.study.detecting import events_of
+from tega.study.hand_rows import HandRow
+from tega.study.score import Agreement, agreement, match_events
+from tega.study.touch_rows import TouchRow
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.records import Contact, Intent
+    from tega.sim.seams import Act, Percept
+
+__all__ = ["Judged", "Kept", "compare", "fit", "judge", "main", "run"]
+
+TOLERANCE_S = 0.5
+"""As for video that is stepped through: nobody has to press a key here."""
+
+KINDS = ("lift_off", "slip", "deformation")
+WAYS = ("record", "live", "live, touch only")
+_PLACING = frozenset({"place", "release", "done"})
+_ONSET_S = 0.5
+_HOLDS_LEVEL = 1.5
+
+
+class Kept(NamedTuple):
+    """A trial as the sensors saw it, and its truth.
+
+    Attributes:
+        result: What became of it.
+        touch: Every frame of the fingertips.
+        hand: Hand and arm a hundred times a second.
+        slipping: Beginning and end of each slip, seconds.
+        narrowing: How much narrower the object is, by time: seconds, millimetres.
+    """
+
+    result: TrialResult
+    touch: list[TouchRow]
+    hand: list[HandRow]
+    slipping: list[tuple[float, float]]
+    narrowing: Sequence[tuple[float, float]] = ()
+
+
+class _Keeper(Streams):
+    def __init__(self) -> None:
+        super().__init__()
+        self.touch: list[TouchRow] = []
+        self.hand: list[HandRow] = []
+        self.speed: list[tuple[float, float]] = []
+        self.narrowing: list[tuple[float, float]] = []
+        self._level: int | None = None
+
+    def act(self, percept: Percept, act: Act) -> None:
+        self.hand.append(HandRow(percept.t_s, self._level, percept.closure, act.forearm_m[0]))
+        self.speed.append((percept.t_s, percept.scene.slip_m_s))
+        self.narrowing.append((percept.t_s, 1e3 * percept.scene.deformation_m))
+
+    def contact(self, contact: Contact) -> None:
+        self.touch.append(
+            TouchRow(
+                contact.t_ns / 1e9,
+                contact.finger,
+                int(contact.in_contact),
+                contact.eda,
+                contact.mass,
+                contact.peak,
+                *contact.centroid_xy,
+            )
+        )
+
+    def levels(self, intent: Intent) -> None:
+        self._level = intent.level
+
+
+def run(plan: TrialPlan) -> Kept:
+    """Run a trial and keep what its sensors say."""
+    from tega.sim.score import REST_M_S
+    from tega.sim.trial import run_trial
+
+    keeper = _Keeper()
+    result = run_trial(plan, streams=keeper)
+    slipping = []
+    for event in result.events:
+        if event.kind == "slip":
+            rests = (t for t, v in keeper.speed if t > event.t_s + 0.3 and v < REST_M_S)
+            slipping.append((event.t_s, next(rests, result.duration_s)))
+    return Kept(result, keeper.touch, keeper.hand, slipping, keeper.narrowing)
+
+
+class Judged(NamedTuple):
+    """A trial's truth and what was found in it.
+
+    Attributes:
+        result: What became of it.
+        found: Times by way and kind, seconds; live, an event is there when it is told.
+    """
+
+    result: TrialResult
+    found: dict[tuple[str, str], list[float]]
+
+
+def judge(kept: Kept) -> Judged:
+    """Find a trial's events in each of :data:`WAYS`."""
+    times: dict[tuple[str, str], list[float]] = {}
+    for way in WAYS:
+        found = events_of(kept.touch, [] if way == WAYS[2] else kept.hand, live=way != WAYS[0])
+        for kind in KINDS:
+            times[way, kind] = [
+                event.t_s if way == WAYS[0] else event.known_s for event in found if event.kind == kind
+            ]
+    return Judged(kept.result, times)
+
+
+def compare(trials: Sequence[Judged], way: str, kind: str) -> Agreement:
+    """Compare the truth of trials with what is found."""
+    truth = [[e.t_s for e in one.result.events if e.kind == kind] for one in trials]
+    found = [one.found[way, kind] for one in trials]
+    lengths_s = [one.result.duration_s for one in trials]
+    return agreement(kind, ("truth", "detector"), truth, found, lengths_s, tolerance_s=TOLERANCE_S)
+
+
+def _judged(plan: TrialPlan) -> Judged:
+    return judge(run(plan))
+
+
+class _Looks(Detector):
+    """Keeps what the slip's rule is given, and whether it is asked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[float, tuple[float, ...], bool]] = []
+
+    def _slip(self, t_s: float) -> list[Found]:
+        self._remember(t_s)
+        self.seen.append((t_s, self.features(t_s), self._settled(t_s) and self.may_slip))
+        return []
+
+
+class _Seen(NamedTuple):
+    """A trial as the slip's rule sees it.
+
+    Attributes:
+        t_s: Times of the looks, seconds.
+        features: What is seen.
+        asked: Whether the rule is asked.
+        slips: 1 in the first half second of a slip.
+        used: Which looks are fitted: later ones of a slip are not.
+    """
+
+    t_s: NDArray[np.float64]
+    features: NDArray[np.float64]
+    asked: NDArray[np.bool_]
+    slips: NDArray[np.float64]
+    used: NDArray[np.bool_]
+
+
+def _looks(kept: Kept, *, hand: bool) -> _Seen:
+    looks = _Looks()
+    events_of(kept.touch, kept.hand if hand else [], detector=looks)
+    width = len(HAND_FEATURES if hand else FEATURES)
+    rows = [row for row in looks.seen if len(row[1]) == width]
+    t_s = np.array([row[0] for row in rows])
+    slips, near = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
+    for begin, end in kept.slipping:
+        near |= (t_s >= begin - 0.1) & (t_s <= end + 0.3)
+        slips[(t_s >= begin) & (t_s <= min(end, begin + _ONSET_S))] = 1
+    asked = np.array([row[2] for row in rows])
+    return _Seen(
+        t_s,
+        np.array([row[1] for row in rows]).reshape(-1, width),
+        asked,
+        slips,
+        asked & (~near | (slips > 0)),
+    )
+
+
+def fit(trials: Sequence[Kept], *, hand: bool, penalty: float = 30.0) -> Rule:
+    """Fit the slip's rule: ridge-penalised logistic weights, then the threshold with the best F1 over these trials."""
+    from scipy.optimize import minimize
+
+    seen = [_looks(one, hand=hand) for one in trials]
+    x = np.concatenate([one.features[one.used] for one in seen])
+    y = np.concatenate([one.slips[one.used] for one in seen])
+    mean, sd = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
+    z = (x - mean) / sd
+
+    def loss(b: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        u = b[0] + z @ b[1:]
+        error = 1 / (1 + np.exp(-u)) - y
+        value = np.logaddexp(0, u).sum() - y @ u + penalty / 2 * float(b[1:] @ b[1:])
+        return float(value), np.concatenate([[error.sum()], z.T @ error + penalty * b[1:]])
+
+    b = minimize(loss, np.zeros(x.shape[1] + 1), jac=True, method="L-BFGS-B").x
+    weights = tuple(round(float(w), 3) for w in b[1:] / sd)
+    rule = Rule(round(float(b[0] - (b[1:] / sd) @ mean), 3), weights, 0.5, 0.1)
+    shares = [
+        np.where(one.asked, 1 / (1 + np.exp(-(rule.bias + one.features @ np.array(weights)))), 0.0)
+        for one in seen
+    ]
+    tried = [
+        rule._replace(enter=enter, least_s=least_s)
+        for enter in (0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6)
+        for least_s in (0.05, 0.1, 0.15, 0.2)
+    ]
+    best = max(tried, key=lambda one: _f1(trials, seen, shares, one, ahead=hand))
+    # The share is of looks; shifted so that an event that is just one has a confidence of a half.
+    shift = math.log(best.enter / (1 - best.enter))
+    return best._replace(bias=round(best.bias - shift, 3), enter=0.5)
+
+
+def _f1(
+    trials: Sequence[Kept],
+    seen: Sequence[_Seen],
+    shares: Sequence[NDArray[np.float64]],
+    rule: Rule,
+    *,
+    ahead: bool,
+) -> float:
+    events = matched = 0
+    for one, looks, share in zip(trials, seen, shares, strict=True):
+        rise = Rise("slip", rule, SETTINGS.rest_s, SETTINGS.look_ahead_s if ahead else 0.0)
+        rows = zip(looks.t_s.tolist(), share.tolist(), looks.asked.tolist(), strict=True)
+        slips = [
+            found.t_s for t_s, p, asked in rows if (found := rise.add(t_s, p, void=not asked)) is not None
+        ]
+        truth = [begin for begin, _end in one.slipping]
+        events += len(slips) + len(truth)
+        matched += len(match_events(truth, slips, tolerance_s=TOLERANCE_S))
+    return 2 * matched / max(events, 1)
+
+
+def narrowing(trials: Sequence[Kept]) -> Iterable[str]:
+    """Say how well the signals tell how much narrower a held object is: least squares, ten looks a second."""
+    looks, true_mm = [], []
+    for one in trials:
+        lifted_s = next((e.t_s for e in one.result.events if e.kind == "lift_off"), math.inf)
+        first_s = next((row.t_s for row in one.touch if row.in_contact), math.inf)
+        held = max(first_s, lifted_s) < math.inf
+        t_s = np.arange(lifted_s, one.result.duration_s, 0.1) if held else np.zeros(0)
+        closure = np.array([(row.t_s, row.closure) for row in one.hand if row.closure is not None])
+        closed = np.interp(t_s, *closure.T)
+        touch = np.zeros((2, len(t_s)))
+        for finger in {row.finger for row in one.touch}:
+            mine = np.array(
+                [
+                    (r.t_s, *((r.mass, r.eda) if r.in_contact else (0.0, 0)))
+                    for r in one.touch
+                    if r.finger == finger
+                ]
+            )
+            touch += [np.interp(t_s, mine[:, 0], mine[:, n]) for n in (1, 2)]
+        gained = closed - np.interp(first_s, *closure.T)
+        holds = closed > _HOLDS_LEVEL
+        looks.append(np.stack([np.ones(len(t_s)), gained, *touch], axis=1)[holds])
+        true_mm.append(np.interp(t_s, *np.array(one.narrowing).T)[holds])
+    x, y = np.concatenate(looks), np.concatenate(true_mm)
+    yield "| narrowing of a held object, told by | standard deviation of what is left, mm | 95 % within, mm |"
+    yield "|---|---|---|"
+    for what, columns in (
+        ("nothing", [0]),
+        ("areas and sums of the fingertips", [0, 2, 3]),
+        ("closure gained since contact", [0, 1]),
+        ("both", [0, 1, 2, 3]),
+    ):
+        left = y - x[:, columns] @ np.linalg.lstsq(x[:, columns], y, rcond=None)[0]
+        yield f"| {what} | {left.std():.2f} | {np.quantile(np.abs(left), 0.95):.2f} |"
+
+
+def _plans(
+    seeds: Iterable[int], conditions: Sequence[str], stiffness: float, friction: float
+) -> list[TrialPlan]:
+    from tega.sim.world import OBJECTS
+
+    return [
+        TrialPlan.checked(
+            {
+                "object": name,
+                "condition": condition,
+                "seed": seed,
+                "stiffness_n_m": OBJECTS[name].stiffness_n_m * stiffness,
+                "friction": OBJECTS[name].friction * friction,
+            }
+        )
+        for seed in seeds
+        for name in OBJECTS
+        for condition in conditions
+    ]
+
+
+def _table(trials: Sequence[Judged]) -> Iterable[str]:
+    yield (
+        "| event | seen | object | vest | trials | true | found | both "
+        "| precision | recall | F1 | chance | delay, s | kappa |"
+    )
+    yield "|" + "---|" * 14
+    objects = list(dict.fromkeys(one.result.object for one in trials))
+    vests = list(dict.fromkeys(one.result.condition for one in trials))
+    groups = [("all", "all"), *((o, "all") for o in objects if len(objects) > 1)]
+    groups += [("all", v) for v in vests if len(vests) > 1]
+    for kind in KINDS:
+        for way in WAYS:
+            if kind != "slip" and way == WAYS[2]:
+                continue  # needs hand and arm
+            for name, vest in groups:
+                some = [
+                    t
+                    for t in trials
+                    if name in {"all", t.result.object} and vest in {"all", t.result.condition}
+                ]
+                one = compare(some, way, kind)
+                if not one.n_a and not one.n_b:
+                    continue
+                cells = (
+                    one.matched / one.n_b if one.n_b else None,
+                    one.matched / one.n_a if one.n_a else None,
+                )
+                numbers = " | ".join(
+                    _number(v) for v in (*cells, one.f1, one.chance_f1, one.delay_s, one.kappa)
+                )
+                yield (
+                    f"| {kind.replace('_', '-')} | {way} | {name} | {vest} | {one.trials} | {one.n_a} | {one.n_b} | "
+                    f"{one.matched} | {numbers} |"
+                )
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
+
+
+def _seeds(text: str) -> range:
+    first, _, end = text.partition(":")
+    return range(int(first), int(end))
+
+
+def main() -> None:
+    """Fit, or print the table."""
+    parser = argparse.ArgumentParser(
+        description="Events found in the signals against the truth; all simulated."
+    )
+    parser.add_argument("--fit", type=_seeds, metavar="A:B", help="fit the slip's rules on these people")
+    parser.add_argument("--seeds", type=_seeds, default=range(2000, 2010), metavar="A:B")
+    parser.add_argument("--conditions", default="haptic,non-haptic,event-gated")
+    parser.add_argument("--stiffness", type=float, default=1.0, help="of the objects, times their own")
+    parser.add_argument("--friction", type=float, default=1.0, help="likewise")
+    parser.add_argument("--objects", default="", help="some of them, by name; all unless given")
+    parser.add_argument(
+        "--narrowing", action="store_true", help="how well the signals tell an object's narrowing"
+    )
+    parser.add_argument("--jobs", type=int, default=-1)
+    asked = parser.parse_args()
+    from joblib import Parallel, delayed
+
+    if asked.fit is not None:
+        plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction)
+        kept: list[Kept] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
+        for name, hand in (("touch", False), ("hand", True)):
+            sys.stdout.write(f"{name}: {fit(kept, hand=hand)}\n")
+        return
+    plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction)
+    plans = [plan for plan in plans if not asked.objects or plan.object in asked.objects.split(",")]
+    if asked.narrowing:
+        trials: list[Kept] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
+        sys.stdout.writelines(line + "\n" for line in narrowing(trials))
+        return
+    judged: list[Judged] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
+    for line in _table(judged):
+        sys.stdout.write(line + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,159 @@
+"""What the touch reading is worth, as tables: ``python -m tega_figures.check_touch_live``.
+
+Prints the tables of ``docs/touch-live.md``: simulated presses with two plain peers on the same frames, what the
+memory loses to slow presses,
+and recorded touch. Recordings are looked for in the folder that ``TEGA_DATA`` names; without them their table is
+left out.
+Needs the extra ``lab``.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+import numpy as np
+
+from tega.sim.gel_sequences import SHAPES, press_sequence, ramp
+from tega.touch import TouchTracker
+from tega_figures.touch_presses import PEERS, Image, PressScore, Reading, score_press, unit_seeds
+from tega_figures.touch_recordings import GRIPS, grip_video, rest, soft_grips
+
+__all__ = ["felt_of_slow_press"]
+
+# Most recordings begin in contact: background subtraction has nothing to learn from.
+_ON_RECORDINGS = {name: make for name, make in PEERS.items() if name != "OpenCV MOG2"}
+SLOW_S = (3.0, 10.0, 30.0)
+_HEAD = {
+    "felt_n": "felt from N",
+    "peak_rank": "rank: peak, force",
+    "area_rank": "rank: EDA, area",
+    "steady": "held: sd of EDA",
+    "held_jump": "held: largest jump",
+    "rising_jump": "rising: largest jump",
+    "released_s": "released after s",
+    "false_before": "told before",
+    "false_after": "told 1 s after",
+}
+
+
+def felt_of_slow_press(name: str, seed: int, rise_s: float, *, rate_hz: float = 30.0) -> float:
+    """Return from which force, newtons, a press to 1.5 N over so many seconds is felt to its end; NaN if not."""
+    force_n = ramp(peak_n=1.5, wait_s=2.0, rise_s=rise_s, hold_s=1.0, fall_s=0.1)
+    tracker, first = None, float("nan")
+    for moment in press_sequence(name, seed=seed, force_n=force_n, duration_s=2.0 + rise_s, rate_hz=rate_hz):
+        tracker = tracker or TouchTracker(moment.image, rate_hz=rate_hz)
+        if not tracker.update(moment.image).in_contact:
+            first = float("nan")
+        elif np.isnan(first):
+            first = moment.force_n
+    return first
+
+
+def _press_table(units: list[int]) -> list[str]:
+    lines = ["| shape | reading | " + " | ".join(_HEAD.values()) + " |", "|---" * (2 + len(_HEAD)) + "|"]
+    for name in SHAPES:
+        scores: dict[str, list[PressScore]] = {peer: [] for peer in PEERS}
+        for seed in units:
+            for peer, score in score_press(name, seed, readings=PEERS).items():
+                scores[peer].append(score)
+        lines += [
+            f"| {name} | {peer} | " + " | ".join(_worst(found)) + " |" for peer, found in scores.items()
+        ]
+    return lines
+
+
+def _worst(found: list[PressScore]) -> list[str]:
+    cells = []
+    for of in _HEAD:
+        values = [float(getattr(score, of)) for score in found]
+        if all(np.isnan(values)):
+            cells.append("–")
+            continue
+        missing = " *" if any(np.isnan(values)) else ""
+        worst = np.nanmin(values) if of.endswith("rank") else np.nanmax(values)
+        cells.append((f"{worst:.0f}" if of.startswith("false") else f"{worst:.3g}") + missing)
+    return cells
+
+
+def _slow_table(units: list[int]) -> list[str]:
+    lines = ["| shape | " + " | ".join(f"{s:.0f} s" for s in SLOW_S) + " |", "|---" * (1 + len(SLOW_S)) + "|"]
+    for name in SHAPES:
+        found = [[felt_of_slow_press(name, seed, rise_s) for seed in units] for rise_s in SLOW_S]
+        cells = [
+            f"{max(v):.2f}" if not any(np.isnan(v)) else f"missed in {sum(np.isnan(v))} of {len(v)}"
+            for v in found
+        ]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _recorded_table(folder: Path) -> list[str]:
+    lines = ["| recorded | " + " | ".join(_ON_RECORDINGS) + " |", "|---" * (1 + len(_ON_RECORDINGS)) + "|"]
+
+    def row(what: str, shares: dict[str, float]) -> None:
+        lines.append(f"| {what} | " + " | ".join(f"{shares[peer]:.1%}" for peer in _ON_RECORDINGS) + " |")
+
+    pictures = soft_grips(folder)
+    still = np.median(np.array(pictures["empty"]), axis=0).astype(np.uint8)
+    for name, frames in pictures.items():
+        # Each picture is shown for a second to readings that are made anew.
+        told = {
+            p: [_shown(make(still, 30.0), frame) for frame in frames] for p, make in _ON_RECORDINGS.items()
+        }
+        row(f"{name}, {len(frames)} pictures", {p: float(np.mean(t)) for p, t in told.items()})
+    baseline, frames, _ = rest(folder)
+    row(
+        "three minutes at rest",
+        {p: _told(make(baseline, 1 / 5.9), frames) for p, make in _ON_RECORDINGS.items()},
+    )
+    for name, grip in GRIPS.items():
+        for camera in (0, 2):
+            images = grip_video(folder, name, camera)
+            still = np.median(images[grip.rest[0] : grip.rest[1] + 1], axis=0).astype(np.uint8)
+            told = {}
+            for peer, make in _ON_RECORDINGS.items():
+                read = make(still, 25.0)
+                told[peer] = [read(frame).in_contact for frame in images[grip.from_frame :]]
+            held = slice(grip.held[0] - grip.from_frame, grip.held[1] + 1 - grip.from_frame)
+            row(f"{name}, finger {camera}, held", {p: float(np.mean(t[held])) for p, t in told.items()})
+            if grip.silent_from is not None:
+                after = slice(grip.silent_from - grip.from_frame, None)
+                row(
+                    f"{name}, finger {camera}, 1.5 s after",
+                    {p: float(np.mean(t[after])) for p, t in told.items()},
+                )
+    return lines
+
+
+def _shown(read: Reading, frame: Image) -> bool:
+    return [read(frame).in_contact for _ in range(32)][-1]
+
+
+def _told(read: Reading, frames: list[Image]) -> float:
+    return float(np.mean([read(frame).in_contact for frame in frames]))
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--units", type=click.IntRange(1, 100), default=4, show_default=True, help="Simulated units.")
+@click.option("--only", type=click.Choice(["simulated", "slow", "recorded"]), help="One table alone.")
+def main(units: int, only: str | None) -> None:
+    """Print the tables of docs/touch-live.md: the worst over the units; a star says that some unit has no value.
+
+    Recordings are looked for in the folder that the variable TEGA_DATA names, else in ../shared/data.
+    """
+    seeds = unit_seeds(units)
+    folder = Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit"
+    if only in (None, "simulated"):
+        click.echo("\n".join(["", "## simulated presses, worst of the units", "", *_press_table(seeds)]))
+    if only in (None, "slow"):
+        click.echo("\n".join(["", "## felt from N, pressed to 1.5 N over", "", *_slow_table(seeds)]))
+    if only in (None, "recorded"):
+        there = folder.is_dir()
+        lines = _recorded_table(folder) if there else [f"left out: no recordings at {folder}"]
+        click.echo("\n".join(["", "## recorded", "", *lines]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""List the unclear places of the paper and the setting that chooses each reading of them.
+
+Writes the table of ``docs/readings.md``::
+
+    python -m tega_figures.places docs/readings.md
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Final, NamedTuple
+
+__all__ = ["PLACES", "Place", "main", "places_table"]
+
+_BEGIN, _END = "<!-- places: begin -->", "<!-- places: end -->"
+
+
+class Place(NamedTuple):
+    """An unclear place of the paper and how its readings are chosen.
+
+    Attributes:
+        number: Its number in the list of readings, such as ``A1``.
+        what: What is unclear.
+        sets: A setting a reading, as for ``--set``, after those of ``needs``.
+        needs: Settings that they stand on.
+    """
+
+    number: str
+    what: str
+    sets: tuple[str, ...]
+    needs: tuple[str, ...] = ()
+
+
+_READING = ("stages.metric.name=reading",)
+_PRINTED = ("stages.metric.name=reading", "stages.metric.options.threshold=D1")
+_METRIC, _DECODER, _MAPPING = (f"stages.{group}.options" for group in ("metric", "decoder", "mapping"))
+
+
+def _each(key: str, *values: object) -> tuple[str, ...]:
+    return tuple(f"{key}={value}" for value in values)
+
+
+_THRESHOLDS = _each(f"{_METRIC}.threshold", *(f"D{n}" for n in range(1, 9)))
+_DIFFERENCES = _each(f"{_METRIC}.difference", "signed", "rectified", "l2", "luminance")
+
+PLACES: Final = (
+    Place("A1", "σ of Eq 4 is a length, I a grey value", _THRESHOLDS, _READING),
+    Place("A1", "σ: spatial, or of the grey values", (f"{_METRIC}.spread=intensity",), _PRINTED),
+    Place("A2", "the upper 90 % of values", _each(f"{_METRIC}.threshold", "D4", "D7"), _READING),
+    Place("A3", "1.28, found or derived", (f"{_METRIC}.factor=2.0",), _READING),
+    Place("A4", "no contact", (f"{_METRIC}.min_pixels=60", f"{_METRIC}.noise_floor=3"), _READING),
+    Place("A4", "no contact, of D1 and D2", (f"{_METRIC}.gate=true",), _PRINTED),
+    Place("A5", "sign of the difference", _DIFFERENCES, _READING),
+    Place("A6", "ω of the colours", (f"{_METRIC}.weights=[0.2, 0.5, 0.3]",), _READING),
+    Place("A11", "value at the centroid", _each(f"{_METRIC}.centroid_value", "bilinear", "disc", "peak"), _READING),
+    Place("A12", "a pixel at the threshold", (f"{_METRIC}.ties=true",), _READING),
+    Place("A13", "which pixels count", ("stages.metric.name=live", f"{_METRIC}.outline=contact")),
+    Place("A14", "the largest value", _each(f"{_METRIC}.peak", "median", "percentile"), _READING),
+    Place("A15", "CCI of a deeper press", _each(f"{_METRIC}.cci", "root", "peak", "mass"), _READING),
+    Place("A20", "drift of the baseline", ("stages.metric.name=live", f"{_METRIC}.rezero=false")),
+    Place("A23", "32 motors of a vest that has 40", _each("vest.layout", "paper32", "x40", "x16")),
+    Place("A24", "left and right", _each("vest.mirror", "back", "all")),
+    Place("A24", "finger of each column", (f'{_MAPPING}.fingers=["ring", "middle", "index", "thumb"]',)),
+    Place("A25", "rows of a column", (f"{_MAPPING}.rows=bar",)),
+    Place("A26", "intensity at rest", (f"{_MAPPING}.at_rest=law",)),
+    Place("A27", "k of the front", (f"{_MAPPING}.end_value=0.05",)),
+    Place("A28", "k of the back", (f"{_MAPPING}.back_end_value=0.05",)),
+    Place("A29", "the law between 0 and the maximum", _each(f"{_MAPPING}.law", "linear", "power")),
+    Place("A29", "the power", (f"{_MAPPING}.exponent=0.7",), (f"{_MAPPING}.law=power",)),
+    Place("A31", "what counts as full", (f"{_MAPPING}.front_max=2.0", f"{_MAPPING}.back_max=9000")),
+    Place("A33", "values above the maximum", (f"{_MAPPING}.saturate=true",)),
+    Place("A35", "events instead of a steady picture", ("stages.mapping.name=pulses",)),
+    Place("–", "which value on which face", (f"{_MAPPING}.front=eda", f"{_MAPPING}.back=cci")),
+    Place("A38", "rectified or not", ("emg.kind=envelope",), ("emg.driver=synthetic-emg", "emg.kind=raw")),
+    Place("A39", "cutoff and order of the low-pass", (f"{_DECODER}.cutoff_hz=5", f"{_DECODER}.order=2")),
+    Place("A40", "τ", _each(f"{_DECODER}.tau_s", 0.05, 0.2)),
+    Place("A44", "four or five equal intervals", (f"{_DECODER}.intervals=5",)),
+    Place("A45", "the maximum, and steadying (A51)", _each(f"{_DECODER}.preset", "paper", "live")),
+    Place("A49", "the vote", _each(f"{_DECODER}.fusion", "round", "median")),
+    Place("A55", "what each channel counts", (f"{_DECODER}.channel_weights=[1.0, 0.5, 1.0]",)),
+)  # fmt: skip
+"""The places whose reading is a setting, in the order of the list."""
+
+
+def places_table() -> str:
+    """Return the table of the page, with the marks that it stands between."""
+    rows = ["| place | what is unclear | settings | where |", "|---|---|---|---|"]
+    for place in PLACES:
+        told = [f"`{item}`" for item in (*place.needs, *place.sets)]
+        if len({item.partition("=")[0] for item in place.sets}) == 1 and len(place.sets) > 1:
+            key = place.sets[0].partition("=")[0]
+            values = ", ".join(f"`{item.partition('=')[2]}`" for item in place.sets)
+            told = [*(f"`{item}`" for item in place.needs), f"`{key}=` {values}"]
+        rows.append(f"| {place.number} | {place.what} | {', '.join(told)} | {_where(place)} |")
+    return "\n".join([_BEGIN, *rows, _END])
+
+
+def _where(place: Place) -> str:
+    keys = [item.partition("=")[0] for item in (*place.needs, *place.sets)]
+    if all(key.startswith("stages.") or key in {"vest.layout", "vest.mirror"} for key in keys):
+        return "everywhere"
+    return "`run`, `study run --lab`"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Write the table into a page."""
+    (name,) = sys.argv[1:] if arguments is None else arguments
+    page = Path(name)
+    text = page.read_text(encoding="utf-8")
+    before, after = text[: text.index(_BEGIN)], text[text.index(_END) + len(_END) :]
+    page.write_text(before + places_table() + after, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Check the simulated world against physics, and draw its pictures."""
