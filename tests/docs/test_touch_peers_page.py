@@ -11,13 +11,22 @@ import pytest
 
 pytest.importorskip("cv2", reason="needs the extra tega[lab]")
 
+from tega.sim.gel import Gel, ball
 from tega_figures.touch_peers import sets
 from tega_figures.touch_peers.__main__ import PAGE, RESULTS, page, parts
 from tega_figures.touch_peers.pareto import RESULTS as PARETO
 from tega_figures.touch_peers.pareto import table
-from tega_figures.touch_peers.readings import Image, Makes, Seen, Unit, subtraction, threshold, tracker
-
-from tega.sim.gel import Gel, ball
+from tega_figures.touch_peers.readings import (
+    Image,
+    Makes,
+    Reading,
+    Seen,
+    Unit,
+    subtraction,
+    threshold,
+    tracker,
+)
+from tega_figures.touch_recordings import GRIPS
 
 GEL = Gel(3)
 
@@ -41,13 +50,13 @@ def test_a_reading_tells_a_press_and_not_the_untouched_gel(make: Makes) -> None:
 
 
 def test_a_grip_s_shares_are_those_of_the_fingers(monkeypatch: pytest.MonkeyPatch) -> None:
-    grip = sets.GRIPS["blue_box_3"]
+    grip = GRIPS["blue_box_3"]
     frames = np.zeros((460, 2, 2, 3), np.uint8)
     unit = Unit(frames[:1], 25.0)
     monkeypatch.setattr(sets, "GRIPS", {"one": grip})
     monkeypatch.setattr(sets, "_grip", lambda _folder, _name: ([frames, frames], [unit, unit]))
 
-    def make(_unit: Unit) -> sets.Reading:
+    def make(_unit: Unit) -> Reading:
         calls: Iterator[int] = iter(range(1000))
 
         def read(_frame: Image, dt_s: float | None = None) -> Seen:  # noqa: ARG001

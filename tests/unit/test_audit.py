@@ -219,7 +219,9 @@ def test_a_lab_s_own_masks_and_forces_are_held_against_the_readings(tmp_path: Pa
         assert said in refused(*words, capsys=capsys)
 
 
-def test_pictures_and_masks_may_lie_in_one_folder_and_what_has_no_mask_is_told(tmp_path: Path, capsys: Any) -> None:
+def test_pictures_and_masks_may_lie_in_one_folder_and_what_has_no_mask_is_told(
+    tmp_path: Path, capsys: Any
+) -> None:
     cv2 = pytest.importorskip("cv2", reason="needs the extra tega[lab]")
     both = tmp_path / "grasps"
     both.mkdir()

@@ -209,7 +209,9 @@ def read_forces(path: Path, *, least_n: float = 0.0) -> Forces:
         force_n = float(row["force_n"])
         force_n = 0.0 if abs(force_n) < least_n else force_n
         if not 0 <= force_n < 1e4:
-            raise ValueError(f"force_n = {force_n}, wanted 0 to 10,000 N; --least-force-n takes noise about 0 for 0")
+            raise ValueError(
+                f"force_n = {force_n}, wanted 0 to 10,000 N; --least-force-n takes noise about 0 for 0"
+            )
         if row.get("t_s") is not None:
             course.append((float(row["t_s"]), force_n))
         else:

@@ -88,9 +88,9 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
     marked circles, and a picture without contact is composed from what lies far from them; --masks does so with drawn
     areas. With --forces it says how the reading goes with the force, and counts contacts where the force is 0.
 
-    With --json: a list of objects, one a recording, {"recording", "sweep", "n_left_out", "touch", "emg", "vest"}; each of the
-    last three is a list, one a reading (of touch: a reading and finger), with the fields of tega.audit.TouchScore,
-    EmgScore and VestScore, of a sweep with its "value".
+    With --json: a list of objects, one a recording, {"recording", "sweep", "n_left_out", "touch", "emg", "vest"};
+    each of the last three is a list, one a reading (of touch: a reading and finger), with the fields of
+    tega.audit.TouchScore, EmgScore and VestScore, of a sweep with its "value".
     """
     import msgspec
 
@@ -124,7 +124,9 @@ def _asked(flags: dict[str, Any]) -> Asked:
         preset=flags["preset"],
         marks=None if flags["marks"] is None else read_marks(flags["marks"]),
         masks=flags["masks"],
-        forces=None if flags["forces"] is None else read_forces(flags["forces"], least_n=flags["least_force_n"]),
+        forces=None
+        if flags["forces"] is None
+        else read_forces(flags["forces"], least_n=flags["least_force_n"]),
         separate=flags["separate"],
     )
 

@@ -23,7 +23,8 @@ from urllib.request import Request, urlopen
 
 import click
 from PIL import Image
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 _SIZE: Final = (1440, 810)
 _HELD_S: Final = 7.0
@@ -50,7 +51,7 @@ def waited(what: str, told: Callable[[], Any], timeout_s: float = 300.0) -> Any:
 class Tab:
     """One page of Chromium, by its debugging protocol."""
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket: Connection) -> None:
         self._socket, self._number = socket, 0
 
     def ask(self, method: str, **params: Any) -> Any:
@@ -68,22 +69,42 @@ class Tab:
 
     def press(self, button: str) -> None:
         """Press a button by its words."""
-        found = f"[...document.querySelectorAll('button')].find(b => b.innerText.trim() === {json.dumps(button)})"
+        found = (
+            f"[...document.querySelectorAll('button')].find(b => b.innerText.trim() === {json.dumps(button)})"
+        )
         self.ask("Runtime.evaluate", expression=f"{found}.click()")
 
 
 def take(name: str, picture: Path) -> None:
     """Write the page while the demo holds an object up."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-u", "-m", "tega.cli", "demo", "--view", "--objects", name, "--out", f"{folder}/out"]
+        command = [
+            sys.executable,
+            "-u",
+            "-m",
+            "tega.cli",
+            "demo",
+            "--view",
+            "--objects",
+            name,
+            "--out",
+            f"{folder}/out",
+        ]
         said = Path(folder) / "said.txt"
         with said.open("w") as file:
             demo = subprocess.Popen(command, stdout=file, stderr=file)
         browser = shutil.which("chromium") or shutil.which("google-chrome")
         if browser is None:
             raise SystemExit("no Chromium: install the package chromium")
-        words = [browser, *_CHROMIUM, f"--user-data-dir={folder}/profile", f"--window-size={_SIZE[0]},{_SIZE[1]}"]
-        chromium = subprocess.Popen([*words, "about:blank"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        words = [
+            browser,
+            *_CHROMIUM,
+            f"--user-data-dir={folder}/profile",
+            f"--window-size={_SIZE[0]},{_SIZE[1]}",
+        ]
+        chromium = subprocess.Popen(
+            [*words, "about:blank"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         try:
             url = waited("the demo's address", lambda: _found(r"http://\S+", said.read_text()))
             port = waited("Chromium", lambda: _port(Path(folder) / "profile" / "DevToolsActivePort"))

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -59,13 +58,17 @@ def measure(folder: Path) -> dict[str, Any]:
             for reading, figures in kept.items():
                 for f in figures:
                     row = rows.setdefault(
-                        (f.set, f.what), {"set": f.set, "what": f.what, "n": f.n, "wanted": f.wanted, "values": {}}
+                        (f.set, f.what),
+                        {"set": f.set, "what": f.what, "n": f.n, "wanted": f.wanted, "values": {}},
                     )
                     row["values"][reading] = None if np.isnan(f.value) else round(f.value, 4)
     finally:
         child.close()
     commit = subprocess.run(
-        ["git", "-C", str(PROJECT), "rev-parse", "--short", "HEAD"], check=True, capture_output=True, text=True
+        ["git", "-C", str(PROJECT), "rev-parse", "--short", "HEAD"],
+        check=True,
+        capture_output=True,
+        text=True,
     )
     return {
         "commit": commit.stdout.strip(),
@@ -83,7 +86,9 @@ def measure_cost() -> list[dict[str, Any]]:
     """Measure what a frame costs, on AVX2 and on the fastest instruction set that there is."""
     found = []
     for simd in ("avx2", ""):
-        env = {k: v for k, v in os.environ.items() if k != "TEGA_SIMD"} | ({"TEGA_SIMD": simd} if simd else {})
+        env = {k: v for k, v in os.environ.items() if k != "TEGA_SIMD"} | (
+            {"TEGA_SIMD": simd} if simd else {}
+        )
         command = [sys.executable, "-m", "tega_figures.touch_peers.cost"]
         said = subprocess.run(command, check=True, capture_output=True, text=True, env=env).stdout
         found.append(json.loads(said))
@@ -147,12 +152,11 @@ def _table(lines: list[list[str]]) -> str:
 def page(text: str, parts: dict[str, str]) -> str:
     """Return a page with its made parts anew."""
     for name, part in parts.items():
-        mark = re.escape(f"<!-- made: {name} -->")
-        text, n = re.subn(
-            f"({mark}\n).*?(\n<!-- end -->)", lambda m, p=part: f"{m[1]}{p}{m[2]}", text, flags=re.DOTALL
-        )
-        if n != 1:
-            raise SystemExit(f"{PAGE.name} has {n} parts {name!r}, wanted 1")
+        head, found, rest = text.partition(f"<!-- made: {name} -->\n")
+        _, end, after = rest.partition("\n<!-- end -->")
+        if not found or not end:
+            raise SystemExit(f"{PAGE.name} has no part {name!r}")
+        text = f"{head}{found}\n{part}\n{end}{after}"
     return text
 
 

@@ -4,7 +4,8 @@
 
     TEGA_SIMD=avx2 python -m tega_figures.touch_peers.cost
 
-Prints JSON: medians and tenth percentiles in microseconds, and ratios to the or-reduce, at rest and touched, one finger and four in one call.
+Prints JSON: medians and tenth percentiles in microseconds, and ratios to the or-reduce; at rest and touched, one finger
+and four in one call.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega import _native
-from tega.bench.timing import ratio, take_turns, timing
 from tega.sim.gel import Gel, ball, board
 from tega.tactile import Outline
 from tega.touch import TouchTracker, update_fingers
+from tega_figures.bench.timing import ratio, take_turns, timing
 
 __all__ = ["costs"]
 
@@ -39,12 +40,14 @@ def _reading(tracker: TouchTracker, frames: list[Image], *, in_contact: bool) ->
     frames_on = cycle(frames)
     for _ in range(_WARM):
         told = tracker.update(next(frames_on)).in_contact
-    assert told == in_contact  # noqa: S101  # what is timed is what it is named for
+    assert told == in_contact  # what is timed is what it is named for
     return lambda: tracker.update(next(frames_on))
 
 
 def _floor(frames: list[Image], baseline: Image) -> Callable[[], object]:
-    pairs = cycle([(frame.reshape(-1).view(np.uint64), baseline.reshape(-1).view(np.uint64)) for frame in frames])
+    pairs = cycle(
+        [(frame.reshape(-1).view(np.uint64), baseline.reshape(-1).view(np.uint64)) for frame in frames]
+    )
     reduce = np.bitwise_or.reduce
 
     def read() -> tuple[np.uint64, np.uint64]:

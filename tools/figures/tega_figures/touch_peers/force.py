@@ -1,4 +1,4 @@
-"""Judge the force that the tracker tells on recorded presses, calibrated by three presses and not, with its interval."""
+"""Judge the force that the tracker tells on recorded presses, calibrated by three presses and not."""
 
 from __future__ import annotations
 
@@ -47,10 +47,15 @@ class Felt(NamedTuple):
 
 def _felt(press: Presses, first: int) -> Felt:
     read = tracker(press.unit)
-    seen = [(read(frame).contact, force) for frame, force in zip(press.frames[1:], press.force_n[1:], strict=True)]
+    seen = [
+        (read(frame).contact, force) for frame, force in zip(press.frames[1:], press.force_n[1:], strict=True)
+    ]
     kept = [(c, n) for c, n in seen[first:] if c is not None and c.in_contact and n >= _LEAST_N]
     return Felt(
-        press.name, np.array([c.force_n for c, _ in kept]), np.array([n for _, n in kept]), [c for c, _ in kept]
+        press.name,
+        np.array([c.force_n for c, _ in kept]),
+        np.array([n for _, n in kept]),
+        [c for c, _ in kept],
     )
 
 
@@ -64,7 +69,9 @@ def _firmest(clip: Felt) -> KnownPress:
     return KnownPress(clip.contacts[k], float(clip.force_n[k]))
 
 
-def _summary(of: str, how: str, errors: list[NDArray[np.float64]], ratios: list[NDArray[np.float64]]) -> ForceError:
+def _summary(
+    of: str, how: str, errors: list[NDArray[np.float64]], ratios: list[NDArray[np.float64]]
+) -> ForceError:
     rng = np.random.default_rng(15)
     weighed = float(np.mean([np.median(e) for e in errors]))
     if len(errors) > 1:
@@ -97,7 +104,10 @@ def _wedge_errors(folder: Path) -> list[ForceError]:
         ._replace(n_frames=sum(len(c.force_n) for c in clips))
     )  # fmt: skip
     own = [_own(c) for c in clips]
-    return [*found, _summary("wedge_force", "three frames of the same clip", [np.abs(r - 1) for r in own], own)]
+    return [
+        *found,
+        _summary("wedge_force", "three frames of the same clip", [np.abs(r - 1) for r in own], own),
+    ]
 
 
 def _own(clip: Felt) -> NDArray[np.float64]:

@@ -31,7 +31,9 @@ def _files(commit: str) -> list[str]:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
 
 
-def built(name: str, *, commit: str | None = None, replace: Mapping[str, tuple[str, str]] | None = None) -> Path:
+def built(
+    name: str, *, commit: str | None = None, replace: Mapping[str, tuple[str, str]] | None = None
+) -> Path:
     """Return the folder that a version is installed in; it is built where it is not there yet.
 
     Args:
@@ -46,10 +48,14 @@ def built(name: str, *, commit: str | None = None, replace: Mapping[str, tuple[s
     site, tree = PLACE / name / "site", PLACE / name / "tree"
     changed: dict[str, bytes] = {}
     for file in _files(commit or "HEAD"):
-        if commit is not None and file.startswith(("crates/", "python/", "Cargo", "pyproject", "README", "LICENSE")):
+        if commit is not None and file.startswith(
+            ("crates/", "python/", "Cargo", "pyproject", "README", "LICENSE")
+        ):
             shown = ["git", "-C", str(PROJECT), "show", f"{commit}:{file}"]
             changed[file] = subprocess.run(shown, check=True, capture_output=True).stdout
-        elif commit is None and file.startswith(("crates/", "python/", "Cargo", "pyproject", "README", "LICENSE")):
+        elif commit is None and file.startswith(
+            ("crates/", "python/", "Cargo", "pyproject", "README", "LICENSE")
+        ):
             changed[file] = (PROJECT / file).read_bytes()
     for file, (what, instead) in (replace or {}).items():
         text = changed[file].decode()
@@ -96,12 +102,12 @@ class Child:
         Raises:
             RuntimeError: The child ended.
         """
-        assert self._child.stdin is not None  # noqa: S101
-        assert self._child.stdout is not None  # noqa: S101
+        assert self._child.stdin is not None
+        assert self._child.stdout is not None
         try:
             pickle.dump(arguments, self._child.stdin, protocol=5)
             self._child.stdin.flush()
-            return pickle.load(self._child.stdout)  # noqa: S301  # of our own child
+            return pickle.load(self._child.stdout)  # of our own child
         except (EOFError, BrokenPipeError) as error:
             raise RuntimeError(f"the other version ended with code {self._child.wait()}") from error
 
@@ -133,7 +139,7 @@ def _measured() -> Callable[..., Any]:
 def _serve(made: Callable[..., Any], said: IO[bytes]) -> None:
     while True:
         try:
-            arguments = pickle.load(sys.stdin.buffer)  # noqa: S301  # of our own parent
+            arguments = pickle.load(sys.stdin.buffer)  # of our own parent
         except EOFError:
             return
         pickle.dump(made(*arguments), said, protocol=5)

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
+
 from tega.tactile import Outline
 from tega.touch import TouchTracker
 from tega_figures.touch_peers.other_build import PROJECT, Child, built
@@ -75,7 +76,9 @@ def measured(folder: str, side: int, outline: Outline, every: int) -> dict[str, 
     make = _maker(side, outline, every)
     WITH_MEMORY.append(make)
     figures = [
-        f for name in ("digit_grasp_masks", "digit_ball_D20641", "wedge_force") for f in SETS[name](Path(folder), make)
+        f
+        for name in ("digit_grasp_masks", "digit_ball_D20641", "wedge_force")
+        for f in SETS[name](Path(folder), make)
     ]
     of = {(f.set, f.what): f.value for f in figures}
     felt = [(f.value, f.n) for f in figures if f.what.split(",")[0] in {"ball", "foam", "golf"}]
@@ -131,7 +134,8 @@ def table(rows: list[dict[str, Any]]) -> str:
     for row in rows:
         name = f"**{label(row)}** (default)" if _default(row) else label(row)
         lines.append([
-            name, f"{row['rest']:.2f}", f"{row['touched']:.2f}", f"{row['grasp_error']:.2f}", f"{row['ball_error']:.2f}",
+            name, f"{row['rest']:.2f}", f"{row['touched']:.2f}", f"{row['grasp_error']:.2f}",
+            f"{row['ball_error']:.2f}",
             f"{100 * row['missed']:.1f} %", f"{100 * row['told_wrongly']:.1f} %", f"{row['rank_error']:.3f}",
         ])  # fmt: skip
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
@@ -143,9 +147,9 @@ def _default(row: dict[str, Any]) -> bool:
 
 def draw(rows: list[dict[str, Any]], picture: Path) -> None:
     """Draw touched time against three errors."""
-    import matplotlib
+    import matplotlib as mpl
 
-    matplotlib.rcParams["svg.hashsalt"] = "tega"
+    mpl.rcParams["svg.hashsalt"] = "tega"
     from matplotlib.figure import Figure
 
     errors = {"grasp_error": "1 − overlap with masks of grasps", "missed": "share missed, 0.6 N and more (wedge)",
@@ -158,7 +162,9 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
             marker = "*" if _default(row) else "o" if row["every"] == 1 else "s"
             colour = "tab:red" if _default(row) else "tab:blue" if row["outline"] == "dent" else "tab:orange"
             panel.plot(row["touched"], row[key], marker, color=colour, markersize=13 if _default(row) else 6)
-            panel.annotate(label(row), (row["touched"], row[key]), fontsize=7, xytext=(5, 4), textcoords="offset points")
+            panel.annotate(
+                label(row), (row["touched"], row[key]), fontsize=7, xytext=(5, 4), textcoords="offset points"
+            )
         panel.set_xlabel("touched frame, times NumPy's or-reduce")
         panel.set_ylabel(what)
         panel.margins(0.2)

@@ -45,10 +45,10 @@ class Seen(NamedTuple):
 class Unit:
     """What a reading may know of a sensor before the first frame."""
 
-    still: Sequence[Image]
+    still: Sequence[Image] | NDArray[np.uint8]
     """Frames of the untouched gel."""
     rate_hz: float
-    noise_frames: Sequence[Image] | None = None
+    noise_frames: Sequence[Image] | NDArray[np.uint8] | None = None
     """Frames that its noise can be measured on, where there are any."""
 
     @cached_property
@@ -103,7 +103,9 @@ def threshold(unit: Unit) -> Reading:
         difference = cv2.max(cv2.max(blue, green), red)
         mask = difference > 15
         counts = np.cumsum(np.bincount(difference.reshape(-1), minlength=256))
-        strongest = int(np.searchsorted(counts, 0.995 * difference.size))  # peak: what 0.5 % of the pixels exceed
+        strongest = int(
+            np.searchsorted(counts, 0.995 * difference.size)
+        )  # peak: what 0.5 % of the pixels exceed
         return Seen(bool(mask.mean() > LEAST_SHARE), int(mask.sum()), float(strongest), mask)
 
     return read
@@ -170,8 +172,8 @@ def pytouch_area() -> tuple[Makes | None, str]:
         if done.returncode or not file.is_file():
             return None, f"PyTouch 0.4.2 does not install: {done.stderr.strip().splitlines()[-1:]}"
     found = importlib.util.spec_from_file_location("pytouch_contact_area", file)
-    assert found is not None  # noqa: S101
-    assert found.loader is not None  # noqa: S101
+    assert found is not None
+    assert found.loader is not None
     module: Any = importlib.util.module_from_spec(found)
     found.loader.exec_module(module)
     area = module.ContactArea(draw_poly=False)
@@ -184,7 +186,7 @@ def pytouch_area() -> tuple[Makes | None, str]:
             try:
                 (a, b), (c, d) = area(frame, base=baseline)
             except UnboundLocalError:  # what it says where no contour is long enough
-                return Seen(False, 0, 0.0, mask > 0)
+                return Seen(on=False, area_px=0, peak=0.0, mask=mask > 0)
             centre, major, minor = (a + b) / 2, a - b, c - d
             axes = (float(np.hypot(*major)) / 2, float(np.hypot(*minor)) / 2)
             turn = float(np.degrees(np.arctan2(major[1], major[0])))
@@ -195,8 +197,8 @@ def pytouch_area() -> tuple[Makes | None, str]:
         return read
 
     said = (
-        "PyTouch 0.4.2 as a whole does not install (it asks for pytorch3d, which has no wheel); its `ContactArea` needs "
-        "OpenCV alone and is loaded from the published wheel, with its own thresholds."
+        "PyTouch 0.4.2 as a whole does not install (it asks for pytorch3d, which has no wheel); its `ContactArea` "
+        "needs OpenCV alone and is loaded from the published wheel, with its own thresholds."
     )
     return make, said
 

@@ -12,8 +12,19 @@ from numpy.typing import NDArray
 
 from tega.audit import read_marks
 from tega.opencv import read_image
-from tega.sim.touch_presses import rank_correlation
-from tega.sim.touch_recordings import (
+from tega.touch import TouchTracker, update_fingers
+from tega_figures.touch_peers.readings import (
+    SEES_ALL,
+    WITH_MEMORY,
+    Image,
+    Makes,
+    Reading,
+    Seen,
+    Unit,
+    tracker,
+)
+from tega_figures.touch_presses import rank_correlation
+from tega_figures.touch_recordings import (
     GRIPS,
     Clip,
     best_lag,
@@ -25,8 +36,6 @@ from tega.sim.touch_recordings import (
     soft_grips,
     wedge,
 )
-from tega.touch import TouchTracker, update_fingers
-from tega_figures.touch_peers.readings import SEES_ALL, WITH_MEMORY, Image, Makes, Reading, Seen, Unit, tracker
 
 __all__ = ["SETS", "Figure", "Presses", "disc_presses", "wedge_presses"]
 
@@ -88,7 +97,12 @@ def _pressed(clip: Clip, first_day: NDArray[np.uint8]) -> Presses:
     at = places - lag
     force = np.where((at >= 0) & (at < len(at)), run[np.clip(at, 0, len(at) - 1)], 0.0)
     return Presses(
-        clip.name, clip.kind, unit, clip.frames, force, (max(first + lag - 4, 0), end + lag + round(_AFTER_S * 30))
+        clip.name,
+        clip.kind,
+        unit,
+        clip.frames,
+        force,
+        (max(first + lag - 4, 0), end + lag + round(_AFTER_S * 30)),
     )
 
 
@@ -123,10 +137,15 @@ def _drift(folder: Path, make: Makes) -> Iterator[Figure]:
 
 def _wedge(folder: Path, make: Makes) -> Iterator[Figure]:
     felt: dict[tuple[str, float], list[bool]] = {}
-    before, after, ranks, areas = [], [], [], []
+    before: list[bool] = []
+    after: list[bool] = []
+    ranks: list[float] = []
+    areas: list[float] = []
     for press in wedge_presses(folder):
         read = make(press.unit)
-        seen = [Seen(on=False, area_px=0, peak=0.0, mask=np.zeros((0, 0), bool))] + [read(f) for f in press.frames[1:]]
+        seen = [Seen(on=False, area_px=0, peak=0.0, mask=np.zeros((0, 0), bool))] + [
+            read(f) for f in press.frames[1:]
+        ]
         on = np.array([s.on for s in seen])
         for low, high in _BINS_N:
             within = (press.force_n >= low) & (press.force_n < high)
@@ -143,7 +162,9 @@ def _wedge(folder: Path, make: Makes) -> Iterator[Figure]:
             what = f"{kind}, {low:g} to {high:g} N" if high < 40 else f"{kind}, {low:g} N and more"
             yield Figure("wedge_force", what, float(np.mean(told)), n=len(told))
     yield Figure("wedge_force", "before", float(np.mean(before)), "low", len(before))
-    yield Figure("wedge_force", "from 1.5 s after", float(np.mean(after)) if after else np.nan, "low", len(after))
+    yield Figure(
+        "wedge_force", "from 1.5 s after", float(np.mean(after)) if after else np.nan, "low", len(after)
+    )
     for what, found in (("peak", ranks), ("area", areas)):
         yield Figure("wedge_force", f"rank of force and {what}, median clip", float(np.median(np.nan_to_num(found))),
                      n=len(found))  # fmt: skip
@@ -162,7 +183,9 @@ def _disc(folder: Path, make: Makes) -> Iterator[Figure]:
         yield Figure("digit_disc_force", f"rank of force and {what}", float(found), n=len(seen))
 
 
-def _both(make: Makes, units: Sequence[Unit], fingers: list[NDArray[np.uint8]], first: int) -> NDArray[np.bool_]:
+def _both(
+    make: Makes, units: Sequence[Unit], fingers: list[NDArray[np.uint8]], first: int
+) -> NDArray[np.bool_]:
     """Read two fingers of one grip, together where a reading can."""
     end = min(map(len, fingers))
     on = np.zeros((end, 2), bool)
@@ -204,7 +227,9 @@ def _grips(folder: Path, make: Makes) -> Iterator[Figure]:
             after += on[judged & (places >= grip.silent_from)].mean(axis=0).tolist()
     yield Figure("gsmini_grips", "held, mean of the fingers", float(np.mean(held)), n=len(held))
     yield Figure("gsmini_grips", "held, worst finger", float(min(held)), n=len(held))
-    yield Figure("gsmini_grips", "from 1.5 s after, mean of the fingers", float(np.mean(after)), "low", len(after))
+    yield Figure(
+        "gsmini_grips", "from 1.5 s after, mean of the fingers", float(np.mean(after)), "low", len(after)
+    )
     yield Figure("gsmini_grips", "from 1.5 s after, worst finger", float(max(after)), "low", len(after))
 
 
@@ -226,7 +251,8 @@ def _masks(folder: Path, make: Makes) -> Iterator[Figure]:
 def _balls(folder: Path) -> tuple[Image, list[tuple[Image, NDArray[np.bool_]]]]:
     at = folder / "digit_ball_D20641"
     pictures = [
-        (read_image(at / name, driver="touch peers"), mark) for name, mark in read_marks(at / "annotate.csv").items()
+        (read_image(at / name, driver="touch peers"), mark)
+        for name, mark in read_marks(at / "annotate.csv").items()
     ]
     marked = [(image, mark.distance(image.shape[:2]) <= 1) for image, mark in pictures]
     return read_image(at / "background.png", driver="touch peers"), marked
