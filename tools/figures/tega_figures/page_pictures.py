@@ -74,10 +74,16 @@ class Tab:
         )
         self.ask("Runtime.evaluate", expression=f"{found}.click()")
 
+    def close_notices(self) -> None:
+        """Close what the page says of a browser without a graphics card."""
+        found = "document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => b.click())"
+        self.ask("Runtime.evaluate", expression=found)
+
 
 def take(name: str, picture: Path) -> None:
     """Write the page while the demo holds an object up."""
     with tempfile.TemporaryDirectory() as folder:
+        objects = ",".join([name, *(one for one in ("bottle", "container", "bag") if one != name)])
         command = [
             sys.executable,
             "-u",
@@ -86,7 +92,7 @@ def take(name: str, picture: Path) -> None:
             "demo",
             "--view",
             "--objects",
-            name,
+            objects,
             "--out",
             f"{folder}/out",
         ]
@@ -116,6 +122,7 @@ def take(name: str, picture: Path) -> None:
                         mobile=False)  # fmt: skip
                 waited(f"{name} held", lambda: _held(tab.text()))
                 tab.press("Pause")
+                tab.close_notices()
                 time.sleep(20)  # what is on its way is drawn
                 shot = base64.b64decode(tab.ask("Page.captureScreenshot", format="png")["data"])
         finally:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -105,11 +106,11 @@ def _site(side: int) -> Path:
     return built(f"cells-{side}", replace={_CELLS: text})
 
 
-def measure(folder: Path) -> list[dict[str, Any]]:
-    """Measure every variant, each build in its own process."""
+def measure(folder: Path, sides: Sequence[int]) -> list[dict[str, Any]]:
+    """Measure every variant with these sides of cells beside the default's, each build in its own process."""
     rows = []
     asked: dict[int, list[tuple[Outline, int]]] = {8: [("dent", n) for n in (1, 2, 3, 4)] + [("contact", 1)]}
-    asked |= {side: [("dent", 1), ("contact", 1)] for side in _OTHERS}
+    asked |= {side: [("dent", 1), ("contact", 1)] for side in sides}
     for side, variants in asked.items():
         child = Child(_site(side), "measured")
         try:
@@ -173,13 +174,20 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("picture", type=click.Path(path_type=Path))
+@click.option(
+    "--side", "sides", type=click.Choice([str(side) for side in _OTHERS]), multiple=True,
+    help="Only this side of cells beside the default's, pixels; repeatable.",
+)  # fmt: skip
 @click.option("--tables", is_flag=True, help="Draw the committed figures; measure nothing.")
-def main(picture: Path, *, tables: bool) -> None:
+def main(picture: Path, *, sides: tuple[str, ...], tables: bool) -> None:
     """Measure unless told not to; draw, and write the page's table."""
     from tega_figures.touch_peers.__main__ import PAGE, page
 
     if not tables:
-        rows = measure(Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit")
+        rows = measure(
+            Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit",
+            [int(side) for side in sides or _OTHERS],
+        )
         RESULTS.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     rows = json.loads(RESULTS.read_text(encoding="utf-8"))
     draw(rows, picture)
