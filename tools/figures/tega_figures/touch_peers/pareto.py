@@ -123,7 +123,7 @@ def measure(folder: Path, sides: Sequence[int]) -> list[dict[str, Any]]:
 
 def label(row: dict[str, Any]) -> str:
     """Name a variant."""
-    skipped = "" if row["every"] == 1 else f", every {row['every']}."
+    skipped = "" if row["every"] == 1 else f", one frame in {row['every']}"
     return f"{row['side']} px, {row['outline']}{skipped}"
 
 
@@ -158,8 +158,6 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
     figure = Figure(figsize=(11, 3.8), layout="constrained")
     for panel, (key, what) in zip(figure.subplots(1, 3), errors.items(), strict=True):
         for row in rows:
-            if row["outline"] == "contact" and key != "grasp_error":
-                continue  # the outline changes neither
             marker = "*" if _default(row) else "o" if row["every"] == 1 else "s"
             colour = "tab:red" if _default(row) else "tab:blue" if row["outline"] == "dent" else "tab:orange"
             panel.plot(row["touched"], row[key], marker, color=colour, markersize=13 if _default(row) else 6)
