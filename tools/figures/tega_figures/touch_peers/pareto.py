@@ -162,11 +162,17 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
             colour = "tab:red" if _default(row) else "tab:blue" if row["outline"] == "dent" else "tab:orange"
             panel.plot(row["touched"], row[key], marker, color=colour, markersize=13 if _default(row) else 6)
             panel.annotate(
-                label(row), (row["touched"], row[key]), fontsize=7, xytext=(5, 4), textcoords="offset points"
+                label(row),
+                (row["touched"], row[key]),
+                fontsize=7,
+                xytext=(5, 4),
+                textcoords="offset points",
+                rotation=40,
             )
         panel.set_xlabel("touched frame, times NumPy's or-reduce")
         panel.set_ylabel(what)
-        panel.margins(0.2)
+        panel.margins(0.3)
+        panel.set_ylim(bottom=0)
     figure.savefig(picture, metadata={"Date": None} if picture.suffix == ".svg" else None)
 
 
