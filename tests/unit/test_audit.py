@@ -219,6 +219,45 @@ def test_a_lab_s_own_masks_and_forces_are_held_against_the_readings(tmp_path: Pa
         assert said in refused(*words, capsys=capsys)
 
 
+def test_pictures_and_masks_may_lie_in_one_folder_and_what_has_no_mask_is_told(
+    tmp_path: Path, capsys: Any
+) -> None:
+    cv2 = pytest.importorskip("cv2", reason="needs the extra tega[lab]")
+    both = tmp_path / "grasps"
+    both.mkdir()
+    for number, frame in enumerate(FRAMES):
+        cv2.imwrite(str(both / f"frame_{number}.png"), frame)
+        inside = Mark((120.0, 150.0), 55.0).distance(frame.shape) <= 1
+        cv2.imwrite(str(both / f"mask_{number}.png"), 255 * inside.astype(np.uint8))
+    (both / "mask_2.png").rename(both / "mask_2.bmp.off")
+    cv2.imwrite(str(tmp_path / "still.png"), BASELINE)
+    words = [both, "--baseline", tmp_path / "still.png", "--masks", both, "--separate", "--reading", "live"]
+    report = told(*words, capsys=capsys)[0]
+    (live,) = report["touch"]
+    # Two frames have a mask; the third has none, and the masks themselves are no presses.
+    assert (live["n_frames"], live["n_touched"], report["n_left_out"]) == (2, 2, 3)
+    assert live["iou"] > 0.5
+    with pytest.raises(SystemExit):
+        main(["audit", *map(str, words)])
+    assert "3 pictures left out" in capsys.readouterr().out
+
+
+def test_a_video_s_forces_may_be_named_by_frame(tmp_path: Path) -> None:
+    table = tmp_path / "forces.csv"
+    table.write_text("frame,force_n,force_clean_n\n0,1.25,1.0\n1,1.5,1.4\n")
+    forces = read_forces(table)
+    assert forces.of_picture("", 1, 0) == 1.5
+
+
+def test_the_noise_of_a_force_sensor_about_0_is_no_force(tmp_path: Path) -> None:
+    table = tmp_path / "forces.csv"
+    table.write_text("frame,force_n\n0,-0.02\n1,0.03\n2,0.4\n")
+    with pytest.raises(RecordingError, match="--least-force-n"):
+        read_forces(table)
+    forces = read_forces(table, least_n=0.05)
+    assert [forces.of_picture("", k, 0) for k in range(3)] == [0.0, 0.0, 0.4]
+
+
 # Sweeps.
 
 

@@ -346,6 +346,46 @@ fn every_size_from_one_pixel_on_is_tracked() {
 }
 
 #[test]
+fn a_press_is_felt_and_let_go_at_every_size_of_a_camera() {
+    for (height, width) in
+        [(120, 160), (160, 120), (240, 320), (320, 240), (480, 640), (720, 960), (960, 720)]
+    {
+        let mut finger = Finger::new(47, height, width);
+        let mut tracker = tracker(&finger.still(), 30.0);
+        let mut told = Vec::new();
+        for k in 0..36 {
+            let frame = finger.frame((8..20).contains(&k).then(|| press(0.5, 0.5)), Drift::default());
+            let touch = tracker.update(frame.view(), None, false).unwrap();
+            checked(&touch, &tracker);
+            told.push(touch.in_contact);
+        }
+        assert!(told[..8].iter().all(|on| !on), "{height}x{width}: before, {told:?}");
+        assert!(told[10..20].iter().all(|on| *on), "{height}x{width}: pressed, {told:?}");
+        assert!(told[24..].iter().all(|on| !on), "{height}x{width}: after, {told:?}");
+    }
+}
+
+/// A stream that is cut anywhere and goes on with a copy says what the whole stream says.
+#[test]
+fn a_tracker_that_is_copied_midway_goes_on_the_same() {
+    let mut finger = Finger::new(53, 120, 160);
+    let baseline = finger.still();
+    let frames = session(&mut finger, 15.0);
+    let mut whole = tracker(&baseline, 15.0);
+    let mut copies: Vec<TouchTracker> = Vec::new();
+    for (k, frame) in frames.iter().enumerate() {
+        if k % 7 == 0 {
+            copies.push(whole.clone());
+        }
+        let wanted = bits(&[whole.update(frame.view(), None, false).unwrap()]);
+        for copy in &mut copies {
+            assert_eq!(bits(&[copy.update(frame.view(), None, false).unwrap()]), wanted, "frame {k}");
+        }
+    }
+    assert!(copies.len() > 5);
+}
+
+#[test]
 fn an_error_leaves_the_tracker_as_it_was() {
     let mut finger = Finger::new(37, 120, 160);
     let baseline = finger.still();

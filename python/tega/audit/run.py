@@ -11,7 +11,7 @@ import msgspec
 from tega.audit.emg import EmgScore, emg_scores
 from tega.audit.recordings import EmgColumns, Material, read_material, recordings_of
 from tega.audit.touch import FingerAudit, FingerReading, TouchScore
-from tega.audit.truth import Forces, Mark, Truth, read_mask
+from tega.audit.truth import Forces, Mark, Truth, mask_of, read_mask
 from tega.audit.variants import READINGS, Kind, Sweep, Variant, kind_of, named_variants, sweep_variants
 from tega.audit.vest import VestScore, vest_score
 from tega.config import check_tree
@@ -39,7 +39,7 @@ class Asked(NamedTuple):
         sets: Settings of every reading, as ``key=value``.
         preset: Instead of the recording's.
         marks: Marked circles by the pictures' names; ``None`` without. Pictures without one are left out.
-        masks: Folder of masks, named as the pictures; likewise.
+        masks: Folder of masks, named as :func:`~tega.audit.truth.mask_of` says; likewise.
         forces: Measured forces; likewise.
         separate: Whether every picture is of a press of its own.
     """
@@ -64,10 +64,12 @@ class AuditReport(msgspec.Struct, frozen=True, kw_only=True):
         touch: One a reading and finger.
         emg: One a reading.
         vest: One a reading.
+        n_left_out: Pictures that marks, masks or forces say nothing of, and that were not judged.
     """
 
     recording: str
     sweep: str = ""
+    n_left_out: int = 0
     touch: list[TouchScore] = []
     emg: list[EmgScore] = []
     vest: list[VestScore] = []
@@ -111,7 +113,7 @@ def audit_recording(
     """
     found = []
     for one in recordings_of(path):
-        audit = _Audit(one.name, asked)
+        audit = _Audit(one, asked)
         read_material(one, audit, preset=asked.preset, baseline=baseline, emg=emg, progress=progress)
         found.append(audit.finished())
     return found
@@ -120,8 +122,8 @@ def audit_recording(
 class _Audit:
     """What becomes of one recording."""
 
-    def __init__(self, name: str, asked: Asked) -> None:
-        self._name, self._asked = name, asked
+    def __init__(self, path: Path, asked: Asked) -> None:
+        self._path, self._name, self._asked = path, path.name, asked
         self._material = Material({}, {})
         self._variants: dict[Kind, list[Variant]] = {}
         self._fingers: dict[str, FingerAudit] = {}
@@ -186,6 +188,7 @@ class _Audit:
         report = AuditReport(
             recording=self._name,
             sweep="" if asked.sweep is None else asked.sweep.key,
+            n_left_out=self._n_passed,
             touch=[score for audit in seen.values() for score in audit.scores()],
             emg=emg,
             vest=[self._vest(variant) for variant in self._variants.get("vest", [])],
@@ -252,8 +255,8 @@ class _Audit:
         shape = frame.image.shape[:2]
         drawn = None if mark is None else mark.distance(shape) <= 1
         if asked.masks is not None:
-            path = asked.masks / Path(frame.name).name
-            if not path.is_file():
+            path = mask_of(self._path / frame.name, asked.masks)
+            if path is None:
                 return None
             drawn = read_mask(path, shape)
         return Truth(drawn, force_n, mark)

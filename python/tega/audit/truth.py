@@ -17,7 +17,7 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_words
 from tega.opencv import read_image
 
-__all__ = ["FarField", "Forces", "Mark", "Truth", "read_forces", "read_marks", "read_mask"]
+__all__ = ["FarField", "Forces", "Mark", "Truth", "mask_of", "read_forces", "read_marks", "read_mask"]
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -124,6 +124,25 @@ class FarField:
             self._filled |= take
 
 
+def mask_of(picture: Path, masks: Path) -> Path | None:
+    """Return the file of a picture's mask; ``None`` where it has none.
+
+    A mask has its picture's name, or that with ``mask`` in the place of ``frame``, with any ending of a picture. A
+    picture is not its own mask, though both may lie in one folder.
+
+    Args:
+        picture: Its file.
+        masks: Folder of the masks.
+    """
+    endings = dict.fromkeys((picture.suffix, ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff"))
+    for stem in (picture.stem, picture.stem.replace("frame", "mask", 1)):
+        for ending in endings:
+            path = masks / f"{stem}{ending}"
+            if path.is_file() and path.resolve() != picture.resolve():
+                return path
+    return None
+
+
 def read_mask(path: Path, shape: tuple[int, ...]) -> Mask:
     """Read touched pixels: a picture that is white where touched.
 
@@ -171,13 +190,14 @@ def read_marks(path: Path) -> dict[str, Mark]:
     return {name: mark for name, mark in marks.items() if name not in twice}
 
 
-def read_forces(path: Path) -> Forces:
+def read_forces(path: Path, *, least_n: float = 0.0) -> Forces:
     """Read forces: a table with the columns img_name and force_n (newtons), or t_s (seconds) and force_n.
 
-    A video's frames are named by their number from 0.
+    A video's frames are named by their number from 0; that column may be called frame.
 
     Args:
         path: The CSV file.
+        least_n: Newtons that a sensor tells of nothing: what is nearer to 0 is taken for 0.
 
     Raises:
         RecordingError: The file cannot be read, or a line is not what it should be.
@@ -187,14 +207,17 @@ def read_forces(path: Path) -> Forces:
 
     def take(row: dict[str, str]) -> None:
         force_n = float(row["force_n"])
+        force_n = 0.0 if abs(force_n) < least_n else force_n
         if not 0 <= force_n < 1e4:
-            raise ValueError(f"force_n = {force_n}, wanted 0 to 10,000 N")
+            raise ValueError(
+                f"force_n = {force_n}, wanted 0 to 10,000 N; --least-force-n takes noise about 0 for 0"
+            )
         if row.get("t_s") is not None:
             course.append((float(row["t_s"]), force_n))
         else:
-            by_name[_base_name(row["img_name"])] = force_n
+            by_name[_base_name(row["frame"] if "frame" in row else row["img_name"])] = force_n
 
-    _read_rows(path, take, what="force", wanted="img_name,force_n or t_s,force_n")
+    _read_rows(path, take, what="force", wanted="img_name,force_n; frame,force_n or t_s,force_n")
     t_s, force_n = np.array(course, np.float64).reshape(-1, 2).T
     if not np.isfinite(t_s).all() or (np.diff(t_s) <= 0).any():
         raise RecordingError(f"{path.name}: t_s does not rise from line to line", "sort the lines by time")

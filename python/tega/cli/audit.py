@@ -53,14 +53,19 @@ _DRAWN = click.Path(dir_okay=False, path_type=Path)
 @click.option(
     "--masks",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="Folder of masks, named as the pictures: white where touched. Pictures without one are left out.",
+    help="Folder of masks, white where touched: named as the pictures, or with mask in the place of frame. Pictures "
+    "without one are left out.",
 )
 @click.option(
     "--forces",
     type=_FILE,
-    help="Forces: img_name,force_n in newtons, 0 where nothing touches (a video's frames by number from 0); or "
+    help="Forces: img_name,force_n in newtons, 0 where nothing touches; a video's frame,force_n by number from 0; or "
     "t_s,force_n over time.",
 )
+@click.option(
+    "--least-force-n", type=click.FloatRange(0, 1000), default=0.0, show_default=True,
+    help="Newtons that the force sensor tells of nothing: what is nearer to 0 counts as 0.",
+)  # fmt: skip
 @click.option("--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Of a file of EMG.")
 @click.option("--emg-kind", type=click.Choice(["raw", "rectified", "envelope"]), help="What its samples are.")
 @click.option("--emg-channels", type=ChannelList(), help="Its columns to use, counted from 1; else all.")
@@ -83,9 +88,9 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
     marked circles, and a picture without contact is composed from what lies far from them; --masks does so with drawn
     areas. With --forces it says how the reading goes with the force, and counts contacts where the force is 0.
 
-    With --json: a list of objects, one a recording, {"recording", "sweep", "touch", "emg", "vest"}; each of the last
-    three is a list, one a reading (of touch: a reading and finger), with the fields of tega.audit.TouchScore,
-    EmgScore and VestScore, of a sweep with its "value".
+    With --json: a list of objects, one a recording, {"recording", "sweep", "n_left_out", "touch", "emg", "vest"};
+    each of the last three is a list, one a reading (of touch: a reading and finger), with the fields of
+    tega.audit.TouchScore, EmgScore and VestScore, of a sweep with its "value".
     """
     import msgspec
 
@@ -119,7 +124,9 @@ def _asked(flags: dict[str, Any]) -> Asked:
         preset=flags["preset"],
         marks=None if flags["marks"] is None else read_marks(flags["marks"]),
         masks=flags["masks"],
-        forces=None if flags["forces"] is None else read_forces(flags["forces"]),
+        forces=None
+        if flags["forces"] is None
+        else read_forces(flags["forces"], least_n=flags["least_force_n"]),
         separate=flags["separate"],
     )
 

@@ -80,6 +80,8 @@ def print_report(report: AuditReport) -> None:
     ):
         if scores:
             console.print(_table(f"{report.recording}: {what}", report.sweep or "reading", scores, columns))
+    if report.n_left_out:
+        console.print(f"{report.n_left_out} pictures left out: marks, masks or forces say nothing of them.")
 
 
 def _table(title: str, first: str, scores: Sequence[Any], columns: Sequence[_Column]) -> Table:

@@ -121,6 +121,8 @@ def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None
         f"CCI {picture.cci_norm:.2f}   EDA {picture.eda_norm:.2f}" if metrics.in_contact else "no contact"
     )
     touch.set_title(caption, fontsize=9)
+    if touch_map is not None and touch_map.mask.any():
+        touch.set_xlabel(f"most: {touch_map.height.max():.3g} {touch_map.unit}", fontsize=8)
 
 
 def draw_map(ax: Axes, shape: tuple[int, ...], metrics: ContactMetrics, touch_map: TouchMap | None) -> None:
