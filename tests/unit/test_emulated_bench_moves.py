@@ -37,7 +37,7 @@ def test_muscles_squeeze_one_by_one_and_a_fingertip_is_pressed() -> None:
                 while chunk is None:
                     chunk = source.read(1.0)
                 more = [chunk.samples, *(c.samples for _ in range(20) if (c := source.read(0.2)) is not None)]
-                return np.concatenate(more).std(axis=0)
+                return np.asarray(np.concatenate(more).std(axis=0))
 
             bench.act("rest")
             at_rest = strengths()

@@ -106,7 +106,8 @@ def test_balls_balance_the_two_directions_of_the_light_and_no_depth_leaves_its_g
 
     def lean(presses: list[KnownPress]) -> float:
         """Return how much steeper the maps are across than along, mean logarithm."""
-        squares = [[(np.diff(p.depth_map, axis=axis) ** 2).sum() for axis in (1, 0)] for p in presses]
+        maps = [np.asarray(p.depth_map, np.float64) for p in presses]
+        squares = [[(np.diff(m, axis=axis) ** 2).sum() for axis in (1, 0)] for m in maps]
         return float(np.mean([np.log(across / along) for across, along in squares]))
 
     nominal, presses = nominal_light(), balls(nominal_light())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,6 +26,7 @@ def emg_levels(path: Path) -> None:
     source = SyntheticEmg(SyntheticEmgOptions(seed=1, duration_s=6.0))
     with source:
         rate_hz = source.info.rate_hz
+        assert rate_hz is not None
         chunks = []
         while (chunk := source.read(0.0)) is not None:
             chunks.append(np.array(chunk.samples))
@@ -113,7 +114,11 @@ def vest_law(path: Path) -> None:
     figure = Figure(figsize=(8, 3.2), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.3, 1))
     shares = np.linspace(0, 1.5, 151)
-    for law, colour in (("logistic", COLOURS[1]), ("linear", COLOURS[0])):
+    laws: tuple[tuple[Literal["logistic", "linear"], str], ...] = (
+        ("logistic", COLOURS[1]),
+        ("linear", COLOURS[0]),
+    )
+    for law, colour in laws:
         values: Any = [haptics.intensity(s, 1.0, law=law) for s in shares]
         left.plot(shares, values, color=colour, lw=2, label=f'law "{law}"')
     left.set_xlabel("value / maximum")
