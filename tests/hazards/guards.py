@@ -378,8 +378,8 @@ GUARDS: Final = (
     ),
     Guard(
         "a painter that fails is not started again",
-        "                self._fail(error)\n                rest_s = _RETRY_S\n                continue",
-        "                self._fail(error)\n                break",
+        "            self._fail(error)\n            rest_s = _RETRY_S",
+        "            self._fail(error)\n            raise",
         f"{_PAGE}a_moment_that_cannot_be_painted_is_told_and_the_next_one_is_painted",
     ),
     Guard(
@@ -411,12 +411,6 @@ GUARDS: Final = (
         '    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": "not yet, or it was killed"}',
         "    return",
         "tests/unit/test_replay.py::test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes",
-    ),
-    Guard(
-        "no limit and heat before the vest",
-        "allowed = self.budget.allow(time.monotonic_ns(), frame.x40())",
-        "allowed = frame.x40()",
-        "soak off vest",
     ),
     Guard(
         "the hand's torque has the vendor's ceiling",
