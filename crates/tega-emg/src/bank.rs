@@ -2,7 +2,6 @@
 //!
 //! Transposed direct form II, each channel and sample by the same operations in the same order and without fused
 //! multiply-add, so the result does not depend on how a stream is cut up nor on the instruction set.
-#![allow(unsafe_code)] // what `dispatched!` writes
 
 use crate::butterworth::{MAX_SECTIONS, Section, Sos};
 use crate::lanes::{LANES, LaneRows, Lanes};

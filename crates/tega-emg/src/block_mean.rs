@@ -1,5 +1,4 @@
 //! Eq 10: the mean of every τ samples.
-#![allow(unsafe_code)] // what `dispatched!` writes
 
 use crate::chain::{check_channels, check_rows};
 use crate::error::EmgError;

@@ -15,7 +15,7 @@
 //! assert_eq!(intent.process(&squeeze)?.fused.last(), Some(&5));
 //! # Ok::<(), tega_emg::EmgError>(())
 //! ```
-#![deny(unsafe_code)] // allowed in `simd` alone
+#![deny(unsafe_code)] // allowed in what `dispatched!` writes
 
 mod bank;
 mod block_mean;

@@ -3,13 +3,13 @@
 use crate::error::GelError;
 use crate::form::Form;
 use crate::grid::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS};
-use crate::membrane::{MAX_INDENTERS, Membrane};
+use crate::membrane::{self, Membrane};
 use crate::memory::Memory;
-use crate::noise::{EPOCH_FRAMES, Noise};
-use crate::paint::Canvas;
-use crate::shape::Indenter;
-use crate::simd;
-use crate::unit::{HEIGHT, LINE, Unit, WIDTH};
+use crate::noise::{EPOCH_FRAMES, Noise, drifted};
+use crate::paint::{Canvas, paint};
+use crate::picture::{HEIGHT, LINE, WIDTH};
+use crate::shape::{Indenter, MAX_INDENTERS};
+use crate::unit::Unit;
 
 /// Bytes of a picture: [`HEIGHT`] rows of [`WIDTH`] pixels of blue, green, red.
 pub const PICTURE: usize = HEIGHT * LINE;
@@ -115,7 +115,7 @@ impl Gel {
             self.lags = memory.advance(t_s, &mut self.membrane);
         }
         self.touches =
-            indenters.iter().any(|i| i.force_n > 0.0) && simd::solve(&mut self.membrane, indenters);
+            indenters.iter().any(|i| i.force_n > 0.0) && membrane::solve(&mut self.membrane, indenters);
         if let Some(memory) = &mut self.memory {
             memory.hold(self.touches);
         }
@@ -145,7 +145,7 @@ impl Gel {
         if !self.touches {
             return Touch { centre_xy: [f64::NAN; 2], ..Touch::default() };
         }
-        let found = simd::measure(&self.membrane);
+        let found = membrane::measure(&self.membrane);
         let cell = CELL_PX as f64;
         let middle = |of: f32| cell * f64::from(of) / f64::from(found.sum) + (cell - 1.0) / 2.0;
         let area_px = found.cells * CELL_PX * CELL_PX;
@@ -175,7 +175,7 @@ impl Gel {
             Some(memory) if self.lags => Some(memory.relief(&self.membrane, self.touches)),
             _ => self.touches.then(|| self.membrane.relief()),
         };
-        simd::paint(&mut self.canvas, relief, &self.unit.light, &self.drifted, noise, out);
+        paint(&mut self.canvas, relief, &self.unit.light, &self.drifted, noise, out);
         Ok(())
     }
 
@@ -237,7 +237,7 @@ impl Gel {
     fn drift(&mut self, index: u64) {
         let epoch = index / EPOCH_FRAMES;
         if self.epoch != Some(epoch) {
-            simd::drifted(&self.noise, &self.unit.still, epoch, &mut self.drifted);
+            drifted(&self.noise, &self.unit.still, epoch, &mut self.drifted);
             self.epoch = Some(epoch);
         }
     }

@@ -1,9 +1,8 @@
 //! One grid of the gel: its cells' displacement, and the shapes over them.
 
 use crate::form::Surface;
-use crate::membrane::MAX_INDENTERS;
 use crate::plane::{CACHE_LINE, Plane};
-use crate::shape::CLEAR;
+use crate::shape::{CLEAR, MAX_INDENTERS};
 use crate::window::Window;
 
 /// Picture's pixels a millimetre.
@@ -18,13 +17,16 @@ pub(crate) const ROWS: usize = 112;
 pub(crate) const MARGIN_COLS: usize = 18;
 pub(crate) const MARGIN_ROWS: usize = 16;
 
+/// Displacement that is not worth a cell's work, millimetres: the picture would change by a count at most.
+pub(crate) const NEGLIGIBLE_MM: f32 = 0.004;
+
 /// Columns are worked on so many at a time, and sums kept in so many lanes, whatever the instruction set.
 pub(crate) const LANES: usize = 8;
 
 /// A grid. `height` has a still row before and after it and still cells between its rows: cell (r, c) is at
 /// (r + 1) * stride + [`CACHE_LINE`] + c. `floor` and `gaps` have not: r * cols + c.
 #[derive(Debug, Clone)]
-pub(crate) struct Level {
+pub(crate) struct Grid {
     pub(crate) rows: usize,
     pub(crate) cols: usize,
     pub(crate) cell_mm: f32,
@@ -45,13 +47,13 @@ pub(crate) struct Level {
     pub(crate) lag: Plane,
     /// Its area, square millimetres.
     pub(crate) area: Plane,
-    /// Level of each shape's foremost cell in its gaps.
+    /// Grid of each shape's foremost cell in its gaps.
     pub(crate) tops: [f32; MAX_INDENTERS],
     /// Where each shape may touch: no deeper than it is taken for, it does not outside.
     pub(crate) boxes: [Window; MAX_INDENTERS],
 }
 
-impl Level {
+impl Grid {
     pub(crate) fn new(shrink: usize, surface: &Surface) -> Self {
         let (rows, cols) = (ROWS / shrink, COLS / shrink);
         let cell_mm = ((shrink * CELL_PX) as f64 / PX_PER_MM) as f32;
@@ -135,6 +137,53 @@ impl Level {
             &self.height[here.start - stride..here.end - stride],
             &self.height[here.start + stride..here.end + stride],
         ]
+    }
+
+    /// All of the grid.
+    pub(crate) fn whole(&self) -> Window {
+        Window { rows: [0, self.rows], cols: [0, self.cols] }
+    }
+
+    /// A window of a grid half as fine, with a cell around it, in this one.
+    pub(crate) fn wider(&self, coarse: Window) -> Window {
+        let both = |[from, to]: [usize; 2], whole: usize, limit: usize| {
+            let end = (2 * to + 2).next_multiple_of(whole).min(limit);
+            [(2 * from.saturating_sub(1) / whole * whole).min(end), end]
+        };
+        Window { rows: both(coarse.rows, 1, self.rows), cols: both(coarse.cols, CACHE_LINE, self.cols) }
+    }
+
+    /// Where the grid is displaced at all.
+    #[inline(always)]
+    pub(crate) fn reach(&self) -> Window {
+        self.extent(NEGLIGIBLE_MM, |r| &self.height[self.tall(r)])
+    }
+
+    /// Where a shape would touch the gel if nothing gave way to it, this deep.
+    #[inline(always)]
+    pub(crate) fn under(&self, i: usize, depth: f32) -> Window {
+        self.extent(self.tops[i] - depth, |r| &self.gaps[i][self.flat(r)])
+    }
+
+    /// Where the window's rows are above a level.
+    #[inline(always)]
+    fn extent<'a>(&self, level: f32, row: impl Fn(usize) -> &'a [f32]) -> Window {
+        let mut highest = [CLEAR; COLS];
+        let mut rows = [self.rows, 0];
+        let [c0, c1] = self.window.cols;
+        for r in self.window.rows[0]..self.window.rows[1] {
+            let mut any = false;
+            for (high, value) in highest[c0..c1].iter_mut().zip(row(r)) {
+                any |= *value > level;
+                *high = if *value > *high { *value } else { *high };
+            }
+            if any {
+                rows = [rows[0].min(r), r + 1];
+            }
+        }
+        let first = highest.iter().position(|high| *high > level).unwrap_or(self.cols);
+        let last = highest.iter().rposition(|high| *high > level).map_or(0, |c| c + 1);
+        Window { rows, cols: [first, last] }
     }
 }
 

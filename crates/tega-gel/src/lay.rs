@@ -1,13 +1,12 @@
 //! Shapes laid over a grid: how near to the gel each cell of a shape is.
 
-use crate::grid::{LANES, Level, chunks};
+use crate::grid::{Grid, LANES, chunks};
 use crate::shape::{CLEAR, Indenter};
-use crate::simd;
 use crate::window::Window;
 
 /// Lays a shape over a part of a grid, its foremost point on the still gel.
 #[inline(always)]
-pub(crate) fn lay(grid: &mut Level, part: Window, i: usize, indenter: &Indenter) {
+fn lay_plain(grid: &mut Grid, part: Window, i: usize, indenter: &Indenter) {
     let ([c0, c1], cols) = (part.cols, grid.cols);
     let mut tops = [CLEAR; LANES];
     for r in part.rows[0]..part.rows[1] {
@@ -23,10 +22,15 @@ pub(crate) fn lay(grid: &mut Level, part: Window, i: usize, indenter: &Indenter)
     grid.tops[i] = highest(tops);
 }
 
+tega_simd::dispatched! {
+    /// See [`lay_plain`].
+    lay = lay_plain, (grid: &mut Grid, part: Window, i: usize, indenter: &Indenter) -> ()
+}
+
 /// Lays a shape over its box in the finest grid; its foremost point is known to lie at least so far down.
 #[inline(always)]
-pub(crate) fn lay_below(grid: &mut Level, i: usize, indenter: &Indenter, top: f32) {
-    simd::lay(grid, grid.boxes[i], i, indenter);
+pub(crate) fn lay_below(grid: &mut Grid, i: usize, indenter: &Indenter, top: f32) {
+    lay(grid, grid.boxes[i], i, indenter);
     grid.tops[i] = grid.tops[i].max(top);
 }
 

@@ -4,6 +4,10 @@
 //! comes and what it does not model. Lengths are millimetres in the pad frame (x right and y down in the upright
 //! picture, z out of the gel), forces newtons.
 //!
+//! The solver and the painter are written once, in plain Rust that the compiler vectorises, and compiled for AVX-512,
+//! for AVX2 and for the target's baseline ([`tega_simd::dispatched!`]). They compute on integers, or on floats in one
+//! fixed order without fused operations, so that every path gives the same bits.
+//!
 //! ```
 //! use tega_gel::{Gel, Indenter, PICTURE, Setup, Shape};
 //!
@@ -20,7 +24,7 @@
 //! assert!(depth_mm > 0.7 && depth_mm < 1.2);
 //! # Ok::<(), tega_gel::GelError>(())
 //! ```
-#![deny(unsafe_code)] // allowed in `simd` alone
+#![deny(unsafe_code)] // allowed in what `dispatched!` writes
 
 mod error;
 mod form;
@@ -32,10 +36,10 @@ mod membrane;
 mod memory;
 mod noise;
 mod paint;
+mod picture;
 mod plane;
 mod rng;
 mod shape;
-mod simd;
 mod skin;
 mod springs;
 mod unit;
@@ -45,7 +49,6 @@ pub use error::GelError;
 pub use form::{CAMERA_MM, Form, HEIGHTS_ALONG_MM, MIDDLE_ALONG_MM, RADIUS_ACROSS_MM, fall};
 pub use gel::{CELLS, Gel, PICTURE, Setup, Touch};
 pub use grid::{LENGTH_MM, PX_PER_MM};
-pub use membrane::MAX_INDENTERS;
-pub use shape::{Indenter, Shape};
+pub use picture::{HEIGHT, WIDTH};
+pub use shape::{Indenter, MAX_INDENTERS, Shape};
 pub use springs::STIFFNESS_N_MM3;
-pub use unit::{HEIGHT, WIDTH};

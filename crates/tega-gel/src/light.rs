@@ -2,8 +2,8 @@
 
 use crate::form::Surface;
 use crate::grid::{CELL_PX, PX_PER_MM};
+use crate::picture::{HEIGHT, LIT_COLS, LIT_ROWS, WIDTH, across, along, polynomial};
 use crate::rng::Stream;
-use crate::unit::{HEIGHT, LIT_COLS, LIT_ROWS, WIDTH, across, along, polynomial};
 
 /// Colour in counts for the normal's x, y and z: constant, X, Y, X², XY, Y² each; `python -m tega_figures.fit_light`.
 const LIGHT: [[[f32; 6]; 3]; 3] = [

@@ -6,17 +6,13 @@
 //! with `k` the springs' stiffness, the pressure is p = k(h - l²∇²h) where it touches and 0 elsewhere.
 
 use crate::form::Surface;
-use crate::grid::{COLS, LANES, Level, MARGIN_COLS, MARGIN_ROWS, ROWS, chunks};
-use crate::lay::{lay_below, pool};
+use crate::grid::{COLS, Grid, LANES, MARGIN_COLS, MARGIN_ROWS, ROWS, chunks};
+use crate::lay::{lay, lay_below, pool};
 use crate::plane::{CACHE_LINE, Plane};
-use crate::shape::{CLEAR, Indenter};
-use crate::simd;
+use crate::shape::{CLEAR, Indenter, MAX_INDENTERS};
 use crate::skin::{raise_floor, refine, settle, sweep};
 use crate::springs::{Pressed, carry, carry_beyond, guess, rests};
-use crate::window::{Window, joined, reach, shared, under, whole, wider};
-
-/// Shapes that may press at once.
-pub const MAX_INDENTERS: usize = 8;
+use crate::window::{Window, joined, shared};
 
 /// How often a grid matches the forces, its sweeps before each match and after the last, and their over-relaxation.
 #[derive(Debug, Clone, Copy)]
@@ -81,7 +77,7 @@ impl<'a> Relief<'a> {
 /// The gel's grids.
 #[derive(Debug, Clone)]
 pub(crate) struct Membrane {
-    levels: [Level; 3],
+    levels: [Grid; 3],
     pressed: [Pressed; MAX_INDENTERS],
     row: Vec<f32>,
     /// Where the finest grid's `lag` is set.
@@ -91,7 +87,7 @@ pub(crate) struct Membrane {
 impl Membrane {
     pub(crate) fn new(surface: &Surface) -> Self {
         Self {
-            levels: [4, 2, 1].map(|shrink| Level::new(shrink, surface)),
+            levels: [4, 2, 1].map(|shrink| Grid::new(shrink, surface)),
             pressed: [Pressed::default(); MAX_INDENTERS],
             row: vec![0.0; COLS + 2],
             lagging: Window::default(),
@@ -114,7 +110,7 @@ impl Membrane {
             let depth = if over { guess(&self.levels[0], i, force) } else { CLEAR };
             self.pressed[i] = Pressed { depth, force: 0.0, beyond: 0.0, limit: f32::INFINITY };
             let grid = &mut self.levels[0];
-            grid.boxes[i] = if over { whole(grid) } else { Window::default() };
+            grid.boxes[i] = if over { grid.whole() } else { Window::default() };
             any |= over;
         }
         if !any {
@@ -123,12 +119,12 @@ impl Membrane {
         for (level, steps) in schedule.iter().enumerate() {
             if level == 0 {
                 let grid = &mut self.levels[0];
-                grid.look_at(whole(grid));
+                grid.look_at(grid.whole());
                 grid.height.fill(0.0);
                 raise_floor(grid, &self.pressed[..n]);
             } else {
                 let [coarse, fine] = &mut self.levels[level - 1..=level] else { continue };
-                let reached = wider(reach(coarse), fine);
+                let reached = fine.wider(coarse.reach());
                 fine.look_at(if level == 2 { shared(reached, look) } else { reached });
                 if level == 2 {
                     let half = |[from, to]: [usize; 2]| [from / 2, to / 2];
@@ -144,7 +140,7 @@ impl Membrane {
                         fine.boxes[i] = if level == 2 && coarse.boxes[i] == coarse.window {
                             fine.window
                         } else {
-                            shared(wider(under(coarse, i, deep), fine), fine.window)
+                            shared(fine.wider(coarse.under(i, deep)), fine.window)
                         };
                         if level == 2 {
                             // Its foremost point may lie where this grid does not look.
@@ -212,7 +208,7 @@ impl Membrane {
     }
 
     /// The finest grid: where its cells' gel lies.
-    pub(crate) fn finest(&self) -> &Level {
+    pub(crate) fn finest(&self) -> &Grid {
         &self.levels[2]
     }
 
@@ -225,7 +221,7 @@ impl Membrane {
         if all == Window::default() {
             return;
         }
-        simd::weigh(&mut fine.lag, slow, shares, all);
+        weigh(&mut fine.lag, slow, shares, all);
         thin(&fine.lag, &mut middle.lag, fine.cols);
         thin(&middle.lag, &mut coarse.lag, middle.cols);
         self.lagging = if shares == [0.0; 2] { Window::default() } else { all };
@@ -290,10 +286,10 @@ impl Membrane {
     #[inline(always)]
     fn lay_over(&mut self, i: usize, indenter: &Indenter) -> bool {
         let [coarse, middle, fine] = &mut self.levels;
-        simd::lay(middle, whole(middle), i, indenter);
+        lay(middle, middle.whole(), i, indenter);
         if middle.tops[i] < CLEAR / 2.0 {
             // Perhaps so thin that it lies between the middles of these cells.
-            simd::lay(fine, whole(fine), i, indenter);
+            lay(fine, fine.whole(), i, indenter);
             middle.tops[i] = pool(&fine.gaps[i], &mut middle.gaps[i], fine.cols);
         }
         coarse.tops[i] = pool(&middle.gaps[i], &mut coarse.gaps[i], middle.cols);
@@ -303,7 +299,7 @@ impl Membrane {
 
 /// So much of each of two displacements.
 #[inline(always)]
-pub(crate) fn weigh(out: &mut [f32], slow: [&Plane; 2], [first, second]: [f32; 2], part: Window) {
+fn weigh_plain(out: &mut [f32], slow: [&Plane; 2], [first, second]: [f32; 2], part: Window) {
     for r in part.rows[0]..part.rows[1] {
         let at = r * COLS + part.cols[0]..r * COLS + part.cols[1];
         let both = slow[0][at.clone()].iter().zip(&slow[1][at.clone()]);
@@ -322,6 +318,21 @@ fn thin(fine: &[f32], coarse: &mut [f32], cols: usize) {
             *out = 0.25 * ((a[0] + a[1]) + (b[0] + b[1]));
         }
     }
+}
+
+tega_simd::dispatched! {
+    /// See [`Membrane::solve`].
+    solve = Membrane::solve, (membrane: &mut Membrane, indenters: &[Indenter]) -> bool
+}
+
+tega_simd::dispatched! {
+    /// See [`Membrane::measure`].
+    measure = Membrane::measure, (membrane: &Membrane) -> Measured
+}
+
+tega_simd::dispatched! {
+    /// See [`weigh_plain`].
+    weigh = weigh_plain, (out: &mut [f32], slow: [&Plane; 2], shares: [f32; 2], part: Window) -> ()
 }
 
 #[cfg(test)]
@@ -361,7 +372,7 @@ mod tests {
                 for (tilt, x) in tilts.iter().zip([0.0, 0.1, 0.2]) {
                     let indenter =
                         Indenter { shape: *shape, pose_mm: tilted(*tilt, x, x / 3.0), force_n: *force_n };
-                    let all = whole(&Level::new(1, surface));
+                    let all = Grid::new(1, surface).whole();
                     assert!(few.solve(&[indenter]) && many.solve_in(&[indenter], &PATIENT, all, EVERYWHERE));
                     let mut peak = 0.0f32;
                     let mut height = 0.0f32;

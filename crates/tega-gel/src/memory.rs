@@ -4,11 +4,10 @@
 //! rises and one where it goes back. Over any time in which `h` stays, that is solved exactly, so that frames may be left
 //! out. What presses at one call is taken to press until the next.
 
-use crate::grid::{COLS, ROWS};
+use crate::grid::{COLS, NEGLIGIBLE_MM, ROWS};
 use crate::membrane::{Membrane, Relief};
 use crate::plane::{CACHE_LINE, Plane};
-use crate::simd;
-use crate::window::{NEGLIGIBLE_MM, Window, joined};
+use crate::window::{Window, joined};
 
 /// One slow displacement: share of the quick one that it tends to, and its time constants, seconds.
 #[derive(Debug, Clone, Copy)]
@@ -77,7 +76,7 @@ impl Memory {
             for (k, mode) in MODES.iter().enumerate() {
                 let keep = [mode.rise_s, mode.fall_s].map(|tau_s| decay((t_s - last_s) / tau_s) as f32);
                 let rule = (self.strength * mode.share, keep, fade[k]);
-                self.peaks[k] = simd::follow(&mut self.slow[k], membrane.relief(), reached, rule);
+                self.peaks[k] = follow(&mut self.slow[k], membrane.relief(), reached, rule);
             }
             (self.window, self.changed_s) = (reached, t_s);
         }
@@ -110,7 +109,7 @@ impl Memory {
         let quick = touches.then(|| membrane.relief());
         let window = quick.map_or(self.window, |quick| joined(self.window, quick.window));
         self.relief.fill(0.0);
-        simd::add(&mut self.relief, quick, membrane.lag(), window);
+        add(&mut self.relief, quick, membrane.lag(), window);
         Relief { cells: &self.relief, stride: STRIDE, window }
     }
 
@@ -126,7 +125,7 @@ impl Memory {
 
 /// Lets a slow displacement follow the quick one: first fade as it did at rest, then rise or fall to its share.
 #[inline(always)]
-pub(crate) fn follow(
+fn follow_plain(
     slow: &mut [f32],
     quick: Relief<'_>,
     window: Window,
@@ -150,7 +149,7 @@ pub(crate) fn follow(
 
 /// Adds the quick displacement to how far the gel lags.
 #[inline(always)]
-pub(crate) fn add(out: &mut [f32], quick: Option<Relief<'_>>, lag: &[f32], window: Window) {
+fn add_plain(out: &mut [f32], quick: Option<Relief<'_>>, lag: &[f32], window: Window) {
     let Window { rows: [first, last], cols: [from, to] } = window;
     for r in first..last {
         let zero = (r + 1) * STRIDE + CACHE_LINE;
@@ -180,6 +179,17 @@ fn decay(x: f64) -> f64 {
                 - small / 2.0
                     * (1.0 - small / 3.0 * (1.0 - small / 4.0 * (1.0 - small / 5.0 * (1.0 - small / 6.0)))));
     (0..10).fold(series, |power, _| power * power)
+}
+
+tega_simd::dispatched! {
+    /// See [`follow_plain`].
+    follow = follow_plain,
+    (slow: &mut [f32], quick: Relief<'_>, window: Window, rule: (f32, [f32; 2], f32)) -> f32
+}
+
+tega_simd::dispatched! {
+    /// See [`add_plain`].
+    add = add_plain, (out: &mut [f32], quick: Option<Relief<'_>>, lag: &[f32], window: Window) -> ()
 }
 
 #[cfg(test)]

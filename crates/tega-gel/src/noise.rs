@@ -5,9 +5,8 @@
 
 use std::sync::OnceLock;
 
-use crate::paint::nearest;
+use crate::picture::{HEIGHT, LINE, WIDTH, nearest, spline};
 use crate::rng::Stream;
-use crate::unit::{HEIGHT, LINE, WIDTH, spline};
 
 /// Per-pixel deviation of 8-bit pictures, blue, green, red.
 const SIGMA: [f32; 3] = [3.30, 1.70, 2.85];
@@ -179,4 +178,9 @@ fn cholesky() -> [[f32; 3]; 3] {
     let g = (1.0 - bg * bg).sqrt();
     let rg = (gr - br * bg) / g;
     [[1.0, 0.0, 0.0], [bg, g, 0.0], [br, rg, (1.0 - br * br - rg * rg).sqrt()]]
+}
+
+tega_simd::dispatched! {
+    /// See [`Noise::drifted`].
+    drifted = Noise::drifted, (noise: &Noise, still: &[f32], epoch: u64, out: &mut [i8]) -> ()
 }

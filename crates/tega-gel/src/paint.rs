@@ -4,7 +4,7 @@ use crate::grid::{CELL_PX, MARGIN_COLS, MARGIN_ROWS, ROWS};
 use crate::light::{FINE, Light, normal, shade};
 use crate::membrane::Relief;
 use crate::noise::{Noise, Part};
-use crate::unit::{HEIGHT, LINE, LIT_COLS, LIT_ROWS, WIDTH};
+use crate::picture::{HEIGHT, LINE, LIT_COLS, LIT_ROWS, WIDTH, nearest};
 
 /// No colour change is larger than this, so that it fits a byte.
 const LARGEST: f32 = 127.0 * FINE;
@@ -179,13 +179,6 @@ fn change(out: &mut [i16], colour: [&[f32]; 4], normals: &[[f32; LIT_COLS]; 3]) 
     }
 }
 
-/// The nearest integer, of a number within ±4 million: adding 1.5 · 2²³ leaves it in the last bits. A cast that minds NaN
-/// would be done one by one.
-#[inline(always)]
-pub(crate) fn nearest(value: f32) -> i16 {
-    (value + 12_582_912.0).to_bits() as i32 as i16
-}
-
 /// Still picture and noise; the picture keeps so far from 0 and 255 that no sum leaves a byte.
 #[inline(always)]
 fn plain(still: &[i8], noise: &[i8], out: &mut [u8]) {
@@ -263,6 +256,12 @@ fn area(relief: Relief<'_>) -> Area {
 }
 
 const _: () = assert!(LIT_ROWS + MARGIN_ROWS < ROWS, "every lit row has rows around it");
+
+tega_simd::dispatched! {
+    /// See [`Canvas::paint`].
+    paint = Canvas::paint,
+    (canvas: &mut Canvas, relief: Option<Relief<'_>>, light: &Light, still: &[i8], noise: (&Noise, Part), out: &mut [u8]) -> ()
+}
 
 #[cfg(test)]
 mod tests {

@@ -2,6 +2,9 @@
 
 use crate::error::GelError;
 
+/// Shapes that may press at once.
+pub const MAX_INDENTERS: usize = 8;
+
 /// What a point is that the shape does not lie over.
 pub(crate) const CLEAR: f32 = -1e6;
 

@@ -1,13 +1,13 @@
 //! The skin: held up by the shapes, carried over to a finer grid, and relaxed by sweeps over its rows.
 
-use crate::grid::Level;
+use crate::grid::Grid;
 use crate::plane::CACHE_LINE;
 use crate::springs::Pressed;
 use crate::window::Window;
 
 /// The highest shape over each cell, at least the still gel.
 #[inline(always)]
-pub(crate) fn raise_floor(grid: &mut Level, pressed: &[Pressed]) {
+pub(crate) fn raise_floor(grid: &mut Grid, pressed: &[Pressed]) {
     for r in grid.window.rows[0]..grid.window.rows[1] {
         let at = grid.flat(r);
         grid.floor[at].fill(0.0);
@@ -27,7 +27,7 @@ pub(crate) fn raise_floor(grid: &mut Level, pressed: &[Pressed]) {
 
 /// Lowers the skin by a share, but not into the shapes.
 #[inline(always)]
-pub(crate) fn settle(grid: &mut Level, share: f32) {
+pub(crate) fn settle(grid: &mut Grid, share: f32) {
     for r in grid.window.rows[0]..grid.window.rows[1] {
         let (tall, flat) = (grid.tall(r), grid.flat(r));
         for (h, floor) in grid.height[tall].iter_mut().zip(&grid.floor[flat]) {
@@ -39,7 +39,7 @@ pub(crate) fn settle(grid: &mut Level, share: f32) {
 
 /// Starts the fine grid's window, and what lies around it and stays, from the coarse grid; straight lines between cells.
 #[inline(always)]
-pub(crate) fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
+pub(crate) fn refine(coarse: &Grid, fine: &mut Grid, line: &mut [f32]) {
     let Window { rows: [first, last], cols: [c0, c1] } = fine.window;
     // Two columns, as a coarse cell has two.
     let (from, to) = (c0.saturating_sub(2), (c1 + 2).min(fine.cols));
@@ -75,7 +75,7 @@ pub(crate) fn refine(coarse: &Level, fine: &mut Level, line: &mut [f32]) {
 
 /// Relaxes every cell of the window once: even rows from what all were, then odd ones from the new even ones.
 #[inline(always)]
-pub(crate) fn sweep(grid: &mut Level, relax: f32) {
+pub(crate) fn sweep(grid: &mut Grid, relax: f32) {
     let shares = [relax * grid.square / (1.0 + 4.0 * grid.square), 1.0 - relax];
     let (stride, [first, last]) = (grid.stride, grid.window.rows);
     let mut next = std::mem::take(&mut grid.next);

@@ -1,6 +1,6 @@
 //! The springs under the gel: what they carry of each shape, and how deep a shape goes for a force.
 
-use crate::grid::{COLS, LANES, LENGTH_MM, Level, ROWS, chunks_of};
+use crate::grid::{COLS, Grid, LANES, LENGTH_MM, ROWS, chunks_of};
 use crate::window::{Window, shared};
 
 /// The springs' stiffness k, newtons per cubic millimetre; see `docs/evidence/sim-touch.md` for where it comes from.
@@ -25,7 +25,7 @@ pub(crate) struct Pressed {
 /// A depth to start from, rather too small: a skin is soon up but slow to come down. Springs carry the volume that lies
 /// inside the shape and, about, what the skin pulls down beside it.
 #[inline(always)]
-pub(crate) fn guess(grid: &Level, i: usize, force: f32) -> f32 {
+pub(crate) fn guess(grid: &Grid, i: usize, force: f32) -> f32 {
     let top = grid.tops[i];
     let mut depth = (force / 80.0).sqrt();
     for _ in 0..6 {
@@ -58,7 +58,7 @@ pub(crate) fn rests(h: f32, floor: f32, around: f32, square: f32) -> bool {
 
 /// What the springs under each shape carry; a cell belongs to the shape that lies highest over it.
 #[inline(always)]
-pub(crate) fn carry(grid: &Level, pressed: &mut [Pressed]) {
+pub(crate) fn carry(grid: &Grid, pressed: &mut [Pressed]) {
     for i in 0..pressed.len() {
         pressed[i].force = pressed[i].beyond + carried(grid, i, pressed, grid.boxes[i]);
     }
@@ -66,7 +66,7 @@ pub(crate) fn carry(grid: &Level, pressed: &mut [Pressed]) {
 
 /// What a part's springs under a shape carry, newtons.
 #[inline(always)]
-fn carried(grid: &Level, i: usize, pressed: &[Pressed], part: Window) -> f32 {
+fn carried(grid: &Grid, i: usize, pressed: &[Pressed], part: Window) -> f32 {
     let alone = pressed.len() == 1;
     let lift = pressed[i].depth - grid.tops[i];
     let sum = if (part.cols[1] - part.cols[0]).is_multiple_of(2 * LANES) {
@@ -79,7 +79,7 @@ fn carried(grid: &Level, i: usize, pressed: &[Pressed], part: Window) -> f32 {
 
 /// The sum of its pressures times areas, in so many lanes.
 #[inline(always)]
-fn carried_by<const N: usize>(grid: &Level, i: usize, alone: bool, lift: f32, part: Window) -> f32 {
+fn carried_by<const N: usize>(grid: &Grid, i: usize, alone: bool, lift: f32, part: Window) -> f32 {
     let mut sums = [0.0f32; N];
     let Window { rows: [first, last], cols: [from, to] } = part;
     for r in first..last {
@@ -93,7 +93,7 @@ fn carried_by<const N: usize>(grid: &Level, i: usize, alone: bool, lift: f32, pa
 
 /// Notes what the springs outside a part of the grid carry, for a finer one that reaches no further.
 #[inline(always)]
-pub(crate) fn carry_beyond(grid: &Level, part: Window, pressed: &mut [Pressed]) {
+pub(crate) fn carry_beyond(grid: &Grid, part: Window, pressed: &mut [Pressed]) {
     for i in 0..pressed.len() {
         let (whole, inner) = (grid.boxes[i], shared(grid.boxes[i], part));
         if inner != whole {

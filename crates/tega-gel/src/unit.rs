@@ -1,21 +1,9 @@
 //! One virtual sensor: its gel, its light, its still picture, and how they differ from unit to unit.
 
 use crate::form::{Form, Surface};
-use crate::grid::{COLS, MARGIN_COLS, MARGIN_ROWS, ROWS};
 use crate::light::Light;
+use crate::picture::{HEIGHT, LINE, WIDTH, across, along, polynomial, spline};
 use crate::rng::Stream;
-
-/// Rows of a picture.
-pub const HEIGHT: usize = 320;
-/// Columns of a picture.
-pub const WIDTH: usize = 240;
-/// Bytes of a picture's row.
-pub(crate) const LINE: usize = WIDTH * 3;
-
-/// Cells with a colour change: those of the picture and one more on each side, and across as many more as make the
-/// number round.
-pub(crate) const LIT_COLS: usize = (COLS - 2 * MARGIN_COLS + 2).next_multiple_of(16);
-pub(crate) const LIT_ROWS: usize = ROWS - 2 * MARGIN_ROWS + 2;
 
 /// Still picture, counts, blue, green, red: constant, X, Y, X², XY, Y² with X and Y from -1 to 1 across and down.
 const STILL: [[f32; 6]; 3] = [
@@ -75,18 +63,6 @@ fn still(seed: u64, spread: f32) -> Vec<f32> {
     still
 }
 
-pub(crate) fn across(x: f32) -> f32 {
-    (x - 120.0) / 120.0
-}
-
-pub(crate) fn along(y: f32) -> f32 {
-    (y - 160.0) / 160.0
-}
-
-pub(crate) fn polynomial(p: &[f32; 6], x: f32, y: f32) -> f32 {
-    p[0] + p[1] * x + p[2] * y + p[3] * x * x + p[4] * x * y + p[5] * y * y
-}
-
 /// Random, smooth, mean about 0, standard deviation `sd`: a cubic B-spline over a few random knots.
 fn smooth_field(draw: impl Fn(u64) -> f32, sd: f32) -> Vec<f32> {
     let [rows, cols] = KNOTS;
@@ -112,17 +88,6 @@ fn smooth_field(draw: impl Fn(u64) -> f32, sd: f32) -> Vec<f32> {
         }
     }
     field
-}
-
-/// Weights of four knots at a share `t` of the way between the middle two.
-pub(crate) fn spline(t: f32) -> [f32; 4] {
-    let (t2, t3) = (t * t, t * t * t);
-    [
-        (1.0 - 3.0 * t + 3.0 * t2 - t3) / 6.0,
-        (4.0 - 6.0 * t2 + 3.0 * t3) / 6.0,
-        (1.0 + 3.0 * t + 3.0 * t2 - 3.0 * t3) / 6.0,
-        t3 / 6.0,
-    ]
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! A kernel that [`dispatched!`] is given is written once, in plain Rust that the compiler vectorises, and compiled for
 //! AVX-512, for AVX2 and for the target's baseline (SSE2 on x86-64, NEON on arm64). A crate with kernels written for one
-//! set by hand asks [`level`].
+//! set by hand asks [`isa`].
 //!
 //! ```
 //! #[inline(always)]
@@ -19,13 +19,13 @@
 //! add(&mut sums, &[10, 10, 10]);
 //! assert_eq!(sums, [11, 12, 13]);
 //! ```
-#![forbid(unsafe_code)] // what `dispatched!` writes counts where it is called
+#![deny(unsafe_code)] // allowed in what `dispatched!` writes, and nowhere else
 
 use std::sync::OnceLock;
 
 /// Instruction sets that kernels are compiled for, weakest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
+pub enum Isa {
     /// What every processor of the target has.
     Baseline,
     /// Every arm64 processor has it; named so that kernels written for it by hand can be ruled out.
@@ -41,18 +41,18 @@ pub enum Level {
 
 /// The best set of this processor, lowered by `TEGA_SIMD=baseline|avx2` (to compare paths, or to rule one out).
 #[inline]
-pub fn level() -> Level {
-    static LEVEL: OnceLock<Level> = OnceLock::new();
-    *LEVEL.get_or_init(|| match std::env::var("TEGA_SIMD").as_deref() {
-        Ok("baseline") => Level::Baseline,
+pub fn isa() -> Isa {
+    static FOUND: OnceLock<Isa> = OnceLock::new();
+    *FOUND.get_or_init(|| match std::env::var("TEGA_SIMD").as_deref() {
+        Ok("baseline") => Isa::Baseline,
         #[cfg(target_arch = "x86_64")]
-        Ok("avx2") => detect().min(Level::Avx2),
+        Ok("avx2") => detect().min(Isa::Avx2),
         _ => detect(),
     })
 }
 
 #[cfg(target_arch = "x86_64")]
-fn detect() -> Level {
+fn detect() -> Isa {
     // Byte permutations and multiply-add of words came with Ice Lake and Zen 4; what lacks them takes AVX2.
     let avx512 = is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")
@@ -61,43 +61,44 @@ fn detect() -> Level {
         && is_x86_feature_detected!("avx512vbmi")
         && is_x86_feature_detected!("avx512vnni");
     match (avx512, is_x86_feature_detected!("avx2")) {
-        (true, true) => Level::Avx512,
-        (false, true) => Level::Avx2,
-        _ => Level::Baseline,
+        (true, true) => Isa::Avx512,
+        (false, true) => Isa::Avx2,
+        _ => Isa::Baseline,
     }
 }
 
 #[cfg(target_arch = "aarch64")]
-fn detect() -> Level {
-    Level::Neon
+fn detect() -> Isa {
+    Isa::Neon
 }
 
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-fn detect() -> Level {
-    Level::Baseline
+fn detect() -> Isa {
+    Isa::Baseline
 }
 
 /// The instruction set in use: "baseline", "neon", "avx2" or "avx512".
 pub fn instruction_set() -> &'static str {
-    match level() {
-        Level::Baseline => "baseline",
+    match isa() {
+        Isa::Baseline => "baseline",
         #[cfg(target_arch = "aarch64")]
-        Level::Neon => "neon",
+        Isa::Neon => "neon",
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => "avx2",
+        Isa::Avx2 => "avx2",
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => "avx512",
+        Isa::Avx512 => "avx512",
     }
 }
 
 /// Writes a function that compiles `$generic` for each instruction set and calls the best one this processor has.
 ///
-/// `$generic` has to be a safe function that is inlined always, or it is compiled for the baseline alone. The caller's
-/// crate has to allow `unsafe` where the macro stands.
+/// `$generic` has to be a safe function that is inlined always, or it is compiled for the baseline alone. The macro stands
+/// beside that function; the caller's crate may deny `unsafe` code, but not forbid it.
 #[macro_export]
 macro_rules! dispatched {
     ($(#[$doc:meta])* $name:ident = $generic:path, ($($arg:ident: $type:ty),*) -> $result:ty) => {
         $(#[$doc])*
+        #[allow(unsafe_code)]
         pub(crate) fn $name($($arg: $type),*) -> $result {
             #[cfg(target_arch = "x86_64")]
             {
@@ -109,12 +110,12 @@ macro_rules! dispatched {
                 fn avx2($($arg: $type),*) -> $result {
                     $generic($($arg),*)
                 }
-                match $crate::level() {
-                    // SAFETY: `level` reports a set only after the processor itself said that it has it.
-                    $crate::Level::Avx512 => return unsafe { avx512($($arg),*) },
+                match $crate::isa() {
+                    // SAFETY: `isa` reports a set only after the processor itself said that it has it.
+                    $crate::Isa::Avx512 => return unsafe { avx512($($arg),*) },
                     // SAFETY: as above.
-                    $crate::Level::Avx2 => return unsafe { avx2($($arg),*) },
-                    $crate::Level::Baseline => {}
+                    $crate::Isa::Avx2 => return unsafe { avx2($($arg),*) },
+                    $crate::Isa::Baseline => {}
                 }
             }
             $generic($($arg),*)

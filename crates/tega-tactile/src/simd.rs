@@ -43,7 +43,7 @@ mod avx512;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 
-use tega_simd::{Level, dispatched, level};
+use tega_simd::{Isa, dispatched, isa};
 
 use crate::levels::{Kernel, Row};
 use crate::live;
@@ -60,15 +60,15 @@ fn halves(weights: [i32; 3]) -> ([i32; 3], [i32; 3]) {
 /// See [`Kernel::rows`].
 pub(crate) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
     #[cfg(target_arch = "x86_64")]
-    match level() {
+    match isa() {
         // SAFETY: `level` reports a set only after the processor itself said that it has it.
-        Level::Avx512 => return unsafe { avx512::rows(kernel, frame, baseline, columns, rows) },
+        Isa::Avx512 => return unsafe { avx512::rows(kernel, frame, baseline, columns, rows) },
         // SAFETY: as above.
-        Level::Avx2 => return unsafe { avx2::rows(kernel, frame, baseline, columns, rows) },
-        Level::Baseline => {}
+        Isa::Avx2 => return unsafe { avx2::rows(kernel, frame, baseline, columns, rows) },
+        Isa::Baseline => {}
     }
     #[cfg(target_arch = "aarch64")]
-    if level() == Level::Neon {
+    if isa() == Isa::Neon {
         return neon::rows(kernel, frame, baseline, columns, rows);
     }
     kernel.rows(frame, baseline, columns, rows);
@@ -77,15 +77,15 @@ pub(crate) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut
 /// See [`Kernel::count`].
 pub(crate) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
     #[cfg(target_arch = "x86_64")]
-    match level() {
+    match isa() {
         // SAFETY: as above.
-        Level::Avx512 => return unsafe { avx512::count(kernel, frame, baseline, first) },
+        Isa::Avx512 => return unsafe { avx512::count(kernel, frame, baseline, first) },
         // SAFETY: as above.
-        Level::Avx2 => return unsafe { avx2::count(kernel, frame, baseline, first) },
-        Level::Baseline => {}
+        Isa::Avx2 => return unsafe { avx2::count(kernel, frame, baseline, first) },
+        Isa::Baseline => {}
     }
     #[cfg(target_arch = "aarch64")]
-    if level() == Level::Neon {
+    if isa() == Isa::Neon {
         return neon::count(kernel, frame, baseline, first);
     }
     kernel.count(frame, baseline, first)
