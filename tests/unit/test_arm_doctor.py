@@ -124,7 +124,7 @@ def test_an_emulated_bench_with_an_arm_is_run_by_another_program(tmp_path: Path)
         )
         try:
             for _ in range(1200):  # two minutes, which a busy machine may need
-                operator.act(5.0 if (tmp_path / "results" / "arm.csv").is_file() else 0.0)
+                operator.act(5.0 if "idle" in _read(tmp_path / "results" / "arm.csv") else 0.0)
                 time.sleep(0.1)
                 if "following" in _read(tmp_path / "results" / "arm.csv"):
                     break

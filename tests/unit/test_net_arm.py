@@ -169,7 +169,8 @@ def test_an_operator_who_falls_silent_leaves_the_arm_held_then_loose_then_stoppe
         robot.end()
     states = [state for state, _ in groupby(row["state"] for row in _rows(tmp_path))]
     last = len(states) - 1 - states[::-1].index("following")
-    assert states[last:] == ["following", "holding", "idle", "stopped", "idle"]
+    # The last one is the end of the run.
+    assert states[last:] == ["following", "holding", "idle", "stopped", "idle", "stopped"]
 
 
 def _rows(folder: Path) -> list[dict[str, str]]:

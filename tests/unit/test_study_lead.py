@@ -155,11 +155,12 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
         assert held is not None
         assert t_ns["trial_start"] < t_ns["lift_off"] < held  # type: ignore[operator]
         assert ends[trial - 1].t_ns == held
-    # The experimenter saw a deformation, took that back, and corrected the first trial to a failure.
-    first = [event for event in events if event.trial == 1 and event.source == "experimenter"]
-    assert kinds(first) == ["deformation", "undo", "override"]
+    # The experimenter saw a deformation in each trial, took that back, and corrected it to a failure: the last one, too.
+    for trial in (1, 2):
+        seen = [event for event in events if event.trial == trial and event.source == "experimenter"]
+        assert kinds(seen) == ["deformation", "undo", "override"]
     trials = study_trials(folder)[1]
-    assert [trial.success for trial in trials] == [False, True]
+    assert [trial.success for trial in trials] == [False, False]
     # Each block is a trial here, so everybody was asked twice.
     ratings = [event for event in events if event.kind == "rating"]
     assert [event.item for event in ratings] == [question.item for question in QUESTIONS] * 2

@@ -40,7 +40,7 @@ def suite(tmp_path: Path) -> Path:
 
 def run(suite: Path, code: str, *words: str, ci: str = "") -> tuple[int, str]:
     (suite / "tests" / "test_made_up.py").write_text(code)
-    env = os.environ | {"CI": ci}
+    env = os.environ | {"CI": ci, "PYTHONPATH": str(TESTS)}
     command = [sys.executable, "-m", "pytest", "-n0", "-p", "no:cacheprovider", *words]
     done = subprocess.run(command, cwd=suite, env=env, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr

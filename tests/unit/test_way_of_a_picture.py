@@ -24,6 +24,7 @@ WITHIN = {
     "MotorLayout": "VestFrame",
     "PictureCheck": "Digit",
     "PictureOrigin": "Digit",
+    "PictureVotes": "FrameMeter",
     "TouchTracker": "LiveMetric",
     "VestFrame": "PlayerVest",
 }
