@@ -76,6 +76,25 @@ def test_a_quick_press_is_told_within_two_frames_of_the_force_from_which_it_is_f
         assert on.index(True) - reached <= 2
 
 
+def test_a_grip_that_was_taken_for_a_leftover_is_felt_when_it_tightens() -> None:
+    """Eased to 0.3 N a pad shows a leftover's picture; 0.7 N is too little for a new contact over a leftover."""
+    ends_s, forces_n = (1.0, 2.0, 3.0, 3.2, 3.4, 3.6), (0.0, 5.0, 5.0, 0.3, 0.3, 0.7)
+    for seed in UNITS:
+        moments = list(
+            press_sequence(
+                "pad 5 x 5",
+                seed=seed,
+                force_n=lambda t_s: float(np.interp(t_s, ends_s, forces_n)),
+                duration_s=6.0,
+            )
+        )
+        tracker = TouchTracker(moments[0].image)
+        on = [tracker.update(moment.image).in_contact for moment in moments]
+        assert not all(on[180:216])
+        # What does not sink is felt after 0.8 s in any case, that is from 4.1 s on.
+        assert all(on[234:])
+
+
 @lru_cache
 def still_frames(seed: int, n: int) -> tuple[list[NDArray[np.float32]], NDArray[np.float32]]:
     """Return frames of an untouched gel without memory, and their mean."""
