@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from tega import _native
 from tega._native import TrackedContact
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tega.tactile import Order, Outline
 
 __all__ = [
+    "DEPTH_LAW",
     "GelLight",
     "KnownPress",
     "TouchTracker",
@@ -53,6 +54,9 @@ def nominal_light() -> GelLight:
     )
 
 
+DEPTH_LAW: Final = 1
+"""Version of the law of depth and force in crates/tega-tactile/src/live/law.rs; what is fitted to one
+version does not fit another."""
 # How depth follows a gain of all the light: the sum of the exponents in crates/tega-tactile/src/live/law.rs.
 _DEPTH_POWER = 17 / 16
 # Of the shading alone, which is all that the light's two directions change of it.

@@ -3,12 +3,15 @@ when it is over."""
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega.sim.gel import PX_PER_MM, Gel
-from tega.sim.gel_sequences import SHAPES, press_sequence
+from tega.sim.gel_sequences import SHAPES, press_sequence, pressing, ramp
 from tega.touch import GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
 from tega_figures.check_touch_live import felt_of_slow_press
 from tega_figures.touch_presses import (
@@ -58,6 +61,70 @@ def test_an_eased_grip_stays_felt_for_ten_seconds(name: str) -> None:
     tracker = TouchTracker(first.image, rate_hz=15.0)
     on = [(m.t_s, tracker.update(m.image).in_contact) for m in moments]
     assert all(felt for t_s, felt in on if t_s > 3.0)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_quick_press_is_told_within_two_frames_of_the_force_from_which_it_is_felt(name: str) -> None:
+    for seed in UNITS:
+        # Rising by half a newton a second, a sixtieth of that a frame.
+        felt_n = score_press(name, seed)["live"].felt_n
+        force_n = ramp(peak_n=3.0, wait_s=1.0, rise_s=0.3, hold_s=1.0, fall_s=0.1)
+        moments = list(press_sequence(name, seed=seed, force_n=force_n, duration_s=1.5))
+        tracker = TouchTracker(moments[0].image)
+        on = [tracker.update(moment.image).in_contact for moment in moments]
+        reached = next(k for k, moment in enumerate(moments) if moment.force_n >= felt_n)
+        assert on.index(True) - reached <= 2
+
+
+def test_a_grip_that_was_taken_for_a_leftover_is_felt_when_it_tightens() -> None:
+    """Eased to 0.3 N a pad shows a leftover's picture; 0.7 N is too little for a new contact over a leftover."""
+    ends_s, forces_n = (1.0, 2.0, 3.0, 3.2, 3.4, 3.6), (0.0, 5.0, 5.0, 0.3, 0.3, 0.7)
+    for seed in UNITS:
+        moments = list(
+            press_sequence(
+                "pad 5 x 5",
+                seed=seed,
+                force_n=lambda t_s: float(np.interp(t_s, ends_s, forces_n)),
+                duration_s=6.0,
+            )
+        )
+        tracker = TouchTracker(moments[0].image)
+        on = [tracker.update(moment.image).in_contact for moment in moments]
+        assert not all(on[180:216])
+        # What does not sink is felt after 0.8 s in any case, that is from 4.1 s on.
+        assert all(on[234:])
+
+
+@lru_cache
+def still_frames(seed: int, n: int) -> tuple[list[NDArray[np.float32]], NDArray[np.float32]]:
+    """Return frames of an untouched gel without memory, and their mean."""
+    gel = Gel(seed, memory=False)
+    frames = [gel.frame([], k).astype(np.float32) for k in range(n)]
+    return frames, np.mean(frames, axis=0)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("sinks_s", [1.0, 2.0, 4.0])
+def test_a_leftover_of_16_percent_that_sinks_to_5_is_silent_from_a_second_on(
+    name: str, sinks_s: float
+) -> None:
+    still, middle = still_frames(UNITS[0], 480)
+    gel = Gel(UNITS[0], memory=False)
+    pressed = np.mean([gel.frame(pressing(name, 5.0), k) for k in range(10)], axis=0) - middle
+
+    def share(t_s: float) -> float:
+        if t_s < 3.0:
+            return float(np.interp(t_s, (1.0, 1.5), (0.0, 1.0)))
+        falling = float(np.interp(t_s, (3.0, 3.1), (1.0, 0.16)))
+        return falling if t_s < 3.1 else 0.05 + 0.11 * float(np.exp((3.1 - t_s) / sinks_s))
+
+    tracker = TouchTracker(np.rint(middle).astype(np.uint8))
+    on = []
+    for k, frame in enumerate(still):
+        seen = (frame + share(k / 60) * pressed + 0.5).clip(0, 255).astype(np.uint8)
+        on.append(tracker.update(seen).in_contact)
+    assert all(on[95:180])
+    assert not any(on[round(4.1 * 60) :])
 
 
 def untouched(seed: int, minutes: float, rate_hz: float) -> int:

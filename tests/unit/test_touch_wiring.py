@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -20,7 +21,7 @@ from tega.bus import Bus
 from tega.calibration import Calibration, FingerMaxima, TouchMaxima
 from tega.calibration.known_press import Ball, fit_gel, held
 from tega.calibration.maxima import guided_maxima, touch_maxima
-from tega.calibration.store import calibration_text, parse_calibration
+from tega.calibration.store import calibration_text, parse_calibration, refused_law, save_calibration
 from tega.cli.main import main
 from tega.config import StagesSection, check_tree, load_config
 from tega.devices.base import DeviceInfo, TactileFrame
@@ -42,6 +43,7 @@ from tega.teleop import run, run_session
 from tega.teleop.flows import Touching, contact_stream
 from tega.teleop.pacing import Pacer
 from tega.teleop.touch import Felt
+from tega.touch import DEPTH_LAW
 from tega.view.labels import ContactLabels
 
 PERIOD_NS = 16_666_667
@@ -349,6 +351,44 @@ def test_a_calibration_file_keeps_what_is_known_of_the_gel() -> None:
         "noise_counts = [1.5, 0.8, 1.25]\ndepth_gain = 1.25\nstiffness_n_mm3 = 0.4\nmm_per_px = 0.05\n", ""
     )
     assert parse_calibration(old, "old.toml").tactile.thumb == TouchMaxima(cci_max=1.0, eda_max=9000.0)
+
+
+def test_depth_and_force_that_were_calibrated_for_another_law_are_refused_and_the_rest_is_used(
+    tmp_path: Path,
+) -> None:
+    frames, baseline = gel_frames(3, held=False)
+    noise = (1.5, 0.8, 1.25)
+    plain = TouchMaxima(cci_max=1.0, eda_max=9000.0, noise_counts=noise)
+    fitted = {"depth_gain": 1.25, "stiffness_n_mm3": 0.4}
+    read = {}
+    for name, full in (
+        ("nominal", plain),
+        ("before laws were numbered", msgspec.structs.replace(plain, **fitted)),
+        ("another law", msgspec.structs.replace(plain, **fitted, depth_law=DEPTH_LAW + 1)),
+        ("this law", msgspec.structs.replace(plain, **fitted, depth_law=DEPTH_LAW)),
+    ):
+        metric = finger_metric(StagesSection(), "live", "thumb", baseline, full)
+        contact = held([metric.update(frame, k * PERIOD_NS) for k, frame in enumerate(frames[:60])])
+        assert contact is not None
+        read[name] = contact.depth_mm, contact.force_n
+        said = refused_law("thumb", full, "tega-teleop calibrate lab.toml --person p01")
+        assert len(said) == (name in {"before laws were numbered", "another law"})
+        assert all("--known-ball" in one and "nominal" in one for one in said)
+        assert full.of_this_law().noise_counts == noise
+    assert read["before laws were numbered"] == read["another law"] == read["nominal"]
+    assert read["this law"] != read["nominal"]
+    # A run says so, whole, and goes on.
+    old = msgspec.structs.replace(plain, **fitted)
+    file = tmp_path / "old.toml"
+    save_calibration(Calibration(preset="live", origin="presses", tactile=FingerMaxima(thumb=old)), file)
+    tree = {
+        "session": {"preset": "live", "pace": "fast", "duration_s": 0.1},
+        "tactile": {"thumb": {"driver": "synthetic-touch"}},
+        "calibration": {"file": str(file)},
+        "recording": {"dir": str(tmp_path / "run"), "stop_free_mib": 0.0},
+    }
+    summary = run_session(check_tree(tree, {}, base=tmp_path).config)
+    assert any("thumb: depth and force were calibrated for law 0" in one for one in summary["notes"])
 
 
 def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:

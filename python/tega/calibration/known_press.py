@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from tega.errors import CalibrationError
-from tega.touch import KnownPress, calibrate_light, nominal_light
+from tega.touch import DEPTH_LAW, KnownPress, calibrate_light, nominal_light
 
 if TYPE_CHECKING:
     from tega.records import Contact
@@ -40,11 +40,13 @@ class GelFit(NamedTuple):
         depth_gain: Depth by depth as a gel's nominal light has it.
         stiffness_n_mm3: Of the gel, newtons per cubic millimetre.
         mm_per_px: Scale of a picture of 320 x 240 pixels.
+        depth_law: Version of the law that gain and stiffness belong to.
     """
 
     depth_gain: float
     stiffness_n_mm3: float
     mm_per_px: float
+    depth_law: int = DEPTH_LAW
 
 
 # An outlined dent's radius over that of the touching disc below, 1.03 to 1.09 for balls of 4 and 12 mm at 1 to 5 N on

@@ -10,7 +10,7 @@ import msgspec
 
 from tega.calibration.folder import CalibrationFolder, Part, device_name
 from tega.calibration.records import EmgRecord, TouchRecord, VestRecord
-from tega.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima
+from tega.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
 from tega.calibration.wearing import site_motors
 from tega.errors import CalibrationError, TegaError
 
@@ -213,6 +213,7 @@ def touch_warnings(
         refresh = calibrate_command(settings, person, refresh=True)
         warnings += _old(f"{finger}: baseline", newest.record.made, limits.baseline_old_h, now, refresh)
         warnings += [f"{finger}: {note}" for note in newest.record.notes]
+    warnings += refused_law(finger, record.live, command)
     return warnings + [f"{finger}: {note}" for note in record.notes]
 
 

@@ -32,6 +32,7 @@ from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 from tega.foreign_file import parse_toml, read_words
 from tega.toml_text import toml_value
+from tega.touch import DEPTH_LAW
 from tega.whole_file import write_whole
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "calibration_text",
     "load_calibration",
     "parse_calibration",
+    "refused_law",
     "save_calibration",
 ]
 
@@ -59,6 +61,7 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         depth_gain: Depth by depth as the nominal light of a gel has it; ``None`` where no known press was taken.
         stiffness_n_mm3: Of the gel, newtons per cubic millimetre; ``None`` likewise.
         mm_per_px: Scale of a picture of 320 x 240 pixels; ``None`` likewise.
+        depth_law: Version of the law that gain and stiffness were fitted to; earlier calibrations name none.
     """
 
     cci_max: _Positive | None = None
@@ -67,6 +70,36 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     depth_gain: _Positive | None = None
     stiffness_n_mm3: _Positive | None = None
     mm_per_px: _Positive | None = None
+    depth_law: int | None = None
+
+    @property
+    def other_law(self) -> bool:
+        """Whether gain or stiffness were fitted to another law of depth and force than this TEGA reads by."""
+        fitted = self.depth_gain is not None or self.stiffness_n_mm3 is not None
+        return fitted and self.depth_law != DEPTH_LAW
+
+    def of_this_law(self) -> TouchMaxima:
+        """Return them without gain and stiffness where those belong to another law; all else is kept."""
+        if not self.other_law:
+            return self
+        return msgspec.structs.replace(self, depth_gain=None, stiffness_n_mm3=None, depth_law=None)
+
+
+def refused_law(finger: str, maxima: TouchMaxima | None, command: str) -> list[str]:
+    """Say that a finger's gain and stiffness are not used, being of another law; nothing where they are of this one.
+
+    Args:
+        finger: Which.
+        maxima: Its part of a calibration.
+        command: What calibrates it anew.
+    """
+    if maxima is None or not maxima.other_law:
+        return []
+    return [
+        f"{finger}: depth and force were calibrated for law {maxima.depth_law or 0} of the touch reading, and this "
+        f"TEGA reads by law {DEPTH_LAW}: they are nominal until the known ball is pressed again ({command} "
+        "--known-ball MM NEWTON); all else of the calibration is used"
+    ]
 
 
 class FingerMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from tega.calibration.look import Looked, look_at, people_with_calibrations
 from tega.calibration.person import calibrate_command, closed_info
 from tega.calibration.records import utc_now
-from tega.calibration.store import load_calibration
+from tega.calibration.store import load_calibration, refused_law
 from tega.doctor.findings import Finding, Status
 from tega.errors import CalibrationError
 
@@ -109,6 +109,12 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
             wrong = f"{file.name}: made for emg kind = {kind!r}, the settings have {config.emg.kind!r}"
     if wrong:
         return Finding(check=CHECK, status="wrong", finding=wrong, todo=(again,))
+    command = calibrate_command(settings, "ID", "touch")
+    refused = [
+        said for one in config.tactile.in_use() for said in refused_law(one, calibration.touch(one), command)
+    ]
+    if refused:
+        return Finding(check=CHECK, status="doubt", finding=f"{file.name}: {'; '.join(refused)}")
     said = f"the file {file.name} fits these settings; whose it is, on which devices and how old is not in it"
     return Finding(check=CHECK, status="fine", finding=said)
 

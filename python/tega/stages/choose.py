@@ -105,7 +105,8 @@ def finger_metric(
     maxima: dict[str, float] = {}
     gel = GelTraits()
     if calibration is not None:
-        gel = GelTraits(*(getattr(calibration, name) for name in GelTraits._fields))
+        known_gel = calibration.of_this_law()
+        gel = GelTraits(*(getattr(known_gel, name) for name in GelTraits._fields))
         known: Mapping[str, float | None] = {"cci": calibration.cci_max, "eda": calibration.eda_max}
         maxima = {name: value for name, value in known.items() if value is not None}
     metric: Metric = chosen_stage("metric", stages, preset).make(FingerSetup(finger, baseline, maxima, gel))

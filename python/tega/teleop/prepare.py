@@ -11,6 +11,7 @@ from tega.calibration import Calibration, FingerMaxima, load_calibration
 from tega.calibration.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
 from tega.calibration.person import calibrate_command, person_calibration
 from tega.calibration.records import utc_now
+from tega.calibration.store import refused_law
 from tega.config import DEFAULT_STAGES, SessionConfig
 from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.errors import CalibrationError
@@ -66,12 +67,14 @@ def prepare(
     if path is not None:
         calibration, name = load_calibration(path), path.name
         calibration.check_fits(preset=preset, fingers=sources, emg=conditions, name=path.name)
+        command = calibrate_command(settings, "ID", "touch")
+        warnings = tuple(
+            said for one in sources for said in refused_law(one, calibration.touch(one), command)
+        )
     elif config.calibration.person is not None:
         calibration, name, warnings = person_calibration(
             config, sources, emg, conditions, settings=settings, now=utc_now()
         )
-        for said in warnings:
-            _log.warning("warning: %s", said)
     elif config.net is not None and config.net.station == "robot":
         origin = "the maxima are at the operator's station"
         calibration, name = Calibration(preset=preset, origin=origin, tactile=FingerMaxima()), "none"
@@ -82,8 +85,9 @@ def prepare(
                     f"{what}: {source.info.label} is live and the run has no calibration",
                     f"{calibrate_command(settings, 'ID')}, then run with --person ID; or set calibration.file",
                 )
-    if sources and calibration is not None and (said := _other_metric(config)):
-        warnings = (*warnings, said)
+    if sources and calibration is not None and (other := _other_metric(config)):
+        warnings = (*warnings, other)
+    for said in warnings:
         _log.warning("warning: %s", said)
     fingers = _prepare_fingers(config, sources, measure=calibration is None, progress=progress, stop=stop)
     if stop():

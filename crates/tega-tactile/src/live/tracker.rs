@@ -4,7 +4,7 @@
 //! frozen. A release is known by its course: a picture that falls quickly from half of the contact's peak to less than a third of it and then
 //! hardly changes is the gel's own leftover, and so is what is less than a small share of the peak or stays about the threshold for long. A
 //! leftover is not shown; it sinks slowly, and one second later it is taken for the new rest, which is followed quickly at first. What fell
-//! and does not sink is a light hold and is felt again.
+//! and does not sink, or rises again, is a light hold and is felt again.
 //!
 //! Lags are of first order and take the time between two frames into account; arithmetic runs in one order, so a replay gives the same bits.
 
@@ -64,6 +64,8 @@ const FAINTER: f64 = 60.0;
 const SINKS_S: f64 = 0.8;
 const SUNK: f64 = 0.88;
 const SINKING_S: f64 = 0.1;
+/// Nor does a leftover rise: what is over the threshold and over its lowest by this factor is felt again at once.
+const RISES: f64 = 1.15;
 /// After a release the rest is taken anew once this time is over.
 const REZERO_S: f64 = 1.0;
 const PENDING_S: f64 = 0.3;
@@ -153,9 +155,10 @@ enum State {
     },
     Released {
         peak: f64,
-        /// S when it was told, and a mean of the newest.
+        /// S when it was told, a mean of the newest, and the least of that mean.
         first: f64,
         mean: f64,
+        lowest: f64,
         least: f64,
         since_s: f64,
         /// Whether it fell, so that what does not sink is a light hold.
@@ -295,6 +298,7 @@ impl TouchTracker {
                         peak,
                         first: s,
                         mean: s,
+                        lowest: s,
                         least: s,
                         since_s: 0.0,
                         fell: fell && !traces,
@@ -302,9 +306,12 @@ impl TouchTracker {
                     self.pend(1.0);
                 }
             }
-            State::Released { peak, first, mean, least, since_s, fell } => {
+            State::Released { peak, first, mean, lowest, least, since_s, fell } => {
                 *least = least.min(s);
                 *mean += step(dt_s, SINKING_S) * (s - *mean);
+                *lowest = lowest.min(*mean);
+                let rises =
+                    *fell && *mean > threshold && *mean - self.rest > RISES * (*lowest - self.rest).max(0.0);
                 let stays = *fell
                     && *since_s < SINKS_S
                     && *since_s + dt_s >= SINKS_S
@@ -313,7 +320,7 @@ impl TouchTracker {
                 let over = s > threshold.max(OVER_LEFTOVER * *least + OVER_LEFTOVER_SHARE * *peak);
                 let (peak, due) = (*peak, *since_s >= REZERO_S);
                 self.pend(step(dt_s, PENDING_S));
-                if over || stays {
+                if over || stays || rises {
                     self.state = State::Contact { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0 };
                 } else if due && self.options.rezero && !loaded {
                     self.gel.clone_from(&self.pending);
