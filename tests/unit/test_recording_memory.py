@@ -81,7 +81,8 @@ def test_a_recorded_run_keeps_no_object_for_what_has_passed(tmp_path: Path) -> N
     said = subprocess.run(words, check=True, capture_output=True, text=True, timeout=300)
     ticks, blocks = json.loads(said.stdout)
     assert ticks >= 26_600
-    # 20 s from the early seconds, when all queues and pools have their size, to the late: one object kept for each tick of the hand would be 6660, of the vest 600.
+    # 20 s from the early seconds, when all queues and pools have their size, to the late: one object kept for each tick
+    # of the hand would be 6660, of the vest 600.
     assert blocks < 300
 
 

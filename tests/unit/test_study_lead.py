@@ -155,7 +155,7 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
         assert held is not None
         assert t_ns["trial_start"] < t_ns["lift_off"] < held  # type: ignore[operator]
         assert ends[trial - 1].t_ns == held
-    # The experimenter saw a deformation in each trial, took that back, and corrected it to a failure: the last one, too.
+    # The experimenter saw a deformation in each trial, took that back, and corrected it to a failure.
     for trial in (1, 2):
         seen = [event for event in events if event.trial == trial and event.source == "experimenter"]
         assert kinds(seen) == ["deformation", "undo", "override"]
