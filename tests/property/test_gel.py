@@ -15,6 +15,9 @@ AREA_MM2 = GEL.surface_mm()[..., 3]
 
 EVEN = {form: Gel(0, spread=0.0, shape=form) for form in ("digit", "flat")}
 
+# A displacement that changes the picture by a count at most (`NEGLIGIBLE_MM` in tega-gel): nothing is solved finer.
+UNSEEN_MM = 0.004
+
 forces_n = st.floats(0.05, 15.0)
 places = st.tuples(st.floats(60.0, 180.0), st.floats(60.0, 260.0))
 sizes_mm = st.floats(0.5, 30.0)
@@ -100,8 +103,8 @@ def test_a_gel_is_alike_on_both_sides(form, force_n, place, radius_mm):
     gel.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=(x, y))])
     here = gel.displacement_mm()
     gel.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=(239 - x, y))])
-    assert np.abs(here - gel.displacement_mm()[:, ::-1]).max() < 0.02 * here.max()
+    assert np.abs(here - gel.displacement_mm()[:, ::-1]).max() < max(0.02 * here.max(), UNSEEN_MM)
     if form == "flat":
         gel.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=(x, 319 - y))])
         # Even rows are relaxed before odd ones.
-        assert np.abs(here - gel.displacement_mm()[::-1]).max() < 0.05 * here.max()
+        assert np.abs(here - gel.displacement_mm()[::-1]).max() < max(0.05 * here.max(), UNSEEN_MM)
