@@ -74,9 +74,9 @@ pub fn x40_levels_survive_the_frame(data: &[u8]) {
     let mirror = rest.first().is_some_and(|byte| byte & 1 != 0);
     let intensities = Intensities::new(&bytes.map(|byte| byte % 101)).unwrap();
     let frame = bhaptics::ble_frame(&intensities, mirror);
-    let levels = bhaptics::ble_levels(&frame, mirror);
-    assert_eq!(levels, intensities.values().map(bhaptics::level));
-    let x16 = bhaptics::x16_levels(&frame, mirror);
+    let levels = bhaptics::ble_steps(&frame, mirror);
+    assert_eq!(levels, intensities.values().map(bhaptics::motor_step));
+    let x16 = bhaptics::x16_steps(&frame, mirror);
     for (motor, &level) in x16.iter().enumerate() {
         let rows = if motor / 4 % 2 == 0 { 0..2 } else { 2..5 };
         let column = |row: usize| levels[motor / 8 * 20 + 4 * row + motor % 4];

@@ -80,7 +80,7 @@ pub(crate) fn check_tau(tau: usize) -> Result<(), EmgError> {
         return Ok(());
     }
     let (name, unit, wanted) = ("tau", "samples", "1 to 10000000");
-    Err(EmgError::OutOfRange(OutOfRange { name, value: tau as f64, unit, wanted }))
+    Err(OutOfRange::new(name, tau as f64, unit, wanted).into())
 }
 
 /// The mean of every τ samples of each channel; samples left over wait for the next call.

@@ -91,12 +91,7 @@ fn design(rate_hz: f64, cutoff_hz: f64, order: usize, band: Band) -> Result<Sos,
     check_rate(rate_hz)?;
     if order == 0 || order > MAX_ORDER {
         let wanted = "1 to 8";
-        return Err(EmgError::OutOfRange(OutOfRange {
-            name: "order",
-            value: order as f64,
-            unit: "",
-            wanted,
-        }));
+        return Err(OutOfRange::new("order", order as f64, "", wanted).into());
     }
     let (low_hz, high_hz) = (CUTOFF_MARGIN * rate_hz, (0.5 - CUTOFF_MARGIN) * rate_hz);
     if !(cutoff_hz >= low_hz && cutoff_hz <= high_hz) {
@@ -138,7 +133,7 @@ pub(crate) fn check_rate(rate_hz: f64) -> Result<(), EmgError> {
         return Ok(());
     }
     let wanted = "a finite number greater than 0";
-    Err(EmgError::OutOfRange(OutOfRange { name: "rate_hz", value: rate_hz, unit: "Hz", wanted }))
+    Err(OutOfRange::new("rate_hz", rate_hz, "Hz", wanted).into())
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ pub fn channel_maxima(
 ) -> Result<Vec<f64>, EmgError> {
     if !(0.0..=100.0).contains(&percentile) {
         let (name, unit, wanted) = ("percentile", "%", "0 to 100");
-        return Err(EmgError::OutOfRange(OutOfRange { name, value: percentile, unit, wanted }));
+        return Err(OutOfRange::new(name, percentile, unit, wanted).into());
     }
     let mut chain = Chain::new(rate_hz, channels, kind)?;
     let mut sum = BlockSum::new(tau, channels)?;

@@ -4,7 +4,7 @@ use crate::bank::{BiquadBank, MARGIN};
 use crate::butterworth::Sos;
 use crate::error::EmgError;
 use crate::guard::Guard;
-use tega_error::OutOfRange;
+use tega_error::{OutOfRange, UnknownChoice, choice};
 
 /// Values handled at a time: few enough to stay in the first-level cache.
 const VALUES: usize = 512;
@@ -32,24 +32,19 @@ impl Kind {
     /// Read a kind from its name.
     ///
     /// # Errors
-    /// [`EmgError::UnknownChoice`] unless it is `raw`, `rectified` or `envelope`.
+    /// [`UnknownChoice`] unless it is `raw`, `rectified` or `envelope`.
     ///
     /// # Examples
     /// ```
     /// assert_eq!(tega_emg::Kind::parse("envelope")?, tega_emg::Kind::Envelope);
-    /// # Ok::<(), tega_emg::EmgError>(())
+    /// # Ok::<(), tega_error::UnknownChoice>(())
     /// ```
-    pub fn parse(name: &str) -> Result<Self, EmgError> {
-        match name {
-            "raw" => Ok(Self::Raw),
-            "rectified" => Ok(Self::Rectified),
-            "envelope" => Ok(Self::Envelope),
-            _ => Err(EmgError::UnknownChoice {
-                name: "kind",
-                got: name.to_owned(),
-                wanted: "\"raw\", \"rectified\", \"envelope\"",
-            }),
-        }
+    pub fn parse(name: &str) -> Result<Self, UnknownChoice> {
+        choice(
+            "kind",
+            name,
+            &[("raw", Self::Raw), ("rectified", Self::Rectified), ("envelope", Self::Envelope)],
+        )
     }
 }
 
@@ -151,12 +146,7 @@ pub(crate) fn check_channels(channels: usize) -> Result<(), EmgError> {
     if (1..=1024).contains(&channels) {
         return Ok(());
     }
-    Err(EmgError::OutOfRange(OutOfRange {
-        name: "channels",
-        value: channels as f64,
-        unit: "",
-        wanted: "1 to 1024",
-    }))
+    Err(OutOfRange::new("channels", channels as f64, "", "1 to 1024").into())
 }
 
 #[cfg(test)]

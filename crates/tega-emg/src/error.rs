@@ -23,16 +23,6 @@ pub enum EmgError {
         /// Largest usable cutoff at this rate.
         high_hz: f64,
     },
-    /// An option is not one of those offered.
-    #[error("{name} = {got:?} is not one of {wanted}")]
-    UnknownChoice {
-        /// The option.
-        name: &'static str,
-        /// The value given.
-        got: String,
-        /// What is offered.
-        wanted: &'static str,
-    },
     /// The samples have another number of channels than the object was made for.
     #[error("samples have {got} channels, expected {wanted}")]
     Channels {
@@ -91,7 +81,7 @@ impl EmgError {
             }
             Self::CalibrationTooShort { .. } => "record a strong contraction of a few seconds",
             Self::UnusableMaximum { .. } => "check the electrode and the input kind, then calibrate again",
-            Self::OutOfRange(_) | Self::UnknownChoice { .. } | Self::Ragged { .. } | Self::NoLevels => "",
+            Self::OutOfRange(_) | Self::Ragged { .. } | Self::NoLevels => "",
         }
     }
 }

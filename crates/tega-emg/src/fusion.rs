@@ -2,7 +2,7 @@
 
 use crate::error::EmgError;
 use crate::level::LEVELS;
-use tega_error::OutOfRange;
+use tega_error::{OutOfRange, UnknownChoice, choice};
 
 /// The level most channels agree on (Eq 12), else the mean of all, rounded down (Eq 13).
 ///
@@ -20,12 +20,7 @@ use tega_error::OutOfRange;
 /// ```
 pub fn fuse_levels(levels: &[u8]) -> Result<u8, EmgError> {
     if let Some(&level) = levels.iter().find(|l| !(1..=LEVELS).contains(*l)) {
-        return Err(EmgError::OutOfRange(OutOfRange {
-            name: "level",
-            value: f64::from(level),
-            unit: "",
-            wanted: "1 to 5",
-        }));
+        return Err(OutOfRange::new("level", f64::from(level), "", "1 to 5").into());
     }
     fuse(levels.iter().map(|level| (*level, 1.0)), Fusion::Floor).ok_or(EmgError::NoLevels)
 }
@@ -46,18 +41,9 @@ impl Fusion {
     /// Read a rule from its name.
     ///
     /// # Errors
-    /// [`EmgError::UnknownChoice`] unless it is `floor`, `round` or `median`.
-    pub fn parse(name: &str) -> Result<Self, EmgError> {
-        match name {
-            "floor" => Ok(Self::Floor),
-            "round" => Ok(Self::Round),
-            "median" => Ok(Self::Median),
-            _ => Err(EmgError::UnknownChoice {
-                name: "fusion",
-                got: name.to_owned(),
-                wanted: "\"floor\", \"round\", \"median\"",
-            }),
-        }
+    /// [`UnknownChoice`] unless it is `floor`, `round` or `median`.
+    pub fn parse(name: &str) -> Result<Self, UnknownChoice> {
+        choice("fusion", name, &[("floor", Self::Floor), ("round", Self::Round), ("median", Self::Median)])
     }
 }
 

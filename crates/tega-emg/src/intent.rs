@@ -6,7 +6,7 @@ use crate::error::EmgError;
 use crate::fusion::{Fusion, fuse};
 use crate::level::{Intervals, level_of};
 use crate::steady::{Confirm, Steady};
-use tega_error::OutOfRange;
+use tega_error::{OutOfRange, UnknownChoice, choice};
 
 /// What `live` takes of a channel's maximum, so that full closure is within comfortable reach.
 pub const LIVE_SHARE: f64 = 0.8;
@@ -24,23 +24,15 @@ impl Preset {
     /// Read a preset from its name.
     ///
     /// # Errors
-    /// [`EmgError::UnknownChoice`] unless it is `paper` or `live`.
+    /// [`UnknownChoice`] unless it is `paper` or `live`.
     ///
     /// # Examples
     /// ```
     /// assert_eq!(tega_emg::Preset::parse("live")?, tega_emg::Preset::Live);
-    /// # Ok::<(), tega_emg::EmgError>(())
+    /// # Ok::<(), tega_error::UnknownChoice>(())
     /// ```
-    pub fn parse(name: &str) -> Result<Self, EmgError> {
-        match name {
-            "paper" => Ok(Self::Paper),
-            "live" => Ok(Self::Live),
-            _ => Err(EmgError::UnknownChoice {
-                name: "preset",
-                got: name.to_owned(),
-                wanted: "\"paper\", \"live\"",
-            }),
-        }
+    pub fn parse(name: &str) -> Result<Self, UnknownChoice> {
+        choice("preset", name, &[("paper", Self::Paper), ("live", Self::Live)])
     }
 }
 
@@ -241,7 +233,7 @@ fn check_weights(weights: Vec<f64>, channels: usize) -> Result<Vec<f64>, EmgErro
     let (name, unit) = ("weights", "");
     if weights.len() != channels {
         let wanted = "one for each channel";
-        return Err(EmgError::OutOfRange(OutOfRange { name, value: weights.len() as f64, unit, wanted }));
+        return Err(OutOfRange::new(name, weights.len() as f64, unit, wanted).into());
     }
     let bad = weights.iter().find(|weight| !(weight.is_finite() && **weight >= 0.0));
     let none = weights.iter().sum::<f64>() <= 0.0;
@@ -249,7 +241,7 @@ fn check_weights(weights: Vec<f64>, channels: usize) -> Result<Vec<f64>, EmgErro
         None => Ok(weights),
         Some(value) => {
             let wanted = "finite numbers of 0 or more, one of them above 0";
-            Err(EmgError::OutOfRange(OutOfRange { name, value, unit, wanted }))
+            Err(OutOfRange::new(name, value, unit, wanted).into())
         }
     }
 }

@@ -28,12 +28,7 @@ impl Intervals {
         match count {
             4 => Ok(Self::Four),
             5 => Ok(Self::Five),
-            _ => Err(EmgError::OutOfRange(OutOfRange {
-                name: "intervals",
-                value: count as f64,
-                unit: "",
-                wanted: "4 (as printed) or 5",
-            })),
+            _ => Err(OutOfRange::new("intervals", count as f64, "", "4 (as printed) or 5").into()),
         }
     }
 
@@ -62,12 +57,7 @@ impl Intervals {
 pub fn grasp_level(value: f64, maximum: f64) -> Result<u8, EmgError> {
     if !(maximum.is_finite() && maximum > 0.0) {
         let wanted = "a finite number greater than 0";
-        return Err(EmgError::OutOfRange(OutOfRange {
-            name: "maximum",
-            value: maximum,
-            unit: "(unit of value)",
-            wanted,
-        }));
+        return Err(OutOfRange::new("maximum", maximum, "(unit of value)", wanted).into());
     }
     Ok(level_of(value, maximum, Intervals::Four))
 }

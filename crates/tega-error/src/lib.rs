@@ -1,19 +1,83 @@
-//! Say what is wrong with a number: the one error that all crates share, and the one way a number is written.
+//! Say what is wrong with a number or a name: the errors that all crates share, and the one way a number is written.
 
+use std::borrow::Cow;
 use std::fmt::{self, Display, Formatter};
 
 /// A number that is not finite or lies outside its range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{name} = {}{} is out of range: {wanted}", Brief(*value), Spaced(unit))]
+#[error("{name}{place} = {}{} is out of range: {wanted}", Brief(*value), Spaced(unit))]
 pub struct OutOfRange {
     /// The argument.
     pub name: &'static str,
+    /// Which of its numbers, as it is written after the name: `[3]`, ` of indenter 1`; empty where there is one.
+    pub place: String,
     /// The value given.
     pub value: f64,
     /// Its unit, or empty.
     pub unit: &'static str,
     /// What would be accepted.
-    pub wanted: &'static str,
+    pub wanted: Cow<'static, str>,
+}
+
+impl OutOfRange {
+    /// Name an argument, its value and unit, and what would be accepted.
+    pub fn new(
+        name: &'static str,
+        value: f64,
+        unit: &'static str,
+        wanted: impl Into<Cow<'static, str>>,
+    ) -> Self {
+        Self { name, place: String::new(), value, unit, wanted: wanted.into() }
+    }
+
+    /// Say which of an argument's numbers it is.
+    #[must_use]
+    pub fn placed(self, place: impl Display) -> Self {
+        Self { place: place.to_string(), ..self }
+    }
+}
+
+/// A name that is none of the choices.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{name} = '{value}' is not known")]
+pub struct UnknownChoice {
+    /// The argument.
+    pub name: &'static str,
+    /// The name given.
+    pub value: String,
+    /// The names that would be accepted.
+    pub known: Vec<&'static str>,
+}
+
+impl UnknownChoice {
+    /// The names to choose from, as the next step for the person who reads the message.
+    pub fn hint(&self) -> String {
+        let known: Vec<_> = self.known.iter().map(|known| format!("'{known}'")).collect();
+        format!("use {}", known.join(" or "))
+    }
+}
+
+/// Find a choice by its name.
+///
+/// # Errors
+/// [`UnknownChoice`] for a name that is none of them.
+///
+/// # Examples
+/// ```
+/// assert_eq!(tega_error::choice("order", "rgb", &[("bgr", 0), ("rgb", 1)]), Ok(1));
+/// let error = tega_error::choice("order", "red", &[("bgr", 0), ("rgb", 1)]).unwrap_err();
+/// assert_eq!(format!("{error}; {}", error.hint()), "order = 'red' is not known; use 'bgr' or 'rgb'");
+/// ```
+pub fn choice<T: Copy>(
+    name: &'static str,
+    value: &str,
+    choices: &[(&'static str, T)],
+) -> Result<T, UnknownChoice> {
+    let found = choices.iter().find(|(known, _)| *known == value).map(|(_, choice)| *choice);
+    found.ok_or_else(|| {
+        let known = choices.iter().map(|(known, _)| *known).collect();
+        UnknownChoice { name, value: value.to_owned(), known }
+    })
 }
 
 /// Write a number as people do: a very large or very small one with an exponent, not with 300 digits.
@@ -54,8 +118,9 @@ mod tests {
 
     #[test]
     fn the_message_names_argument_value_unit_and_range() {
-        let told = |unit| OutOfRange { name: "cutoff", value: 0.5, unit, wanted: "1 to 2" }.to_string();
-        assert_eq!(told("Hz"), "cutoff = 0.5 Hz is out of range: 1 to 2");
-        assert_eq!(told(""), "cutoff = 0.5 is out of range: 1 to 2");
+        let told = |unit| OutOfRange::new("cutoff", 0.5, unit, "1 to 2");
+        assert_eq!(told("Hz").to_string(), "cutoff = 0.5 Hz is out of range: 1 to 2");
+        assert_eq!(told("").to_string(), "cutoff = 0.5 is out of range: 1 to 2");
+        assert_eq!(told("Hz").placed("[3]").to_string(), "cutoff[3] = 0.5 Hz is out of range: 1 to 2");
     }
 }

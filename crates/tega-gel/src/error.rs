@@ -1,25 +1,14 @@
 //! What can be wrong with an indenter.
 
-use tega_error::Brief;
+use tega_error::{Brief, OutOfRange};
 use thiserror::Error;
 
 /// Why an indenter or a buffer is refused.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GelError {
     /// A number is not finite or out of its range.
-    #[error("{name} of indenter {index} is {} {unit}, wanted {wanted}", Brief(*value))]
-    Indenter {
-        /// Which number.
-        name: &'static str,
-        /// Of which indenter, from 0.
-        index: usize,
-        /// What it is.
-        value: f64,
-        /// Its unit.
-        unit: &'static str,
-        /// What it may be.
-        wanted: &'static str,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
     /// The rotation of a pose is not orthonormal.
     #[error("the rotation of indenter {index} is no rotation: its columns are off by {error:.3}")]
     Rotation {
@@ -44,16 +33,6 @@ pub enum GelError {
         /// What is needed.
         wanted: usize,
     },
-    /// A setting of the unit is out of range.
-    #[error("{name} = {}, wanted {wanted}", Brief(*value))]
-    Setting {
-        /// Which.
-        name: &'static str,
-        /// What it is.
-        value: f64,
-        /// What it may be.
-        wanted: &'static str,
-    },
     /// A gel with memory is asked for a moment that is past.
     #[error("t_s = {}, after a press at {} s", Brief(*t_s), Brief(*last_s))]
     Time {
@@ -68,7 +47,10 @@ impl GelError {
     /// What to do about it.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::Indenter { .. } => "sizes and poses are in millimetres, forces in newtons",
+            Self::OutOfRange(OutOfRange { name: "spread", .. }) => {
+                "0 is the fitted sensor, 1 spreads units as sensors differ"
+            }
+            Self::OutOfRange(_) => "sizes and poses are in millimetres, forces in newtons",
             Self::Rotation { .. } => {
                 "the first three columns of pose_mm are the shape's axes in the pad frame"
             }
@@ -77,7 +59,6 @@ impl GelError {
             Self::Time { .. } => {
                 "a gel with memory sees frames in the order of their times; forget() starts anew"
             }
-            Self::Setting { .. } => "0 is the fitted sensor, 1 spreads units as sensors differ",
         }
     }
 }

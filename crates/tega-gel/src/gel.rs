@@ -1,5 +1,7 @@
 //! A fingertip: what presses it, the picture, and what is true of the contact.
 
+use tega_error::OutOfRange;
+
 use crate::error::GelError;
 use crate::form::Form;
 use crate::grid::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS};
@@ -79,7 +81,7 @@ impl Gel {
     /// The spread is not within 0 to 2.
     pub fn new(Setup { seed, spread, form, memory }: Setup) -> Result<Self, GelError> {
         if !(0.0..=2.0).contains(&spread) {
-            return Err(GelError::Setting { name: "spread", value: spread, wanted: "0 to 2" });
+            return Err(OutOfRange::new("spread", spread, "", "0 to 2").into());
         }
         let unit = Unit::new(seed, spread as f32, form);
         Ok(Self {

@@ -1,5 +1,7 @@
 //! Rigid shapes, and how far each point of their surface stays from the gel.
 
+use tega_error::OutOfRange;
+
 use crate::error::GelError;
 
 /// Shapes that may press at once.
@@ -54,12 +56,12 @@ pub struct Indenter {
 impl Indenter {
     /// Refuses numbers that make no body.
     pub(crate) fn check(&self, index: usize) -> Result<(), GelError> {
+        let wrong = |name, value, unit, wanted: &'static str| {
+            let place = format_args!(" of indenter {index}");
+            Err(OutOfRange::new(name, value, unit, wanted).placed(place).into())
+        };
         let positive = |name, value: f64| {
-            if value > 0.0 && value <= 1e4 {
-                Ok(())
-            } else {
-                Err(GelError::Indenter { name, index, value, unit: "mm", wanted: "over 0 to 10000" })
-            }
+            if value > 0.0 && value <= 1e4 { Ok(()) } else { wrong(name, value, "mm", "over 0 to 10000") }
         };
         match self.shape {
             Shape::Sphere { radius } => positive("the radius", radius)?,
@@ -71,12 +73,10 @@ impl Indenter {
             Shape::Plane => {}
         }
         if !(0.0..=1000.0).contains(&self.force_n) {
-            let (name, unit) = ("force_n", "N");
-            return Err(GelError::Indenter { name, index, value: self.force_n, unit, wanted: "0 to 1000" });
+            return wrong("force_n", self.force_n, "N", "0 to 1000");
         }
         if let Some(&value) = self.pose_mm.as_flattened().iter().find(|v| !v.is_finite() || v.abs() > 1e6) {
-            let (name, unit) = ("a number of pose_mm", "mm");
-            return Err(GelError::Indenter { name, index, value, unit, wanted: "finite numbers" });
+            return wrong("a number of pose_mm", value, "mm", "finite numbers");
         }
         let p = &self.pose_mm;
         let mut error: f64 = 0.0;

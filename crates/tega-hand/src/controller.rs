@@ -1,5 +1,7 @@
 //! One call per control cycle: measured angles and a closure level in, torques out.
 
+use tega_error::OutOfRange;
+
 use crate::HandError;
 use crate::joints::{ENCODER_RANGE_RAD, JOINTS, Joints, check_joints};
 use crate::pd::{Gains, Velocity};
@@ -118,7 +120,11 @@ impl HandController {
 }
 
 pub(crate) fn check_level(level: f64) -> Result<f64, HandError> {
-    if (1.0..=LEVELS as f64).contains(&level) { Ok(level) } else { Err(HandError::Level { value: level }) }
+    if (1.0..=LEVELS as f64).contains(&level) {
+        Ok(level)
+    } else {
+        Err(OutOfRange::new("level", level, "", "1 (open) to 5 (tight)").into())
+    }
 }
 
 pub(crate) fn check_angles(angles_rad: &Joints) -> Result<(), HandError> {
@@ -148,7 +154,8 @@ mod tests {
         assert_eq!(controller.target_rad(), target);
         assert!(controller.step(&open, 5.0, None).unwrap().iter().all(|tau| tau.abs() <= 0.05));
         for level in [0.0, 6.0, -1.0, f64::MAX, 0.999, 5.001] {
-            assert_eq!(controller.step(&open, level, None), Err(HandError::Level { value: level }));
+            let error = controller.step(&open, level, None).unwrap_err();
+            assert!(error.to_string().ends_with("is out of range: 1 (open) to 5 (tight)"), "{error}");
         }
         assert!(controller.step(&[2.92; 16], 1.0, None).is_err());
         assert!(controller.step(&open, 1.0, Some(&[f64::INFINITY; 16])).is_err());

@@ -1,5 +1,7 @@
 //! The sixteen joints of an Allegro Hand v4 in the order of its CAN messages.
 
+use tega_error::{Brief, OutOfRange};
+
 use crate::HandError;
 
 /// Number of joints.
@@ -62,9 +64,16 @@ pub(crate) fn check_joints(
     high: f64,
 ) -> Result<(), HandError> {
     match JOINT_NAMES.iter().zip(values).find(|(_, value)| !(low..=high).contains(*value)) {
-        Some((&joint, &value)) => Err(HandError::Joint { name, joint, value, unit, low, high }),
+        Some((joint, &value)) => Err(wrong(name, joint, value, unit, low, high)),
         None => Ok(()),
     }
+}
+
+/// Out of the way of the control step, which never comes here.
+#[cold]
+fn wrong(name: &'static str, joint: &str, value: f64, unit: &'static str, low: f64, high: f64) -> HandError {
+    let wanted = format!("{} to {}", Brief(low), Brief(high));
+    OutOfRange::new(name, value, unit, wanted).placed(format_args!(" of {joint}")).into()
 }
 
 /// The nearest angles within the limits widened by `margin_rad`.

@@ -119,8 +119,9 @@ pub struct HandLink {
     jumpiness: u32,
     still: Option<Still>,
     info_due_ns: i64,
-    /// When the rate was looked at last, and the number of sets then.
+    /// When the rate was looked at last, and the number of sets then; later by each standstill of this side.
     rated: (i64, u64),
+    exchanged_ns: i64,
     poll_due_ns: i64,
 }
 
@@ -159,6 +160,7 @@ impl HandLink {
             still: None,
             info_due_ns: 0,
             rated: (0, 0),
+            exchanged_ns: 0,
             poll_due_ns: 0,
         }
     }
@@ -180,10 +182,16 @@ impl HandLink {
         self.since_ns.get_or_insert(t_ns);
         let mut out = Vec::new();
         let mut torques = None;
+        let (stood_ns, sets) = (t_ns - self.exchanged_ns, self.counts.sets);
+        self.exchanged_ns = t_ns;
         for frame in frames {
             if let Some(computed) = self.take(frame, t_ns, level) {
                 torques = Some(computed);
             }
+        }
+        if stood_ns > self.settings.silent_after_ns {
+            // An adapter keeps some frames of that time and loses the others, which says nothing of the hand's rate.
+            self.rated = (self.rated.0 + stood_ns, self.rated.1 + self.counts.sets - sets);
         }
         if let Some(torques) = torques.filter(|_| matches!(self.phase, Phase::Running | Phase::Releasing)) {
             out.extend(torque_frames(&torques, self.settings.device, Scale::V4).into_iter().flatten());

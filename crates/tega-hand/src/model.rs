@@ -69,7 +69,7 @@ impl JointModel {
         ];
         for (name, value, unit) in positive {
             if !(1e-6..=1e6).contains(&value) {
-                return Err(HandError::OutOfRange(OutOfRange { name, value, unit, wanted: "1e-6 to 1e6" }));
+                return Err(OutOfRange::new(name, value, unit, "1e-6 to 1e6").into());
             }
         }
         Ok(Self {

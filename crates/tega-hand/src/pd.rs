@@ -55,21 +55,13 @@ impl Gains {
         ];
         for (name, value, unit) in positive {
             if !(value.is_finite() && value > 0.0) {
-                return Err(HandError::OutOfRange(OutOfRange {
-                    name,
-                    value,
-                    unit,
-                    wanted: "a finite number above 0",
-                }));
+                return Err(OutOfRange::new(name, value, unit, "a finite number above 0").into());
             }
         }
         match self.level_factors.iter().find(|factor| !(0.0..=1.0).contains(*factor)) {
-            Some(&value) => Err(HandError::OutOfRange(OutOfRange {
-                name: "level_factors",
-                value,
-                unit: "of the torque limit",
-                wanted: "0 to 1",
-            })),
+            Some(&value) => {
+                Err(OutOfRange::new("level_factors", value, "of the torque limit", "0 to 1").into())
+            }
             None => Ok(()),
         }
     }

@@ -1,5 +1,7 @@
 //! The five closure poses, from open to a tight power grasp.
 
+use tega_error::{Brief, OutOfRange};
+
 use crate::joints::{JOINT_LIMITS_RAD, JOINT_NAMES, Joints, by_finger};
 use crate::{HandError, JOINTS};
 
@@ -50,7 +52,9 @@ impl PoseSet {
             for ((&value, (low, high)), joint) in pose.iter().zip(JOINT_LIMITS_RAD).zip(JOINT_NAMES) {
                 let (low, high) = (low + POSE_MARGIN_RAD, high - POSE_MARGIN_RAD);
                 if !(low..=high).contains(&value) {
-                    return Err(HandError::Pose { pose: number + 1, joint, value, low, high });
+                    let (place, wanted) =
+                        (format!(" {}: {joint}", number + 1), format!("{} to {}", Brief(low), Brief(high)));
+                    return Err(OutOfRange::new("pose", value, "rad", wanted).placed(place).into());
                 }
             }
         }

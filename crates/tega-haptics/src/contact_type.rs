@@ -49,7 +49,7 @@ pub fn contact_type(cci_norm: f64, eda_norm: f64) -> Result<ContactType, Haptics
     for (name, value) in [("cci_norm", cci_norm), ("eda_norm", eda_norm)] {
         if !(value.is_finite() && value >= 0.0) {
             let wanted = "a finite share of the maximum, 0 or more";
-            return Err(HapticsError::OutOfRange(OutOfRange { name, value, unit: "", wanted }));
+            return Err(OutOfRange::new(name, value, "", wanted).into());
         }
     }
     if eda_norm == 0.0 {

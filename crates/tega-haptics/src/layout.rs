@@ -3,6 +3,8 @@
 //! A 40-motor vest numbers its motors `4 * row + column` on the front (0 to 19) and 20 more on the back, row 0 at
 //! the top, column 0 at the wearer's left on both faces. All layouts are subsets of those 40.
 
+use tega_error::{OutOfRange, UnknownChoice, choice};
+
 use crate::HapticsError;
 
 /// The fingers in column order, from the wearer's left.
@@ -28,17 +30,8 @@ impl Layout {
     ///
     /// # Errors
     /// A name that is none of these.
-    pub fn from_name(name: &str) -> Result<Self, HapticsError> {
-        match name {
-            "paper32" => Ok(Self::Paper32),
-            "x40" => Ok(Self::X40),
-            "x16" => Ok(Self::X16),
-            _ => Err(HapticsError::UnknownChoice {
-                name: "layout",
-                value: name.to_owned(),
-                wanted: "paper32, x40 or x16",
-            }),
-        }
+    pub fn from_name(name: &str) -> Result<Self, UnknownChoice> {
+        choice("layout", name, &[Self::Paper32, Self::X40, Self::X16].map(|layout| (layout.name(), layout)))
     }
 
     /// The name [`Layout::from_name`] takes.
@@ -94,17 +87,8 @@ impl Mirror {
     ///
     /// # Errors
     /// A name that is none of these.
-    pub fn from_name(name: &str) -> Result<Self, HapticsError> {
-        match name {
-            "none" => Ok(Self::None),
-            "back" => Ok(Self::Back),
-            "all" => Ok(Self::All),
-            _ => Err(HapticsError::UnknownChoice {
-                name: "mirror",
-                value: name.to_owned(),
-                wanted: "none, back or all",
-            }),
-        }
+    pub fn from_name(name: &str) -> Result<Self, UnknownChoice> {
+        choice("mirror", name, &[("none", Self::None), ("back", Self::Back), ("all", Self::All)])
     }
 }
 
@@ -126,7 +110,8 @@ impl VestFrame {
             return Err(HapticsError::MotorCount { got, wanted, layout: layout.name() });
         }
         if let Some((index, &value)) = intensities.iter().enumerate().find(|&(_, &value)| value > 100) {
-            return Err(HapticsError::MotorIntensity { index, value });
+            let wrong = OutOfRange::new("intensities", f64::from(value), "percent", "0 to 100");
+            return Err(wrong.placed(format_args!("[{index}]")).into());
         }
         Ok(Self { layout, intensities })
     }
@@ -141,9 +126,9 @@ impl VestFrame {
         &self.intensities
     }
 
-    /// The step of each motor, 0 to 15; see [`motor_level`].
-    pub fn levels(&self) -> Vec<u8> {
-        self.intensities.iter().copied().map(motor_level).collect()
+    /// The step of each motor, 0 to 15; see [`motor_step`].
+    pub fn steps(&self) -> Vec<u8> {
+        self.intensities.iter().copied().map(motor_step).collect()
     }
 
     /// The intensities of the 40 motors of the largest vest that feel like this frame, in wearer order.
@@ -178,7 +163,7 @@ pub fn vest_frame(
     layout: Layout,
     mirror: Mirror,
 ) -> Result<VestFrame, HapticsError> {
-    let (mut front, mut back) = (percents("front", front)?, percents("back", back)?);
+    let (mut front, mut back) = (percents("front intensity", front)?, percents("back intensity", back)?);
     if mirror == Mirror::All {
         front.reverse();
     }
@@ -190,11 +175,12 @@ pub fn vest_frame(
     Ok(VestFrame { layout, intensities })
 }
 
-fn percents(face: &'static str, values: [f64; COLUMNS]) -> Result<[u8; COLUMNS], HapticsError> {
+fn percents(name: &'static str, values: [f64; COLUMNS]) -> Result<[u8; COLUMNS], HapticsError> {
     let mut out = [0; COLUMNS];
     for ((out, value), finger) in out.iter_mut().zip(values).zip(FINGERS) {
         if !value.is_finite() {
-            return Err(HapticsError::Intensity { face, finger, value });
+            let wrong = OutOfRange::new(name, value, "percent", "any finite number");
+            return Err(wrong.placed(format_args!(" of the {finger}")).into());
         }
         *out = value.round_ties_even().clamp(0.0, 100.0) as u8;
     }
@@ -207,9 +193,9 @@ fn percents(face: &'static str, values: [f64; COLUMNS]) -> Result<[u8; COLUMNS],
 ///
 /// # Examples
 /// ```
-/// assert_eq!([0, 3, 4, 30, 50, 100].map(tega_haptics::motor_level), [0, 0, 1, 5, 8, 15]);
+/// assert_eq!([0, 3, 4, 30, 50, 100].map(tega_haptics::motor_step), [0, 0, 1, 5, 8, 15]);
 /// ```
-pub const fn motor_level(percent: u8) -> u8 {
+pub const fn motor_step(percent: u8) -> u8 {
     let percent = if percent > 100 { 100 } else { percent as u16 };
     ((15 * percent + 50) / 100) as u8
 }
@@ -273,7 +259,10 @@ mod tests {
     #[test]
     fn the_message_names_face_and_finger() {
         let error = vest_frame(CCI, [0.0, 0.0, f64::NAN, 0.0], Layout::X16, Mirror::None).unwrap_err();
-        assert_eq!(error.to_string(), "back intensity of the middle = NaN percent is not a finite number");
+        assert_eq!(
+            error.to_string(),
+            "back intensity of the middle = NaN percent is out of range: any finite number"
+        );
     }
 
     #[test]
@@ -283,9 +272,9 @@ mod tests {
         let mut loud = vec![100; 32];
         loud[7] = 101;
         let loud = VestFrame::new(Layout::Paper32, loud).unwrap_err();
-        assert_eq!(loud, HapticsError::MotorIntensity { index: 7, value: 101 });
+        assert_eq!(loud.to_string(), "intensities[7] = 101 percent is out of range: 0 to 100");
         let full = VestFrame::new(Layout::X40, vec![100; 40]).unwrap();
-        assert_eq!(full.levels(), [15; 40]);
+        assert_eq!(full.steps(), [15; 40]);
     }
 
     #[test]
@@ -295,7 +284,7 @@ mod tests {
         let more =
             [(60, 9), (70, 11), (75, 11), (80, 12), (90, 14), (96, 14), (97, 15), (100, 15), (255, 15)];
         for (percent, step) in known.into_iter().chain(more) {
-            assert_eq!(motor_level(percent), step, "{percent}");
+            assert_eq!(motor_step(percent), step, "{percent}");
         }
     }
 }

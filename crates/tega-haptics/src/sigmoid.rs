@@ -36,12 +36,13 @@ const ZERO_BELOW: f64 = -1e6;
 pub fn intensity(value: f64, maximum: f64, end_value: f64) -> Result<f64, HapticsError> {
     check(value, maximum)?;
     if !(end_value > 0.0 && end_value < 0.5) {
-        return Err(HapticsError::OutOfRange(OutOfRange {
-            name: "end_value",
-            value: end_value,
-            unit: "",
-            wanted: "more than 0 and less than 0.5 (a share of full intensity)",
-        }));
+        return Err(OutOfRange::new(
+            "end_value",
+            end_value,
+            "",
+            "more than 0 and less than 0.5 (a share of full intensity)",
+        )
+        .into());
     }
     let base = (1.0 - end_value) / end_value;
     let ratio = value / maximum;
@@ -74,20 +75,16 @@ pub fn linear_intensity(value: f64, maximum: f64) -> Result<f64, HapticsError> {
 
 fn check(value: f64, maximum: f64) -> Result<(), HapticsError> {
     if !value.is_finite() {
-        return Err(HapticsError::OutOfRange(OutOfRange {
-            name: "value",
-            value,
-            unit: "",
-            wanted: "any finite number",
-        }));
+        return Err(OutOfRange::new("value", value, "", "any finite number").into());
     }
     if !(maximum.is_finite() && maximum > 0.0) {
-        return Err(HapticsError::OutOfRange(OutOfRange {
-            name: "maximum",
-            value: maximum,
-            unit: "",
-            wanted: "a finite number above 0, in the unit of the value",
-        }));
+        return Err(OutOfRange::new(
+            "maximum",
+            maximum,
+            "",
+            "a finite number above 0, in the unit of the value",
+        )
+        .into());
     }
     Ok(())
 }

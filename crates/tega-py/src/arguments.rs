@@ -1,4 +1,4 @@
-//! Arguments shared by the bindings: byte images and named choices, refused with a message that helps.
+//! Borrow byte images from Python, refused with a message that helps.
 
 use numpy::{PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
@@ -40,16 +40,4 @@ fn why_not_an_image(name: &str, value: &Bound<'_, PyAny>) -> BindError {
         ))
         .into()
     }
-}
-
-/// Looks a named choice up.
-pub(crate) fn choice<T: Copy>(name: &str, value: &str, choices: &[(&str, T)]) -> Result<T, BindError> {
-    choices.iter().find(|(known, _)| *known == value).map(|(_, choice)| *choice).ok_or_else(|| {
-        let known: Vec<_> = choices.iter().map(|(known, _)| format!("'{known}'")).collect();
-        InvalidValueError::new_err((
-            format!("{name} = '{value}' is not known"),
-            format!("use {}", known.join(" or ")),
-        ))
-        .into()
-    })
 }

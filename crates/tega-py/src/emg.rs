@@ -11,13 +11,10 @@ use tega_emg::{Blocks, EmgError, Fusion, Intervals, Kind, Preset, Rules};
 use tega_error::OutOfRange;
 
 use crate::errors::{BindError, ShapeError};
-use crate::shared::Shared;
-
-/// From this many values on, other threads may run meanwhile; below, letting them costs more than it gives.
-const DETACH_VALUES: usize = 4096;
+use crate::shared::{KEEP_UP_TO, Shared, released};
 
 #[pyclass(module = "tega._native", frozen)]
-struct ButterworthLowpass(Shared<tega_emg::ButterworthLowpass>);
+pub(crate) struct ButterworthLowpass(Shared<tega_emg::ButterworthLowpass>);
 
 #[pymethods]
 impl ButterworthLowpass {
@@ -35,7 +32,7 @@ impl ButterworthLowpass {
     ) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
         let channels = self.channels();
         let (rows, mut out) = (rows(&samples, channels)?, Vec::new());
-        detached(py, rows.len(), || self.0.with(|core| core.process(rows, &mut out)))?;
+        released(py, rows.len() > KEEP_UP_TO, || self.0.with(|core| core.process(rows, &mut out)))?;
         matrix(py, out, channels)
     }
 
@@ -57,7 +54,7 @@ impl ButterworthLowpass {
 
 /// Its channels may be left to the first chunk.
 #[pyclass(module = "tega._native", frozen)]
-struct BlockMean {
+pub(crate) struct BlockMean {
     tau: usize,
     core: Shared<Option<tega_emg::BlockMean>>,
 }
@@ -79,7 +76,7 @@ impl BlockMean {
     ) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
         let channels = self.channels().unwrap_or(samples.shape()[1]);
         let (rows, mut out) = (rows(&samples, channels)?, Vec::new());
-        detached(py, rows.len(), || {
+        released(py, rows.len() > KEEP_UP_TO, || {
             self.core.with(|core| {
                 let core = match core {
                     Some(core) => core,
@@ -104,7 +101,7 @@ impl BlockMean {
 }
 
 #[pyclass(module = "tega._native", frozen)]
-struct GraspIntent(Shared<Steering>);
+pub(crate) struct GraspIntent(Shared<Steering>);
 
 struct Steering {
     core: tega_emg::GraspIntent,
@@ -147,10 +144,10 @@ impl GraspIntent {
         samples: PyReadonlyArray2<'py, f64>,
     ) -> Result<Bound<'py, PyArray1<i64>>, BindError> {
         let rows = rows(&samples, self.channels())?;
-        let fused = detached(py, rows.len(), || {
+        let fused = released(py, rows.len() > KEEP_UP_TO, || {
             self.0.with(|state| {
                 state.last = state.core.process(rows)?;
-                Ok(widened(&state.last.fused))
+                Ok::<_, EmgError>(widened(&state.last.fused))
             })
         })?;
         Ok(fused.into_pyarray(py))
@@ -189,13 +186,13 @@ impl GraspIntent {
 
 #[pyfunction]
 #[pyo3(signature = (value, maximum))]
-fn grasp_level(value: f64, maximum: f64) -> Result<u8, BindError> {
+pub(crate) fn grasp_level(value: f64, maximum: f64) -> Result<u8, BindError> {
     Ok(tega_emg::grasp_level(value, maximum)?)
 }
 
 #[pyfunction]
 #[pyo3(signature = (levels))]
-fn fuse_levels(levels: Vec<i64>) -> Result<u8, BindError> {
+pub(crate) fn fuse_levels(levels: Vec<i64>) -> Result<u8, BindError> {
     // What does not fit a byte is no level either, and is named by the value given.
     let narrow = |level: i64| u8::try_from(level).map_err(|_| out_of_range("level", level, "1 to 5"));
     let levels = levels.into_iter().map(narrow).collect::<Result<Vec<_>, _>>()?;
@@ -204,7 +201,7 @@ fn fuse_levels(levels: Vec<i64>) -> Result<u8, BindError> {
 
 #[pyfunction]
 #[pyo3(signature = (samples, rate_hz, tau, kind, percentile))]
-fn channel_maxima<'py>(
+pub(crate) fn channel_maxima<'py>(
     py: Python<'py>,
     samples: PyReadonlyArray2<'py, f64>,
     rate_hz: f64,
@@ -214,7 +211,7 @@ fn channel_maxima<'py>(
 ) -> Result<Bound<'py, PyArray1<f64>>, BindError> {
     let (channels, kind, tau) = (samples.shape()[1], Kind::parse(kind)?, count("tau", tau)?);
     let rows = rows(&samples, channels)?;
-    let maxima = detached(py, rows.len(), || {
+    let maxima = released(py, rows.len() > KEEP_UP_TO, || {
         tega_emg::channel_maxima(rows, channels, rate_hz, tau, kind, percentile)
     })?;
     Ok(maxima.into_pyarray(py))
@@ -227,14 +224,6 @@ fn rows<'a>(samples: &'a PyReadonlyArray2<'_, f64>, wanted: usize) -> Result<&'a
     }
     let scattered = |_| ShapeError::new_err(("samples are not C-contiguous", "copy them first"));
     Ok(samples.as_slice().map_err(scattered)?)
-}
-
-fn detached<T: Send>(
-    py: Python<'_>,
-    values: usize,
-    work: impl FnOnce() -> Result<T, EmgError> + Send,
-) -> Result<T, EmgError> {
-    if values < DETACH_VALUES { work() } else { py.detach(work) }
 }
 
 fn matrix<T: numpy::Element>(
@@ -257,14 +246,5 @@ fn count(name: &'static str, value: i64) -> Result<usize, EmgError> {
 }
 
 fn out_of_range(name: &'static str, value: i64, wanted: &'static str) -> EmgError {
-    EmgError::OutOfRange(OutOfRange { name, value: value as f64, unit: "", wanted })
-}
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_class::<ButterworthLowpass>()?;
-    m.add_class::<BlockMean>()?;
-    m.add_class::<GraspIntent>()?;
-    m.add_function(wrap_pyfunction!(grasp_level, m)?)?;
-    m.add_function(wrap_pyfunction!(fuse_levels, m)?)?;
-    m.add_function(wrap_pyfunction!(channel_maxima, m)?)
+    OutOfRange::new(name, value as f64, "", wanted).into()
 }

@@ -6,6 +6,7 @@
 use pyo3::import_exception;
 use pyo3::prelude::*;
 use tega_emg::EmgError;
+use tega_error::UnknownChoice;
 use tega_gel::GelError;
 use tega_hand::HandError;
 use tega_haptics::HapticsError;
@@ -32,6 +33,12 @@ impl From<BindError> for PyErr {
 impl From<PyErr> for BindError {
     fn from(e: PyErr) -> Self {
         Self(e)
+    }
+}
+
+impl From<UnknownChoice> for BindError {
+    fn from(e: UnknownChoice) -> Self {
+        Self(InvalidValueError::new_err((e.to_string(), e.hint())))
     }
 }
 
@@ -65,10 +72,9 @@ impl From<EmgError> for BindError {
     fn from(e: EmgError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            EmgError::OutOfRange(_)
-            | EmgError::Cutoff { .. }
-            | EmgError::UnknownChoice { .. }
-            | EmgError::NoLevels => InvalidValueError::new_err(args),
+            EmgError::OutOfRange(_) | EmgError::Cutoff { .. } | EmgError::NoLevels => {
+                InvalidValueError::new_err(args)
+            }
             EmgError::Channels { .. } | EmgError::Ragged { .. } => ShapeError::new_err(args),
             EmgError::BadCalibrationSample { .. }
             | EmgError::CalibrationTooShort { .. }
@@ -81,10 +87,9 @@ impl From<GelError> for BindError {
     fn from(e: GelError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            GelError::Indenter { .. }
+            GelError::OutOfRange(_)
             | GelError::Rotation { .. }
             | GelError::TooMany { .. }
-            | GelError::Setting { .. }
             | GelError::Time { .. } => InvalidValueError::new_err(args),
             GelError::Picture { .. } => ShapeError::new_err(args),
         })
@@ -95,10 +100,7 @@ impl From<HapticsError> for BindError {
     fn from(e: HapticsError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HapticsError::OutOfRange(_)
-            | HapticsError::Intensity { .. }
-            | HapticsError::MotorIntensity { .. }
-            | HapticsError::UnknownChoice { .. } => InvalidValueError::new_err(args),
+            HapticsError::OutOfRange(_) => InvalidValueError::new_err(args),
             HapticsError::MotorCount { .. } => ShapeError::new_err(args),
         })
     }
@@ -108,10 +110,7 @@ impl From<HandError> for BindError {
     fn from(e: HandError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            HandError::OutOfRange(_)
-            | HandError::Level { .. }
-            | HandError::Joint { .. }
-            | HandError::Pose { .. } => InvalidValueError::new_err(args),
+            HandError::OutOfRange(_) => InvalidValueError::new_err(args),
             HandError::Count { .. } => ShapeError::new_err(args),
         })
     }
@@ -121,10 +120,9 @@ impl From<CoreWireError> for BindError {
     fn from(e: CoreWireError) -> Self {
         let args = (e.to_string(), e.hint());
         Self(match e {
-            CoreWireError::Setting { .. } => InvalidValueError::new_err(args),
+            CoreWireError::Setting(_) => InvalidValueError::new_err(args),
             CoreWireError::Length { .. } => ShapeError::new_err(args),
             CoreWireError::OutOfRange(_)
-            | CoreWireError::Element { .. }
             | CoreWireError::PacketLength { .. }
             | CoreWireError::NoSuchRow { .. }
             | CoreWireError::Empty { .. }

@@ -2,41 +2,34 @@
 
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
+use tega_error::choice;
 use tega_gel::{CELLS, Form, HEIGHT, Indenter, PICTURE, Setup, Shape, WIDTH};
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
-use crate::shared::Shared;
+use crate::shared::{Shared, released};
 
 type Picture<'py> = Bound<'py, PyArray3<u8>>;
 type Pressing<'py> = (String, [f64; 3], PyReadonlyArray2<'py, f64>, f64);
 type Found = (bool, usize, f64, f64, (f64, f64));
 
 #[pyclass(module = "tega._native", frozen)]
-struct Gel(Shared<tega_gel::Gel>);
+pub(crate) struct Gel(Shared<tega_gel::Gel>);
 
 #[pymethods]
 impl Gel {
     #[new]
     #[pyo3(signature = (seed, /, *, spread, shape, memory))]
     fn new(py: Python<'_>, seed: u64, spread: f64, shape: &str, memory: bool) -> Result<Self, BindError> {
-        let form = match shape {
-            "digit" => Form::Digit,
-            "flat" => Form::Flat,
-            _ => {
-                return Err(InvalidValueError::new_err((
-                    format!("shape = '{shape}' is not known"),
-                    "use 'digit' or 'flat'",
-                ))
-                .into());
-            }
-        };
-        Ok(Self(Shared::new(py.detach(|| tega_gel::Gel::new(Setup { seed, spread, form, memory }))?)))
+        let form = choice("shape", shape, &[("digit", Form::Digit), ("flat", Form::Flat)])?;
+        Ok(Self(Shared::new(released(py, true, || {
+            tega_gel::Gel::new(Setup { seed, spread, form, memory })
+        })?)))
     }
 
     #[pyo3(signature = (indenters, t_s, /))]
     fn press(&self, py: Python<'_>, indenters: Vec<Pressing<'_>>, t_s: f64) -> Result<bool, BindError> {
         let indenters = collect(indenters)?;
-        Ok(py.detach(|| self.0.with(|gel| gel.press(&indenters, t_s)))?)
+        Ok(released(py, true, || self.0.with(|gel| gel.press(&indenters, t_s)))?)
     }
 
     fn remains(&self, t_s: f64) -> bool {
@@ -77,7 +70,7 @@ impl Gel {
                 "make it with numpy.empty((320, 240, 3), numpy.uint8)",
             ))
         })?;
-        py.detach(|| {
+        released(py, true, || {
             self.0.with(|gel| {
                 gel.press(&indenters, t_s)?;
                 gel.paint(index, pixels)
@@ -89,7 +82,7 @@ impl Gel {
     #[pyo3(signature = (index, /))]
     fn still<'py>(&self, py: Python<'py>, index: u64) -> Result<Picture<'py>, BindError> {
         let mut still = vec![0; PICTURE];
-        py.detach(|| self.0.with(|gel| gel.still(index, &mut still)))?;
+        released(py, true, || self.0.with(|gel| gel.still(index, &mut still)))?;
         Ok(still.into_pyarray(py).reshape([HEIGHT, WIDTH, 3])?)
     }
 
@@ -116,20 +109,14 @@ fn collect(indenters: Vec<Pressing<'_>>) -> Result<Vec<Indenter>, BindError> {
     indenters
         .into_iter()
         .map(|(name, [a, b, c], pose, force_n)| {
-            let shape = match name.as_str() {
-                "sphere" => Shape::Sphere { radius: a },
-                "cylinder" => Shape::Cylinder { radius: a, half_length: b },
-                "capsule" => Shape::Capsule { radius: a, half_length: b },
-                "box" => Shape::Box { half: [a, b, c] },
-                "plane" => Shape::Plane,
-                _ => {
-                    return Err(InvalidValueError::new_err((
-                        format!("shape = '{name}' is not known"),
-                        "use 'sphere', 'cylinder', 'capsule', 'box' or 'plane'",
-                    ))
-                    .into());
-                }
-            };
+            let shapes = [
+                ("sphere", Shape::Sphere { radius: a }),
+                ("cylinder", Shape::Cylinder { radius: a, half_length: b }),
+                ("capsule", Shape::Capsule { radius: a, half_length: b }),
+                ("box", Shape::Box { half: [a, b, c] }),
+                ("plane", Shape::Plane),
+            ];
+            let shape = choice("shape", &name, &shapes)?;
             let view = pose.as_array();
             if view.dim() != (3, 4) {
                 return Err(ShapeError::new_err((
@@ -147,18 +134,6 @@ fn collect(indenters: Vec<Pressing<'_>>) -> Result<Vec<Indenter>, BindError> {
 
 #[pyfunction]
 #[pyo3(signature = (x_mm, y_mm, /))]
-fn gel_fall(x_mm: f64, y_mm: f64) -> (f64, f64) {
+pub(crate) fn gel_fall(x_mm: f64, y_mm: f64) -> (f64, f64) {
     tega_gel::fall(x_mm, y_mm).into()
-}
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add("GEL_PX_PER_MM", tega_gel::PX_PER_MM)?;
-    m.add("GEL_LENGTH_MM", tega_gel::LENGTH_MM)?;
-    m.add("GEL_STIFFNESS_N_MM3", tega_gel::STIFFNESS_N_MM3)?;
-    m.add("GEL_RADIUS_ACROSS_MM", tega_gel::RADIUS_ACROSS_MM)?;
-    m.add("GEL_HEIGHTS_ALONG_MM", tega_gel::HEIGHTS_ALONG_MM.map(<(f64, f64)>::from))?;
-    m.add("GEL_MIDDLE_ALONG_MM", tega_gel::MIDDLE_ALONG_MM)?;
-    m.add("GEL_CAMERA_MM", tega_gel::CAMERA_MM)?;
-    m.add_function(wrap_pyfunction!(gel_fall, m)?)?;
-    m.add_class::<Gel>()
 }

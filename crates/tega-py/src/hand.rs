@@ -1,8 +1,7 @@
 //! Bindings of `tega-hand`.
 #![allow(clippy::needless_pass_by_value, reason = "arguments arrive from Python as owned borrows")]
 
-use numpy::ndarray::arr2;
-use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1};
 use pyo3::prelude::*;
 use tega_hand::{Gains, HandError, Joints, LEVELS, PoseSet};
 
@@ -78,7 +77,7 @@ impl HandController {
 }
 
 #[pyclass(module = "tega._native", frozen)]
-struct JointModel(Shared<tega_hand::JointModel>);
+pub(crate) struct JointModel(Shared<tega_hand::JointModel>);
 
 #[pymethods]
 impl JointModel {
@@ -118,7 +117,7 @@ impl JointModel {
 
 #[pyfunction]
 #[pyo3(signature = (controller, model, level, /))]
-fn step_modelled<'py>(
+pub(crate) fn step_modelled<'py>(
     py: Python<'py>,
     controller: PyRef<'py, HandController>,
     model: PyRef<'py, JointModel>,
@@ -164,24 +163,4 @@ fn borrow_out<'py>(out: &Vector<'py>) -> Result<PyReadwriteArray1<'py, f64>, Bin
         tega_hand::JOINTS => Ok(lent),
         got => Err(HandError::Count { name: "out", got, wanted: tega_hand::JOINTS }.into()),
     }
-}
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    let py = m.py();
-    let gains = Gains::default();
-    m.add("JOINT_NAMES", tega_hand::JOINT_NAMES)?;
-    m.add("JOINT_LIMITS_RAD", tega_hand::JOINT_LIMITS_RAD)?;
-    m.add("TORQUE_LIMITS", PyArray1::from_slice(py, &tega_hand::TORQUE_LIMITS))?;
-    m.add("CLOSURE_POSES_RAD", arr2(&tega_hand::CLOSURE_POSES_RAD).into_pyarray(py))?;
-    m.add("DEFAULT_KP", PyArray1::from_slice(py, &gains.kp))?;
-    m.add("DEFAULT_KD", PyArray1::from_slice(py, &gains.kd))?;
-    m.add("DEFAULT_ERROR_LIMIT_RAD", gains.error_limit_rad)?;
-    m.add("DEFAULT_LEVEL_FACTORS", PyArray1::from_slice(py, &gains.level_factors))?;
-    m.add("DEFAULT_SLEW_PER_TICK", gains.slew_per_tick)?;
-    m.add("FULL_DUTY_SPEED_RAD_S", tega_hand::FULL_DUTY_SPEED_RAD_S)?;
-    m.add("TIME_CONSTANT_S", tega_hand::TIME_CONSTANT_S)?;
-    m.add("TICK_S", tega_hand::TICK_S)?;
-    m.add_class::<HandController>()?;
-    m.add_class::<JointModel>()?;
-    m.add_function(wrap_pyfunction!(step_modelled, m)?)
 }

@@ -1,8 +1,6 @@
 //! Binding of `tega_hand::HandLink`: frames cross as tuples.
 #![allow(clippy::needless_pass_by_value, reason = "arguments arrive from Python as owned borrows")]
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
@@ -12,6 +10,7 @@ use tega_wire::allegro::{CanFrame, DeviceId, Received};
 
 use crate::errors::{BindError, InvalidValueError};
 use crate::hand::HandController;
+use crate::shared::Shared;
 
 type Sent<'py> = Vec<(u16, Bound<'py, PyBytes>, bool)>;
 
@@ -20,13 +19,7 @@ type Given = (u32, PyBackedBytes, bool, bool, bool);
 
 /// The hand's own thread exchanges while others look on.
 #[pyclass(module = "tega._native", frozen)]
-struct HandLink(Mutex<tega_hand::HandLink>);
-
-impl HandLink {
-    fn link(&self) -> MutexGuard<'_, tega_hand::HandLink> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+pub(crate) struct HandLink(Shared<tega_hand::HandLink>);
 
 #[pymethods]
 impl HandLink {
@@ -50,7 +43,8 @@ impl HandLink {
         }
         let device = DeviceId::new(device_id)?;
         let settings = LinkSettings { device, left, torque, silent_after_ns, lowest_rate_hz, reconnects };
-        Ok(Self(Mutex::new(tega_hand::HandLink::new(settings, controller.0.with(|core| core.clone())))))
+        let controller = controller.0.with(|core| core.clone());
+        Ok(Self(Shared::new(tega_hand::HandLink::new(settings, controller))))
     }
 
     #[pyo3(signature = (frames, t_ns, level, /))]
@@ -71,21 +65,21 @@ impl HandLink {
                 error: *error,
             })
             .collect();
-        Ok(sent(py, &self.link().exchange(&frames, t_ns, level)?))
+        Ok(sent(py, &self.0.with(|link| link.exchange(&frames, t_ns, level))?))
     }
 
     #[pyo3(signature = (t_ns, /))]
     fn release(&self, t_ns: i64) {
-        self.link().release(t_ns);
+        self.0.with(|link| link.release(t_ns));
     }
 
     fn abandon<'py>(&self, py: Python<'py>) -> Sent<'py> {
-        sent(py, &self.link().abandon())
+        sent(py, &self.0.with(|link| link.abandon()))
     }
 
     #[getter]
     fn phase(&self) -> &'static str {
-        match self.link().phase() {
+        match self.0.with(|link| link.phase()) {
             Phase::Listening => "listening",
             Phase::Identifying => "identifying",
             Phase::Checking => "checking",
@@ -99,53 +93,55 @@ impl HandLink {
 
     #[getter]
     fn released(&self) -> bool {
-        self.link().released()
+        self.0.with(|link| link.released())
     }
 
     #[getter]
     fn fault(&self) -> Option<(&'static str, String, &'static str)> {
-        self.link().fault().map(|fault| (fault.kind(), fault.to_string(), fault.hint()))
+        self.0.with(|link| link.fault().map(|fault| (fault.kind(), fault.to_string(), fault.hint())))
     }
 
     #[getter]
     fn angles_rad<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        self.link().angles_rad().map(|angles| PyArray1::from_slice(py, angles))
+        self.0.with(|link| link.angles_rad().copied()).map(|angles| PyArray1::from_slice(py, &angles))
     }
 
     #[getter]
     fn target_rad<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        self.link().target_rad().map(|target| PyArray1::from_slice(py, &target))
+        self.0.with(|link| link.target_rad()).map(|target| PyArray1::from_slice(py, &target))
     }
 
     #[getter]
     fn torques<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.link().torques())
+        PyArray1::from_slice(py, &self.0.with(|link| *link.torques()))
     }
 
     #[getter]
     fn info(&self) -> Option<(u16, u16, u8, u8, u8)> {
-        self.link().info().map(|info| (info.hardware, info.firmware, info.side, info.palm_c, info.status))
+        self.0.with(|link| {
+            link.info().map(|info| (info.hardware, info.firmware, info.side, info.palm_c, info.status))
+        })
     }
 
     #[getter]
     fn serial(&self) -> String {
-        let text = String::from_utf8_lossy(self.link().serial()).into_owned();
+        let text = self.0.with(|link| String::from_utf8_lossy(link.serial()).into_owned());
         text.trim_end_matches('\0').escape_debug().to_string()
     }
 
     #[getter]
     fn joints_c(&self) -> Vec<Option<u8>> {
-        self.link().joints_c().to_vec()
+        self.0.with(|link| link.joints_c().to_vec())
     }
 
     #[pyo3(signature = (t_ns, /))]
     fn heat_share(&self, t_ns: i64) -> f64 {
-        self.link().heat_share(t_ns)
+        self.0.with(|link| link.heat_share(t_ns))
     }
 
     #[getter]
     fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let counts = self.link().counts();
+        let counts = self.0.with(|link| link.counts());
         let dict = PyDict::new(py);
         for (name, count) in [
             ("sets", counts.sets),
@@ -166,8 +162,4 @@ impl HandLink {
 
 fn sent<'py>(py: Python<'py>, frames: &[CanFrame]) -> Sent<'py> {
     frames.iter().map(|frame| (frame.id(), PyBytes::new(py, frame.data()), frame.is_remote())).collect()
-}
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_class::<HandLink>()
 }

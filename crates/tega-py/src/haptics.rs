@@ -3,31 +3,31 @@
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
-use tega_haptics::{HapticsError, Layout, Mirror, VestFrame};
+use tega_haptics::{Layout, Mirror, VestFrame};
 
 use crate::errors::BindError;
 
 #[pyfunction]
 #[pyo3(signature = (value, maximum, /, *, end_value))]
-fn logistic_intensity(value: f64, maximum: f64, end_value: f64) -> Result<f64, BindError> {
+pub(crate) fn logistic_intensity(value: f64, maximum: f64, end_value: f64) -> Result<f64, BindError> {
     Ok(tega_haptics::intensity(value, maximum, end_value)?)
 }
 
 #[pyfunction]
 #[pyo3(signature = (value, maximum, /))]
-fn linear_intensity(value: f64, maximum: f64) -> Result<f64, BindError> {
+pub(crate) fn linear_intensity(value: f64, maximum: f64) -> Result<f64, BindError> {
     Ok(tega_haptics::linear_intensity(value, maximum)?)
 }
 
 #[pyfunction]
 #[pyo3(signature = (cci_norm, eda_norm, /))]
-fn contact_type(cci_norm: f64, eda_norm: f64) -> Result<&'static str, BindError> {
+pub(crate) fn contact_type(cci_norm: f64, eda_norm: f64) -> Result<&'static str, BindError> {
     Ok(tega_haptics::contact_type(cci_norm, eda_norm)?.name())
 }
 
 #[pyfunction]
 #[pyo3(signature = (front, back, /, *, layout, mirror))]
-fn vest_intensities<'py>(
+pub(crate) fn vest_intensities<'py>(
     py: Python<'py>,
     front: (f64, f64, f64, f64),
     back: (f64, f64, f64, f64),
@@ -41,23 +41,26 @@ fn vest_intensities<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (layout, /))]
-fn layout_motors<'py>(py: Python<'py>, layout: &str) -> Result<Bound<'py, PyArray1<u8>>, BindError> {
+pub(crate) fn layout_motors<'py>(
+    py: Python<'py>,
+    layout: &str,
+) -> Result<Bound<'py, PyArray1<u8>>, BindError> {
     Ok(Layout::from_name(layout)?.motors().into_pyarray(py))
 }
 
 #[pyfunction]
 #[pyo3(signature = (layout, intensities, /))]
-fn vest_levels<'py>(
+pub(crate) fn vest_steps<'py>(
     py: Python<'py>,
     layout: &str,
     intensities: PyReadonlyArray1<'py, u8>,
 ) -> Result<Bound<'py, PyArray1<u8>>, BindError> {
-    Ok(frame(layout, &intensities)?.levels().into_pyarray(py))
+    Ok(frame(layout, &intensities)?.steps().into_pyarray(py))
 }
 
 #[pyfunction]
 #[pyo3(signature = (layout, intensities, /))]
-fn vest_x40<'py>(
+pub(crate) fn vest_x40<'py>(
     py: Python<'py>,
     layout: &str,
     intensities: PyReadonlyArray1<'py, u8>,
@@ -65,18 +68,6 @@ fn vest_x40<'py>(
     Ok(frame(layout, &intensities)?.x40().to_vec().into_pyarray(py))
 }
 
-fn frame(layout: &str, intensities: &PyReadonlyArray1<'_, u8>) -> Result<VestFrame, HapticsError> {
-    VestFrame::new(Layout::from_name(layout)?, intensities.as_array().to_vec())
-}
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add("FINGERS", tega_haptics::FINGERS)?;
-    m.add("HIGH_SHARE", tega_haptics::HIGH_SHARE)?;
-    m.add_function(wrap_pyfunction!(logistic_intensity, m)?)?;
-    m.add_function(wrap_pyfunction!(linear_intensity, m)?)?;
-    m.add_function(wrap_pyfunction!(contact_type, m)?)?;
-    m.add_function(wrap_pyfunction!(vest_intensities, m)?)?;
-    m.add_function(wrap_pyfunction!(layout_motors, m)?)?;
-    m.add_function(wrap_pyfunction!(vest_levels, m)?)?;
-    m.add_function(wrap_pyfunction!(vest_x40, m)?)
+fn frame(layout: &str, intensities: &PyReadonlyArray1<'_, u8>) -> Result<VestFrame, BindError> {
+    Ok(VestFrame::new(Layout::from_name(layout)?, intensities.as_array().to_vec())?)
 }

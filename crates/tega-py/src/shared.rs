@@ -1,6 +1,17 @@
-//! A kernel with a state, in a class that several Python threads may use at once.
+//! Share a kernel among Python threads: its state behind a lock, and when others may run while it works.
 
 use std::sync::{Mutex, PoisonError};
+
+use pyo3::prelude::*;
+
+/// What is done with more samples, pixels or bytes than this takes long, unless measured to be quicker.
+pub(crate) const KEEP_UP_TO: usize = 4096;
+
+/// Work without the interpreter lock if that takes `long`. In a busy interpreter, getting the lock back takes longer than
+/// short work.
+pub(crate) fn released<T: Send>(py: Python<'_>, long: bool, work: impl FnOnce() -> T + Send) -> T {
+    if long { py.detach(work) } else { work() }
+}
 
 /// The state of a frozen class. `PyO3` refuses to lend a class mutably while another thread looks at it, and raises
 /// there; a frozen class with this inside has the other thread wait instead.

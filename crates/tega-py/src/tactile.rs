@@ -1,21 +1,19 @@
 //! Bindings of `tega-tactile`.
 
 use std::cell::RefCell;
-use std::sync::{Mutex, PoisonError};
 
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
+use tega_error::choice;
 use tega_tactile::{
     CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveReader, LiveScratch, Options, Order,
     Outline, Pair, PaperScratch, Scratch, SensorNoise, Spread, TactileError, Weights, many, read_live,
     read_paper,
 };
 
-use crate::arguments::{choice, image};
+use crate::arguments::image;
 use crate::errors::BindError;
-
-/// Frames with fewer pixels are done before another thread could use the released lock.
-const DETACH_FROM_PIXELS: usize = 4096;
+use crate::shared::{KEEP_UP_TO, Shared, released};
 
 pub(crate) const ORDERS: [(&str, Order); 2] = [("bgr", Order::Bgr), ("rgb", Order::Rgb)];
 const DIFFERENCES: [(&str, Difference); 3] = [
@@ -44,15 +42,10 @@ fn fields(m: ContactMetrics) -> Fields {
     (m.mass, m.centroid_xy, m.spread, m.threshold, m.eda, m.cci, m.peak, m.peak_xy, m.in_contact)
 }
 
-/// Runs `work` without the interpreter lock where the frame is big enough for that to pay.
-fn compute<T: Send>(py: Python<'_>, pair: &Pair<'_>, work: impl FnOnce() -> T + Send) -> T {
-    if pair.width() * pair.height() < DETACH_FROM_PIXELS { work() } else { py.detach(work) }
-}
-
 #[pyfunction]
 #[pyo3(signature = (frame, baseline, *, weights, order, difference, spread, factor, centroid_value, gate))]
 #[allow(clippy::too_many_arguments)] // one argument per named reading of the equations
-fn contact_metrics(
+pub(crate) fn contact_metrics(
     py: Python<'_>,
     frame: &Bound<'_, PyAny>,
     baseline: &Bound<'_, PyAny>,
@@ -68,13 +61,14 @@ fn contact_metrics(
     let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
     let pair = Pair::new(frame.as_array(), baseline.as_array())?;
     let work = |scratch: &mut Scratch| tega_tactile::contact_metrics(&pair, &options, scratch);
-    Ok(fields(compute(py, &pair, || SCRATCH.with_borrow_mut(work))))
+    let n = pair.width() * pair.height();
+    Ok(fields(released(py, n > KEEP_UP_TO, || SCRATCH.with_borrow_mut(work))))
 }
 
 #[pyfunction]
 #[pyo3(signature = (frames, baselines, *, weights, order, difference, spread, factor, centroid_value, gate))]
 #[allow(clippy::too_many_arguments)] // as above
-fn contact_metrics_many(
+pub(crate) fn contact_metrics_many(
     py: Python<'_>,
     frames: Vec<Bound<'_, PyAny>>,
     baselines: Vec<Bound<'_, PyAny>>,
@@ -123,7 +117,7 @@ fn with_pairs<T: Send>(
     let pairs = frames.iter().zip(&baselines).map(|(f, b)| Pair::new(f.as_array(), b.as_array()));
     let pairs = pairs.collect::<Result<Vec<_>, _>>()?;
     let pixels = pairs.iter().map(|pair| pair.width() * pair.height()).sum();
-    Ok(py.detach(|| work(&pairs, pixels)))
+    Ok(released(py, pixels > KEEP_UP_TO, || work(&pairs, pixels)))
 }
 
 thread_local! {
@@ -169,7 +163,8 @@ impl Preset {
     ) -> Result<T, BindError> {
         let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
         let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-        Ok(compute(py, &pair, || PRESETS.with_borrow_mut(|presets| take(&pair, presets)))?)
+        let n = pair.width() * pair.height();
+        Ok(released(py, n > KEEP_UP_TO, || PRESETS.with_borrow_mut(|presets| take(&pair, presets)))?)
     }
 
     fn metrics(&self, pair: &Pair<'_>, presets: &mut Presets) -> Result<ContactMetrics, TactileError> {
@@ -190,7 +185,7 @@ impl Preset {
 
 #[pyfunction]
 #[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
-fn read_contact(
+pub(crate) fn read_contact(
     py: Python<'_>,
     frame: &Bound<'_, PyAny>,
     baseline: &Bound<'_, PyAny>,
@@ -205,7 +200,7 @@ fn read_contact(
 
 /// Reads frames of one sensor against one picture of its untouched gel, as `live` does.
 #[pyclass(module = "tega._native", frozen)]
-struct KnownBaseline(Mutex<LiveReader>);
+pub(crate) struct KnownBaseline(Shared<LiveReader>);
 
 #[pymethods]
 impl KnownBaseline {
@@ -220,21 +215,21 @@ impl KnownBaseline {
         let (order, outline) = (choice("order", order, &ORDERS)?, choice("outline", outline, &OUTLINES)?);
         let reader =
             LiveReader::new(image("baseline", baseline)?.as_array(), order, outline, noise_of(noise)?)?;
-        Ok(Self(Mutex::new(reader)))
+        Ok(Self(Shared::new(reader)))
     }
 
     #[pyo3(signature = (frame, /))]
     fn read(&self, py: Python<'_>, frame: &Bound<'_, PyAny>) -> Result<Fields, BindError> {
         let frame = image("frame", frame)?;
         let view = frame.as_array();
-        let work = || self.0.lock().unwrap_or_else(PoisonError::into_inner).read(view);
-        Ok(fields(py.detach(work)?))
+        let read = || self.0.with(|reader| reader.read(view));
+        Ok(fields(released(py, view.len() / 3 > KEEP_UP_TO, read)?))
     }
 }
 
 #[pyfunction]
 #[pyo3(signature = (frames, baselines, *, reading, order, outline, noise))]
-fn read_contacts(
+pub(crate) fn read_contacts(
     py: Python<'_>,
     frames: Vec<Bound<'_, PyAny>>,
     baselines: Vec<Bound<'_, PyAny>>,
@@ -253,7 +248,7 @@ fn read_contacts(
 
 #[pyfunction]
 #[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
-fn contact_mask<'py>(
+pub(crate) fn contact_mask<'py>(
     py: Python<'py>,
     frame: &Bound<'py, PyAny>,
     baseline: &Bound<'py, PyAny>,
@@ -278,7 +273,7 @@ fn contact_mask<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
-fn pressure_map<'py>(
+pub(crate) fn pressure_map<'py>(
     py: Python<'py>,
     frame: &Bound<'py, PyAny>,
     baseline: &Bound<'py, PyAny>,
@@ -313,23 +308,13 @@ fn like_image<'py, T: numpy::Element>(
 }
 
 #[pyfunction]
-fn estimate_baseline<'py>(
+pub(crate) fn estimate_baseline<'py>(
     py: Python<'py>,
     frames: Vec<Bound<'py, PyAny>>,
 ) -> Result<(Bound<'py, PyArray3<u8>>, Vec<usize>), BindError> {
     let frames = frames.iter().map(|frame| image("frame", frame)).collect::<Result<Vec<_>, _>>()?;
     let views: Vec<_> = frames.iter().map(PyReadonlyArray3::as_array).collect();
-    let found = py.detach(|| tega_tactile::estimate_baseline(&views))?;
+    let n: usize = views.iter().map(|view| view.len() / 3).sum();
+    let found = released(py, n > KEEP_UP_TO, || tega_tactile::estimate_baseline(&views))?;
     Ok((found.image.into_pyarray(py), found.choice.frames))
-}
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_function(wrap_pyfunction!(contact_metrics, m)?)?;
-    m.add_function(wrap_pyfunction!(contact_metrics_many, m)?)?;
-    m.add_function(wrap_pyfunction!(read_contact, m)?)?;
-    m.add_function(wrap_pyfunction!(read_contacts, m)?)?;
-    m.add_class::<KnownBaseline>()?;
-    m.add_function(wrap_pyfunction!(contact_mask, m)?)?;
-    m.add_function(wrap_pyfunction!(pressure_map, m)?)?;
-    m.add_function(wrap_pyfunction!(estimate_baseline, m)?)
 }

@@ -1,13 +1,13 @@
 //! Bindings of the touch tracker.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
+use tega_error::choice;
 use tega_tactile::{GelLight, LIGHT_TERMS, SensorNoise, Touch, TrackerOptions};
 
-use crate::arguments::{choice, image};
+use crate::arguments::image;
 use crate::errors::BindError;
+use crate::shared::{KEEP_UP_TO, Shared, released};
 use crate::tactile::{ORDERS, OUTLINES, noise_of};
 
 /// What one frame says of a fingertip's contact.
@@ -60,22 +60,21 @@ impl Contact {
     }
 }
 
+/// Pixels of a DIGIT's usual picture; larger ones are read without the interpreter lock.
+const TRACKED_PX: usize = 320 * 240;
+
 /// Terms of the light field, scale, stiffness.
 type Light = ([[[f32; LIGHT_TERMS]; 2]; 3], f64, f64);
 
 /// Follows one fingertip.
 #[pyclass(module = "tega._native", frozen)]
 pub(crate) struct TouchTracker {
-    tracker: Mutex<tega_tactile::TouchTracker>,
+    tracker: Shared<tega_tactile::TouchTracker>,
     /// Square millimetres a pixel, where the scale is the sensor's own.
     mm2_per_px: Option<f64>,
 }
 
 impl TouchTracker {
-    fn lock(&self) -> MutexGuard<'_, tega_tactile::TouchTracker> {
-        self.tracker.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     fn contact(&self, t: &Touch) -> Contact {
         Contact {
             in_contact: t.in_contact,
@@ -128,13 +127,13 @@ impl TouchTracker {
             outline: choice("outline", outline, &OUTLINES)?,
             rezero,
         };
-        let tracker = Mutex::new(tega_tactile::TouchTracker::new(view, options)?);
+        let tracker = Shared::new(tega_tactile::TouchTracker::new(view, options)?);
         Ok(Self { tracker, mm2_per_px: known.then_some(scale * scale) })
     }
 
     #[getter]
     fn bears_load(&self) -> bool {
-        self.lock().bears_load()
+        self.tracker.with(|tracker| tracker.bears_load())
     }
 
     #[pyo3(signature = (frame, /, *, dt_s, loaded))]
@@ -147,17 +146,18 @@ impl TouchTracker {
     ) -> Result<Contact, BindError> {
         let frame = image("frame", frame)?;
         let view = frame.as_array();
-        let touch = py.detach(|| self.lock().update(view, dt_s, loaded))?;
+        let update = || self.tracker.with(|tracker| tracker.update(view, dt_s, loaded));
+        let touch = released(py, view.len() > 3 * TRACKED_PX, update)?;
         Ok(self.contact(&touch))
     }
 
     fn mask<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
-        let (mask, shape) = self.lock().mask();
+        let (mask, shape) = self.tracker.with(|tracker| tracker.mask());
         Ok(mask.into_pyarray(py).reshape(shape)?)
     }
 
     fn depth_map<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
-        let (depth_mm, shape) = self.lock().depth_map();
+        let (depth_mm, shape) = self.tracker.with(|tracker| tracker.depth_map());
         Ok(depth_mm.into_pyarray(py).reshape(shape)?)
     }
 }
@@ -165,7 +165,7 @@ impl TouchTracker {
 /// Reads the next frame of each finger; each is told whether another one bears a load.
 #[pyfunction]
 #[pyo3(signature = (trackers, frames, *, dt_s))]
-fn update_fingers(
+pub(crate) fn update_fingers(
     py: Python<'_>,
     trackers: Vec<Py<TouchTracker>>,
     frames: Vec<Bound<'_, PyAny>>,
@@ -174,14 +174,15 @@ fn update_fingers(
     let images = frames.iter().map(|frame| image("frame", frame)).collect::<Result<Vec<_>, _>>()?;
     let views: Vec<_> = images.iter().map(PyReadonlyArray3::as_array).collect();
     let trackers: Vec<_> = trackers.iter().map(Py::get).collect();
-    let found: Vec<_> = py.detach(|| {
-        let bearing: Vec<_> = trackers.iter().map(|tracker| tracker.lock().bears_load()).collect();
+    let n: usize = views.iter().map(|view| view.len() / 3).sum();
+    let found: Vec<_> = released(py, n > KEEP_UP_TO, || {
+        let bearing: Vec<_> = trackers.iter().map(|tracker| tracker.bears_load()).collect();
         let others = |k: usize| bearing.iter().enumerate().any(|(other, bears)| other != k && *bears);
         trackers
             .iter()
             .zip(views)
             .enumerate()
-            .map(|(k, (tracker, view))| tracker.lock().update(view, dt_s, others(k)))
+            .map(|(k, (tracker, view))| tracker.tracker.with(|tracker| tracker.update(view, dt_s, others(k))))
             .collect()
     });
     let contacts = trackers.iter().zip(found).map(|(tracker, touch)| Ok(tracker.contact(&touch?)));
@@ -190,24 +191,21 @@ fn update_fingers(
 
 #[pyfunction]
 #[pyo3(signature = (frames, *, order))]
-fn sensor_noise(py: Python<'_>, frames: Vec<Bound<'_, PyAny>>, order: &str) -> Result<[f32; 3], BindError> {
+pub(crate) fn sensor_noise(
+    py: Python<'_>,
+    frames: Vec<Bound<'_, PyAny>>,
+    order: &str,
+) -> Result<[f32; 3], BindError> {
     let order = choice("order", order, &ORDERS)?;
     let frames = frames.iter().map(|frame| image("frame", frame)).collect::<Result<Vec<_>, _>>()?;
     let views: Vec<_> = frames.iter().map(PyReadonlyArray3::as_array).collect();
-    Ok(py.detach(|| SensorNoise::measure(&views, order))?.bgr)
+    let n: usize = views.iter().map(|view| view.len() / 3).sum();
+    Ok(released(py, n > KEEP_UP_TO, || SensorNoise::measure(&views, order))?.bgr)
 }
 
 /// The light field, scale and stiffness that are taken where none is given.
 #[pyfunction]
-fn nominal_light() -> Light {
+pub(crate) fn nominal_light() -> Light {
     let light = GelLight::default();
     (light.terms, light.mm_per_px, light.stiffness_n_mm3)
-}
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_class::<Contact>()?;
-    m.add_class::<TouchTracker>()?;
-    m.add_function(wrap_pyfunction!(nominal_light, m)?)?;
-    m.add_function(wrap_pyfunction!(update_fingers, m)?)?;
-    m.add_function(wrap_pyfunction!(sensor_noise, m)?)
 }

@@ -8,7 +8,7 @@ use tega_error::OutOfRange;
 use crate::Order;
 use crate::error::TactileError;
 use crate::exact::Exact;
-use crate::levels::{MAX_WEIGHT, MAX_WEIGHT_SUM};
+use crate::kernel::{MAX_WEIGHT, MAX_WEIGHT_SUM};
 
 /// An exact decimal in lowest terms.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,12 +35,7 @@ impl Decimal {
     /// ```
     pub fn printed(name: &'static str, value: f64) -> Result<Self, TactileError> {
         if !value.is_finite() {
-            return Err(TactileError::OutOfRange(OutOfRange {
-                name,
-                value,
-                unit: "",
-                wanted: "a finite number",
-            }));
+            return Err(OutOfRange::new(name, value, "", "a finite number").into());
         }
         // Four places or fewer, the usual case: no other decimal that short reads back as this value.
         let scaled = (value * 1e4).round();

@@ -13,19 +13,19 @@
 //! assert_eq!(metrics.peak, 10.0);
 //! # Ok::<(), tega_tactile::TactileError>(())
 //! ```
-#![deny(unsafe_code)] // allowed in `simd` alone
+#![deny(unsafe_code)] // allowed in `kernel` and in what `dispatched!` writes
 
 mod baseline;
 mod decimal;
 mod error;
 mod exact;
 mod frame;
-mod levels;
+mod grey;
+mod kernel;
 mod live;
 pub mod many;
 mod metrics;
 mod paper;
-mod simd;
 mod sums;
 
 pub use baseline::{
@@ -34,7 +34,7 @@ pub use baseline::{
 pub use decimal::{Decimal, Weights};
 pub use error::TactileError;
 pub use frame::{Difference, MAX_SIDE, Order, Pair};
-pub use levels::Scratch;
+pub use grey::Scratch;
 pub use live::{
     GelLight, LIGHT_TERMS, LiveReader, LiveScratch, Outline, SensorNoise, Touch, TouchTracker,
     TrackerOptions, read_live,

@@ -8,7 +8,8 @@ use crate::decimal::{Decimal, Form, Weights};
 use crate::error::TactileError;
 use crate::exact::{Exact, Sums, Threshold};
 use crate::frame::{Difference, Order, Pair};
-use crate::levels::{Kernel, Scratch};
+use crate::grey::Scratch;
+use crate::kernel::Kernel;
 use crate::sums;
 
 /// What σ in Eq 4 is (readings A1).
@@ -45,12 +46,7 @@ impl Gate {
     /// [`TactileError::OutOfRange`] when the floor is not a finite number from 0 to 255.
     pub fn new(noise_floor: f64, min_pixels: u32) -> Result<Self, TactileError> {
         if !(0.0..=255.0).contains(&noise_floor) {
-            return Err(TactileError::OutOfRange(OutOfRange {
-                name: "noise_floor",
-                value: noise_floor,
-                unit: "grey values",
-                wanted: "0 to 255",
-            }));
+            return Err(OutOfRange::new("noise_floor", noise_floor, "grey values", "0 to 255").into());
         }
         Ok(Self { noise_floor: Decimal::printed("noise_floor", noise_floor)?, min_pixels })
     }
@@ -152,17 +148,17 @@ pub fn contact_metrics(pair: &Pair<'_>, options: &Options, scratch: &mut Scratch
     let metrics = match options.weights.arranged(options.order) {
         Form::Narrow(weights, denominator) => {
             let kernel = Kernel { weights, difference: options.difference, squares };
-            let levels = kernel.read(pair, denominator, scratch);
+            let greys = kernel.read(pair, denominator, scratch);
             let map = Map {
                 pair,
                 options,
                 weights: weights.map(i128::from),
-                sums: levels.sums.clone(),
-                peak: i128::from(levels.peak),
-                peak_xy: levels.peak_xy,
+                sums: greys.sums.clone(),
+                peak: i128::from(greys.peak),
+                peak_xy: greys.peak_xy,
             };
-            let count = |first: i32| levels.count_from(pair, &kernel, first);
-            // A level outside `i32` is beyond every pixel's.
+            let count = |first: i32| greys.count_from(pair, &kernel, first);
+            // A grey value outside `i32` is beyond every pixel's.
             let outside = |negative: bool| if negative { i32::MIN } else { i32::MAX };
             map.resolve(&|first| count(i32::try_from(*first).unwrap_or(outside(first.is_negative()))))
                 .or_else(|| {
@@ -217,7 +213,7 @@ impl<'p, I: Exact> Map<'_, 'p, I> {
         }
     }
 
-    /// Equations 2 to 6; `count` tells how many pixels are at or above a level. `None` on overflow.
+    /// Equations 2 to 6; `count` tells how many pixels are at or above a grey value. `None` on overflow.
     fn resolve(&self, count: &dyn Fn(&I) -> u32) -> Option<ContactMetrics> {
         let (options, sums) = (self.options, &self.sums);
         let denominator = &sums.denominator;

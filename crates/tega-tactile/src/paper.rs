@@ -7,9 +7,9 @@ use num_bigint::BigInt;
 
 use crate::exact::{Exact, Sums, Threshold};
 use crate::frame::{Order, Pair};
-use crate::levels::{Row, flush, moments};
+use crate::grey::{flush, moments};
+use crate::kernel::Row;
 use crate::metrics::ContactMetrics;
-use crate::simd;
 
 /// Noise floor, grey values: a still pair differs by 2.4 on average after weighting and blurring, and 99 % of the
 /// pixels far from a real press, drift included, by less than 5.7 (measured on a DIGIT at full light).
@@ -62,7 +62,7 @@ pub fn read_paper(pair: &Pair<'_>, order: Order, scratch: &mut PaperScratch) -> 
     pair.for_each_row(|_, frame, baseline| {
         scratch.difference.extend(frame.iter().zip(baseline).map(|(f, b)| f.abs_diff(*b)));
     });
-    simd::blur_and_weigh(width, height, order.arrange(LUMA), scratch);
+    blur_and_weigh(width, height, order.arrange(LUMA), scratch);
     let summary = mask_and_sum(width, scratch);
     let size = (width, height);
     let resolved = resolve::<i128>(&summary, &summary.sums, size, scratch)
@@ -88,7 +88,7 @@ fn mirror(i: isize, side: usize) -> usize {
 ///
 /// Sums of 25 bytes fit 16 bits, so the blur runs on interleaved bytes and only its result is weighted.
 #[inline(always)]
-pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scratch: &mut PaperScratch) {
+fn blur_and_weigh_plain(width: usize, height: usize, weights: [i32; 3], scratch: &mut PaperScratch) {
     let PaperScratch { difference, columns, boxes, map, .. } = scratch;
     let row = |y: isize| {
         let start = mirror(y, height) * width * 3;
@@ -118,6 +118,12 @@ pub(crate) fn blur_and_weigh(width: usize, height: usize, weights: [i32; 3], scr
             *sum += i16::from(*new) - i16::from(*old);
         }
     }
+}
+
+tega_simd::dispatched! {
+    /// See [`blur_and_weigh_plain`].
+    blur_and_weigh = blur_and_weigh_plain,
+    (width: usize, height: usize, weights: [i32; 3], scratch: &mut PaperScratch) -> ()
 }
 
 /// Sums of five neighbouring pixels in a row of column sums, weighted per channel.
@@ -157,7 +163,7 @@ fn mask_and_sum(width: usize, scratch: &mut PaperScratch) -> Summary {
     rows.clear();
     let mut above_floor = 0;
     for (y, levels) in map.chunks_exact_mut(width).enumerate() {
-        let (row, above) = simd::mask_row(levels, column_sums);
+        let (row, above) = mask_row(levels, column_sums);
         above_floor += above;
         rows.push(row);
         if (y + 1) % FLUSH_EVERY == 0 {
@@ -175,7 +181,7 @@ fn mask_and_sum(width: usize, scratch: &mut PaperScratch) -> Summary {
 
 /// Masks one row and adds it to the columns; also the number of levels above the floor.
 #[inline(always)]
-pub(crate) fn mask_row(levels: &mut [i32], columns: &mut [i32]) -> (Row, u32) {
+fn mask_row_plain(levels: &mut [i32], columns: &mut [i32]) -> (Row, u32) {
     const FLOOR: i32 = NOISE_FLOOR * DENOMINATOR;
     let (mut above_floor, mut max) = (0, 0);
     for (level, column) in levels.iter_mut().zip(columns) {
@@ -188,10 +194,20 @@ pub(crate) fn mask_row(levels: &mut [i32], columns: &mut [i32]) -> (Row, u32) {
     (Row { sum, squares: 0, min: 0, max }, above_floor as u32)
 }
 
+tega_simd::dispatched! {
+    /// See [`mask_row_plain`].
+    mask_row = mask_row_plain, (levels: &mut [i32], columns: &mut [i32]) -> (Row, u32)
+}
+
 /// Number of levels at or above `first`.
 #[inline(always)]
-pub(crate) fn count_from(levels: &[i32], first: i32) -> u32 {
+fn count_from_plain(levels: &[i32], first: i32) -> u32 {
     levels.iter().map(|&n| u32::from(n >= first)).sum()
+}
+
+tega_simd::dispatched! {
+    /// See [`count_from_plain`].
+    count_from = count_from_plain, (levels: &[i32], first: i32) -> u32
 }
 
 /// Equations 2 to 6 on the masked map, and the lowest level that counts; `None` on overflow of `I`.
@@ -229,8 +245,7 @@ where
     let first = i32::try_from(threshold.first_level_above(value)?)
         .map_or(first_above_floor, |n| n.max(first_above_floor));
     let rows = scratch.map.chunks_exact(width).zip(&scratch.rows);
-    let eda =
-        rows.filter(|(_, row)| row.max >= first).map(|(levels, _)| simd::count_from(levels, first)).sum();
+    let eda = rows.filter(|(_, row)| row.max >= first).map(|(levels, _)| count_from(levels, first)).sum();
     let cci = if eda == 0 { 0.0 } else { I::ratio(&peak, &denominator.checked_mul(&I::from_u32(eda)?)?) };
     let metrics = ContactMetrics {
         centroid_xy: (x, y),

@@ -5,6 +5,8 @@
 //! `leading` ones, such as a time stamp, which are read and dropped, then the channels. Any other line is refused and
 //! counted. What comes before the first line break is dropped, since a port is rarely opened between two lines.
 
+use tega_error::OutOfRange;
+
 use crate::WireError;
 
 /// Longest line accepted, in bytes; a longer one is refused whole.
@@ -58,10 +60,10 @@ impl Decoder {
     /// [`WireError::Setting`] unless there are 1 to 64 channels and at most 64 leading fields.
     pub fn new(channels: usize, leading: usize, drop_first: bool) -> Result<Self, WireError> {
         if !(1..=64).contains(&channels) {
-            return Err(WireError::Setting { name: "channels", value: channels as f64, wanted: "1 to 64" });
+            return Err(WireError::Setting(OutOfRange::new("channels", channels as f64, "", "1 to 64")));
         }
         if leading > 64 {
-            return Err(WireError::Setting { name: "leading", value: leading as f64, wanted: "0 to 64" });
+            return Err(WireError::Setting(OutOfRange::new("leading", leading as f64, "", "0 to 64")));
         }
         let state = if drop_first { State::Unsynced } else { State::Line };
         let (line, last_rejected, stats) = (Vec::new(), Vec::new(), AsciiStats::default());

@@ -7,6 +7,8 @@
 //! | 3 … 2 + 2 N | N channels |
 //! | 3 + 2 N | 0x01 |
 
+use tega_error::OutOfRange;
+
 use crate::WireError;
 use crate::framing::{Framing, Shape};
 
@@ -52,7 +54,7 @@ impl Decoder {
     /// [`WireError::Setting`] unless there are 1 to 16.
     pub fn new(channels: usize) -> Result<Self, WireError> {
         if !(1..=CHANNELS_MAX).contains(&channels) {
-            return Err(WireError::Setting { name: "channels", value: channels as f64, wanted: "1 to 16" });
+            return Err(WireError::Setting(OutOfRange::new("channels", channels as f64, "", "1 to 16")));
         }
         Ok(Self { framing: Framing::new(shape(channels)) })
     }

@@ -11,6 +11,8 @@
 //! A packet counts only with both ends in place, and where a false one could be mistaken for it, only once the
 //! counters that follow say so.
 
+use tega_error::OutOfRange;
+
 use crate::WireError;
 use crate::framing::{Framing, Shape};
 
@@ -143,7 +145,7 @@ impl Decoder {
     pub fn new(gain: u8) -> Result<Self, WireError> {
         if !GAINS.contains(&gain) {
             let wanted = "1, 2, 4, 6, 8, 12 or 24";
-            return Err(WireError::Setting { name: "gain", value: f64::from(gain), wanted });
+            return Err(WireError::Setting(OutOfRange::new("gain", f64::from(gain), "", wanted)));
         }
         let shape = Shape { len: 33, header: &[0xA0], counter_at: 1, end: 0xC0..=0xC6 };
         Ok(Self { framing: Framing::new(shape), gain })

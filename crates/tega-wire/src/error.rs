@@ -1,6 +1,6 @@
 //! What can be wrong with the input.
 
-use tega_error::{Brief, OutOfRange};
+use tega_error::OutOfRange;
 
 /// An input that cannot be encoded, or a packet that cannot be decoded; the message names the thing, its value and
 /// its unit.
@@ -9,30 +9,9 @@ pub enum WireError {
     /// A number is out of its range or not finite.
     #[error(transparent)]
     OutOfRange(#[from] OutOfRange),
-    /// One element of an array is out of its range or not finite.
-    #[error("{name}[{index}] = {} {unit} is out of range: {wanted}", Brief(*value))]
-    Element {
-        /// The array.
-        name: &'static str,
-        /// Which element, from 0.
-        index: usize,
-        /// The value given.
-        value: f64,
-        /// Its unit, or empty.
-        unit: &'static str,
-        /// What would be accepted.
-        wanted: &'static str,
-    },
     /// A decoder was asked for with a setting it does not have.
-    #[error("{name} = {} is not possible: {wanted}", Brief(*value))]
-    Setting {
-        /// The setting.
-        name: &'static str,
-        /// The value given.
-        value: f64,
-        /// What would be accepted.
-        wanted: &'static str,
-    },
+    #[error(transparent)]
+    Setting(OutOfRange),
     /// An array has the wrong number of elements.
     #[error("{name} has {got} elements, {wanted} are needed")]
     Length {
@@ -103,7 +82,7 @@ impl WireError {
     /// The next step for the person who reads the message; empty where the message says it all.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::Element { unit: "tau", .. } => {
+            Self::OutOfRange(OutOfRange { unit: "tau", .. }) => {
                 "stop the controller and look for the NaN or overflow in its inputs; no torque is sent from it"
             }
             Self::NoSuchRow { .. } => "fill rows 0 to 3 only, or send the 40-motor form",
@@ -112,7 +91,6 @@ impl WireError {
                 "drop the packet and count it; if it repeats, the two ends speak different versions"
             }
             Self::OutOfRange(_)
-            | Self::Element { .. }
             | Self::Setting { .. }
             | Self::Length { .. }
             | Self::Empty { .. }

@@ -81,8 +81,8 @@ fn open(packet: &'static str, bytes: &[u8], number: u8) -> Result<HidReport, Wir
 /// The report that carries a motor frame.
 ///
 /// # Errors
-/// [`WireError::Length`] unless there are 40 or 32 levels, [`WireError::Element`] for one above 100,
-/// [`WireError::OutOfRange`] for a time to live of 0.
+/// [`WireError::Length`] unless there are 40 or 32 levels, [`WireError::OutOfRange`] for one above 100 and for a
+/// time to live of 0.
 ///
 /// ```
 /// use tega_wire::hid::{Motor, decode_motor, motor_report};
@@ -104,12 +104,7 @@ pub fn motor_report(sequence: u16, motor: &Motor) -> Result<HidReport, WireError
             check(levels)?;
             if *ttl_ms == 0 {
                 let wanted = "1 to 65535; only a stop has 0";
-                return Err(WireError::OutOfRange(OutOfRange {
-                    name: "ttl_ms",
-                    value: 0.0,
-                    unit: "ms",
-                    wanted,
-                }));
+                return Err(OutOfRange::new("ttl_ms", 0.0, "ms", wanted).into());
             }
             (if *request_status { REQUEST_STATUS } else { 0 }, *ttl_ms, layout, levels)
         }

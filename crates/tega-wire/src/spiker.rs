@@ -3,6 +3,8 @@
 //! There is neither a counter nor a checksum. A frame is given out when the next one begins, since a loss shows only
 //! as a frame of the wrong length; a frame whose upper bytes are too large for the converter is refused as well.
 
+use tega_error::OutOfRange;
+
 use crate::WireError;
 
 /// Largest upper byte of a 10-bit value.
@@ -46,7 +48,7 @@ impl Decoder {
     /// [`WireError::Setting`] unless there are 1 to 6.
     pub fn new(channels: usize) -> Result<Self, WireError> {
         if !(1..=6).contains(&channels) {
-            return Err(WireError::Setting { name: "channels", value: channels as f64, wanted: "1 to 6" });
+            return Err(WireError::Setting(OutOfRange::new("channels", channels as f64, "", "1 to 6")));
         }
         Ok(Self { channels, frame: Vec::new(), sound: false, stats: SpikerStats::default() })
     }

@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)] // a test's helpers may fail like the test
 
 use tega_wire::bhaptics::{
-    BleFrame, Intensities, Motors, ble_frame, ble_levels, hub_line, level, player_v2_message, player_v2_ping,
-    player_v2_status, player_v2_stop, player_v2_stop_all, sdk3_dot_message, sdk3_stop_all, x16_levels,
+    BleFrame, Intensities, Motors, ble_frame, ble_steps, hub_line, motor_step, player_v2_message,
+    player_v2_ping, player_v2_status, player_v2_stop, player_v2_stop_all, sdk3_dot_message, sdk3_stop_all,
+    x16_steps,
 };
 use tega_wire::hid::{Motor, Status, decode_motor, decode_status, motor_report, status_report};
 
@@ -55,7 +56,7 @@ fn sixteen_levels() {
         (100, 15),
     ];
     for (intensity, wanted) in table {
-        assert_eq!(level(intensity), wanted, "{intensity}");
+        assert_eq!(motor_step(intensity), wanted, "{intensity}");
     }
 }
 
@@ -89,7 +90,7 @@ fn a_frame_of_an_independent_implementation_is_read() {
     for (dot, level) in [(0, 10), (1, 11), (4, 12), (5, 13), (8, 14), (9, 15)] {
         wanted[20 + dot] = level;
     }
-    assert_eq!(ble_levels(&frame, false), wanted);
+    assert_eq!(ble_steps(&frame, false), wanted);
 }
 
 #[test]
@@ -97,7 +98,7 @@ fn what_an_x16_makes_of_it() {
     let half = |levels: [u8; 4]| [levels, levels].concat();
     for rows in [4, 5] {
         let frame = ble_frame(&columns(rows), false);
-        assert_eq!(x16_levels(&frame, false)[..], [half([12, 9, 6, 3]), half([2, 0, 15, 8])].concat());
+        assert_eq!(x16_steps(&frame, false)[..], [half([12, 9, 6, 3]), half([2, 0, 15, 8])].concat());
     }
 }
 

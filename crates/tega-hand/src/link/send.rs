@@ -21,6 +21,8 @@ const TEMPERATURE_MS: u16 = 500;
 const POLL_AFTER_NS: i64 = 2_000 * MS;
 const POLL_NS: i64 = 500 * MS;
 const INFO_NS: i64 = 1_000 * MS;
+/// So long sets of positions are counted before their rate is judged.
+const RATED_NS: i64 = 1_000 * MS;
 /// Rest before a silent hand is looked for again.
 const RETRY_NS: i64 = 1_000 * MS;
 /// Zero torque and SERVO OFF are sent so far apart, after a fault on and on.
@@ -122,8 +124,11 @@ impl HandLink {
         if t_ns >= self.info_due_ns {
             self.info_due_ns = t_ns + INFO_NS;
             out.push(Request::Info.frame(self.settings.device));
-            let (since_ns, sets) = std::mem::replace(&mut self.rated, (t_ns, self.counts.sets));
-            let rate_hz = (self.counts.sets - sets) as f64 / ((t_ns - since_ns) as f64 * 1e-9);
+        }
+        let (rated_ns, sets) = (t_ns - self.rated.0, self.counts.sets - self.rated.1);
+        if rated_ns >= RATED_NS {
+            self.rated = (t_ns, self.counts.sets);
+            let rate_hz = sets as f64 / (rated_ns as f64 * 1e-9);
             if rate_hz < self.settings.lowest_rate_hz {
                 self.fail(Fault::TooSlow { rate_hz, lowest_hz: self.settings.lowest_rate_hz }, t_ns);
                 return;

@@ -297,6 +297,23 @@ fn a_hand_that_becomes_slow_is_let_go() {
 }
 
 #[test]
+fn a_standstill_of_this_side_is_no_slowness_of_the_hand() {
+    let mut bench = Bench::new(Hand::default());
+    bench.run(1100);
+    for _ in 0..4 {
+        // What the adapter kept of 0.4 s is given at once, as after a wait; the rest is lost.
+        let kept: Vec<Owned> = (0..60).flat_map(|k| bench.hand.report(bench.t_ms + k)).collect();
+        bench.t_ms += 400;
+        bench.give(&kept);
+        bench.run(300);
+        assert_eq!((bench.fault(), bench.link.phase()), ("", Phase::Running));
+    }
+    bench.hand.every_ms = 6;
+    bench.run(2200);
+    assert_eq!(bench.fault(), "too-slow");
+}
+
+#[test]
 fn angles_that_jump_are_not_followed() {
     let mut bench = Bench::new(Hand::default());
     bench.run(600);

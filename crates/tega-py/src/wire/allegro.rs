@@ -5,7 +5,7 @@
 
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyTuple};
+use pyo3::types::PyBytes;
 use tega_error::OutOfRange;
 use tega_wire::WireError;
 use tega_wire::allegro::{
@@ -15,40 +15,21 @@ use tega_wire::allegro::{
 use super::narrow;
 use crate::errors::BindError;
 
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_function(wrap_pyfunction!(allegro_torque_frames, m)?)?;
-    m.add_function(wrap_pyfunction!(allegro_angles_rad, m)?)?;
-    m.add_function(wrap_pyfunction!(allegro_angle_counts, m)?)?;
-    m.add_function(wrap_pyfunction!(allegro_v3_torque_frame, m)?)?;
-    m.add_function(wrap_pyfunction!(allegro_v3_angle_rad, m)?)?;
-    m.add_function(wrap_pyfunction!(allegro_decode, m)?)?;
-    m.add_function(wrap_pyfunction!(allegro_requested, m)?)?;
-    m.add_function(wrap_pyfunction!(allegro_encode, m)?)?;
-    m.add("ALLEGRO_RAD_PER_COUNT", allegro::RAD_PER_COUNT)?;
-    m.add("ALLEGRO_PWM_LIMITS", PyTuple::new(m.py(), allegro::PWM_LIMITS)?)?;
-    Ok(())
-}
-
 fn device(number: i64) -> Result<DeviceId, WireError> {
     DeviceId::new(narrow("device_id", number, "0 to 3")?)
 }
 
 fn finger(number: i64) -> Result<Finger, WireError> {
     let index: usize = narrow("finger", number, "0 to 3")?;
-    let wrong = WireError::OutOfRange(OutOfRange {
-        name: "finger",
-        value: number as f64,
-        unit: "",
-        wanted: "0 to 3",
-    });
-    Finger::ALL.get(index).copied().ok_or(wrong)
+    let wrong = || OutOfRange::new("finger", number as f64, "", "0 to 3").into();
+    Finger::ALL.get(index).copied().ok_or_else(wrong)
 }
 
 fn scale(version: i64) -> Result<allegro::Scale, WireError> {
     match version {
         4 => Ok(allegro::Scale::V4),
         5 => Ok(allegro::Scale::V5),
-        _ => Err(WireError::Setting { name: "version", value: version as f64, wanted: "4 or 5" }),
+        _ => Err(WireError::Setting(OutOfRange::new("version", version as f64, "", "4 or 5"))),
     }
 }
 
@@ -72,7 +53,7 @@ fn sent<'py>(py: Python<'py>, frame: &CanFrame) -> (u16, Bound<'py, PyBytes>, bo
 
 #[pyfunction]
 #[pyo3(signature = (torques, /, *, device_id, version))]
-fn allegro_torque_frames<'py>(
+pub(crate) fn allegro_torque_frames<'py>(
     py: Python<'py>,
     torques: PyReadonlyArray1<'py, f64>,
     device_id: i64,
@@ -87,7 +68,7 @@ fn allegro_torque_frames<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (counts, /, *, version))]
-fn allegro_angles_rad<'py>(
+pub(crate) fn allegro_angles_rad<'py>(
     py: Python<'py>,
     counts: PyReadonlyArray1<'py, i16>,
     version: i64,
@@ -99,7 +80,7 @@ fn allegro_angles_rad<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (angles_rad, /, *, version))]
-fn allegro_angle_counts<'py>(
+pub(crate) fn allegro_angle_counts<'py>(
     py: Python<'py>,
     angles_rad: PyReadonlyArray1<'py, f64>,
     version: i64,
@@ -112,7 +93,7 @@ fn allegro_angle_counts<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (finger, counts, /))]
-fn allegro_v3_torque_frame(
+pub(crate) fn allegro_v3_torque_frame(
     py: Python<'_>,
     finger: i64,
     counts: Vec<i64>,
@@ -124,7 +105,7 @@ fn allegro_v3_torque_frame(
 
 #[pyfunction]
 #[pyo3(signature = (raw, /, *, offset, down))]
-fn allegro_v3_angle_rad(raw: i64, offset: i64, down: bool) -> Result<f64, BindError> {
+pub(crate) fn allegro_v3_angle_rad(raw: i64, offset: i64, down: bool) -> Result<f64, BindError> {
     let offset = narrow("offset", offset, "32 bits")?;
     Ok(allegro::v3_angle_rad(narrow("raw", raw, "0 to 65535 counts")?, offset, down))
 }
@@ -162,7 +143,7 @@ fn flat(message: &Message) -> (&'static str, u8, Vec<i64>) {
 
 #[pyfunction]
 #[pyo3(signature = (can_id, data, /, *, device_id, remote, extended, error))]
-fn allegro_decode(
+pub(crate) fn allegro_decode(
     can_id: i64,
     data: &[u8],
     device_id: i64,
@@ -186,7 +167,10 @@ fn allegro_decode(
 
 #[pyfunction]
 #[pyo3(signature = (can_id, /, *, device_id))]
-fn allegro_requested(can_id: i64, device_id: i64) -> Result<Option<(&'static str, Option<u8>)>, BindError> {
+pub(crate) fn allegro_requested(
+    can_id: i64,
+    device_id: i64,
+) -> Result<Option<(&'static str, Option<u8>)>, BindError> {
     let request = allegro::requested(u32::try_from(can_id).unwrap_or(u32::MAX), device(device_id)?);
     Ok(request.map(|request| match request {
         Request::Info => ("info", None),
@@ -199,7 +183,7 @@ fn allegro_requested(can_id: i64, device_id: i64) -> Result<Option<(&'static str
 
 #[pyfunction]
 #[pyo3(signature = (kind, finger, values, /, *, device_id))]
-fn allegro_encode<'py>(
+pub(crate) fn allegro_encode<'py>(
     py: Python<'py>,
     kind: &str,
     finger: i64,

@@ -7,18 +7,10 @@ use tega_wire::{ascii, chords, cyton, spiker};
 
 use super::setting;
 use crate::errors::BindError;
-use crate::shared::Shared;
+use crate::shared::{KEEP_UP_TO, Shared, released};
 
 type Column<'py, T> = Bound<'py, PyArray1<T>>;
 type Rows<'py, T> = Bound<'py, PyArray2<T>>;
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_class::<CytonStream>()?;
-    m.add_class::<ChordsStream>()?;
-    m.add_class::<SpikerStream>()?;
-    m.add_class::<AsciiStream>()?;
-    m.add_function(wrap_pyfunction!(chords_channels, m)?)
-}
 
 fn rows<T: numpy::Element>(py: Python<'_>, flat: Vec<T>, columns: usize) -> PyResult<Rows<'_, T>> {
     let n = flat.len() / columns;
@@ -38,7 +30,7 @@ type CytonParts<'py> = (
 );
 
 #[pyclass(module = "tega._native", frozen)]
-struct CytonStream(Shared<cyton::Decoder>);
+pub(crate) struct CytonStream(Shared<cyton::Decoder>);
 
 #[pymethods]
 impl CytonStream {
@@ -51,7 +43,7 @@ impl CytonStream {
 
     #[pyo3(signature = (data, /))]
     fn feed<'py>(&self, py: Python<'py>, data: &[u8]) -> Result<CytonParts<'py>, BindError> {
-        let (packets, microvolts) = py.detach(|| {
+        let (packets, microvolts) = released(py, data.len() > KEEP_UP_TO, || {
             self.0.with(|decoder| {
                 let packets = decoder.feed(data);
                 let microvolts = packets.iter().flat_map(|p| decoder.microvolts(p)).collect();
@@ -84,7 +76,7 @@ impl CytonStream {
 type ChordsParts<'py> = (Column<'py, u8>, Column<'py, u8>, Rows<'py, u16>);
 
 #[pyclass(module = "tega._native", frozen)]
-struct ChordsStream {
+pub(crate) struct ChordsStream {
     decoder: Shared<chords::Decoder>,
     channels: usize,
 }
@@ -100,7 +92,8 @@ impl ChordsStream {
 
     #[pyo3(signature = (data, /))]
     fn feed<'py>(&self, py: Python<'py>, data: &[u8]) -> Result<ChordsParts<'py>, BindError> {
-        let packets = py.detach(|| self.decoder.with(|decoder| decoder.feed(data)));
+        let packets =
+            released(py, data.len() > KEEP_UP_TO, || self.decoder.with(|decoder| decoder.feed(data)));
         let counters = PyArray1::from_iter(py, packets.iter().map(|p| p.counter));
         let missing = PyArray1::from_iter(py, packets.iter().map(|p| p.missing));
         let samples = packets.into_iter().flat_map(|p| p.samples).collect();
@@ -116,12 +109,12 @@ impl ChordsStream {
 
 #[pyfunction]
 #[pyo3(signature = (data, /))]
-fn chords_channels(data: &[u8]) -> Option<usize> {
+pub(crate) fn chords_channels(data: &[u8]) -> Option<usize> {
     chords::detect_channels(data)
 }
 
 #[pyclass(module = "tega._native", frozen)]
-struct SpikerStream {
+pub(crate) struct SpikerStream {
     decoder: Shared<spiker::Decoder>,
     channels: usize,
 }
@@ -137,7 +130,8 @@ impl SpikerStream {
 
     #[pyo3(signature = (data, /))]
     fn feed<'py>(&self, py: Python<'py>, data: &[u8]) -> Result<Rows<'py, u16>, BindError> {
-        let frames = py.detach(|| self.decoder.with(|decoder| decoder.feed(data)));
+        let frames =
+            released(py, data.len() > KEEP_UP_TO, || self.decoder.with(|decoder| decoder.feed(data)));
         Ok(rows(py, frames.concat(), self.channels)?)
     }
 
@@ -149,7 +143,7 @@ impl SpikerStream {
 }
 
 #[pyclass(module = "tega._native", frozen)]
-struct AsciiStream {
+pub(crate) struct AsciiStream {
     decoder: Shared<ascii::Decoder>,
     channels: usize,
 }
@@ -166,7 +160,8 @@ impl AsciiStream {
 
     #[pyo3(signature = (data, /))]
     fn feed<'py>(&self, py: Python<'py>, data: &[u8]) -> Result<Rows<'py, f64>, BindError> {
-        let samples = py.detach(|| self.decoder.with(|decoder| decoder.feed(data)));
+        let samples =
+            released(py, data.len() > KEEP_UP_TO, || self.decoder.with(|decoder| decoder.feed(data)));
         Ok(rows(py, samples, self.channels)?)
     }
 

@@ -6,6 +6,7 @@
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use tega_error::OutOfRange;
 use tega_wire::bhaptics::{self, BleFrame, Intensities, Motors};
 use tega_wire::{WireError, hid};
 
@@ -13,26 +14,6 @@ use super::narrow;
 use crate::errors::BindError;
 
 type Column<'py, T> = Bound<'py, PyArray1<T>>;
-
-pub(crate) fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_function(wrap_pyfunction!(motor_levels, m)?)?;
-    m.add_function(wrap_pyfunction!(x40_ble_frame, m)?)?;
-    m.add_function(wrap_pyfunction!(x40_ble_levels, m)?)?;
-    m.add_function(wrap_pyfunction!(x16_levels, m)?)?;
-    m.add_function(wrap_pyfunction!(player_v2_message, m)?)?;
-    m.add_function(wrap_pyfunction!(player_v2_stop, m)?)?;
-    m.add_function(wrap_pyfunction!(player_v2_ping, m)?)?;
-    m.add_function(wrap_pyfunction!(player_v2_status, m)?)?;
-    m.add_function(wrap_pyfunction!(sdk3_dot_message, m)?)?;
-    m.add_function(wrap_pyfunction!(sdk3_stop_message, m)?)?;
-    m.add_function(wrap_pyfunction!(hub_line, m)?)?;
-    m.add_function(wrap_pyfunction!(hid_motor_report, m)?)?;
-    m.add_function(wrap_pyfunction!(hid_stop_report, m)?)?;
-    m.add_function(wrap_pyfunction!(hid_motor, m)?)?;
-    m.add_function(wrap_pyfunction!(hid_status, m)?)?;
-    m.add_function(wrap_pyfunction!(hid_status_report, m)?)?;
-    Ok(())
-}
 
 fn intensities(values: &PyReadonlyArray1<'_, u8>) -> Result<Intensities, WireError> {
     let values = values.as_array();
@@ -49,13 +30,13 @@ fn ble(frame: &[u8]) -> Result<BleFrame, WireError> {
 
 #[pyfunction]
 #[pyo3(signature = (intensities, /))]
-fn motor_levels<'py>(py: Python<'py>, intensities: PyReadonlyArray1<'py, u8>) -> Column<'py, u8> {
-    PyArray1::from_vec(py, intensities.as_array().iter().map(|&value| bhaptics::level(value)).collect())
+pub(crate) fn motor_steps<'py>(py: Python<'py>, intensities: PyReadonlyArray1<'py, u8>) -> Column<'py, u8> {
+    PyArray1::from_vec(py, intensities.as_array().iter().map(|&value| bhaptics::motor_step(value)).collect())
 }
 
 #[pyfunction]
 #[pyo3(signature = (intensities, /, *, front_mirror))]
-fn x40_ble_frame<'py>(
+pub(crate) fn x40_ble_frame<'py>(
     py: Python<'py>,
     intensities: PyReadonlyArray1<'py, u8>,
     front_mirror: bool,
@@ -65,23 +46,27 @@ fn x40_ble_frame<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (frame, /, *, front_mirror))]
-fn x40_ble_levels<'py>(
+pub(crate) fn x40_ble_steps<'py>(
     py: Python<'py>,
     frame: &[u8],
     front_mirror: bool,
 ) -> Result<Column<'py, u8>, BindError> {
-    Ok(PyArray1::from_slice(py, &bhaptics::ble_levels(&ble(frame)?, front_mirror)))
+    Ok(PyArray1::from_slice(py, &bhaptics::ble_steps(&ble(frame)?, front_mirror)))
 }
 
 #[pyfunction]
 #[pyo3(signature = (frame, /, *, front_mirror))]
-fn x16_levels<'py>(py: Python<'py>, frame: &[u8], front_mirror: bool) -> Result<Column<'py, u8>, BindError> {
-    Ok(PyArray1::from_slice(py, &bhaptics::x16_levels(&ble(frame)?, front_mirror)))
+pub(crate) fn x16_steps<'py>(
+    py: Python<'py>,
+    frame: &[u8],
+    front_mirror: bool,
+) -> Result<Column<'py, u8>, BindError> {
+    Ok(PyArray1::from_slice(py, &bhaptics::x16_steps(&ble(frame)?, front_mirror)))
 }
 
 #[pyfunction]
 #[pyo3(signature = (intensities, /, *, duration_ms, front_key, back_key))]
-fn player_v2_message(
+pub(crate) fn player_v2_message(
     intensities: PyReadonlyArray1<'_, u8>,
     duration_ms: i64,
     front_key: Option<&str>,
@@ -93,12 +78,12 @@ fn player_v2_message(
 
 #[pyfunction]
 #[pyo3(signature = (key, /))]
-fn player_v2_stop(key: Option<&str>) -> Result<String, BindError> {
+pub(crate) fn player_v2_stop(key: Option<&str>) -> Result<String, BindError> {
     Ok(key.map_or_else(bhaptics::player_v2_stop_all, bhaptics::player_v2_stop)?)
 }
 
 #[pyfunction]
-fn player_v2_ping() -> Result<String, BindError> {
+pub(crate) fn player_v2_ping() -> Result<String, BindError> {
     Ok(bhaptics::player_v2_ping()?)
 }
 
@@ -106,14 +91,14 @@ type PlayerParts = (i64, Vec<String>, Vec<String>, Vec<i64>, Vec<i64>);
 
 #[pyfunction]
 #[pyo3(signature = (message, /))]
-fn player_v2_status(message: &str) -> Result<PlayerParts, BindError> {
+pub(crate) fn player_v2_status(message: &str) -> Result<PlayerParts, BindError> {
     let status = bhaptics::player_v2_status(message)?;
     Ok((status.connected_devices, status.connected_positions, status.active_keys, status.front, status.back))
 }
 
 #[pyfunction]
 #[pyo3(signature = (intensities, /, *, request_id, duration_ms, motors))]
-fn sdk3_dot_message(
+pub(crate) fn sdk3_dot_message(
     intensities: PyReadonlyArray1<'_, u8>,
     request_id: i64,
     duration_ms: i64,
@@ -122,7 +107,7 @@ fn sdk3_dot_message(
     let motors = match motors {
         40 => Motors::Forty,
         32 => Motors::ThirtyTwo,
-        _ => Err(WireError::Setting { name: "motors", value: motors as f64, wanted: "40 or 32" })?,
+        _ => Err(WireError::Setting(OutOfRange::new("motors", motors as f64, "", "40 or 32")))?,
     };
     let request_id = narrow("request_id", request_id, "0 to 4294967295")?;
     let duration_ms = narrow("duration_ms", duration_ms, "20 to 100000")?;
@@ -130,13 +115,13 @@ fn sdk3_dot_message(
 }
 
 #[pyfunction]
-fn sdk3_stop_message() -> Result<String, BindError> {
+pub(crate) fn sdk3_stop_message() -> Result<String, BindError> {
     Ok(bhaptics::sdk3_stop_all()?)
 }
 
 #[pyfunction]
 #[pyo3(signature = (intensities, /, *, request_id, duration_ms))]
-fn hub_line(
+pub(crate) fn hub_line(
     intensities: PyReadonlyArray1<'_, u8>,
     request_id: i64,
     duration_ms: i64,
@@ -148,7 +133,7 @@ fn hub_line(
 
 #[pyfunction]
 #[pyo3(signature = (intensities, /, *, sequence, ttl_ms, request_status))]
-fn hid_motor_report<'py>(
+pub(crate) fn hid_motor_report<'py>(
     py: Python<'py>,
     intensities: PyReadonlyArray1<'py, u8>,
     sequence: i64,
@@ -162,7 +147,7 @@ fn hid_motor_report<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (*, sequence))]
-fn hid_stop_report(py: Python<'_>, sequence: i64) -> Result<Bound<'_, PyBytes>, BindError> {
+pub(crate) fn hid_stop_report(py: Python<'_>, sequence: i64) -> Result<Bound<'_, PyBytes>, BindError> {
     let sequence = narrow("sequence", sequence, "0 to 65535")?;
     Ok(PyBytes::new(py, &hid::motor_report(sequence, &hid::Motor::Stop)?))
 }
@@ -171,7 +156,7 @@ type MotorParts<'py> = (u16, Option<(Column<'py, u8>, u16, bool)>);
 
 #[pyfunction]
 #[pyo3(signature = (report, /))]
-fn hid_motor<'py>(py: Python<'py>, report: &[u8]) -> Result<MotorParts<'py>, BindError> {
+pub(crate) fn hid_motor<'py>(py: Python<'py>, report: &[u8]) -> Result<MotorParts<'py>, BindError> {
     let (sequence, motor) = hid::decode_motor(report)?;
     Ok(match motor {
         hid::Motor::Stop => (sequence, None),
@@ -185,7 +170,7 @@ type StatusParts = (u16, u8, Option<u8>, u16, u32, u32);
 
 #[pyfunction]
 #[pyo3(signature = (report, /))]
-fn hid_status(report: &[u8]) -> Result<StatusParts, BindError> {
+pub(crate) fn hid_status(report: &[u8]) -> Result<StatusParts, BindError> {
     let status = hid::decode_status(report)?;
     Ok((status.sequence, status.link, status.battery, status.faults, status.uptime_ms, status.dropped))
 }
@@ -194,7 +179,10 @@ type StatusFields = (i64, i64, Option<i64>, i64, i64, i64);
 
 #[pyfunction]
 #[pyo3(signature = (status, /))]
-fn hid_status_report(py: Python<'_>, status: StatusFields) -> Result<Bound<'_, PyBytes>, BindError> {
+pub(crate) fn hid_status_report(
+    py: Python<'_>,
+    status: StatusFields,
+) -> Result<Bound<'_, PyBytes>, BindError> {
     let (sequence, link, battery, faults, uptime_ms, dropped) = status;
     let battery = battery.map(|battery| narrow("battery", battery, "0 to 100 %")).transpose()?;
     let status = hid::Status {

@@ -5,7 +5,6 @@
 use ndarray::{ArrayView3, Axis};
 
 use crate::frame::row_bytes;
-use crate::simd;
 
 /// Cells along the picture's diagonal: 8 pixels a cell at 240 x 320, the same cells of the gel at any resolution.
 const CELLS_PER_DIAGONAL: f64 = 50.0;
@@ -83,9 +82,9 @@ fn average_octets(bytes: &[u8], grid: &Grid, strip: &mut Strip, planes: &mut Pla
         .zip(p2.chunks_exact_mut(grid.cols));
     for (rows, ((p0, p1), p2)) in bytes.chunks_exact(8 * stride).zip(cells) {
         let sums = strip.sums.get_mut(..stride).unwrap_or_default();
-        simd::sum_eight_rows(sums, rows);
+        sum_eight_rows(sums, rows);
         // A sum over 64 pixels, in sixteenths of a count.
-        simd::fold_octets(&strip.sums, 2, &mut strip.folded);
+        fold_octets(&strip.sums, 2, &mut strip.folded);
         for (((octet, a), b), c) in strip.folded.as_chunks::<OCTET>().0.iter().zip(p0).zip(p1).zip(p2) {
             (*a, *b, *c) = (octet[0], octet[1], octet[2]);
         }
@@ -95,7 +94,7 @@ fn average_octets(bytes: &[u8], grid: &Grid, strip: &mut Strip, planes: &mut Pla
 /// Any cells, any strides: a row at a time.
 fn average_rows(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
     for (y, row) in image.axis_iter(Axis(0)).enumerate() {
-        simd::add_row(&mut strip.sums, row_bytes(&row, &mut strip.gathered));
+        add_row(&mut strip.sums, row_bytes(&row, &mut strip.gathered));
         let row = y / grid.side;
         let first = row * grid.side;
         let end = (first + grid.side).min(grid.height);
@@ -108,7 +107,7 @@ fn average_rows(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plane
 
 /// Sums eight rows of bytes down their columns.
 #[inline(always)]
-pub(crate) fn sum_eight_rows(sums: &mut [i16], rows: &[u8]) {
+fn sum_eight_rows_plain(sums: &mut [i16], rows: &[u8]) {
     let n = sums.len();
     let row = |k: usize| rows.get(k * n..(k + 1) * n).unwrap_or_default();
     let upper = row(0).iter().zip(row(1)).zip(row(2)).zip(row(3));
@@ -119,18 +118,28 @@ pub(crate) fn sum_eight_rows(sums: &mut [i16], rows: &[u8]) {
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`sum_eight_rows_plain`].
+    sum_eight_rows = sum_eight_rows_plain, (sums: &mut [i16], rows: &[u8]) -> ()
+}
+
 /// Adds a row to the column sums. At most 116 rows are added (images up to 4096 pixels): 29,580 fits.
 #[inline(always)]
-pub(crate) fn add_row(sums: &mut [i16], row: &[u8]) {
+fn add_row_plain(sums: &mut [i16], row: &[u8]) {
     for (sum, &value) in sums.iter_mut().zip(row) {
         *sum += i16::from(value);
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`add_row_plain`].
+    add_row = add_row_plain, (sums: &mut [i16], row: &[u8]) -> ()
+}
+
 /// Turns column sums into sums of eight neighbouring pixels from every byte on, over `2^shift`, halves rounded up. `sums` has an
 /// octet more than `folded`.
 #[inline(always)]
-pub(crate) fn fold_octets(sums: &[i16], shift: u32, folded: &mut [i16]) {
+fn fold_octets_plain(sums: &[i16], shift: u32, folded: &mut [i16]) {
     let n = folded.len();
     let from = |pixel: usize| sums.get(3 * pixel..3 * pixel + n).unwrap_or_default();
     let half = (1 << shift) >> 1;
@@ -139,6 +148,11 @@ pub(crate) fn fold_octets(sums: &[i16], shift: u32, folded: &mut [i16]) {
     for ((out, (((a, b), c), d)), (((e, f), g), h)) in folded.iter_mut().zip(left).zip(right) {
         *out = (a + b + c + d + e + f + g + h + half) >> shift;
     }
+}
+
+tega_simd::dispatched! {
+    /// See [`fold_octets_plain`].
+    fold_octets = fold_octets_plain, (sums: &[i16], shift: u32, folded: &mut [i16]) -> ()
 }
 
 /// Column sums of `height` rows to cell means, for any side and for cells cut by the border.

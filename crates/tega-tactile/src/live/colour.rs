@@ -5,7 +5,6 @@
 //! nothing touches, and counts broad contacts by all the picture that they change. One cell that outweighs all others is left out.
 
 use super::cells::Grid;
-use crate::simd;
 
 /// Values that are summed side by side, in one order on every processor.
 pub(crate) const LANES: usize = 8;
@@ -80,9 +79,9 @@ impl Colour {
         for (c, white) in white.iter().enumerate() {
             pool(white, grid, self.cols, &mut self.pooled[c]);
             let [z, zx, zy] =
-                simd::plane_sums(&self.pooled[c], &self.x, &self.y).map(|lanes| lanes.iter().sum::<f32>());
+                plane_sums(&self.pooled[c], &self.x, &self.y).map(|lanes| lanes.iter().sum::<f32>());
             let plane = [z / n, zx / xx, zy / yy];
-            simd::without_plane(&self.pooled[c], &self.x, &self.y, plane, &mut self.left[c]);
+            without_plane(&self.pooled[c], &self.x, &self.y, plane, &mut self.left[c]);
             self.left[c].iter_mut().skip(cells).for_each(|v| *v = 0.0);
         }
         self.statistic()
@@ -101,18 +100,18 @@ impl Colour {
             self.sorted.clear();
             self.sorted.extend(self.pooled[c].iter().take(cells));
             let middle = *self.sorted.select_nth_unstable_by(cells / 2, f32::total_cmp).1;
-            simd::without_plane(&self.pooled[c], &self.x, &self.y, [middle, 0.0, 0.0], &mut self.left[c]);
+            without_plane(&self.pooled[c], &self.x, &self.y, [middle, 0.0, 0.0], &mut self.left[c]);
         }
         let mut fits = [[0f32; 4]; 3];
         for _ in 0..ROUNDS {
             let [a, b, c] = &self.left;
-            simd::trust([a, b, c], &mut self.weights);
+            trust([a, b, c], &mut self.weights);
             self.weights.iter_mut().skip(cells).for_each(|w| *w = 0.0);
             for (c, fit) in fits.iter_mut().enumerate() {
                 let places = [&self.x[..], &self.y, &self.gel[c]];
-                let sums = simd::fit_sums(&self.weights, places, &self.pooled[c]);
+                let sums = fit_sums(&self.weights, places, &self.pooled[c]);
                 *fit = solve(&sums.map(|lanes| lanes.iter().map(|&v| f64::from(v)).sum()));
-                simd::without_fit(&self.pooled[c], places, *fit, &mut self.left[c]);
+                without_fit(&self.pooled[c], places, *fit, &mut self.left[c]);
                 self.left[c].iter_mut().skip(cells).for_each(|v| *v = 0.0);
             }
         }
@@ -135,7 +134,7 @@ impl Colour {
 
     fn statistic(&self) -> f32 {
         let [a, b, c] = &self.left;
-        let [energy, square, most] = simd::energy_sums([a, b, c]);
+        let [energy, square, most] = energy_sums([a, b, c]);
         let most = most.into_iter().fold(0f32, f32::max);
         let (mut energy, mut square) = (energy.iter().sum::<f32>(), square.iter().sum::<f32>());
         // A pixel that is stuck lies in one cell; no contact does.
@@ -160,7 +159,7 @@ fn pool(plane: &[f32], grid: &Grid, cols: usize, out: &mut [f32]) {
 
 /// Sums of a value with 1, x and y.
 #[inline(always)]
-pub(crate) fn plane_sums(z: &[f32], x: &[f32], y: &[f32]) -> [[f32; LANES]; 3] {
+fn plane_sums_plain(z: &[f32], x: &[f32], y: &[f32]) -> [[f32; LANES]; 3] {
     let mut sums = [[0f32; LANES]; 3];
     let places = x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0);
     for (z, (x, y)) in z.as_chunks::<LANES>().0.iter().zip(places) {
@@ -173,34 +172,55 @@ pub(crate) fn plane_sums(z: &[f32], x: &[f32], y: &[f32]) -> [[f32; LANES]; 3] {
     sums
 }
 
+tega_simd::dispatched! {
+    /// See [`plane_sums_plain`].
+    plane_sums = plane_sums_plain, (z: &[f32], x: &[f32], y: &[f32]) -> [[f32; LANES]; 3]
+}
+
 /// Takes a plane out.
 #[inline(always)]
-pub(crate) fn without_plane(z: &[f32], x: &[f32], y: &[f32], [level, px, py]: [f32; 3], out: &mut [f32]) {
+fn without_plane_plain(z: &[f32], x: &[f32], y: &[f32], [level, px, py]: [f32; 3], out: &mut [f32]) {
     for (((out, z), x), y) in out.iter_mut().zip(z).zip(x).zip(y) {
         *out = z - (level + px * x + py * y);
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`without_plane_plain`].
+    without_plane = without_plane_plain,
+    (z: &[f32], x: &[f32], y: &[f32], plane: [f32; 3], out: &mut [f32]) -> ()
+}
+
 /// Takes a plane and a gain out.
 #[inline(always)]
-pub(crate) fn without_fit(z: &[f32], [x, y, b]: [&[f32]; 3], [level, px, py, pb]: [f32; 4], out: &mut [f32]) {
+fn without_fit_plain(z: &[f32], [x, y, b]: [&[f32]; 3], [level, px, py, pb]: [f32; 4], out: &mut [f32]) {
     for ((((out, z), x), y), b) in out.iter_mut().zip(z).zip(x).zip(y).zip(b) {
         *out = z - (level + px * x + py * y + pb * b);
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`without_fit_plain`].
+    without_fit = without_fit_plain, (z: &[f32], places: [&[f32]; 3], fit: [f32; 4], out: &mut [f32]) -> ()
+}
+
 /// How much each pooled cell is trusted to be untouched: 1 / (1 + energy)².
 #[inline(always)]
-pub(crate) fn trust([a, b, c]: [&[f32]; 3], weights: &mut [f32]) {
+fn trust_plain([a, b, c]: [&[f32]; 3], weights: &mut [f32]) {
     for (((w, a), b), c) in weights.iter_mut().zip(a).zip(b).zip(c) {
         let distrust = 1.0 + ((a * a + c * c) + b * b) * (1.0 / 3.0);
         *w = 1.0 / (distrust * distrust);
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`trust_plain`].
+    trust = trust_plain, (white: [&[f32]; 3], weights: &mut [f32]) -> ()
+}
+
 /// The weighted sums that a fit of level, x, y and gain needs; see [`SUMS`].
 #[inline(always)]
-pub(crate) fn fit_sums(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[f32; LANES]; SUMS] {
+fn fit_sums_plain(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[f32; LANES]; SUMS] {
     let mut sums = [[0f32; LANES]; SUMS];
     let chunks = weights.as_chunks::<LANES>().0.iter().zip(z.as_chunks::<LANES>().0);
     let places = x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0).zip(b.as_chunks::<LANES>().0);
@@ -231,9 +251,14 @@ pub(crate) fn fit_sums(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[
     sums
 }
 
+tega_simd::dispatched! {
+    /// See [`fit_sums_plain`].
+    fit_sums = fit_sums_plain, (weights: &[f32], places: [&[f32]; 3], z: &[f32]) -> [[f32; LANES]; SUMS]
+}
+
 /// Sums of energy and of its square over pooled cells, and the largest energies.
 #[inline(always)]
-pub(crate) fn energy_sums([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 3] {
+fn energy_sums_plain([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 3] {
     let mut sums = [[0f32; LANES]; 3];
     let chunks = a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0).zip(c.as_chunks::<LANES>().0);
     for ((a, b), c) in chunks {
@@ -245,6 +270,11 @@ pub(crate) fn energy_sums([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 3] {
         }
     }
     sums
+}
+
+tega_simd::dispatched! {
+    /// See [`energy_sums_plain`].
+    energy_sums = energy_sums_plain, (white: [&[f32]; 3]) -> [[f32; LANES]; 3]
 }
 
 /// Solves the normal equations; zeros where they have no answer.

@@ -9,7 +9,6 @@ use super::depth::Solver;
 use super::light::{GelLight, Slopes};
 use super::shape::{Moments, outline};
 use crate::frame::Order;
-use crate::simd;
 
 /// The outline's level: the mean of energy and depth, as shares of their peaks, that an eye marks as the rim.
 pub(super) const DENT_LEVEL: f32 = 0.32;
@@ -110,7 +109,7 @@ impl DentReader {
         paint: impl FnMut(usize, usize, usize),
     ) -> Dent {
         let [a, b, c] = white;
-        simd::energy([a, b, c], &mut self.energy);
+        energy([a, b, c], &mut self.energy);
         smooth(&self.energy, grid, &mut self.spare, &mut self.change);
         // Noise alone has an energy of 1.
         self.change.iter_mut().for_each(|e| *e = (*e - 1.0).max(0.0).sqrt());
@@ -153,10 +152,15 @@ impl DentReader {
 
 /// Energy of the change a cell, in noise units.
 #[inline(always)]
-pub(crate) fn energy([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
+fn energy_plain([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
         *out = ((a * a + c * c) + b * b) * (1.0 / 3.0);
     }
+}
+
+tega_simd::dispatched! {
+    /// See [`energy_plain`].
+    energy = energy_plain, (white: [&[f32]; 3], out: &mut [f32]) -> ()
 }
 
 /// 1-2-1 both ways; cells at the border are repeated.
@@ -164,12 +168,12 @@ fn smooth(plane: &[f32], grid: &Grid, spare: &mut [f32], out: &mut [f32]) {
     let cols = grid.cols;
     let line = |r: usize| plane.get(r * cols..(r + 1) * cols).unwrap_or_default();
     for (row, spare) in spare.chunks_exact_mut(cols).enumerate() {
-        simd::one_two_one(line(row.saturating_sub(1)), line(row), line((row + 1).min(grid.rows - 1)), spare);
+        one_two_one(line(row.saturating_sub(1)), line(row), line((row + 1).min(grid.rows - 1)), spare);
     }
     for (spare, out) in spare.chunks_exact(cols).zip(out.chunks_exact_mut(cols)) {
         let (before, after) = (spare.get(..cols - 1).unwrap_or_default(), spare.get(1..).unwrap_or_default());
         if cols > 1 {
-            simd::one_two_one(
+            one_two_one(
                 before,
                 after,
                 spare.get(2..).unwrap_or_default(),
@@ -185,25 +189,30 @@ fn smooth(plane: &[f32], grid: &Grid, spare: &mut [f32], out: &mut [f32]) {
 
 /// A quarter of the first and the last, half of the middle.
 #[inline(always)]
-pub(crate) fn one_two_one(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
+fn one_two_one_plain(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
         *out = 0.25 * ((a + c) + 2.0 * b);
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`one_two_one_plain`].
+    one_two_one = one_two_one_plain, (a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) -> ()
+}
+
 /// Σ v⁸ / Σ v⁷ of values of 0 or more: their largest, steadied by those that come near it.
 fn peak(values: &[f32]) -> f32 {
-    let most = simd::largest(values).into_iter().fold(0f32, f32::max);
+    let most = largest(values).into_iter().fold(0f32, f32::max);
     if most <= f32::MIN_POSITIVE || !most.is_finite() {
         return 0.0;
     }
-    let [seven, eight] = simd::power_sums(values, 1.0 / most).map(|lanes| lanes.iter().sum::<f32>());
+    let [seven, eight] = power_sums(values, 1.0 / most).map(|lanes| lanes.iter().sum::<f32>());
     most * eight / seven
 }
 
 /// Largest values, side by side.
 #[inline(always)]
-pub(crate) fn largest(values: &[f32]) -> [f32; 8] {
+fn largest_plain(values: &[f32]) -> [f32; 8] {
     let mut most = [0f32; 8];
     let (chunks, rest) = values.as_chunks::<8>();
     for chunk in chunks {
@@ -217,9 +226,14 @@ pub(crate) fn largest(values: &[f32]) -> [f32; 8] {
     most
 }
 
+tega_simd::dispatched! {
+    /// See [`largest_plain`].
+    largest = largest_plain, (values: &[f32]) -> [f32; 8]
+}
+
 /// Sums of the seventh and the eighth powers of scaled values.
 #[inline(always)]
-pub(crate) fn power_sums(values: &[f32], scale: f32) -> [[f32; 8]; 2] {
+fn power_sums_plain(values: &[f32], scale: f32) -> [[f32; 8]; 2] {
     let mut sums = [[0f32; 8]; 2];
     let (chunks, rest) = values.as_chunks::<8>();
     let mut last = [0f32; 8];
@@ -235,16 +249,21 @@ pub(crate) fn power_sums(values: &[f32], scale: f32) -> [[f32; 8]; 2] {
     sums
 }
 
+tega_simd::dispatched! {
+    /// See [`power_sums_plain`].
+    power_sums = power_sums_plain, (values: &[f32], scale: f32) -> [[f32; 8]; 2]
+}
+
 /// Mean depth where the colours hardly change, each cell weighed by how little.
 fn untouched(depth: &[f32], change: &[f32], strongest: f32) -> f32 {
     let scale = if strongest > 0.0 { 1.0 / (UNTOUCHED * strongest) } else { 0.0 };
-    let [weights, sums] = simd::untouched_sums(depth, change, scale).map(|lanes| lanes.iter().sum::<f32>());
+    let [weights, sums] = untouched_sums(depth, change, scale).map(|lanes| lanes.iter().sum::<f32>());
     if weights > 0.0 { sums / weights } else { 0.0 }
 }
 
 /// Sums of weights 1 / (1 + v⁴), v the scaled change, and of weight times depth.
 #[inline(always)]
-pub(crate) fn untouched_sums(depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2] {
+fn untouched_sums_plain(depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2] {
     let mut sums = [[0f32; 8]; 2];
     // At most seven cells of the last corner are left out.
     for (d, e) in depth.as_chunks::<8>().0.iter().zip(change.as_chunks::<8>().0) {
@@ -256,4 +275,9 @@ pub(crate) fn untouched_sums(depth: &[f32], change: &[f32], scale: f32) -> [[f32
         }
     }
     sums
+}
+
+tega_simd::dispatched! {
+    /// See [`untouched_sums_plain`].
+    untouched_sums = untouched_sums_plain, (depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2]
 }

@@ -6,7 +6,6 @@
 use super::cells::Grid;
 use super::colour::LANES;
 use super::trig::cos_of_turn;
-use crate::simd;
 
 /// How strongly depth is held at zero; keeps what the colours say nothing about from piling up over the picture.
 const HOLD: f64 = 0.005;
@@ -71,16 +70,16 @@ impl Solver {
     pub fn solve(&mut self, white: &[Vec<f32>; 3], weights: &[[Vec<f32>; 3]; 2], grid: &Grid) {
         let [a, b, c] = white;
         for (slope, [wa, wb, wc]) in self.slopes.iter_mut().zip(weights) {
-            simd::weigh_three([a, b, c], [wa, wb, wc], slope);
+            weigh_three([a, b, c], [wa, wb, wc], slope);
         }
         let (rows, cols) = (grid.rows, grid.cols);
         let stride = cols.next_multiple_of(LANES);
         divergence(&self.slopes, grid, stride, &mut self.field);
-        simd::multiply(&self.down[0], &self.field, rows, [rows, stride], &mut self.spare);
-        simd::multiply(&self.spare, &self.across[1], cols, [stride, stride], &mut self.field);
-        simd::multiply_each(&mut self.field, &self.inverse);
-        simd::multiply(&self.down[1], &self.field, rows, [rows, stride], &mut self.spare);
-        simd::multiply(&self.spare, &self.across[0], cols, [stride, stride], &mut self.field);
+        multiply(&self.down[0], &self.field, rows, [rows, stride], &mut self.spare);
+        multiply(&self.spare, &self.across[1], cols, [stride, stride], &mut self.field);
+        multiply_each(&mut self.field, &self.inverse);
+        multiply(&self.down[1], &self.field, rows, [rows, stride], &mut self.spare);
+        multiply(&self.spare, &self.across[0], cols, [stride, stride], &mut self.field);
         for (depth, field) in self.depth.chunks_exact_mut(cols).zip(self.field.chunks_exact(stride)) {
             depth.iter_mut().zip(field).for_each(|(d, f)| *d = *f);
         }
@@ -89,8 +88,13 @@ impl Solver {
 
 /// Multiplies value by value.
 #[inline(always)]
-pub(crate) fn multiply_each(values: &mut [f32], by: &[f32]) {
+fn multiply_each_plain(values: &mut [f32], by: &[f32]) {
     values.iter_mut().zip(by).for_each(|(v, by)| *v *= by);
+}
+
+tega_simd::dispatched! {
+    /// See [`multiply_each_plain`].
+    multiply_each = multiply_each_plain, (values: &mut [f32], by: &[f32]) -> ()
 }
 
 /// Minus the divergence of the slopes, each taken halfway between two cells; nothing flows over the picture's border. Rows of `out` lie
@@ -101,14 +105,14 @@ fn divergence([gx, gy]: &[Vec<f32>; 2], grid: &Grid, stride: usize, out: &mut [f
     for ((row, out), gx) in out.chunks_exact_mut(stride).enumerate().zip(gx.chunks_exact(cols)) {
         let out = out.get_mut(..cols).unwrap_or_default();
         let (above, below) = (line(row.saturating_sub(1)), line((row + 1).min(grid.rows - 1)));
-        simd::half_difference(above, below, out);
+        half_difference(above, below, out);
         // At the border a slope has no neighbour: what flows is its own half, over the other side alone.
         let missing = f32::from(u8::from(row + 1 == grid.rows)) - f32::from(u8::from(row == 0));
         if missing != 0.0 {
             out.iter_mut().zip(line(row)).for_each(|(out, here)| *out += missing * here);
         }
         if let Some(inner) = out.get_mut(1..cols - 1) {
-            simd::add_half_difference(gx, gx.get(2..).unwrap_or_default(), inner);
+            add_half_difference(gx, gx.get(2..).unwrap_or_default(), inner);
         }
         if cols > 1 {
             out[0] -= 0.5 * (gx[0] + gx[1]);
@@ -119,23 +123,33 @@ fn divergence([gx, gy]: &[Vec<f32>; 2], grid: &Grid, stride: usize, out: &mut [f
 
 /// Half of what one row has over the other.
 #[inline(always)]
-pub(crate) fn half_difference(a: &[f32], b: &[f32], out: &mut [f32]) {
+fn half_difference_plain(a: &[f32], b: &[f32], out: &mut [f32]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out = 0.5 * (a - b);
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`half_difference_plain`].
+    half_difference = half_difference_plain, (a: &[f32], b: &[f32], out: &mut [f32]) -> ()
+}
+
 /// Adds half of what one row has over the other.
 #[inline(always)]
-pub(crate) fn add_half_difference(a: &[f32], b: &[f32], out: &mut [f32]) {
+fn add_half_difference_plain(a: &[f32], b: &[f32], out: &mut [f32]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out += 0.5 * (a - b);
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`add_half_difference_plain`].
+    add_half_difference = add_half_difference_plain, (a: &[f32], b: &[f32], out: &mut [f32]) -> ()
+}
+
 /// Sum over three colours of weight times change.
 #[inline(always)]
-pub(crate) fn weigh_three(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) {
+fn weigh_three_plain(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) {
     let white = white[0].iter().zip(white[1]).zip(white[2]);
     let weights = weights[0].iter().zip(weights[1]).zip(weights[2]);
     for ((out, ((a, b), c)), ((wa, wb), wc)) in out.iter_mut().zip(white).zip(weights) {
@@ -143,10 +157,15 @@ pub(crate) fn weigh_three(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`weigh_three_plain`].
+    weigh_three = weigh_three_plain, (white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) -> ()
+}
+
 /// Matrix product of (n, k) and (k, m) into (n, m); rows lie `strides` values apart in the first and in the other two, the latter a multiple of
 /// [`LANES`]. Every sum runs in one order, so that all processors give the same bits.
 #[inline(always)]
-pub(crate) fn multiply(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) {
+fn multiply_plain(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) {
     let [a_stride, stride] = strides;
     for (a, out) in a.chunks(a_stride).zip(out.chunks_exact_mut(stride)) {
         let Some(a) = a.get(..k) else { return };
@@ -161,6 +180,11 @@ pub(crate) fn multiply(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out:
             first += LANES;
         }
     }
+}
+
+tega_simd::dispatched! {
+    /// See [`multiply_plain`].
+    multiply = multiply_plain, (a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) -> ()
 }
 
 #[inline(always)]

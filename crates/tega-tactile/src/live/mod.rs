@@ -22,11 +22,6 @@ mod thumbnail;
 mod tracker;
 mod trig;
 
-pub(crate) use cells::{add_row, fold_octets, sum_eight_rows};
-pub(crate) use colour::{LANES, SUMS, energy_sums, fit_sums, plane_sums, trust, without_fit, without_plane};
-pub(crate) use dent::{energy, largest, one_two_one, power_sums, untouched_sums};
-pub(crate) use depth::{add_half_difference, half_difference, multiply, multiply_each, weigh_three};
-pub(crate) use still::{follow, whiten};
 pub(crate) use thumbnail::{Thumbnail, Thumbnails};
 
 pub use dent::Outline;

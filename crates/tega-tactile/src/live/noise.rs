@@ -36,12 +36,7 @@ impl SensorNoise {
     pub fn of_counts(bgr: [f64; 3]) -> Result<Self, TactileError> {
         for value in bgr {
             if !(0.0..=255.0).contains(&value) {
-                return Err(TactileError::OutOfRange(OutOfRange {
-                    name: "noise",
-                    value,
-                    unit: "counts",
-                    wanted: "0 to 255 for each colour",
-                }));
+                return Err(OutOfRange::new("noise", value, "counts", "0 to 255 for each colour").into());
             }
         }
         Ok(Self { bgr: std::array::from_fn(|c| within(bgr[c] as f32, c)) })

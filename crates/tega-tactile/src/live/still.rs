@@ -68,7 +68,7 @@ impl Cells {
     pub fn glance(&mut self, gel: &Field) -> f32 {
         let noise = self.noise.arranged(self.order);
         for (((white, means), gel), noise) in self.white.iter_mut().zip(&self.means).zip(gel).zip(noise) {
-            crate::simd::whiten(means, gel, 1.0 / UNITS_PER_COUNT, 1.0 / noise, white);
+            whiten(means, gel, 1.0 / UNITS_PER_COUNT, 1.0 / noise, white);
         }
         self.colour.glance(&self.white, &self.grid)
     }
@@ -117,18 +117,28 @@ impl Cells {
 
 /// Change of cell means to the untouched gel, in noise units.
 #[inline(always)]
-pub(crate) fn whiten(means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) {
+fn whiten_plain(means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) {
     for ((out, mean), gel) in out.iter_mut().zip(means).zip(gel) {
         *out = (f32::from(*mean) * scale - gel) * per_noise;
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`whiten_plain`].
+    whiten = whiten_plain, (means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) -> ()
+}
+
 /// Moves the untouched gel a share of the way to cell means.
 #[inline(always)]
-pub(crate) fn follow(gel: &mut [f32], means: &[i16], scale: f32, share: f32) {
+fn follow_plain(gel: &mut [f32], means: &[i16], scale: f32, share: f32) {
     for (gel, mean) in gel.iter_mut().zip(means) {
         *gel += share * (f32::from(*mean) * scale - *gel);
     }
+}
+
+tega_simd::dispatched! {
+    /// See [`follow_plain`].
+    follow = follow_plain, (gel: &mut [f32], means: &[i16], scale: f32, share: f32) -> ()
 }
 
 /// Reads pictures against one of the untouched gel; what can be found out from that one alone is found out once.

@@ -17,7 +17,7 @@ use super::dent::{Dent, Outline};
 use super::law::Sums;
 use super::light::GelLight;
 use super::noise::SensorNoise;
-use super::still::Cells;
+use super::still::{Cells, follow};
 use crate::error::TactileError;
 use crate::frame::Order;
 
@@ -197,12 +197,7 @@ impl TouchTracker {
     /// [`TactileError::Channels`] or [`TactileError::Size`] for the picture, [`TactileError::OutOfRange`] for a rate that is not from 0.01 to 1000 Hz.
     pub fn new(baseline: ArrayView3<'_, u8>, options: TrackerOptions) -> Result<Self, TactileError> {
         if !(0.01..=1000.0).contains(&options.rate_hz) {
-            return Err(TactileError::OutOfRange(OutOfRange {
-                name: "rate_hz",
-                value: options.rate_hz,
-                unit: "Hz",
-                wanted: "0.01 to 1000",
-            }));
+            return Err(OutOfRange::new("rate_hz", options.rate_hz, "Hz", "0.01 to 1000").into());
         }
         let mut cells = Cells::of(&baseline, options.noise, &options.light, options.order)?;
         let mut gel = Field::default();
@@ -238,12 +233,7 @@ impl TouchTracker {
     ) -> Result<Touch, TactileError> {
         let dt_s = dt_s.unwrap_or(1.0 / self.options.rate_hz);
         if !(0.0..=1e6).contains(&dt_s) {
-            return Err(TactileError::OutOfRange(OutOfRange {
-                name: "dt_s",
-                value: dt_s,
-                unit: "s",
-                wanted: "0 to 1e6",
-            }));
+            return Err(OutOfRange::new("dt_s", dt_s, "s", "0 to 1e6").into());
         }
         self.cells.take(&frame)?;
         self.leftover *= 1.0 - step(dt_s, LEFTOVER_S);
@@ -342,14 +332,14 @@ impl TouchTracker {
         let follow_s = if self.leftover > SOON_SHARE * self.rest { FOLLOW_SOON_S } else { FOLLOW_S };
         let share = step(dt_s, follow_s).max(1.0 / self.quiet_frames);
         for (gel, means) in self.gel.iter_mut().zip(&self.cells.means) {
-            crate::simd::follow(gel, means, 1.0 / super::cells::UNITS_PER_COUNT, share as f32);
+            follow(gel, means, 1.0 / super::cells::UNITS_PER_COUNT, share as f32);
         }
     }
 
     /// Takes a share of the last frame into what may be the rest.
     fn pend(&mut self, share: f64) {
         for (pending, means) in self.pending.iter_mut().zip(&self.cells.means) {
-            crate::simd::follow(pending, means, 1.0 / super::cells::UNITS_PER_COUNT, share as f32);
+            follow(pending, means, 1.0 / super::cells::UNITS_PER_COUNT, share as f32);
         }
     }
 

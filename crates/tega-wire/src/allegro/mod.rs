@@ -76,12 +76,7 @@ impl DeviceId {
     /// [`WireError::OutOfRange`] above 3.
     pub fn new(number: u8) -> Result<Self, WireError> {
         if number > 3 {
-            return Err(WireError::OutOfRange(OutOfRange {
-                name: "device_id",
-                value: f64::from(number),
-                unit: "",
-                wanted: "0 to 3",
-            }));
+            return Err(OutOfRange::new("device_id", f64::from(number), "", "0 to 3").into());
         }
         Ok(Self(number))
     }

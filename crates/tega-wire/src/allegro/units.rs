@@ -59,7 +59,7 @@ impl Scale {
 /// The vendor's drivers truncate instead, so they send up to one count less.
 ///
 /// # Errors
-/// [`WireError::Element`] for a torque that is not finite, and for a joint above 15.
+/// [`WireError::OutOfRange`] for a torque that is not finite, and for a joint above 15.
 ///
 /// ```
 /// use tega_wire::allegro::{Scale, torque_counts};
@@ -71,7 +71,8 @@ impl Scale {
 pub fn torque_counts(tau: f64, joint: usize, scale: Scale) -> Result<i16, WireError> {
     if !tau.is_finite() || joint > 15 {
         let wanted = if joint > 15 { "joints 0 to 15" } else { "a finite torque" };
-        return Err(WireError::Element { name: "torques", index: joint, value: tau, unit: "tau", wanted });
+        let wrong = OutOfRange::new("torques", tau, "tau", wanted);
+        return Err(wrong.placed(format_args!("[{joint}]")).into());
     }
     let limit = scale.limit(joint);
     Ok((tau * scale.counts_per_tau()).clamp(-limit, limit).round() as i16)
@@ -80,7 +81,7 @@ pub fn torque_counts(tau: f64, joint: usize, scale: Scale) -> Result<i16, WireEr
 /// The four SET TORQUE frames of one control step, index finger first.
 ///
 /// # Errors
-/// [`WireError::Element`] if any torque is not finite; then no frame is made at all.
+/// [`WireError::OutOfRange`] if any torque is not finite; then no frame is made at all.
 pub fn torque_frames(
     torques: &[f64; 16],
     device: DeviceId,
@@ -113,12 +114,7 @@ pub fn angle_counts(angle_rad: f64, scale: Scale) -> Result<i16, WireError> {
             Scale::V4 => "-2.9085 to 2.9085",
             Scale::V5 => "-50.328 to 50.326",
         };
-        return Err(WireError::OutOfRange(OutOfRange {
-            name: "angle_rad",
-            value: angle_rad,
-            unit: "rad",
-            wanted,
-        }));
+        return Err(OutOfRange::new("angle_rad", angle_rad, "rad", wanted).into());
     }
     Ok(counts as i16)
 }
@@ -138,7 +134,7 @@ mod tests {
             let mut torques = [0.0; 16];
             torques[9] = bad;
             let error = torque_frames(&torques, DeviceId::FACTORY, Scale::V4).unwrap_err();
-            assert!(matches!(error, WireError::Element { index: 9, .. }), "{error}");
+            assert!(error.to_string().starts_with("torques[9] = "), "{error}");
             assert!(error.hint().contains("controller"));
         }
     }

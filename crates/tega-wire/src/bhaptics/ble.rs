@@ -1,6 +1,6 @@
-//! The 20-byte motor frame of the vests: forty 4-bit levels in an order of their own.
+//! The 20-byte motor frame of the vests: forty 4-bit steps in an order of their own.
 
-use super::{Intensities, MOTORS, level};
+use super::{Intensities, MOTORS, motor_step};
 
 /// A motor frame as written to the vest.
 pub type BleFrame = [u8; 20];
@@ -24,7 +24,7 @@ fn slot(motor: usize, tops: &[usize; 8]) -> usize {
     tops.get(panel * 4 + dot % 4).map_or(0, |top| top + 2 * (dot / 4))
 }
 
-/// The level in a slot: even slots are high nibbles, odd slots low nibbles.
+/// The step in a slot: even slots are high nibbles, odd slots low nibbles.
 fn nibble(frame: &BleFrame, slot: usize) -> u8 {
     frame.get(slot / 2).map_or(0, |byte| if slot.is_multiple_of(2) { byte >> 4 } else { byte & 15 })
 }
@@ -44,21 +44,21 @@ pub fn ble_frame(intensities: &Intensities, front_mirror: bool) -> BleFrame {
     for (motor, &intensity) in intensities.values().iter().enumerate() {
         let slot = slot(motor, &tops);
         if let Some(byte) = frame.get_mut(slot / 2) {
-            *byte |= if slot.is_multiple_of(2) { level(intensity) << 4 } else { level(intensity) };
+            *byte |= if slot.is_multiple_of(2) { motor_step(intensity) << 4 } else { motor_step(intensity) };
         }
     }
     frame
 }
 
-/// The forty levels, 0 to 15, in a frame, in the wearer's order.
-pub fn ble_levels(frame: &BleFrame, front_mirror: bool) -> [u8; MOTORS] {
+/// The forty steps, 0 to 15, in a frame, in the wearer's order.
+pub fn ble_steps(frame: &BleFrame, front_mirror: bool) -> [u8; MOTORS] {
     let tops = top_slots(front_mirror);
     std::array::from_fn(|motor| nibble(frame, slot(motor, &tops)))
 }
 
-/// The sixteen levels an X16 makes of a frame: front upper, front lower, back upper, back lower, each of four columns
+/// The sixteen steps an X16 makes of a frame: front upper, front lower, back upper, back lower, each of four columns
 /// from the wearer's left. An upper motor takes the maximum of rows 0 and 1, a lower one that of rows 2 to 4.
-pub fn x16_levels(frame: &BleFrame, front_mirror: bool) -> [u8; 16] {
+pub fn x16_steps(frame: &BleFrame, front_mirror: bool) -> [u8; 16] {
     let tops = top_slots(front_mirror);
     std::array::from_fn(|motor| {
         let (panel, lower, column) = (motor / 8, motor / 4 % 2 == 1, motor % 4);
@@ -87,7 +87,7 @@ mod tests {
         let intensities: [u8; MOTORS] = std::array::from_fn(|motor| ((motor * 37) % 101) as u8);
         for front_mirror in [false, true] {
             let frame = ble_frame(&Intensities::new(&intensities).unwrap(), front_mirror);
-            assert_eq!(ble_levels(&frame, front_mirror), intensities.map(level));
+            assert_eq!(ble_steps(&frame, front_mirror), intensities.map(motor_step));
         }
     }
 }

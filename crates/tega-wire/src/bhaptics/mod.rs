@@ -5,7 +5,7 @@
 //!
 //! | form | function |
 //! |---|---|
-//! | Bluetooth LE, 20 bytes, 16 levels | [`ble_frame`] |
+//! | Bluetooth LE, 20 bytes, 16 steps | [`ble_frame`] |
 //! | Player websocket, version 2 | [`player_v2_message`] |
 //! | Player websocket, version 3 | [`sdk3_dot_message`] |
 //! | Hub on the network, TCP lines | [`hub_line`] |
@@ -14,11 +14,13 @@ mod ble;
 mod player;
 mod sdk;
 
-pub use ble::{BleFrame, ble_frame, ble_levels, x16_levels};
+pub use ble::{BleFrame, ble_frame, ble_steps, x16_steps};
 pub use player::{
     PlayerStatus, player_v2_message, player_v2_ping, player_v2_status, player_v2_stop, player_v2_stop_all,
 };
 pub use sdk::{Motors, hub_line, sdk3_dot_message, sdk3_stop_all};
+
+use tega_error::OutOfRange;
 
 use crate::WireError;
 
@@ -40,7 +42,7 @@ impl Intensities {
     /// Check forty intensities.
     ///
     /// # Errors
-    /// [`WireError::Length`] for another number of them, [`WireError::Element`] for one above 100: what a vest makes
+    /// [`WireError::Length`] for another number of them, [`WireError::OutOfRange`] for one above 100: what a vest makes
     /// of more than full drive is not known.
     pub fn new(values: &[u8]) -> Result<Self, WireError> {
         let values: [u8; MOTORS] = values.try_into().map_err(|_| WireError::Length {
@@ -67,23 +69,21 @@ impl Intensities {
 pub(crate) fn check(values: &[u8]) -> Result<(), WireError> {
     match values.iter().position(|&value| value > 100) {
         None => Ok(()),
-        Some(index) => Err(WireError::Element {
-            name: "intensities",
-            index,
-            value: values.get(index).map_or(0.0, |&value| f64::from(value)),
-            unit: "%",
-            wanted: "0 to 100",
-        }),
+        Some(index) => {
+            let value = values.get(index).map_or(0.0, |&value| f64::from(value));
+            let wrong = OutOfRange::new("intensities", value, "%", "0 to 100");
+            Err(wrong.placed(format_args!("[{index}]")).into())
+        }
     }
 }
 
-/// The one of the sixteen levels of a vest that stands for an intensity of 0 to 100: `(15 i + 50) / 100`, in
+/// The one of the sixteen steps of a vest that stands for an intensity of 0 to 100: `(15 i + 50) / 100`, in
 /// integers, so that every language gets the same.
 ///
 /// ```
-/// use tega_wire::bhaptics::level;
-/// assert_eq!([0, 3, 4, 30, 70, 96, 97, 100].map(level), [0, 0, 1, 5, 11, 14, 15, 15]);
+/// use tega_wire::bhaptics::motor_step;
+/// assert_eq!([0, 3, 4, 30, 70, 96, 97, 100].map(motor_step), [0, 0, 1, 5, 11, 14, 15, 15]);
 /// ```
-pub fn level(intensity: u8) -> u8 {
+pub fn motor_step(intensity: u8) -> u8 {
     ((15 * u16::from(intensity.min(100)) + 50) / 100) as u8
 }

@@ -17,7 +17,7 @@ pub(super) fn check_duration(duration_ms: u32) -> Result<(), WireError> {
         return Ok(());
     }
     let value = f64::from(duration_ms);
-    Err(WireError::OutOfRange(OutOfRange { name: "duration_ms", value, unit: "ms", wanted: "20 to 100000" }))
+    Err(OutOfRange::new("duration_ms", value, "ms", "20 to 100000").into())
 }
 
 // Field order is key order: the messages are compared byte for byte.

@@ -4,6 +4,8 @@
 //! multiplications give the exact level: `n = Σ low·d + 128·Σ high·d`. With `|low| ≤ 64` and `|high| ≤ 64` no 16-bit sum
 //! of two products leaves its range, and a difference of two such sums is right even where it wraps on the way.
 
+#![allow(unsafe_code)]
+
 use std::arch::x86_64::{
     __m256i, _mm_cvtsi128_si32, _mm_loadu_si128, _mm_max_epi32, _mm_min_epi32, _mm_shuffle_epi32,
     _mm256_add_epi32, _mm256_add_epi64, _mm256_castsi256_si128, _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64,
@@ -13,9 +15,8 @@ use std::arch::x86_64::{
     _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32, _mm256_subs_epu8,
 };
 
-use super::{ABSOLUTE, RECTIFIED, SIGNED, halves};
+use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED, halves};
 use crate::frame::Difference;
-use crate::levels::{Kernel, Row};
 
 /// Pixels a step.
 const LANES: usize = 8;
@@ -180,5 +181,5 @@ fn count_of<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8]
         below = _mm256_sub_epi32(below, _mm256_cmpgt_epi32(border, levels::<DIFFERENCE>(f, b, weights)));
     }
     let below: i32 = lanes_i32(below).iter().sum();
-    (steps.len() * LANES) as u32 - below as u32 + kernel.count(rest, baseline_rest, first)
+    (steps.len() * LANES) as u32 - below as u32 + kernel.count_plain(rest, baseline_rest, first)
 }

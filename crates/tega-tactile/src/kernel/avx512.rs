@@ -3,6 +3,8 @@
 //! As on 256 bits a level is put together from the halves of its weights, `n = 128·Σ high·d + Σ low·d`; here each sum is
 //! one multiplication of bytes that adds on in 32 bits (VNNI), and a signed difference is that of frame and baseline.
 
+#![allow(unsafe_code)]
+
 use std::arch::x86_64::{
     __m512i, _mm256_storeu_si256, _mm512_add_epi32, _mm512_add_epi64, _mm512_castsi512_si256,
     _mm512_cmplt_epi32_mask, _mm512_dpbusd_epi32, _mm512_loadu_si512, _mm512_maskz_loadu_epi8,
@@ -13,9 +15,8 @@ use std::arch::x86_64::{
     _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
 };
 
-use super::{ABSOLUTE, RECTIFIED, SIGNED, halves};
+use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED, halves};
 use crate::frame::Difference;
-use crate::levels::{Kernel, Row};
 
 /// Pixels a step.
 const LANES: usize = 16;
@@ -286,5 +287,5 @@ fn count_of<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8]
     }
     let rest = BYTES * steps..total;
     (steps * LANES) as u32 - _mm512_reduce_add_epi32(below) as u32
-        + kernel.count(&frame[rest.clone()], &baseline[rest], first)
+        + kernel.count_plain(&frame[rest.clone()], &baseline[rest], first)
 }

@@ -3,6 +3,8 @@
 //! The load that takes interleaved bytes apart gives the three channels; each is widened to 16 bits and multiplied on to
 //! 32-bit sums. Every arm64 processor has these instructions, so nothing need be asked.
 
+#![allow(unsafe_code)]
+
 use std::arch::aarch64::{
     int16x8_t, int32x4_t, uint8x16_t, vabdq_u8, vaddlvq_s32, vaddq_s32, vaddq_s64, vaddvq_s64, vaddvq_u32,
     vcgeq_s32, vdupq_n_s32, vdupq_n_s64, vdupq_n_u32, vget_high_s16, vget_high_u8, vget_low_s16,
@@ -11,9 +13,8 @@ use std::arch::aarch64::{
     vsubq_u32,
 };
 
-use super::{ABSOLUTE, RECTIFIED, SIGNED};
+use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED};
 use crate::frame::Difference;
-use crate::levels::{Kernel, Row};
 
 /// Pixels a step.
 const LANES: usize = 16;
@@ -130,5 +131,5 @@ fn count_of<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8]
         }
         vaddvq_u32(above)
     };
-    above + kernel.count(rest, baseline_rest, first)
+    above + kernel.count_plain(rest, baseline_rest, first)
 }

@@ -1,0 +1,171 @@
+//! The fast way through the images, for weights of practical size: each pixel's grey value is an `i32`.
+//!
+//! One reading yields the sum of every row and of every column and the range of grey values in every row. The moments follow
+//! from those few numbers, and the threshold count reads a row again only where its range straddles the threshold.
+
+use std::ops::AddAssign;
+
+use num_traits::Num;
+
+use crate::exact::Sums;
+use crate::frame::Pair;
+use crate::kernel::{Kernel, Row};
+
+/// Columns in a cache line of 64 bytes.
+const CACHE_LINE: usize = 16;
+
+/// Buffers that are reused from frame to frame.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// Sums of the columns since the last flush.
+    columns: Vec<i32>,
+    /// Sums of the columns.
+    totals: Vec<i64>,
+    /// One entry a row.
+    rows: Vec<Row>,
+}
+
+/// Greys of one pair of images, summed up.
+pub(crate) struct Greys<'s> {
+    pub sums: Sums<i128>,
+    pub peak: i32,
+    pub peak_xy: (usize, usize),
+    rows: &'s [Row],
+}
+
+impl Kernel {
+    /// Reads both images once.
+    pub(crate) fn read<'s>(&self, pair: &Pair<'_>, denominator: i32, scratch: &'s mut Scratch) -> Greys<'s> {
+        let width = pair.width();
+        let Scratch { columns, totals, rows } = scratch;
+        rows.clear();
+        columns.clear();
+        columns.resize(width + CACHE_LINE, 0);
+        // Steps that cross no cache line are faster; an address that cannot be aligned is used as it is.
+        let aligned = columns.as_ptr().align_offset(CACHE_LINE * size_of::<i32>()).min(CACHE_LINE);
+        let columns = &mut columns[aligned..aligned + width];
+        totals.clear();
+        totals.resize(width, 0);
+        let flush_every = self.rows_until_overflow();
+        if let Some((frame, baseline)) = pair.contiguous() {
+            let bytes = 3 * width * flush_every;
+            for (frame, baseline) in frame.chunks(bytes).zip(baseline.chunks(bytes)) {
+                self.rows(frame, baseline, columns, rows);
+                flush(columns, totals);
+            }
+        } else {
+            pair.for_each_row(|y, frame, baseline| {
+                self.rows(frame, baseline, columns, rows);
+                if (y + 1) % flush_every == 0 {
+                    flush(columns, totals);
+                }
+            });
+            flush(columns, totals);
+        }
+        let sums = moments(rows, totals, self.squares, 255 * self.reach(), denominator);
+        let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
+        let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
+        let mut peak_x = 0;
+        pair.with_rows(peak_y..peak_y + 1, |frame, baseline| {
+            let mut pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
+            peak_x = pixels.position(|(f, b)| self.grey(*f, *b) == peak).unwrap_or_default();
+        });
+        Greys { sums, peak, peak_xy: (peak_x, peak_y), rows }
+    }
+
+    fn rows_until_overflow(&self) -> usize {
+        (i32::MAX / (255 * self.reach().max(1))).max(1) as usize
+    }
+}
+
+pub(crate) fn flush(columns: &mut [i32], totals: &mut [i64]) {
+    for (total, column) in totals.iter_mut().zip(columns) {
+        *total += i64::from(std::mem::take(column));
+    }
+}
+
+/// Moments from the sums of rows and columns: Σ x·n needs the columns only, Σ y·n the rows only.
+///
+/// `largest` is what no |n| passes.
+pub(crate) fn moments(
+    rows: &[Row],
+    columns: &[i64],
+    squares: bool,
+    largest: i32,
+    denominator: i32,
+) -> Sums<i128> {
+    let side = rows.len().max(columns.len()) as i128;
+    // Σ |n|·side² bounds every sum below.
+    let bound = (rows.len() * columns.len()) as i128 * i128::from(largest) * side * side;
+    let narrow = bound <= i128::from(i64::MAX);
+    let rows_sums = rows.iter().map(|row| row.sum);
+    let ([mass, first_x, second_x], [_, first_y, second_y]) = if narrow {
+        (weighed::<i64>(columns.iter().copied()).map(i128::from), weighed::<i64>(rows_sums).map(i128::from))
+    } else {
+        (weighed::<i128>(columns.iter().copied()), weighed::<i128>(rows_sums))
+    };
+    Sums {
+        mass,
+        first: [first_x, first_y],
+        second: second_x + second_y,
+        squares: squares.then(|| rows.iter().map(|row| i128::from(row.squares)).sum()),
+        denominator: i128::from(denominator),
+    }
+}
+
+/// Σ s, Σ p·s and Σ p²·s over sums s at positions p.
+fn weighed<I: Num + From<i64> + Copy + AddAssign>(sums: impl Iterator<Item = i64>) -> [I; 3] {
+    let mut total = [I::zero(); 3];
+    let mut position = I::zero();
+    for sum in sums {
+        let sum = I::from(sum);
+        let moment = position * sum;
+        total[0] += sum;
+        total[1] += moment;
+        total[2] += position * moment;
+        position += I::one();
+    }
+    total
+}
+
+impl Greys<'_> {
+    /// Number of pixels at or above grey value `first`; reads only rows whose range straddles it, neighbours in one go.
+    pub fn count_from(&self, pair: &Pair<'_>, kernel: &Kernel, first: i32) -> u32 {
+        let straddles = |row: &Row| row.min < first && first <= row.max;
+        let whole = self.rows.iter().filter(|row| row.min >= first).count() * pair.width();
+        let mut count = whole as u32;
+        let mut y = 0;
+        for run in self.rows.chunk_by(|a, b| straddles(a) == straddles(b)) {
+            if straddles(&run[0]) {
+                pair.with_rows(y..y + run.len(), |frame, baseline| {
+                    count += kernel.count(frame, baseline, first);
+                });
+            }
+            y += run.len();
+        }
+        count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Difference;
+    use ndarray::{Array3, Axis};
+
+    #[test]
+    fn only_straddling_rows_are_counted_again() {
+        let baseline = Array3::<u8>::zeros((3, 40, 3));
+        let mut frame = baseline.clone();
+        frame.index_axis_mut(Axis(0), 0).fill(200);
+        frame[[2, 5, 0]] = 9;
+        let pair = Pair::new(frame.view(), baseline.view()).unwrap();
+        let kernel = Kernel { weights: [1, 1, 1], difference: Difference::Signed, squares: false };
+        let mut scratch = Scratch::default();
+        let greys = kernel.read(&pair, 3, &mut scratch);
+        assert_eq!(greys.count_from(&pair, &kernel, 0), 120);
+        assert_eq!(greys.count_from(&pair, &kernel, 9), 41);
+        assert_eq!(greys.count_from(&pair, &kernel, 601), 0);
+        assert_eq!((greys.peak, greys.peak_xy), (600, (0, 0)));
+    }
+}

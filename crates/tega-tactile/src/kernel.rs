@@ -1,0 +1,235 @@
+//! Sum the weighted differences of two rows of pixels: the row kernels of equations 1 to 6, for the instruction set in use.
+//!
+//! The plain forms are here; those written for one instruction set by hand are the files below. All compute on integers,
+//! so that every path gives the same bits.
+
+/// A kernel's difference as a constant of the row kernels.
+const SIGNED: u8 = 0;
+const RECTIFIED: u8 = 1;
+const ABSOLUTE: u8 = 2;
+
+/// Calls the row kernel made for a kernel's difference and squares.
+macro_rules! rows_by_reading {
+    ($kernel:ident, $rows_of:ident($($arg:ident),*)) => {
+        match ($kernel.difference, $kernel.squares) {
+            (Difference::Signed, false) => $rows_of::<SIGNED, false>($kernel, $($arg),*),
+            (Difference::Signed, true) => $rows_of::<SIGNED, true>($kernel, $($arg),*),
+            (Difference::Rectified, false) => $rows_of::<RECTIFIED, false>($kernel, $($arg),*),
+            (Difference::Rectified, true) => $rows_of::<RECTIFIED, true>($kernel, $($arg),*),
+            (Difference::Absolute, false) => $rows_of::<ABSOLUTE, false>($kernel, $($arg),*),
+            (Difference::Absolute, true) => $rows_of::<ABSOLUTE, true>($kernel, $($arg),*),
+        }
+    };
+}
+
+/// Calls the counting kernel made for a kernel's difference.
+macro_rules! count_by_reading {
+    ($kernel:ident, $count_of:ident($($arg:ident),*)) => {
+        match $kernel.difference {
+            Difference::Signed => $count_of::<SIGNED>($kernel, $($arg),*),
+            Difference::Rectified => $count_of::<RECTIFIED>($kernel, $($arg),*),
+            Difference::Absolute => $count_of::<ABSOLUTE>($kernel, $($arg),*),
+        }
+    };
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+#[cfg(target_arch = "aarch64")]
+mod neon;
+
+use tega_simd::{Isa, isa};
+
+use crate::frame::Difference;
+
+/// Largest Σ|weight| for which no row sum of grey values overflows an `i32` lane (512 pixels a lane in the widest row).
+pub(crate) const MAX_WEIGHT_SUM: i32 = 16_000;
+/// Largest |weight|: its two 7-bit halves stay in the range of 8-bit multiplication.
+pub(crate) const MAX_WEIGHT: i32 = 8_191;
+
+/// What one row says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Row {
+    /// Σ n.
+    pub sum: i64,
+    /// Σ n², where asked for.
+    pub squares: i64,
+    /// What no n falls below: the smallest n where differences have a sign, else what the weights alone say.
+    pub min: i32,
+    /// Largest n.
+    pub max: i32,
+}
+
+impl Row {
+    /// Adds the pixels of another part of the same row.
+    pub(crate) fn merge(&mut self, part: Row) {
+        self.sum += part.sum;
+        self.squares += part.squares;
+        self.min = self.min.min(part.min);
+        self.max = self.max.max(part.max);
+    }
+}
+
+/// Weights, difference and whether squares are wanted: what a row kernel needs to know.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Kernel {
+    pub weights: [i32; 3],
+    pub difference: Difference,
+    pub squares: bool,
+}
+
+impl Kernel {
+    /// The grey value of one pixel, in parts of the weights.
+    #[inline(always)]
+    pub(crate) fn grey(&self, frame: [u8; 3], baseline: [u8; 3]) -> i32 {
+        let d = |c: usize| i32::from(self.difference.of(frame[c], baseline[c]));
+        self.weights[0] * d(0) + self.weights[1] * d(1) + self.weights[2] * d(2)
+    }
+
+    /// What no grey value of a difference without sign falls below.
+    pub(crate) fn least(&self) -> i32 {
+        self.weights.iter().map(|weight| 255 * weight.min(&0)).sum()
+    }
+
+    /// Sums one row and adds it to the columns; the plain form that the vector forms are tested against.
+    pub(crate) fn row(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32]) -> Row {
+        let signed = self.difference == Difference::Signed;
+        let min = if signed { i32::MAX } else { self.least() };
+        let mut row = Row { sum: 0, squares: 0, min, max: i32::MIN };
+        let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
+        for ((f, b), column) in pixels.zip(columns) {
+            let n = self.grey(*f, *b);
+            *column += n;
+            row.sum += i64::from(n);
+            if self.squares {
+                row.squares += i64::from(n) * i64::from(n);
+            }
+            if signed {
+                row.min = row.min.min(n);
+            }
+            row.max = row.max.max(n);
+        }
+        row
+    }
+
+    /// The same for as many rows as the slices hold, `columns.len()` pixels each; the plain form as well.
+    fn rows_plain(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
+        let bytes = 3 * columns.len();
+        for (frame, baseline) in frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes)) {
+            rows.push(self.row(frame, baseline, columns));
+        }
+    }
+
+    /// Number of pixels of a row at or above grey value `first`; the plain form.
+    fn count_plain(&self, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
+        let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
+        pixels.map(|(f, b)| u32::from(self.grey(*f, *b) >= first)).sum()
+    }
+
+    /// [`Kernel::rows_plain`] for the instruction set in use.
+    #[allow(unsafe_code)]
+    pub(crate) fn rows(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
+        #[cfg(target_arch = "x86_64")]
+        match isa() {
+            // SAFETY: `isa` reports a set only after the processor itself said that it has it.
+            Isa::Avx512 => return unsafe { avx512::rows(self, frame, baseline, columns, rows) },
+            // SAFETY: as above.
+            Isa::Avx2 => return unsafe { avx2::rows(self, frame, baseline, columns, rows) },
+            Isa::Baseline => {}
+        }
+        #[cfg(target_arch = "aarch64")]
+        if isa() == Isa::Neon {
+            return neon::rows(self, frame, baseline, columns, rows);
+        }
+        self.rows_plain(frame, baseline, columns, rows);
+    }
+
+    /// [`Kernel::count_plain`] for the instruction set in use.
+    #[allow(unsafe_code)]
+    pub(crate) fn count(&self, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
+        #[cfg(target_arch = "x86_64")]
+        match isa() {
+            // SAFETY: as in `rows`.
+            Isa::Avx512 => return unsafe { avx512::count(self, frame, baseline, first) },
+            // SAFETY: as in `rows`.
+            Isa::Avx2 => return unsafe { avx2::count(self, frame, baseline, first) },
+            Isa::Baseline => {}
+        }
+        #[cfg(target_arch = "aarch64")]
+        if isa() == Isa::Neon {
+            return neon::count(self, frame, baseline, first);
+        }
+        self.count_plain(frame, baseline, first)
+    }
+
+    /// Σ |weight|.
+    pub(crate) fn reach(&self) -> i32 {
+        self.weights.iter().map(|weight| weight.abs()).sum()
+    }
+}
+
+/// Weights as `128·high + low`, for the byte multiplications of the vector forms: returns (low, high).
+#[cfg(target_arch = "x86_64")]
+fn halves(weights: [i32; 3]) -> ([i32; 3], [i32; 3]) {
+    // Rounding the high half keeps the low one within −64..=63.
+    let high = weights.map(|weight| (weight + 64).div_euclid(128));
+    ([0, 1, 2].map(|c| weights[c] - 128 * high[c]), high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn differences() -> impl Strategy<Value = Difference> {
+        prop_oneof![Just(Difference::Signed), Just(Difference::Rectified), Just(Difference::Absolute)]
+    }
+
+    fn weights() -> impl Strategy<Value = [i32; 3]> {
+        prop_oneof![
+            Just([114, 587, 299]),
+            Just([MAX_WEIGHT, -MAX_WEIGHT / 2, -MAX_WEIGHT / 3]),
+            [-5000_i32..5000, -5000_i32..5000, -5000_i32..5000],
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn the_dispatched_kernels_equal_the_plain_ones(
+            (width, pixels) in (1_usize..70, 1_usize..20).prop_flat_map(|(width, height)| {
+                (Just(width), prop::collection::vec(any::<([u8; 3], [u8; 3])>(), width * height))
+            }),
+            weights in weights(),
+            difference in differences(),
+            squares in any::<bool>(),
+            first in -3_000_000_i32..3_000_000,
+        ) {
+            let (frame, baseline): (Vec<_>, Vec<_>) = pixels.into_iter().unzip();
+            let (frame, baseline) = (frame.as_flattened(), baseline.as_flattened());
+            let kernel = Kernel { weights, difference, squares };
+            let mut plain = vec![7; width];
+            let mut fast = plain.clone();
+            let (mut wanted, mut rows) = (Vec::new(), Vec::new());
+            kernel.rows_plain(frame, baseline, &mut plain, &mut wanted);
+            kernel.rows(frame, baseline, &mut fast, &mut rows);
+            prop_assert_eq!(rows, wanted);
+            prop_assert_eq!(fast, plain);
+            prop_assert_eq!(
+                kernel.count(frame, baseline, first),
+                kernel.count_plain(frame, baseline, first)
+            );
+        }
+    }
+
+    #[test]
+    fn extreme_rows_do_not_overflow() {
+        let (frame, baseline) = (vec![255; 3 * 4096], vec![0; 3 * 4096]);
+        let kernel = Kernel { weights: [5334, 5333, 5333], difference: Difference::Signed, squares: true };
+        let mut rows = Vec::new();
+        kernel.rows(&frame, &baseline, &mut vec![0; 4096], &mut rows);
+        assert_eq!(rows, [kernel.row(&frame, &baseline, &mut vec![0; 4096])]);
+        assert_eq!(rows[0].sum, 4096 * 255 * 16_000);
+    }
+}
