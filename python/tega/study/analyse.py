@@ -13,6 +13,7 @@ from tega.sim.operator.person import Parameter
 from tega.study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
 from tega.study.compare import Cell, Test, cells_of, compare
 from tega.study.coupling import TouchCourse, read_course
+from tega.study.difference import OutcomeDifference, outcomes
 from tega.study.directions import Direction, directions
 from tega.study.finger_rows import FingerRow, finger_rows
 from tega.study.journal import read_events
@@ -28,7 +29,7 @@ from tega.study.state import derive, events_path, rehearsed
 from tega.study.touch_picture import FingerPicture, pictures_of
 from tega.study.trials import Trial, bench_trials, course_path, study_trials
 
-__all__ = ["Analysis", "Flow", "Material", "Planner", "analyse", "analyse_bench", "analyse_study"]
+__all__ = ["Analysis", "FigureMaterial", "Flow", "Planner", "analyse", "analyse_bench", "analyse_study"]
 
 FORMAT = "tega-study-analysis"
 
@@ -108,6 +109,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         parameters: Of the simulated people, by section and name.
         sensitivity: Which directions hold when that is changed.
         fingers: The contacts that Fig 3 shows.
+        outcomes: Each outcome's difference between the first two conditions, over people.
         rehearsed: In a plan of people, those whose session did not run in the lab.
         format: Always ``tega-study-analysis``.
         version: Of the format.
@@ -138,12 +140,13 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     parameters: dict[str, dict[str, Parameter]] = {}
     sensitivity: tuple[SensitivityRow, ...] = ()
     fingers: tuple[FingerRow, ...] = ()
+    outcomes: tuple[OutcomeDifference, ...] = ()
     rehearsed: tuple[str, ...] = ()
     format: str = FORMAT
     version: int = 1
 
 
-class Material(NamedTuple):
+class FigureMaterial(NamedTuple):
     """What the figures need besides the numbers.
 
     Attributes:
@@ -155,7 +158,7 @@ class Material(NamedTuple):
     pictures: Mapping[str, FingerPicture] = {}
 
 
-def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Material]:
+def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, FigureMaterial]:
     """Analyse a study's folder.
 
     Args:
@@ -222,11 +225,11 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Mat
         if settings.simulated
         else tuple(person for person in stay if rehearsed(read_events(events_path(folder, person)))),
     )
-    return result, Material(courses, pictures)
+    return result, FigureMaterial(courses, pictures)
 
 
 def analyse_bench(paths: Sequence[Path]) -> Analysis:
-    """Analyse results of ``tega-teleop sim-trials``; they have no courses.
+    """Analyse results of ``tega-teleop sim trials``; they have no courses.
 
     Raises:
         RecordingError: A file is missing, holds something else, or has fewer than two conditions.
@@ -237,7 +240,7 @@ def analyse_bench(paths: Sequence[Path]) -> Analysis:
     if len(conditions) < 2:
         raise RecordingError(
             f"{', '.join(path.name for path in paths)}: has {len(conditions)} conditions, a comparison needs two",
-            "run sim-trials with --conditions haptic,non-haptic",
+            "run sim trials with --conditions haptic,non-haptic",
         )
     if "non-haptic" in conditions:  # the reference
         others = [one for one in conditions if one not in {"haptic", "non-haptic"}]
@@ -331,6 +334,7 @@ def analyse(
         contrasts=tuple(contrasts),
         pose_use=tuple(uses),
         planner=tuple(_planner(cells, family, pair, per_cell)),
+        outcomes=outcomes(trials, objects, pair),
         directions=tuple(one for one in directions(trials, pair) if one.object in objects)
         if simulated and pair == ("haptic", "non-haptic")
         else (),

@@ -103,7 +103,7 @@ class Test(msgspec.Struct, frozen=True, kw_only=True):
 
 
 # An interval of a ratio whose ends lie further apart than this says nothing.
-_MOST_SPREAD = 1e4
+_MOST_SPREAD = 1e3
 
 
 class _Data(NamedTuple):
@@ -206,7 +206,8 @@ def _tests(data: _Data, *, crossed: bool) -> list[Test]:
         "people": len(data.first.keys() | data.second.keys()),
     }
     ranks, moved = mann_whitney(x, y), shift(x, y)
-    note = f"A = {ranks.a:.3f}; median difference {moved.estimate:g} ({moved.low:g} to {moved.high:g})"
+    reach = f"{moved.low:g} to {moved.high:g}" if math.isfinite(moved.low) else "interval not estimable"
+    note = f"A = {ranks.a:.3f}; median difference {moved.estimate:g} ({reach})"
     if ranks.method == "asymptotic" and len(set(x + y)) == 1:
         note += "; all values are equal"
     tests = [
@@ -355,7 +356,7 @@ def _row(
     note: str = "",
 ) -> Test:
     effect, low, high = ratio or (None, None, None)
-    if low and high is not None and high > _MOST_SPREAD * low and not math.isinf(high):
+    if low is not None and high is not None and high > _MOST_SPREAD * low and (low == 0) == math.isinf(high):
         # Two people who differ leave one degree of freedom: the numbers would look like knowledge.
         low = high = None
         note = f"{note}; " * bool(note) + "its interval is not estimable from so few"

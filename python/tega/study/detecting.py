@@ -12,11 +12,11 @@ from pathlib import Path
 
 import msgspec
 
-from tega.detect import Detector, Found, Touch
+from tega.detect import DetectedEvent, Detector, TouchFrame
 from tega.detect.settings import SETTINGS
 from tega.errors import RecordingError
 from tega.study.hand_rows import HandRow, hand_path, read_hand
-from tega.study.journal import Event, Journal, Kind, read_events
+from tega.study.journal import Journal, JournalEvent, Kind, read_events
 from tega.study.plan import read_plan
 from tega.study.privacy import withdrawn
 from tega.study.state import events_path
@@ -53,7 +53,7 @@ class TrialEvents(msgspec.Struct, frozen=True):
     trial: int
     attempt: int
     object: str
-    events: tuple[Found, ...]
+    events: tuple[DetectedEvent, ...]
     missing: tuple[str, ...] = ()
 
 
@@ -62,7 +62,7 @@ def detected_path(folder: Path, participant: str) -> Path:
     return events_path(folder, participant).with_name("detected.jsonl")
 
 
-def read_detected(folder: Path, participant: str) -> list[Event]:
+def read_detected(folder: Path, participant: str) -> list[JournalEvent]:
     """Read the detector's events of a session; none before ``study detect``."""
     return read_events(detected_path(folder, participant))
 
@@ -73,7 +73,7 @@ def events_of(
     *,
     live: bool = False,
     detector: Detector | None = None,
-) -> list[Found]:
+) -> list[DetectedEvent]:
     """Find the events of a trial.
 
     Args:
@@ -87,13 +87,13 @@ def events_of(
     """
     if detector is None:
         detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
-    found: list[Found] = []
+    found: list[DetectedEvent] = []
     items = [(row.t_s, 1, row) for row in touch] + [(row.t_s, 0, row) for row in hand]
     last_s = 0.0
     for t_s, _, row in sorted(items, key=lambda item: item[:2]):
         last_s = t_s
         if isinstance(row, TouchRow):
-            seen = Touch(bool(row.in_contact), row.eda, row.mass, row.peak, row.x, row.y)
+            seen = TouchFrame(bool(row.in_contact), row.eda, row.mass, row.peak, row.x, row.y)
             found += detector.touch(t_s, row.finger, seen)
         else:
             found += detector.hand(t_s, level=row.level, closure=row.closure, height_m=row.height_m)
@@ -123,7 +123,7 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
             continue
         main = read_events(events_path(folder, person))
         ends = {(e.trial, e.attempt): e for e in main if e.kind == "trial_end"}
-        rows: list[tuple[Event, Event, TrialEvents]] = []
+        rows: list[tuple[JournalEvent, JournalEvent, TrialEvents]] = []
         for start in (event for event in main if event.kind == "trial_start"):
             trial, key = mine[start.trial], (start.trial, start.attempt)
             path = touch_path(folder, person, trial.id, start.attempt)
@@ -155,7 +155,7 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
     return found
 
 
-def _write(path: Path, signed: str, rows: Sequence[tuple[Event, Event, TrialEvents]]) -> None:
+def _write(path: Path, signed: str, rows: Sequence[tuple[JournalEvent, JournalEvent, TrialEvents]]) -> None:
     """Write a session's events, whole or not at all."""
     beside = path.with_name(path.name + ".new")
     beside.unlink(missing_ok=True)

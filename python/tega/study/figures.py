@@ -31,6 +31,8 @@ CCI_BLUE, EDA_GREEN, POSE_RED = "#0072B2", "#009E73", "#c8202f"
 ARMS = ("#56B4E9", "#E69F00", "#999999", "#CC79A7", "#009E73", "#F0E442", "#0072B2", "#D55E00")
 MEAN_RED = "#c8202f"
 FIG_8_ROWS = 3
+VIOLIN_FROM = 6
+"""Values from which a violin is drawn."""
 
 
 def p_text(p: float | None) -> str:
@@ -72,7 +74,8 @@ def svg(figure: Figure) -> str:
 def figure_7(analysis: Analysis) -> Figure:
     """Draw Fig 7: completion time over slips, a column an object; violins, a dot a trial, diamonds for means.
 
-    The p-value is the Mann-Whitney test's, as the paper prints it. Violins end at the lowest and highest trial.
+    The p-value is the Mann-Whitney test's, as the paper prints it. Violins end at the lowest and highest trial; under
+    six values, of which no spread can be drawn, there are dots alone.
     """
     n = len(analysis.objects)
     figure = new_figure(2.6 * n + 0.6, 5.2)
@@ -114,10 +117,12 @@ def _violins(ax: Axes, values: Sequence[Sequence[float]], names: Sequence[str]) 
     for place, some in enumerate(values, start=1):
         if not some:
             continue
-        drawn = ax.violinplot([some], positions=[place], widths=0.75, showextrema=False)
-        for body in drawn["bodies"]:  # type: ignore[attr-defined]  # matplotlib's type is too wide
-            body.set(facecolor=ARMS[(place - 1) % len(ARMS)], edgecolor="black", linewidth=0.6, alpha=0.6)
-        ax.plot(_spread(some, place), some, "o", color="black", markersize=2.6, zorder=3)
+        many = len(some) >= VIOLIN_FROM
+        if many:
+            drawn = ax.violinplot([some], positions=[place], widths=0.75, showextrema=False)
+            for body in drawn["bodies"]:  # type: ignore[attr-defined]  # matplotlib's type is too wide
+                body.set(facecolor=ARMS[(place - 1) % len(ARMS)], edgecolor="black", linewidth=0.6, alpha=0.6)
+        ax.plot(_spread(some, place), some, "o", color="black", markersize=2.6 if many else 4.5, zorder=3)
         mean = float(np.mean(some))
         ax.plot(
             [place],

@@ -17,7 +17,7 @@ from tega.errors import DeviceUnavailableError, RecordingError
 from tega.file_lock import lock_file
 from tega.foreign_file import check_file, read_foreign
 
-__all__ = ["Event", "Journal", "Kind", "Status", "counting", "read_events", "undone_numbers"]
+__all__ = ["Journal", "JournalEvent", "Kind", "Status", "counting", "read_events", "undone_numbers"]
 
 Kind = Literal[
     "session_start",
@@ -39,7 +39,7 @@ Kind = Literal[
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]
 
 
-class Event(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
+class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
     """Something that happened.
 
     Attributes:
@@ -71,9 +71,9 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
     value: float | None = None
 
 
-def _parse(content: bytes, path: Path) -> tuple[list[Event], int]:
+def _parse(content: bytes, path: Path) -> tuple[list[JournalEvent], int]:
     """Return the events, and how many bytes of the file they take, a missing last newline not counted."""
-    events: list[Event] = []
+    events: list[JournalEvent] = []
     good = 0
     lines = content.split(b"\n")
     for number, line in enumerate(lines, start=1):
@@ -81,7 +81,7 @@ def _parse(content: bytes, path: Path) -> tuple[list[Event], int]:
         if last and not line:
             break
         try:
-            event = msgspec.json.decode(line, type=Event)
+            event = msgspec.json.decode(line, type=JournalEvent)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             if last:  # no newline behind it: whoever wrote it was stopped there
                 break
@@ -98,7 +98,7 @@ def _parse(content: bytes, path: Path) -> tuple[list[Event], int]:
     return events, good
 
 
-def read_events(path: Path) -> list[Event]:
+def read_events(path: Path) -> list[JournalEvent]:
     """Read a session's events; a last line that was cut off is passed over, a missing file holds none.
 
     Args:
@@ -110,12 +110,12 @@ def read_events(path: Path) -> list[Event]:
     return _parse(read_foreign(path, most_mib=256), path)[0] if path.exists() else []
 
 
-def undone_numbers(events: Sequence[Event]) -> set[int]:
+def undone_numbers(events: Sequence[JournalEvent]) -> set[int]:
     """Return the numbers of the events that were undone."""
     return {event.undone for event in events if event.kind == "undo" and event.undone is not None}
 
 
-def counting(events: Sequence[Event], trial: int, attempt: int) -> list[Event]:
+def counting(events: Sequence[JournalEvent], trial: int, attempt: int) -> list[JournalEvent]:
     """Return an attempt's events without those that were undone."""
     undone = undone_numbers(events)
     return [e for e in events if e.trial == trial and e.attempt == attempt and e.n not in undone]
@@ -171,9 +171,9 @@ class Journal:
         text: str = "",
         item: str = "",
         value: float | None = None,
-    ) -> Event:
-        """Add an event; when this returns it is on the disk. Arguments as in :class:`Event`."""
-        event = Event(
+    ) -> JournalEvent:
+        """Add an event; when this returns it is on the disk. Arguments as in :class:`JournalEvent`."""
+        event = JournalEvent(
             n=len(self.events) + 1,
             t_ns=t_ns,
             kind=kind,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tega.plain_name import plain_name
-from tega.study.journal import Event, read_events
+from tega.study.journal import JournalEvent, read_events
 from tega.study.state import events_path
 
 __all__ = ["PART", "RECORDED", "WHOLE", "observer_path", "read_observers", "saw_whole"]
@@ -24,13 +24,13 @@ def observer_path(folder: Path, participant: str, rater: str) -> Path:
     return events_path(folder, participant).parent / "observers" / f"{rater}.jsonl"
 
 
-def read_observers(folder: Path, participant: str) -> dict[str, list[Event]]:
+def read_observers(folder: Path, participant: str) -> dict[str, list[JournalEvent]]:
     """Read every rater's events of a session, by rater in the order of their names."""
     found = sorted((events_path(folder, participant).parent / "observers").glob("*.jsonl"))
     return {path.stem: read_events(path) for path in found}
 
 
-def saw_whole(events: Sequence[Event], trial: int, attempt: int) -> bool:
+def saw_whole(events: Sequence[JournalEvent], trial: int, attempt: int) -> bool:
     """Tell whether a rater saw a trial from its start to its end."""
     return any(
         e.kind == "trial_end" and (e.trial, e.attempt) == (trial, attempt) and e.text == WHOLE for e in events

@@ -18,10 +18,10 @@ from tega.study.packages import scipy_stats
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["SPREADS", "CountPower", "Spread", "count_power", "people_for", "time_power"]
+__all__ = ["SPREADS", "CountPower", "EffectSpread", "count_power", "people_for", "time_power"]
 
 
-class Spread(NamedTuple):
+class EffectSpread(NamedTuple):
     """How people and trials are assumed to differ.
 
     Attributes:
@@ -35,7 +35,11 @@ class Spread(NamedTuple):
     sd_effect: float
 
 
-SPREADS = {"low": Spread(0.0, 0.2, 0.0), "mid": Spread(0.2, 0.3, 0.2), "high": Spread(0.5, 0.5, 0.4)}
+SPREADS = {
+    "low": EffectSpread(0.0, 0.2, 0.0),
+    "mid": EffectSpread(0.2, 0.3, 0.2),
+    "high": EffectSpread(0.5, 0.5, 0.4),
+}
 """Three assumptions, from hardly any differences to large ones; a pilot's variance over mean says which is nearer."""
 
 FLIPS_UP_TO = 12
@@ -64,7 +68,7 @@ def count_power(
     *,
     people: int,
     trials: int = 10,
-    spread: Spread = SPREADS["mid"],
+    spread: EffectSpread = SPREADS["mid"],
     alpha: float = 0.05,
     runs: int = 2000,
     seed: int = 1,
@@ -92,7 +96,7 @@ def count_power(
 
 
 def _studies(
-    mean: float, reference: float, *, people: int, trials: int, spread: Spread, runs: int, seed: int
+    mean: float, reference: float, *, people: int, trials: int, spread: EffectSpread, runs: int, seed: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Draw studies; return people's differences of log sums and of sums, each (runs, people)."""
     if not (0 < mean < 1e4 and 0 < reference < 1e4):
@@ -147,7 +151,7 @@ def people_for(
     *,
     power: float = 0.8,
     trials: int = 10,
-    spread: Spread = SPREADS["mid"],
+    spread: EffectSpread = SPREADS["mid"],
     alpha: float = 0.05,
     most: int = 30,
     runs: int = 2000,

@@ -20,7 +20,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.foreign_file import read_foreign, read_words
-from tega.study.journal import Event, Journal, read_events
+from tega.study.journal import Journal, JournalEvent, read_events
 from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
@@ -247,12 +247,12 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
 
 
 def _copy_events(
-    events: Sequence[Event], target: Path, signed: str, begin_ns: int, raters: Mapping[str, str]
+    events: Sequence[JournalEvent], target: Path, signed: str, begin_ns: int, raters: Mapping[str, str]
 ) -> None:
     if not events:
         return
 
-    def plain(event: Event) -> Event:
+    def plain(event: JournalEvent) -> JournalEvent:
         text = signed if event.kind == "session_start" else ""
         if event.kind == "trial_end" and event.text == PART:  # decides whose counts are used
             text = PART

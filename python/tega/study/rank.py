@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import ShapeError
-from tega.study.packages import scipy_stats
+from tega.study.packages import scipy_stats, statsmodels
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -200,14 +200,12 @@ def holm(p: Sequence[float | None]) -> list[float | None]:
         [0.03, 0.06, 0.06]
     """
     values = [1.0 if one is None or math.isnan(one) else one for one in p]
-    order = sorted(range(len(values)), key=values.__getitem__)
-    corrected: list[float | None] = [None] * len(values)
-    most = 0.0
-    for place, index in enumerate(order):
-        most = max(most, min(1.0, (len(values) - place) * values[index]))
-        one = p[index]
-        corrected[index] = None if one is None or math.isnan(one) else most
-    return corrected
+    if not values:
+        return []
+    corrected = statsmodels("stats.multitest").multipletests(values, method="holm")[1].tolist()
+    return [
+        None if one is None or math.isnan(one) else p_holm for one, p_holm in zip(p, corrected, strict=True)
+    ]
 
 
 def _group(values: ArrayLike, which: str) -> NDArray[np.float64]:

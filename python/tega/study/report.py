@@ -12,7 +12,7 @@ import msgspec
 
 from tega.errors import InvalidValueError
 from tega.foreign_file import read_words
-from tega.study.analyse import Analysis, Material, analyse_bench, analyse_study
+from tega.study.analyse import Analysis, FigureMaterial, analyse_bench, analyse_study
 from tega.study.figure_3 import figure_3
 from tega.study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
 from tega.study.page import report_html
@@ -51,7 +51,7 @@ def write_report(source: Path, out: Path | None = None, *, interim: bool = False
         InvalidValueError: There is a folder ``report`` already that is no report.
         MissingExtraError: A package of the extra ``study`` is not installed.
     """
-    material = Material()
+    material = FigureMaterial()
     if source.is_dir():
         analysis, material = analyse_study(source, interim=interim)
     else:
@@ -97,7 +97,7 @@ def _keep_others(old: Path, new: Path) -> None:
             path.rename(new / path.name)
 
 
-def figures_of(analysis: Analysis, material: Material) -> dict[str, str]:
+def figures_of(analysis: Analysis, material: FigureMaterial) -> dict[str, str]:
     """Draw every figure that there are data for; SVG by name."""
     drawn = {
         "fig3": figure_3(analysis.fingers, material.pictures),

@@ -10,7 +10,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.plain_name import plain_name
-from tega.study.journal import Event, Journal, Status, undone_numbers
+from tega.study.journal import Journal, JournalEvent, Status, undone_numbers
 from tega.study.plan import PlannedTrial, StudyPlan
 
 __all__ = ["SessionState", "Where", "check_where", "derive", "events_path", "rehearsed", "resume"]
@@ -47,7 +47,7 @@ def events_path(folder: Path, participant: str) -> Path:
     )
 
 
-def derive(trials: Sequence[PlannedTrial], events: Sequence[Event]) -> SessionState:
+def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> SessionState:
     """Work out how a session stands.
 
     A trial that was broken off for technical reasons, or that the experimenter wants again (``redo``), is done once
@@ -184,12 +184,12 @@ def check_where(plan: StudyPlan, where: Where) -> None:
         )
 
 
-def rehearsed(events: Sequence[Event]) -> bool:
+def rehearsed(events: Sequence[JournalEvent]) -> bool:
     """Tell whether a session, or a part of it, did not run in the lab."""
     return any(event.kind == "session_start" and event.item in {"simulated", "emulated"} for event in events)
 
 
-def _same_plan(events: Sequence[Event], signed: str, participant: str) -> None:
+def _same_plan(events: Sequence[JournalEvent], signed: str, participant: str) -> None:
     if any(event.kind == "session_start" and event.text != signed for event in events):
         raise RecordingError(
             f"{participant}: the session belongs to another plan", "open it in the folder it came from"

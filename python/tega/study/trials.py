@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from tega.errors import RecordingError
-from tega.study.journal import Event, Status, counting, read_events
+from tega.study.journal import JournalEvent, Status, counting, read_events
 from tega.study.observers import read_observers, saw_whole
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.privacy import withdrawn
@@ -97,10 +97,10 @@ def study_trials(folder: Path) -> tuple[StudyPlan, list[Trial]]:
 
 def trials_of_events(
     planned: Sequence[PlannedTrial],
-    events: Sequence[Event],
+    events: Sequence[JournalEvent],
     *,
     where: str,
-    observers: Mapping[str, Sequence[Event]] = {},
+    observers: Mapping[str, Sequence[JournalEvent]] = {},
 ) -> list[Trial]:
     """Work out a person's trials.
 
@@ -126,7 +126,7 @@ def trials_of_events(
                     "restore the file from a copy",
                 )
             undone.add(number)
-    attempts: dict[int, list[list[Event]]] = {}
+    attempts: dict[int, list[list[JournalEvent]]] = {}
     for event in events:
         if event.kind == "trial_start" or (event.kind == "trial_end" and event.trial not in attempts):
             attempts.setdefault(event.trial, []).append([])
@@ -158,7 +158,7 @@ def trials_of_events(
     return trials
 
 
-def _rated(trial: Trial, seen: Sequence[Event], rater: str, start_ns: int, *, where: str) -> Trial:
+def _rated(trial: Trial, seen: Sequence[JournalEvent], rater: str, start_ns: int, *, where: str) -> Trial:
     """Return a trial with a rater's counts; the session's own lift-off comes first."""
     lift_off_s = trial.lift_off_s
     if lift_off_s is None:
@@ -179,7 +179,7 @@ def _rated(trial: Trial, seen: Sequence[Event], rater: str, start_ns: int, *, wh
 
 
 def _trial(
-    plan: PlannedTrial, events: Sequence[Event], undone: set[int], *, where: str, first: bool
+    plan: PlannedTrial, events: Sequence[JournalEvent], undone: set[int], *, where: str, first: bool
 ) -> Trial:
     used = [event for event in events if event.n not in undone or event.kind == "undo"]
     begin = next((event for event in used if event.kind == "trial_start"), None)
@@ -212,7 +212,7 @@ def _trial(
 
 
 def bench_trials(paths: Iterable[Path]) -> list[Trial]:
-    """Read the results that ``tega-teleop sim-trials`` writes; a seed there is a person here.
+    """Read the results that ``tega-teleop sim trials`` writes; a seed there is a person here.
 
     Args:
         paths: The files.
@@ -227,7 +227,7 @@ def bench_trials(paths: Iterable[Path]) -> list[Trial]:
     numbers: dict[str, int] = {}
     for path in paths:
         if not path.exists():
-            raise RecordingError(f"{path}: is not there", "name a file of sim-trials, or a study's folder")
+            raise RecordingError(f"{path}: is not there", "name a file of sim trials, or a study's folder")
         for line, result in enumerate(read_results(path).values(), start=1):
             person = f"s{result.seed}"
             key = person, result.object, result.condition

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 from tega.study.state import Where
 from tega.whole_file import write_whole
 
-__all__ = ["Bench", "LabBench", "SimulatedBench"]
+__all__ = ["LabBench", "SimulatedBench", "TrialBench"]
 
 _LOOK_S = 0.01
 _CONDITIONS = ("haptic", "non-haptic", "event-gated")
@@ -38,7 +38,7 @@ def _mapping(condition: str, given: StageConfig) -> StageConfig:
     return given
 
 
-class Bench(Protocol):
+class TrialBench(Protocol):
     """Where trials take place.
 
     Attributes:
@@ -192,7 +192,7 @@ class SimulatedBench:
 
     def felt(self, condition: str) -> bool:
         """Tell whether the vest shows touch."""
-        from tega.sim.arms import CONDITIONS, feels
+        from tega.sim.conditions import CONDITIONS, feels
 
         if condition not in CONDITIONS or not feels(condition):
             raise InvalidValueError(

@@ -13,10 +13,10 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_foreign
 from tega.whole_file import write_whole
 
-__all__ = ["Board", "board_path", "read_board", "write_board"]
+__all__ = ["SessionBoard", "board_path", "read_board", "write_board"]
 
 
-class Board(msgspec.Struct, frozen=True, kw_only=True):
+class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
     """How the session stands.
 
     Attributes:
@@ -53,14 +53,14 @@ def board_path(folder: Path, participant: str) -> Path:
     return folder / "sessions" / participant / "now.json"
 
 
-def write_board(path: Path, board: Board) -> None:
+def write_board(path: Path, board: SessionBoard) -> None:
     """Replace the board."""
     write_whole(path, msgspec.json.encode(board) + b"\n")
 
 
-def read_board(path: Path) -> Board | None:
+def read_board(path: Path) -> SessionBoard | None:
     """Read the board; ``None`` where there is none that can be read."""
     try:
-        return msgspec.json.decode(read_foreign(path, most_mib=1), type=Board)
+        return msgspec.json.decode(read_foreign(path, most_mib=1), type=SessionBoard)
     except (OSError, msgspec.DecodeError, RecordingError, ValueError, RecursionError):
         return None

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from tega.hand_poses import ClosureScale
     from tega.teleop.moment import LoopView
 
-__all__ = ["Going", "Seen", "SeenKind", "in_thread"]
+__all__ = ["Going", "SeenKind", "TrialSeen", "in_thread"]
 
 SeenKind = Literal["height", "drop", "slip", "deformation", "mark"]
 
 
-class Seen(NamedTuple):
+class TrialSeen(NamedTuple):
     """Something that the bench has seen in the trial.
 
     Attributes:
@@ -64,7 +64,7 @@ class Going:
         self._own_time = own_time
         self._go, self._over = threading.Event(), threading.Event()
         self._view_zero_ns = self._newest_ns = 0
-        self._seen: deque[Seen] = deque()
+        self._seen: deque[TrialSeen] = deque()
         self._rows: list[tuple[float, float, float, float]] = []
         self._touch: list[TouchRow] = []
         self._newest_touch: dict[str, int] = {}
@@ -111,7 +111,7 @@ class Going:
         t_s = (view.t_ns - self._view_zero_ns) / 1e9
         self._newest_ns = view.t_ns
         if self._presses > pressed:
-            self._seen.append(Seen("mark", t_s))
+            self._seen.append(TrialSeen("mark", t_s))
         for finger, (at_ns, contact) in view.contacts.items():
             if self._newest_touch.get(finger) != at_ns >= self._view_zero_ns:
                 self._newest_touch[finger] = at_ns
@@ -146,7 +146,7 @@ class Going:
     def see(self, kind: SeenKind, t_ns: int, value: float = 0.0) -> None:
         """Take in something seen at a moment in the bench's own count of time, such as a height in metres."""
         if self.started_ns is not None:
-            self._seen.append(Seen(kind, (t_ns - self._view_zero_ns) / 1e9, value))
+            self._seen.append(TrialSeen(kind, (t_ns - self._view_zero_ns) / 1e9, value))
 
     def over(self) -> bool:
         """Tell whether the trial is over."""
@@ -174,7 +174,7 @@ class Going:
             return (self._newest_ns - self._view_zero_ns) / 1e9
         return (self._clock.now_ns() - self.started_ns) / 1e9
 
-    def seen(self) -> list[Seen]:
+    def seen(self) -> list[TrialSeen]:
         """Return what was seen since the last call, in its order."""
         found = []
         while self._seen:

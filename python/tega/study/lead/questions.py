@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from tega.study.journal import Event
+from tega.study.journal import JournalEvent
 from tega.study.plan import PlannedTrial
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def raw_tlx(answers: Mapping[str, float | None]) -> float | None:
 
 
 def blocks_to_ask(
-    trials: Sequence[PlannedTrial], events: Sequence[Event], open_trials: set[int]
+    trials: Sequence[PlannedTrial], events: Sequence[JournalEvent], open_trials: set[int]
 ) -> list[tuple[int, list[Question]]]:
     """Return which questions are still to be asked, by the last trial of each block that is over.
 

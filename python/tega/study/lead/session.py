@@ -11,7 +11,7 @@ from tega.clock import Clock, SystemClock
 from tega.errors import DeviceUnavailableError
 from tega.study.journal import Journal
 from tega.study.lead.before import TrialBefore
-from tega.study.lead.board import Board, board_path
+from tega.study.lead.board import SessionBoard, board_path
 from tega.study.lead.desk import ENTER, Desk
 from tega.study.lead.questions import QUESTIONS, ask, blocks_to_ask
 from tega.study.lead.screens import running, waiting
@@ -21,7 +21,7 @@ from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.state import SessionState, derive, resume
 
 if TYPE_CHECKING:
-    from tega.study.lead.benches import Bench
+    from tega.study.lead.benches import TrialBench
 
 __all__ = ["INSTRUCTION", "lead_session"]
 
@@ -37,7 +37,7 @@ _POLL_S = 0.02
 def lead_session(
     folder: Path,
     participant: str,
-    bench: Bench,
+    bench: TrialBench,
     desk: Desk,
     *,
     clock: Clock | None = None,
@@ -107,7 +107,7 @@ class _Lead:
         participant: str,
         journal: Journal,
         *,
-        bench: Bench,
+        bench: TrialBench,
         desk: Desk,
         clock: Clock,
         task: Task,
@@ -290,8 +290,8 @@ class _Lead:
         started_ns: int | None = None,
         says: str = "",
         health: tuple[str, ...] = (),
-    ) -> Board:
-        return Board(
+    ) -> SessionBoard:
+        return SessionBoard(
             t_ns=self._clock.now_ns(),
             phase=phase,
             trial=0 if trial is None else trial.trial,

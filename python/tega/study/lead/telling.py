@@ -1,11 +1,11 @@
-"""How the session stands, told: drawn for the experimenter, and written for the observers' consoles."""
+"""Show how a study session stands: drawn for the experimenter, written for the observers' consoles."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
 
-from tega.study.lead.board import Board, write_board
+from tega.study.lead.board import SessionBoard, write_board
 from tega.study.lead.desk import Desk, Screen
 
 __all__ = ["Telling"]
@@ -25,9 +25,9 @@ class Telling:
     def __init__(self, desk: Desk, path: Path) -> None:
         self._desk, self._path = desk, path
         self._drawn_s = self._put_s = float("-inf")
-        self._told: Board | None = None
+        self._told: SessionBoard | None = None
 
-    def show(self, screen: Screen, board: Board) -> None:
+    def show(self, screen: Screen, board: SessionBoard) -> None:
         """Draw the screen and write the board."""
         now_s = time.monotonic()
         if now_s - self._drawn_s >= _REDRAW_S:
@@ -35,7 +35,7 @@ class Telling:
             self._desk.show(screen)
         self.put(board)
 
-    def put(self, board: Board, *, at_once: bool = False) -> None:
+    def put(self, board: SessionBoard, *, at_once: bool = False) -> None:
         """Write the board when something changes, and often enough to show that somebody is there."""
         now_s, told = time.monotonic(), self._told
         same = told is not None and (told.phase, told.trial, told.started_ns, told.health) == (

@@ -10,7 +10,7 @@ import msgspec
 from tega.errors import TegaError
 from tega.study.coupling import TouchCourse, write_course
 from tega.study.hand_rows import write_hand
-from tega.study.journal import Event, Journal, Kind, Status, counting
+from tega.study.journal import Journal, JournalEvent, Kind, Status, counting
 from tega.study.lead.going import Going, in_thread
 from tega.study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
 from tega.study.touch_rows import touch_path, write_touch
@@ -19,7 +19,7 @@ from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     from tega.clock import Clock
-    from tega.study.lead.benches import Bench
+    from tega.study.lead.benches import TrialBench
     from tega.study.plan import PlannedTrial
 
 __all__ = ["EXPERIMENTER", "LedTrial", "Task", "keys_of", "recording_folder"]
@@ -60,7 +60,7 @@ def keys_of(*, sees_height: bool) -> list[tuple[str, str]]:
     ]
 
 
-class _End(NamedTuple):
+class _TrialEnd(NamedTuple):
     """How a trial ends: when, in seconds from its start, its status, and why."""
 
     t_s: float
@@ -95,7 +95,7 @@ class LedTrial:
         trial: PlannedTrial,
         attempt: int,
         *,
-        bench: Bench,
+        bench: TrialBench,
         journal: Journal,
         clock: Clock,
         task: Task,
@@ -148,7 +148,7 @@ class LedTrial:
         elif self.phase != "over":
             if self.phase != "trial":
                 self._begin(self.going.started_ns)
-            self._finish(_End(self.going.elapsed_s(), "aborted_technical", why))
+            self._finish(_TrialEnd(self.going.elapsed_s(), "aborted_technical", why))
 
     def _before(self, keys: list[str]) -> bool:
         going = self.going
@@ -192,24 +192,24 @@ class LedTrial:
         }
         write_whole(where / "trial.json", msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n")
 
-    def _press(self, keys: list[str]) -> _End | None:
+    def _press(self, keys: list[str]) -> _TrialEnd | None:
         t_s = self.going.elapsed_s()
         for key in keys:
             if key in _KEYS:
                 self._add(_KEYS[key], t_s, EXPERIMENTER)
             elif key == "x" and t_s >= QUIET_S:
                 self._add("drop", t_s, EXPERIMENTER)
-                return _End(t_s, "failed_task", "dropped")
+                return _TrialEnd(t_s, "failed_task", "dropped")
             elif key == "u":
                 self.undo()
             elif key in {" ", self._pedal}:
                 self._mark(t_s)
             elif key == END and t_s >= QUIET_S:
-                return _End(t_s, "done", "ended by the experimenter")
+                return _TrialEnd(t_s, "done", "ended by the experimenter")
             elif key == "a":
-                return _End(t_s, "aborted_technical", "broken off by the experimenter")
+                return _TrialEnd(t_s, "aborted_technical", "broken off by the experimenter")
             elif key == "z":
-                return _End(t_s, "aborted_safety", "stopped by the experimenter")
+                return _TrialEnd(t_s, "aborted_safety", "stopped by the experimenter")
         return None
 
     def _mark(self, t_s: float) -> None:
@@ -219,7 +219,7 @@ class LedTrial:
         up = self.rule.lift_off_s is not None and self.rule.since_s is None
         self.rule.height(t_s, LIFT_M if up else OFF_TABLE_M)
 
-    def _look(self) -> _End | None:
+    def _look(self) -> _TrialEnd | None:
         for seen in self.going.seen():
             if seen.kind == "height":
                 self.rule.height(seen.t_s, seen.value)
@@ -227,7 +227,7 @@ class LedTrial:
                 self._mark(seen.t_s)
             elif seen.kind == "drop":
                 self._add("drop", seen.t_s, "auto")
-                return _End(seen.t_s, "failed_task", "dropped")
+                return _TrialEnd(seen.t_s, "failed_task", "dropped")
             elif seen.kind in {"slip", "deformation"}:
                 self._add(seen.kind, seen.t_s, "auto")
         return None
@@ -244,21 +244,21 @@ class LedTrial:
                 self._kept.add(kind)
                 self._add(kind, t_s, who)
 
-    def _ended(self, t_s: float, *, gone: bool) -> _End | None:
+    def _ended(self, t_s: float, *, gone: bool) -> _TrialEnd | None:
         verdict = self.rule.verdict(t_s)
         if self._raised:
-            return _End(t_s, "aborted_technical", _told(self._raised[0]))
+            return _TrialEnd(t_s, "aborted_technical", _told(self._raised[0]))
         if verdict == "lifted" and self._task == "lift" and self.rule.held_s is not None:
-            return _End(self.rule.held_s[1], "done", "lifted and held")
+            return _TrialEnd(self.rule.held_s[1], "done", "lifted and held")
         if verdict == "too late":
-            return _End(t_s, "failed_task", "not lifted in time")
+            return _TrialEnd(t_s, "failed_task", "not lifted in time")
         if gone:
-            return _End(t_s, "done", "the bench has ended")
+            return _TrialEnd(t_s, "done", "the bench has ended")
         if t_s > self._window_s + PLACE_S:
-            return _End(t_s, "done", "time is over")
+            return _TrialEnd(t_s, "done", "time is over")
         return None
 
-    def _finish(self, end: _End) -> None:
+    def _finish(self, end: _TrialEnd) -> None:
         self._stop_bench()
         for seen in self.going.seen():  # what the bench says once it has ended
             if seen.kind in {"slip", "deformation"} and seen.t_s <= end.t_s:
@@ -306,16 +306,16 @@ class LedTrial:
             source=source,
         )
 
-    def events(self) -> list[Event]:
+    def events(self) -> list[JournalEvent]:
         """Return what happened in this attempt and still counts."""
         return counting(self._journal.events, self.trial.trial, self.attempt)
 
-    def undo(self) -> Event | None:
+    def undo(self) -> JournalEvent | None:
         """Undo what the experimenter last added to this attempt."""
         return undo_last(self._journal, self.trial.trial, self.attempt, t_ns=self._clock.now_ns())
 
 
-def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> Event | None:
+def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> JournalEvent | None:
     """Undo what the experimenter last added to an attempt; ``None`` where there is nothing."""
     mine = [
         event

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.study.journal import Event, Journal, Kind, counting, read_events
-from tega.study.lead.board import Board, board_path, read_board
+from tega.study.journal import Journal, JournalEvent, Kind, counting, read_events
+from tega.study.lead.board import SessionBoard, board_path, read_board
 from tega.study.observers import PART, RECORDED, WHOLE, observer_path
 from tega.study.plan import PlannedTrial, read_plan
 from tega.study.state import events_path
@@ -50,11 +50,11 @@ class Now(NamedTuple):
         following: The trial that comes next, as far as the board knows.
     """
 
-    board: Board | None
+    board: SessionBoard | None
     led: bool
     running: tuple[PlannedTrial, int, int] | None
     newest: tuple[PlannedTrial, int] | None
-    events: tuple[Event, ...]
+    events: tuple[JournalEvent, ...]
     following: PlannedTrial | None
 
 
@@ -82,7 +82,7 @@ class Observing:
         if participant in withdrawn(folder):
             raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
         self._main, self._board = events_path(folder, participant), board_path(folder, participant)
-        self._size, self._events = -1, list[Event]()
+        self._size, self._events = -1, list[JournalEvent]()
         self.journal = Journal(observer_path(folder, participant, rater))
         signed = plan.settings.plan_sha256
         if any(e.kind == "session_start" and e.text != signed for e in self.journal.events):
@@ -169,7 +169,7 @@ class Observing:
         """Close the file."""
         self.close()
 
-    def _attend(self, start: Event, end: Event | None) -> None:
+    def _attend(self, start: JournalEvent, end: JournalEvent | None) -> None:
         """Note that a trial has begun, or is over, once; and whether all of it was seen."""
         key = start.trial, start.attempt
         mine = self.journal.events
@@ -194,6 +194,6 @@ class Observing:
             )
 
     @staticmethod
-    def _of(events: list[Event], kind: Kind, trial: int, attempt: int) -> Event | None:
+    def _of(events: list[JournalEvent], kind: Kind, trial: int, attempt: int) -> JournalEvent | None:
         found = (e for e in reversed(events) if (e.kind, e.trial, e.attempt) == (kind, trial, attempt))
         return next(found, None)

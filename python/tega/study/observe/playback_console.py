@@ -15,7 +15,7 @@ from tega.study.observe.scoring import Scoring
 if TYPE_CHECKING:
     from textual import events
 
-    from tega.study.journal import Event, Kind
+    from tega.study.journal import JournalEvent, Kind
     from tega.study.observe.play_head import PlayHead
     from tega.study.observe.scoring import Showing
     from tega.view.state import ViewState
@@ -177,7 +177,7 @@ class PlaybackConsole(RaterConsole):
         self._shown = new
         self._show(now.reel.at(at_ns, {"recording": number, "object": now.trial.object, "playing": doing}))
 
-    def _track(self, now: Showing, at_ns: int, found: Sequence[Event]) -> str:
+    def _track(self, now: Showing, at_ns: int, found: Sequence[JournalEvent]) -> str:
         """Draw the trial as a line: what was added, and below it what was played and where the head is."""
         length_ns, width = now.trial.length_ns, min(_TRACK, max(self.size.width - 8, 10))
 
@@ -195,7 +195,7 @@ class PlaybackConsole(RaterConsole):
         before, behind = "".join(line[:here]), "".join(line[here + 1 :])
         return f"[b]{''.join(marks)}[/]\n{before}[b $accent]●[/]{behind}"
 
-    def _listed(self, now: Showing, found: Sequence[Event]) -> str:
+    def _listed(self, now: Showing, found: Sequence[JournalEvent]) -> str:
         if self.scoring.whole(now.trial):
             state = "scored, seen whole"
         elif self.scoring.ended(now.trial):

@@ -14,7 +14,7 @@ from textual.containers import Horizontal
 from textual.widget import Widget
 from textual.widgets import Digits, Input, Static
 
-from tega.study.journal import Event, Kind
+from tega.study.journal import JournalEvent, Kind
 
 __all__ = ["NAMES", "RaterConsole", "help_line", "pressed_ns"]
 
@@ -213,7 +213,7 @@ class RaterConsole(App[None]):
             self._texts["clock"] = text
             self.query_one("#clock", Digits).update(text)
 
-    def put_counts(self, found: Iterable[Event]) -> None:
+    def put_counts(self, found: Iterable[JournalEvent]) -> None:
         """Show how many events of each kind there are."""
         kinds = [event.kind for event in found]
         for kind in _KEYS.values():

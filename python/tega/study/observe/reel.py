@@ -52,7 +52,7 @@ class _Strip:
         self.jpegs: list[bytes] = []
 
 
-class Truth(NamedTuple):
+class ReelTruth(NamedTuple):
     """What the simulated bench, which has no pictures, knows of the object."""
 
     height_m: float
@@ -78,7 +78,7 @@ class Reel:
         hand_t_ns: Sequence[int] = (),
         angles_rad: Sequence[Sequence[float]] = (),
         truth_t_ns: Sequence[int] = (),
-        truth: Sequence[Truth] = (),
+        truth: Sequence[ReelTruth] = (),
     ) -> None:
         self._strips = strips or {}
         self._hand_t_ns, self._angles = hand_t_ns, angles_rad
@@ -237,7 +237,7 @@ def _of_bench(trial: RecordedTrial) -> Reel:
         for row in csv.DictReader(io.StringIO(text, newline="")):
             truth_t_ns.append(round(float(row["t_s"]) * 1e9))
             numbers = (float(row[n]) for n in ("object_height_m", "slip_m", "deformation_m"))
-            truth.append(Truth(*numbers))
+            truth.append(ReelTruth(*numbers))
     except (OSError, ValueError, OverflowError, KeyError, TypeError, csv.Error) as error:
         raise RecordingError(f"truth.csv is damaged: {error}") from error
     _reaches(trial, truth_t_ns[-1] if truth_t_ns else 0)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.study.journal import Event, Journal, Kind, counting
+from tega.study.journal import Journal, JournalEvent, Kind, counting
 from tega.study.observe.observing import OBSERVED, checked_rater
 from tega.study.observe.play_head import PlayHead
 from tega.study.observe.recorded import RecordedTrial, Unseen, recorded_trials
@@ -97,7 +97,7 @@ class Scoring:
         """Tell whether the rater has seen all of a trial."""
         return saw_whole(self.journal.events, trial.trial, trial.attempt)
 
-    def events(self) -> list[Event]:
+    def events(self) -> list[JournalEvent]:
         """Return what was added to the trial and not undone."""
         if self.now is None:
             return []

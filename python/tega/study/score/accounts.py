@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tega.study.detecting import DETECTOR, read_detected
-from tega.study.journal import Event, Kind, counting, read_events
+from tega.study.journal import JournalEvent, Kind, counting, read_events
 from tega.study.observers import read_observers, saw_whole
 from tega.study.plan import read_plan
 from tega.study.privacy import withdrawn
@@ -62,7 +62,7 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
             if end.status not in {"done", "failed_task"}:
                 continue
             own = counting(main, start.trial, start.attempt)
-            said: dict[str, Sequence[Event]] = {}
+            said: dict[str, Sequence[JournalEvent]] = {}
             if simulated:
                 said[TRUTH] = [event for event in own if event.source == "auto"]
             for rater, events in raters.items():
@@ -76,7 +76,9 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
     return accounts
 
 
-def _scored(key: tuple[str, int, int], start: Event, end: Event, events: Sequence[Event]) -> Scored:
+def _scored(
+    key: tuple[str, int, int], start: JournalEvent, end: JournalEvent, events: Sequence[JournalEvent]
+) -> Scored:
     length_s = (end.t_ns - start.t_ns) / 1e9
     times: dict[Kind, list[float]] = {kind: [] for kind in KINDS}
     for event in events:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from tega.study.packages import scipy_stats
+from tega.study.packages import scipy_stats, statsmodels
 
 __all__ = ["Agreement", "Icc", "agreement", "icc", "kappa", "match_events"]
 
@@ -120,9 +120,9 @@ def kappa(
             for t_s in times:
                 marks[row, min(n - 1, int(t_s / bin_s + _EPS))] = 1
         np.add.at(table, (marks[0], marks[1]), 1)
-    share = table / table.sum()
-    by_chance = float(share.sum(axis=1) @ share.sum(axis=0))
-    return None if by_chance > 1 - _EPS else (float(np.trace(share)) - by_chance) / (1 - by_chance)
+    if np.count_nonzero(table) == 1 and np.trace(table):
+        return None
+    return float(statsmodels("stats.inter_rater").cohens_kappa(table, return_results=False))
 
 
 def icc(counts: Sequence[Sequence[float]]) -> Icc:

@@ -17,7 +17,7 @@ import msgspec
 from tega.errors import InvalidValueError, RecordingError
 from tega.foreign_file import read_foreign, read_words
 from tega.study.detecting import DETECTOR, read_detected
-from tega.study.journal import Event, Journal, Kind, counting, read_events
+from tega.study.journal import Journal, JournalEvent, Kind, counting, read_events
 from tega.study.observers import WHOLE, observer_path, read_observers
 from tega.study.plan import read_plan
 from tega.study.privacy import note_elsewhere
@@ -151,7 +151,7 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
             raise RecordingError(f"{path.name}: observation {name!r} names no trial", "name it as p01_t07_a1")
         key, whose = (int(found[2]), int(found[3])), found[4] or ""
         by_person.setdefault(found[1], {}).setdefault(key, {})[whose] = coded
-    ready: dict[str, list[tuple[Event, Event, Sequence[tuple[float, str]]]]] = {}
+    ready: dict[str, list[tuple[JournalEvent, JournalEvent, Sequence[tuple[float, str]]]]] = {}
     for person, trials in by_person.items():
         plan.of(person)
         if observer_path(folder, person, rater).exists():
@@ -183,7 +183,7 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
     return {person: len(rows) for person, rows in ready.items()}
 
 
-def attempts(events: Sequence[Event]) -> list[tuple[Event, Event]]:
+def attempts(events: Sequence[JournalEvent]) -> list[tuple[JournalEvent, JournalEvent]]:
     """Return start and end of every attempt that was made, in their order."""
     starts = {(e.trial, e.attempt): e for e in events if e.kind == "trial_start"}
     return [

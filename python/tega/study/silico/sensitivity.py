@@ -46,7 +46,7 @@ VARIED = (
 """Parameters that are changed unless others are named: what is felt, what is seen, the muscles, the weighing."""
 
 ARMS = ("half", "unrelated", "constant", "inverted")
-"""Arms of :data:`tega.sim.arms.CONDITIONS` that take the place of the first condition."""
+"""Arms of :data:`tega.sim.conditions.CONDITIONS` that take the place of the first condition."""
 
 
 class SensitivityRow(msgspec.Struct, frozen=True, kw_only=True):

@@ -79,7 +79,7 @@ def simulate(
         operators: How many people.
         seed: Of everything.
         objects: Names in :data:`tega.sim.world.OBJECTS`.
-        conditions: Arms of :data:`tega.sim.arms.CONDITIONS` that are felt; the first is compared with the second.
+        conditions: Arms of :data:`tega.sim.conditions.CONDITIONS` that are felt; the first is compared with the second.
         trials: Per person, object and condition.
         parameters: A changed parameter file for the people; none means the frozen one.
         preset: Readings of the loop.
@@ -135,7 +135,7 @@ def made_study(
 
     ``everyone``, ``preset`` and ``settings`` are those of :class:`tega.study.silico.assumptions.Assumptions`.
     """
-    from tega.sim.arms import CONDITIONS, feels
+    from tega.sim.conditions import CONDITIONS, feels
     from tega.sim.world import OBJECTS
 
     for what, names, known in (
