@@ -7,8 +7,9 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from tega.bus import Backlog
-from tega.markers.lsl_in import Heard, LslMarkersIn
-from tega.markers.lsl_out import LslMarkersOut
+from tega.lsl_events.lsl_in import Heard, LslMarkersIn
+from tega.lsl_events.lsl_out import LslMarkersOut
+from tega.lsl_events.lsl_streams import LslStreams
 from tega.records import Alert, Button, Event, HeardMarker, Record, RunState
 
 if TYPE_CHECKING:
@@ -51,6 +52,10 @@ class RunMarkers:
         self._waiting = Backlog("markers")
         self._out = None if settings.lsl_out is None else LslMarkersOut(settings.lsl_out)
         self._in = None if settings.lsl_in is None else LslMarkersIn(settings.lsl_in, self._heard)
+        self._streams: LslStreams | None = None
+        if settings.lsl_streams:
+            prefix = settings.lsl_out or "tega"
+            self._streams = LslStreams(settings.lsl_streams, prefix, bus, self._waiting, at_ns=self._at_ns)
         if self._out is not None:
             told: tuple[tuple[type[Record], Any], ...] = (
                 (RunState, self._state),
@@ -67,13 +72,14 @@ class RunMarkers:
             self._out.greet()
         return "" if self._in is None else self._in.problem
 
-    def begin(self, zero_ns: int, *, trial: str, real: bool) -> None:
+    def begin(self, zero_ns: int, *, trial: str, real: bool, emg_hz: float | None = None) -> None:
         """Begin, at the start of the session or just after.
 
         Args:
             zero_ns: The start on the session's clock.
             trial: Name of the trial that begins.
             real: Whether that is the monotonic clock.
+            emg_hz: Samples a second of the EMG source, where there is one that says so.
         """
         with self._lock:
             self._counts_real, self._zero_ns = real, zero_ns
@@ -82,6 +88,8 @@ class RunMarkers:
             early, self._early = self._early, []
         for heard in early:
             self._heard(heard)
+        if self._streams is not None:
+            self._streams.begin(emg_hz)
         self._tell("session:start", self._start_ns)
         self._tell(f"trial:{trial}", self._start_ns)
 
@@ -90,6 +98,8 @@ class RunMarkers:
         said: dict[str, Any] = {}
         if self._out is not None:
             said["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}
+        if self._streams is not None:
+            said["streams"] = dict(self._streams.n_pushed)
         if self._in is not None:
             correction_s = self._in.correction_s
             said["in"] = {
@@ -103,6 +113,8 @@ class RunMarkers:
     def close(self) -> None:
         """Stop listening, and take the own stream away."""
         self._waiting.close()
+        if self._streams is not None:
+            self._streams.close()
         if self._in is not None:
             self._in.close()
         if self._out is not None:

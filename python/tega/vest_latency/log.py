@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tega.errors import MissingExtraError, RecordingError
 from tega.foreign_file import read_foreign
-from tega.onset.clock import ClockMap
+from tega.vest_latency.clock import ClockMap
 from tega.whole_file import write_whole
 
 __all__ = ["OnsetLog", "read_log", "read_wav", "write_log", "write_wav"]

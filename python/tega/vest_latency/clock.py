@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 
-__all__ = ["CLICKS_MS", "Block", "ClockMap", "by_blocks", "by_clicks", "find_clicks"]
+__all__ = ["CLICKS_MS", "ClockMap", "SoundBlock", "by_blocks", "by_clicks", "find_clicks"]
 
 CLICKS_MS: Final = {"keys": 20.0, "speaker": 8.0}
 """How well the time of a click is known, ms: a keyboard tells of a key up to so long after it was heard; a speaker's
@@ -38,7 +38,7 @@ _FEWEST_CLICKS = 3
 _LONGEST_S = 5.0
 
 
-class Block(NamedTuple):
+class SoundBlock(NamedTuple):
     """A block of sound as it came.
 
     Attributes:
@@ -70,7 +70,7 @@ class ClockMap(msgspec.Struct, frozen=True, kw_only=True):
     how: str
 
 
-def by_blocks(blocks: Sequence[Block], rate_hz: float, *, latency_s: float) -> ClockMap:
+def by_blocks(blocks: Sequence[SoundBlock], rate_hz: float, *, latency_s: float) -> ClockMap:
     """Map by what the sound system says.
 
     Args:
@@ -134,7 +134,7 @@ def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.floa
         InvalidValueError: The rate is too low to tell a click from a motor.
         MissingExtraError: scipy is not installed.
     """
-    from tega.onset.detect import load_signal
+    from tega.vest_latency.detect import load_signal
 
     signal: Any = load_signal()
     if rate_hz < 3 * _CLICK_HZ:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import DeviceUnavailableError, MissingExtraError
-from tega.onset.clock import Block
+from tega.vest_latency.clock import SoundBlock
 
 __all__ = ["Microphone", "Speaker", "list_microphones", "sounddevice"]
 
@@ -64,7 +64,7 @@ class Microphone:
         self._device = int(device) if device is not None and device.isdigit() else device
         self._lock = threading.Lock()
         self._parts: list[NDArray[np.float64]] = []
-        self._blocks: list[Block] = []
+        self._blocks: list[SoundBlock] = []
         self._n = 0
         self._lost = 0
         self._stream: Any = None
@@ -117,7 +117,7 @@ class Microphone:
         """How much has been heard so far, seconds."""
         return self._n / self.rate_hz
 
-    def heard(self) -> tuple[NDArray[np.float64], list[Block]]:
+    def heard(self) -> tuple[NDArray[np.float64], list[SoundBlock]]:
         """Return what was heard, float64 (n,), -1 to 1, and the blocks in which it came.
 
         Raises:
@@ -145,7 +145,7 @@ class Microphone:
         with self._lock:
             self._lost += bool(status.input_overflow)
             self._parts.append(np.array(data[:, 0], np.float64))
-            self._blocks.append(Block(self._n, n, at_s, age_s))
+            self._blocks.append(SoundBlock(self._n, n, at_s, age_s))
             self._n += n
 
 

@@ -16,15 +16,15 @@ from tega.calibration.records import OnsetRecord
 from tega.clock import Clock
 from tega.devices.base import StampingVest
 from tega.errors import CalibrationError, DeviceUnavailableError
-from tega.onset.clock import ClockMap, by_clicks
-from tega.onset.detect import Onsets, find_onsets
-from tega.onset.log import OnsetLog
+from tega.vest_latency.clock import ClockMap, by_clicks
+from tega.vest_latency.detect import Onsets, find_onsets
+from tega.vest_latency.log import OnsetLog
 
 if TYPE_CHECKING:
     from tega.devices.base import DeviceInfo, VestSink
     from tega.haptics import Layout
 
-__all__ = ["BURST_S", "Found", "found_in", "log_of", "play_bursts", "record_of", "watched_vest"]
+__all__ = ["BURST_S", "OnsetFound", "found_in", "log_of", "play_bursts", "record_of", "watched_vest"]
 
 BURST_S: Final = 0.5
 # Long enough for a motor to stand still again, uneven so that nothing periodic keeps step.
@@ -32,7 +32,7 @@ _REST_S: Final = (0.9, 1.3)
 _BEFORE_S: Final = 0.8
 
 
-class Found(NamedTuple):
+class OnsetFound(NamedTuple):
     """What a recording gave.
 
     Attributes:
@@ -130,7 +130,7 @@ def _first_handed_over_s(handed: Sequence[tuple[int, int, int]]) -> float | None
     return next((at_ns / 1e9 for t_ns, _, at_ns in handed if t_ns == 0), None)
 
 
-def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> Found:
+def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> OnsetFound:
     """Find the onsets of a log's bursts in a recording.
 
     Args:
@@ -153,10 +153,10 @@ def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> Fou
             "make it again with --sync keys",
         )
     commands_s = [at_s - clock.began_s for at_s in log.bursts_s]
-    return Found(clock, find_onsets(samples, clock.rate_hz, commands_s, on_s=log.on_s))
+    return OnsetFound(clock, find_onsets(samples, clock.rate_hz, commands_s, on_s=log.on_s))
 
 
-def record_of(found: Found, log: OnsetLog) -> OnsetRecord:
+def record_of(found: OnsetFound, log: OnsetLog) -> OnsetRecord:
     """Make the record of a measurement.
 
     Raises:

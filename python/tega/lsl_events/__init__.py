@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tega.markers.lsl_in import LslMarkersIn
-from tega.markers.lsl_out import LslMarkersOut
-from tega.markers.run import RunMarkers
+from tega.lsl_events.lsl_in import LslMarkersIn
+from tega.lsl_events.lsl_out import LslMarkersOut
+from tega.lsl_events.run import RunMarkers
 
 __all__ = ["LslMarkersIn", "LslMarkersOut", "RunMarkers"]
