@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
 from tega.inbox.picture_votes import PictureVotes
 from tega.inbox.reader import READ_TIMEOUT_S, opened_again
-from tega.inbox.repeats import STUCK_FRAMES, LastFrame
 from tega.inbox.sources import Contact, SourceReport
+from tega.inbox.stuck_frames import STUCK_FRAMES, LastFrame
 from tega.stages.metrics import contact_metrics_of
 
 if TYPE_CHECKING:

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tega import records
-from tega.devices.base import InputEvent, InputSource, InputState
+from tega.devices.base import InputEvent, InputReading, InputSource
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.teleop.pacing import Pacer
 
-__all__ = ["Inputs", "Seat", "Seen"]
+__all__ = ["Inputs", "Seat", "SeatSeen"]
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -29,7 +29,7 @@ class Seat(NamedTuple):
     button: str | None
 
 
-class Seen(NamedTuple):
+class SeatSeen(NamedTuple):
     """What an input device says.
 
     Attributes:
@@ -38,7 +38,7 @@ class Seen(NamedTuple):
         n_presses: How often it has gone down since the start.
     """
 
-    state: InputState
+    state: InputReading
     held: bool
     n_presses: int
 
@@ -66,7 +66,7 @@ class Inputs:
         self._seats = dict(seats)
         self._no_data_looks = dict.fromkeys(seats, 0)
         self._n_looks = 0
-        self.seen: dict[str, Seen] = {}
+        self.seen: dict[str, SeatSeen] = {}
         self._said: dict[str, tuple[Any, ...]] = {}
 
     @property
@@ -89,7 +89,7 @@ class Inputs:
             events[name] = [e for e in source.events() if button in {None, e.button}]
             before = self.seen[name].n_presses if name in self.seen else 0
             held = bool(state.held) if button is None else button in state.held
-            seen[name] = Seen(state, held, before + sum(e.pressed for e in events[name]))
+            seen[name] = SeatSeen(state, held, before + sum(e.pressed for e in events[name]))
             self._no_data_looks[name] += not state.live
         self.seen = seen
         if self._seats:

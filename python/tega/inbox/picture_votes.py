@@ -7,7 +7,8 @@ live cameras of every driver; one that refuses such pictures itself never passes
 fault    rule                                                             why there
 =======  ===============================================================  ========================================
 dark     less than 0.6 of the light of the untouched picture              presses leave 0.89 and more (recordings)
-torn     a sixteenth along an edge is of one colour, or the last one's    noise makes no two such strips equal
+torn     the line a sixteenth from an edge is of one colour, or equals    noise makes no two such lines equal
+         that of the picture before
 frozen   the third picture in a row with exactly these pixels             likewise
 =======  ===============================================================  ========================================
 
@@ -17,6 +18,7 @@ half a second has passed without one. A frozen one has it back with the first pi
 
 from __future__ import annotations
 
+import operator
 from collections import deque
 from typing import TYPE_CHECKING
 
@@ -28,10 +30,10 @@ if TYPE_CHECKING:
 __all__ = ["PictureVotes"]
 
 _DARK_SHARE = 0.6
-# Every so many pixels tell a picture's light.
-_STRIDE = 8
-_STRIPS = 16
-# A strip of the untouched picture with less spread, counts of 255, is of one colour by itself.
+_PARTS = 16
+# Of a column not every pixel is asked, each of which lies elsewhere in memory; so many at least.
+_FEWEST_PIXELS = 40
+# A line of the untouched picture with less spread, counts of 255, is of one colour by itself.
 _LEAST_SPREAD = 1.0
 _FEWEST = 3
 _BACK_NS = 500_000_000
@@ -55,7 +57,7 @@ class PictureVotes:
 
     def __init__(self, baseline: NDArray[np.uint8]) -> None:
         self._light = _light(baseline)
-        self._edges = [k for k, strip in enumerate(_strips(baseline)) if float(strip.std()) >= _LEAST_SPREAD]
+        self._edges = [k for k, line in enumerate(_lines(baseline)) if float(line.std()) >= _LEAST_SPREAD]
         self._last: list[bytes] = []
         self._bad_ns: deque[int] = deque(maxlen=_FEWEST)
         self._lost = False
@@ -86,23 +88,31 @@ class PictureVotes:
         self.fault = "frozen: it sends the same picture again and again"
 
     def _wrong(self, image: NDArray[np.uint8]) -> str:
-        strips = _strips(image)
-        now, before = [strips[k].tobytes() for k in self._edges], self._last
+        lines = _lines(image)
+        now, before = [lines[k].tobytes() for k in self._edges], self._last
         self._last = now
         share = _light(image) / self._light if self._light else 1.0
         if share < _DARK_SHARE:
             return f"dark: {100 * share:.0f} % of the light of the untouched picture"
-        of_one_colour = any((strips[k] == strips[k][-1, -1]).all() for k in self._edges)
-        if of_one_colour or any(one == other for one, other in zip(now, before, strict=False)):
+        of_one_colour = any(line == line[-3:] * (len(line) // 3) for line in now)
+        if of_one_colour or any(map(operator.eq, now, before)):
             return "torn: part of each picture is missing, or of the one before"
         return ""
 
 
 def _light(image: NDArray[np.uint8]) -> float:
-    return float(image[::_STRIDE, ::_STRIDE].mean())
+    """Return the mean of eight rows, which lie together in memory: a new picture is in no cache yet."""
+    rows = len(image)
+    return float(image[rows // 16 :: max(1, rows // 8)].mean())
 
 
-def _strips(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """Return a sixteenth along each edge: whichever way a picture is turned, its end is one of them."""
-    rows, columns = (max(2, n // _STRIPS) for n in image.shape[:2])
-    return [image[:rows], image[-rows:], image[:, :columns], image[:, -columns:]]
+def _lines(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """Return a line of pixels a sixteenth from each edge: whichever way a picture is turned, its end is beyond one."""
+    rows, columns = (max(1, n // _PARTS) for n in image.shape[:2])
+    stride = max(1, len(image) // _FEWEST_PIXELS)
+    return [
+        image[rows - 1],
+        image[-rows],
+        image[::stride, columns - 1],
+        image[::stride, -columns],
+    ]

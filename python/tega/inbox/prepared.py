@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from tega.calibration import Calibration, EmgMaxima
     from tega.devices.base import EmgSource, TactileSource
-    from tega.inbox.sources import Block, Contact, SourceReport
+    from tega.inbox.sources import Contact, EmgBlock, SourceReport
     from tega.inbox.stream import Stream
     from tega.stages.base import Decoder
 
@@ -53,7 +53,7 @@ class Muscles(NamedTuple):
     maxima: EmgMaxima
     decoder: Decoder | None
     report: SourceReport
-    stream: Stream[Block] | None = None
+    stream: Stream[EmgBlock] | None = None
 
 
 class Prepared(NamedTuple):

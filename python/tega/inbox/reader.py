@@ -9,8 +9,8 @@ from contextlib import nullcontext
 from typing import Any, Generic, Protocol, TypeVar
 
 from tega.errors import TegaError
-from tega.priority import ahead_of_others
 from tega.reopening import Reopening, polled
+from tega.threads import run_realtime
 
 __all__ = ["READ_TIMEOUT_S", "Produce", "ReadAhead", "Reader", "opened_again", "read_items"]
 
@@ -63,7 +63,7 @@ class Reader(Generic[Given]):
     def _work(self) -> None:
         end_ns, error = None, None
         try:
-            with ahead_of_others("measure") if self._ahead else nullcontext():
+            with run_realtime("measure") if self._ahead else nullcontext():
                 end_ns = self._pass_on(iter(self._produce(self._stop.is_set)))
         except BaseException as raised:  # carried to whoever is told of the end
             error = raised

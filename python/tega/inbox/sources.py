@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from tega.stages.base import Decoder
 
 __all__ = [
-    "Block",
     "BlockMeter",
     "Contact",
+    "EmgBlock",
     "SourceReport",
     "grasp_blocks",
     "metrics_of",
@@ -45,7 +45,7 @@ Contact = tuple[int, ContactMetrics]
 """Time in nanoseconds, what was measured."""
 
 
-class Block(NamedTuple):
+class EmgBlock(NamedTuple):
     """What the muscles ask, as the loop passes it on.
 
     Attributes:
@@ -172,7 +172,7 @@ class BlockMeter:
         self._decoder = decoder
         self._votes = ChannelVotes(maxima.rate_hz, maxima.tau, maxima.kind, maxima.channels, maxima.maxima)
         # Blocks that had a vote, with the number of samples at their end.
-        self._sound: deque[tuple[int, Block]] = deque(maxlen=_KEPT_BLOCKS)
+        self._sound: deque[tuple[int, EmgBlock]] = deque(maxlen=_KEPT_BLOCKS)
         self._names = maxima.channels
         self._report = report
         self._rate_hz = maxima.rate_hz
@@ -185,7 +185,7 @@ class BlockMeter:
         """Begin again with a source that was away: what it missed is a gap, whatever number it counts from."""
         self._next_index = -round(MOST_GAP_S * self._rate_hz)
 
-    def take(self, chunk: EmgChunk) -> list[Block]:
+    def take(self, chunk: EmgChunk) -> list[EmgBlock]:
         """Take the next samples.
 
         Samples that are missing before them, by their numbers, take their time: they are held for a tenth of a
@@ -211,7 +211,7 @@ class BlockMeter:
             times_ns = np.full(len(samples), end_ns, np.int64)
         else:
             times_ns = np.rint(n * 1_000_000_000 / self._rate_hz).astype(np.int64)
-        blocks, at = list[Block](), 0
+        blocks, at = list[EmgBlock](), 0
         while at < len(samples):
             part = slice(at, at + self._votes.room)
             voting = self._votes.take(samples[part])
@@ -225,7 +225,7 @@ class BlockMeter:
         report.faults = tuple(f"{name}: {why}" for name, why in self._votes.faults.items())
         return blocks
 
-    def _believed(self, intent: Intent) -> Block:
+    def _believed(self, intent: Intent) -> EmgBlock:
         """Return what a decoder says, without the channels at fault; with none left, as before the fault began."""
         faults = self._votes.faults
         block = _block(intent, len(self._names))
@@ -245,7 +245,7 @@ class BlockMeter:
         return block
 
 
-def _block(intent: Intent, n_channels: int) -> Block:
+def _block(intent: Intent, n_channels: int) -> EmgBlock:
     """Return what a decoder says, checked: it may be anybody's.
 
     Raises:
@@ -262,7 +262,7 @@ def _block(intent: Intent, n_channels: int) -> Block:
         raise InvalidValueError(
             f"the decoder gives {intent.channels!r} for {n_channels} channels", "give a level 0 to 5 for each"
         )
-    return Block(intent.t_ns, intent.channels, level, closure, intent.confidence)
+    return EmgBlock(intent.t_ns, intent.channels, level, closure, intent.confidence)
 
 
 def grasp_blocks(
@@ -275,7 +275,7 @@ def grasp_blocks(
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     see: Callable[[EmgChunk], None] = lambda _chunk: None,
-) -> Generator[Block, None, int]:
+) -> Generator[EmgBlock, None, int]:
     """Turn the samples of a source into levels, one per block.
 
     A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the

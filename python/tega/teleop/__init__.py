@@ -6,6 +6,6 @@ from tega.teleop.loop import DualLoop
 from tega.teleop.loop_report import LoopReport
 from tega.teleop.moment import LoopView, Moment
 from tega.teleop.session import run_session
-from tega.teleop.touch import Felt, TouchLoop
+from tega.teleop.touch import TouchLoop, TouchMoment
 
-__all__ = ["DualLoop", "Felt", "LoopReport", "LoopView", "Moment", "TouchLoop", "run_session"]
+__all__ = ["DualLoop", "LoopReport", "LoopView", "Moment", "TouchLoop", "TouchMoment", "run_session"]

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from tega.bus import Backlog
 from tega.devices.base import EmgChunk
 from tega.inbox.sources import BlockMeter, SourceReport
-from tega.priority import ahead_of_others
 from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
 from tega.stages.choose import finger_metric, muscle_decoder
+from tega.threads import run_realtime
 
 if TYPE_CHECKING:
     import numpy as np
@@ -92,7 +92,7 @@ def look_on(
         how: dict[str, Any] = {"name": f"beside {stage}", "vital": not real}
         if real:
             most = _MOST_PICTURES if wanted.group == "metric" else _MOST_CHUNKS
-            how["backlog"] = Backlog(f"beside-{stage}", most=most, rank=ahead_of_others("beside"))
+            how["backlog"] = Backlog(f"beside-{stage}", most=most, rank=run_realtime("beside"))
             stack.callback(how["backlog"].close)
         if wanted.group == "metric":
             preset = config.session.preset

@@ -31,7 +31,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from tega.bus import Bus
-from tega.inbox.spread import Spread
+from tega.inbox.histogram import Histogram
 from tega.records.latency import INTENT_STAGES, TOUCH_STAGES, Latency
 
 if TYPE_CHECKING:
@@ -237,5 +237,5 @@ class LatencyTrace:
         )
 
 
-def _spreads(stages: Sequence[str]) -> Mapping[str, Spread]:
-    return {stage: Spread() for stage in stages}
+def _spreads(stages: Sequence[str]) -> Mapping[str, Histogram]:
+    return {stage: Histogram() for stage in stages}

@@ -19,7 +19,7 @@ from tega.bus import Bus
 from tega.errors import TegaError
 from tega.hand import split_level
 from tega.inbox.inputs import Inputs
-from tega.inbox.sources import Block, Contact
+from tega.inbox.sources import Contact, EmgBlock
 from tega.inbox.stream import NEVER_NS, Stream
 from tega.records import Contact as ContactRecord
 from tega.records import Event, HandCommand, Imposed, Intent, Joints, Skip, bus_frames
@@ -32,7 +32,7 @@ from tega.teleop.vest_output import VestOutput
 
 if TYPE_CHECKING:
     from tega.devices.base import VestSink
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
     from tega.safety.guard import Guard
     from tega.teleop.latency import LatencyTrace
     from tega.wire import CanFrame
@@ -93,9 +93,9 @@ class DualLoop:
         pacer: Pacer,
         touch: TouchLoop,
         contacts: Mapping[str, Stream[Contact]],
-        levels: Stream[Block] | None,
+        levels: Stream[EmgBlock] | None,
         hand: Hand,
-        vests: Sequence[Sink[VestFrame]],
+        vests: Sequence[Sink[MotorLevels]],
         hands: Sequence[Sink[Sequence[CanFrame]]],
         bus: Bus | None = None,
         live_vests: Sequence[VestSink] = (),
@@ -112,7 +112,7 @@ class DualLoop:
         self._touch = touch
         self._contacts = list(contacts.items())
         self._levels = levels
-        self._streams: list[Stream[Contact] | Stream[Block]] = list(contacts.values())
+        self._streams: list[Stream[Contact] | Stream[EmgBlock]] = list(contacts.values())
         if levels is not None:
             self._streams.append(levels)
         self._hand = hand
@@ -125,7 +125,7 @@ class DualLoop:
         self._trace = trace
         self._endless = endless
         self._newest: dict[str, Contact] = {}
-        self._block: Block | None = None
+        self._block: EmgBlock | None = None
         self._felt_anew = False
         self._due_ns = 0
         self._imposed: float = 0

@@ -9,15 +9,15 @@ from tega.records import Event, Record
 
 if TYPE_CHECKING:
     from tega.bus import Bus
-    from tega.haptics import VestFrame
-    from tega.inbox.inputs import Inputs, Seen
-    from tega.inbox.sources import Block, Contact
+    from tega.haptics import MotorLevels
+    from tega.inbox.inputs import Inputs, SeatSeen
+    from tega.inbox.sources import Contact, EmgBlock
     from tega.safety.guard import Guard
     from tega.teleop.arm_view import ArmView
     from tega.teleop.hand import Hand
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
-    from tega.teleop.touch import Felt, TouchLoop
+    from tega.teleop.touch import TouchLoop, TouchMoment
 
 __all__ = ["LoopView", "Moment", "Moments"]
 
@@ -48,12 +48,12 @@ class LoopView(NamedTuple):
 
     t_ns: int
     contacts: Mapping[str, Contact]
-    felt: Sequence[Felt]
-    vest: VestFrame | None
-    block: Block | None
+    felt: Sequence[TouchMoment]
+    vest: MotorLevels | None
+    block: EmgBlock | None
     angles_rad: Sequence[float] | None
     counts: Mapping[str, int]
-    inputs: Mapping[str, Seen] = {}
+    inputs: Mapping[str, SeatSeen] = {}
     state: str = ""
     reason: str = ""
     alerts: Sequence[str] = ()
@@ -124,7 +124,7 @@ class Moments:
         return self._bus.wants(Moment)
 
     def show(
-        self, t_ns: int, newest: Mapping[str, Contact], vest: VestFrame | None, block: Block | None
+        self, t_ns: int, newest: Mapping[str, Contact], vest: MotorLevels | None, block: EmgBlock | None
     ) -> None:
         """Publish the moment of a tick."""
         guard, trace = self._guard, self._trace

@@ -9,7 +9,7 @@ import msgspec
 from tega.clock import Clock
 from tega.devices.base import DeviceInfo
 from tega.errors import ConfigError
-from tega.inbox.bell import Bell
+from tega.inbox.wake import Bell
 
 __all__ = ["Pacer", "PacingReport", "refuse_live"]
 

@@ -1,11 +1,11 @@
-"""What a run needs before its first tick: baselines, and maxima given or taken from the recording."""
+"""Prepare a run before its first tick: find baselines, and take maxima from a calibration or the recording."""
 
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 
 from tega.calibration import Calibration, FingerMaxima, load_calibration
 from tega.calibration.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
@@ -15,11 +15,11 @@ from tega.calibration.store import refused_law
 from tega.config import DEFAULT_STAGES, SessionConfig
 from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.errors import CalibrationError
-from tega.inbox.frames import measured_contacts
 from tega.inbox.prepared import Finger, Muscles, Prepared
 from tega.inbox.sources import Contact, SourceReport
 from tega.stages.choose import block_s, chosen_stage, finger_metric, muscle_decoder
 from tega.teleop.baseline import find_baseline
+from tega.teleop.touching import RecordedFingers
 
 __all__ = ["Progress", "prepare", "to_be_read"]
 
@@ -138,43 +138,28 @@ def _prepare_fingers(
     progress: Progress,
     stop: Callable[[], bool],
 ) -> dict[str, Finger]:
-    """Find every baseline and, if asked to, measure every frame: one thread per finger."""
-    total = sum(s.info.n_items or 0 for s in sources.values()) if measure else 0
-    lock, n_done = threading.Lock(), 0
-    failed = threading.Event()
-
-    def count() -> None:
-        nonlocal n_done
-        with lock:
-            n_done += 1
-            progress("measuring frames", n_done, total)
-
-    def prepare_finger(name: str) -> Finger:
-        source, report = sources[name], SourceReport()
-        baseline, origin = find_baseline(source, config.tactile.in_use()[name].baseline, finger=name)
-        if not measure:
-            return Finger(source, baseline, origin, report)
-        metric = finger_metric(config.stages, config.session.preset, name, baseline)
-        measured: list[Contact] = []
-        for contact in measured_contacts(
-            source, baseline, metric, report, stopped=lambda: stop() or failed.is_set()
-        ):
-            measured.append(contact)
-            count()
-        return Finger(source, baseline, origin, report, measured)
+    """Find every baseline, one thread per finger, and measure every frame, in the order of their times, if asked to."""
 
     def job(name: str) -> Finger:
-        try:
-            return prepare_finger(name)
-        except BaseException:
-            failed.set()  # the run will not take place: the other fingers need not go on
-            raise
+        baseline, origin = find_baseline(sources[name], config.tactile.in_use()[name].baseline, finger=name)
+        return Finger(sources[name], baseline, origin, SourceReport())
 
     if not sources:
         return {}
     with ThreadPoolExecutor(max_workers=len(sources), thread_name_prefix="tega-measure") as pool:
-        jobs = {name: pool.submit(job, name) for name in sources}
-    fingers = {name: done.result() for name, done in jobs.items()}
+        fingers = dict(zip(sources, pool.map(job, sources), strict=True))
+    if measure:
+        total, recorded = sum(s.info.n_items or 0 for s in sources.values()), RecordedFingers()
+        measured: dict[str, list[Contact]] = {name: [] for name in fingers}
+        with closing(recorded):
+            for name, finger in fingers.items():
+                metric = finger_metric(config.stages, config.session.preset, name, finger.baseline)
+                recorded.add(name, finger, metric)
+            for found in recorded.measured(stop):
+                if found.contact is not None:
+                    measured[found.finger].append(found.contact)
+                    progress("measuring frames", sum(map(len, measured.values())), total)
+        fingers = {name: finger._replace(measured=measured[name]) for name, finger in fingers.items()}
     for name, source in sources.items():
         if isinstance(source, ComparingSource):
             others = {

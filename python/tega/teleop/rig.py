@@ -1,4 +1,4 @@
-"""Everything that a run is made of, opened in the order in which what is missing is told first."""
+"""Open every device and output of a run, in the order in which what is missing is told first."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from tega.devices.base import EmgSource, TactileSource
 from tega.devices.registry import driver_class
 from tega.inbox.inputs import Inputs
 from tega.inbox.prepared import Prepared
-from tega.priority import ahead_of_others
 from tega.safety.guard import Guard
 from tega.safety.states import Transition
 from tega.stages.base import MeasuredPicture
@@ -21,10 +20,11 @@ from tega.teleop.pacing import refuse_live
 from tega.teleop.prepare import Progress, prepare, to_be_read
 from tega.teleop.sinks import Sinks, open_inputs, open_sinks
 from tega.teleop.watch import watch_over
+from tega.threads import run_realtime
 
 if TYPE_CHECKING:
     from tega.bus import Bus
-    from tega.markers import RunMarkers
+    from tega.lsl_events import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
 
@@ -101,7 +101,7 @@ def open_rig(
         progress("opening the link", 0, 0)
         station = open_station(config, bus, tell=tell, stop=stop)
         # The link's own threads, which others wait for at the other station.
-        with ahead_of_others("act", inherited=True):
+        with run_realtime("act", inherited=True):
             stack.enter_context(station)
     if prepared is None:
         sources, emg = _sources(stack, config)
@@ -163,9 +163,9 @@ def _recording(stack: ExitStack, config: SessionConfig, bus: Bus) -> Recording |
 
 def _markers(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunMarkers | None:
     """Open the streams of markers, if there are any."""
-    if config.markers.lsl_out is None and config.markers.lsl_in is None:
+    if config.markers == type(config.markers)():
         return None
-    from tega.markers import RunMarkers
+    from tega.lsl_events import RunMarkers
 
     markers = RunMarkers(config.markers, bus)
     stack.callback(markers.close)

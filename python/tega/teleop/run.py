@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tega.calibration.motor_onset import motor_onset
 from tega.clock import Clock, SystemClock
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
-from tega.inbox.bell import Bell
-from tega.priority import ahead_of_others, all_along
+from tega.inbox.wake import Bell
 from tega.records import Alert, RunState, Value
 from tega.stages.choose import finger_metric
-from tega.teleop.collector import settle
-from tega.teleop.feedback import touch_loop
-from tega.teleop.flows import Touching, contact_stream, is_fed, latency_trace, level_stream
+from tega.teleop.gc_pause import settle
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
+from tega.teleop.open_streams import contact_stream, is_fed, latency_trace, level_stream
 from tega.teleop.pacing import Pacer
 from tega.teleop.rig import Rig
 from tega.teleop.summary import RunFacts, summarise, write_summary
+from tega.teleop.touch_loop import touch_loop
+from tega.teleop.touching import RecordedFingers, Touching
+from tega.threads import all_along, run_realtime
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -76,7 +77,7 @@ def run_loop(
     if isinstance(clock, SystemClock):
         settle()
         if any(source.info.live for source in prepared.sources):
-            real_time = flows.enter_context(ahead_of_others("act"))
+            real_time = flows.enter_context(run_realtime("act"))
             flows.enter_context(all_along())
     hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
     pacer = Pacer(clock, bell=bell)
@@ -105,12 +106,17 @@ def run_loop(
     _tell(rig.bus, pacer, guard, trace)
     if rig.markers is not None:
         trial = "start" if recording is None else recording.name
-        rig.markers.begin(start_ns, trial=trial, real=isinstance(clock, SystemClock))
+        rig.markers.begin(
+            start_ns,
+            trial=trial,
+            real=isinstance(clock, SystemClock),
+            emg_hz=None if muscles is None else muscles.source.info.rate_hz,
+        )
     if station is not None:
         station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
         flows.callback(station.end)
     _steer(flows, rig, start_ns)
-    touching = Touching()
+    touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
     loop = DualLoop(
         pacer=pacer,
         touch=touch,
@@ -122,6 +128,7 @@ def run_loop(
                 metric=metrics.get(name),
                 fed=fed[name],
                 touching=touching,
+                recorded=recorded,
                 start_ns=start_ns,
                 trace=trace,
                 bell=bell,

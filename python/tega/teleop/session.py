@@ -11,14 +11,14 @@ from tega.clock import Clock, ManualClock, SystemClock
 from tega.config import SessionConfig
 from tega.errors import ConfigError
 from tega.inbox.prepared import Prepared
-from tega.priority import realtime
 from tega.recording import prepare_folder
 from tega.safety.states import Transition
-from tega.teleop.collector import settled
+from tega.teleop.gc_pause import settled
 from tega.teleop.moment import LoopView
 from tega.teleop.prepare import Progress
 from tega.teleop.rig import open_rig
 from tega.teleop.run import run_loop
+from tega.threads import realtime
 
 __all__ = ["run_session"]
 

@@ -1,4 +1,4 @@
-"""Opens what a session writes to, and what its operator holds."""
+"""Open the vest, hand and output files that a session writes to, and its operator's input devices."""
 
 from __future__ import annotations
 

@@ -14,9 +14,9 @@ from tega.bus import Backlog
 from tega.calibration import save_calibration
 from tega.devices.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
-from tega.priority import ahead_of_others
 from tega.recording import RecordTable
 from tega.records import ArmTurn, Contact, Event, HandCommand, Intent, Record, VestFrame
+from tega.threads import run_realtime
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -66,13 +66,13 @@ def open_tables(
         tables[ArmTurn] = RecordTable(folder, ArmTurn)
     for close in (vest.close, hand.close, *(table.close for table in tables.values())):
         stack.callback(_closed if real else _called, close)
-    backlog = Backlog("tables", rank=ahead_of_others("beside")) if real else None
+    backlog = Backlog("tables", rank=run_realtime("beside")) if real else None
     if backlog is not None:
         stack.callback(backlog.close)
 
     def show(frame: VestFrame) -> None:
         layout: Any = frame.layout
-        vest.write(frame.t_ns, haptics.VestFrame(layout, np.array(frame.intensities, np.uint8)))
+        vest.write(frame.t_ns, haptics.MotorLevels(layout, np.array(frame.intensities, np.uint8)))
 
     def command(asked: HandCommand) -> None:
         frames: Any = asked.frames

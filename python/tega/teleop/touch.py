@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.haptics import VestFrame
+from tega.haptics import MotorLevels
 from tega.motor_layout import find_layout
 from tega.records import Event
 from tega.stages.base import Mapping, VestSetup
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tega.records import Contact
     from tega.tactile import ContactMetrics
 
-__all__ = ["STALE_NS", "Felt", "TouchLoop"]
+__all__ = ["STALE_NS", "TouchLoop", "TouchMoment"]
 
 # A frame older than this says nothing about the present: the finger's columns fall silent.
 STALE_NS = 100_000_000
@@ -34,7 +34,7 @@ _FINGERS = ("thumb", "index", "middle", "ring")
 _MOST_EVENTS = 1024
 
 
-class Felt(NamedTuple):
+class TouchMoment(NamedTuple):
     """What one frame means to the wearer.
 
     Attributes:
@@ -50,7 +50,7 @@ class Felt(NamedTuple):
     back: float
 
 
-_NOTHING = Felt(0.0, 0.0, 0.0, 0.0)
+_NOTHING = TouchMoment(0.0, 0.0, 0.0, 0.0)
 
 
 class TouchLoop:
@@ -97,7 +97,7 @@ class TouchLoop:
         self.found: Sequence[Event] = ()
         if self.mapping.wants_events:
             self.find_events()
-        self._newest: dict[str, tuple[int, Felt, Contact]] = {}
+        self._newest: dict[str, tuple[int, TouchMoment, Contact]] = {}
 
     def find_events(self) -> None:
         """Look for events from now on, whether or not the mapping wants them."""
@@ -105,7 +105,7 @@ class TouchLoop:
 
         self._detector = self._detector or Detector()
 
-    def update(self, finger: str, t_ns: int, metrics: ContactMetrics) -> Felt:
+    def update(self, finger: str, t_ns: int, metrics: ContactMetrics) -> TouchMoment:
         """Take one measured frame.
 
         Args:
@@ -122,7 +122,7 @@ class TouchLoop:
             maxima = self._maxima[finger]
             cci_norm = _share(metrics.cci, maxima.get("cci"))
             eda_norm = _share(float(metrics.eda), maxima.get("eda"))
-            felt = Felt(cci_norm, eda_norm, *self.mapping.columns(finger, contact))
+            felt = TouchMoment(cci_norm, eda_norm, *self.mapping.columns(finger, contact))
         self._newest[finger] = (t_ns, felt, contact)
         if self._detector is not None:
             self.found = _events(self._detector, finger, t_ns, metrics)
@@ -130,14 +130,14 @@ class TouchLoop:
                 self._events.extend(self.found)
         return felt
 
-    def fresh(self, t_ns: int) -> Sequence[Felt]:
+    def fresh(self, t_ns: int) -> Sequence[TouchMoment]:
         """Return what each finger feels at a time, thumb first; nothing where its frame is too old."""
         fresh = [_NOTHING] * len(_FINGERS)
         for finger, (_, felt, _) in self._seen_lately(t_ns):
             fresh[_FINGERS.index(finger)] = felt
         return fresh
 
-    def frame(self, t_ns: int) -> VestFrame:
+    def frame(self, t_ns: int) -> MotorLevels:
         """Return the vest frame for a time.
 
         Raises:
@@ -150,20 +150,20 @@ class TouchLoop:
         frame = _frame(self._layout, levels, like=self._silence)
         return frame if self._felt is None else self._felt.apply(frame)
 
-    def silence(self) -> VestFrame:
+    def silence(self) -> MotorLevels:
         """Return the frame in which every motor rests."""
         return self._silence
 
-    def _seen_lately(self, t_ns: int) -> list[tuple[str, tuple[int, Felt, Contact]]]:
+    def _seen_lately(self, t_ns: int) -> list[tuple[str, tuple[int, TouchMoment, Contact]]]:
         """Return the fingers whose newest frame is not too old; a finger without one is not felt."""
         return [(finger, newest) for finger, newest in self._newest.items() if t_ns - newest[0] <= STALE_NS]
 
 
 def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics) -> Sequence[Event]:
     """Return the events that a frame shows."""
-    from tega.detect import Touch
+    from tega.detect import TouchFrame
 
-    touch = Touch(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
+    touch = TouchFrame(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
     return [
         Event(
             t_ns=t_ns,
@@ -176,7 +176,7 @@ def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics)
     ]
 
 
-def _frame(layout: Layout, levels: object, *, like: VestFrame | None = None) -> VestFrame:
+def _frame(layout: Layout, levels: object, *, like: MotorLevels | None = None) -> MotorLevels:
     numbers = np.asarray(levels, np.float64)
     if like is not None and (numbers.shape != like.intensities.shape or not np.isfinite(numbers).all()):
         raise InvalidValueError(
@@ -185,7 +185,7 @@ def _frame(layout: Layout, levels: object, *, like: VestFrame | None = None) -> 
         )
     intensities = np.clip(np.rint(numbers), 0, 100).astype(np.uint8)
     intensities.flags.writeable = False
-    return VestFrame(layout, intensities)
+    return MotorLevels(layout, intensities)
 
 
 def _share(value: float, maximum: float | None) -> float:

@@ -1,4 +1,4 @@
-"""What the wearer is told: the touch loop's frames, to every sink that wants them, when they want them."""
+"""Send the touch loop's frames to every vest and file, each at its own rate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tega.devices.base import optional
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.devices.base import VestSink
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.touch import TouchLoop
@@ -20,7 +20,7 @@ __all__ = ["VestOutput"]
 
 
 class _Writes(Protocol):
-    def write(self, t_ns: int, sent: VestFrame, /) -> object: ...
+    def write(self, t_ns: int, sent: MotorLevels, /) -> object: ...
 
 
 class VestOutput:
@@ -62,7 +62,7 @@ class VestOutput:
         self._bus = bus
         self._now_ns = now_ns
         self._n_asked, self._on = 0, True
-        self.frame: VestFrame | None = None
+        self.frame: MotorLevels | None = None
 
     def refresh(self, t_ns: int) -> None:
         """Make the frame of a tick, and give it to everyone."""
@@ -108,13 +108,13 @@ class VestOutput:
         self._n_asked += 1
         return on
 
-    def _changes(self, before: VestFrame | None, frame: VestFrame) -> bool:
+    def _changes(self, before: MotorLevels | None, frame: MotorLevels) -> bool:
         """Whether a real vest shows something else with a frame than with the one before."""
         if before is None or not self._live_vests:
             return bool(self._live_vests)
         return frame != before and not (self._in_steps and _same_steps(frame, before))
 
-    def _tell(self, kind: type[records.VestRecord], t_ns: int, frame: VestFrame) -> None:
+    def _tell(self, kind: type[records.VestRecord], t_ns: int, frame: MotorLevels) -> None:
         if self._bus.wants(kind):
             percent = tuple(frame.intensities.tolist())
             self._bus.publish(
@@ -140,7 +140,7 @@ class VestOutput:
         return news
 
 
-def _same_steps(one: VestFrame, other: VestFrame) -> bool:
+def _same_steps(one: MotorLevels, other: MotorLevels) -> bool:
     """Whether a vest that shows 16 steps shows the same, with the same motors at rest."""
     return (
         one.layout == other.layout

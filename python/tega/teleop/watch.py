@@ -1,4 +1,4 @@
-"""What a run's guard watches over: streams, vests, and whatever else can say that something is wrong."""
+"""Collect the streams, vests and alerts that a run's guard watches."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.inbox.prepared import Prepared
     from tega.inbox.sources import SourceReport
-    from tega.markers import RunMarkers
+    from tega.lsl_events import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
     from tega.teleop.arm import Steering

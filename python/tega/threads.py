@@ -28,9 +28,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, Literal
 
-from tega.repeated import repeated
+from tega.every import every
 
-__all__ = ["Rank", "ahead_of_others", "all_along", "bring_along", "realtime", "untaken"]
+__all__ = ["Rank", "all_along", "promote", "realtime", "restored", "run_realtime"]
 
 Rank = Literal["act", "measure", "take", "beside"]
 
@@ -52,7 +52,7 @@ def realtime(*, allowed: bool) -> Iterator[None]:
 
 
 @contextmanager
-def ahead_of_others(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
+def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
     """Ask for it for the calling thread and this block.
 
     Args:
@@ -78,7 +78,7 @@ def ahead_of_others(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
         os.sched_setscheduler(0, before, how)
 
 
-def bring_along(thread: threading.Thread, rank: Rank) -> bool:
+def promote(thread: threading.Thread, rank: Rank) -> bool:
     """Ask for it for another thread, such as a library's, until that ends; return whether it was granted."""
     return _possible() and thread.native_id is not None and _set(thread.native_id, rank)
 
@@ -94,11 +94,11 @@ def all_along() -> Iterator[None]:
     def sweep() -> None:
         for thread in threading.enumerate():
             tid = thread.native_id
-            if tid is not None and _is_ordinary(tid) and bring_along(thread, "beside"):
+            if tid is not None and _is_ordinary(tid) and promote(thread, "beside"):
                 brought.add(tid)
 
     try:
-        with repeated(sweep, every_s=_SWEEP_S, name="tega-priority"):
+        with every(sweep, every_s=_SWEEP_S, name="tega-priority"):
             yield
     finally:
         for left in threading.enumerate():
@@ -107,7 +107,7 @@ def all_along() -> Iterator[None]:
 
 
 @contextmanager
-def untaken() -> Iterator[None]:
+def restored() -> Iterator[None]:
     """Give back the priority that a library takes for itself in this block, before every other program.
 
     The video encoder SVT-AV1 does so where it runs as root: it puts the calling thread, and so every process that is

@@ -1,4 +1,4 @@
-"""From what a session starts with to the streams that its loop takes from, and what follows them through it."""
+"""Build the loop's input streams and the latency trace."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Any
 
 from tega.devices.base import AnsweringHand, FeedingSource, StampingVest
 from tega.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
-from tega.inbox.reader import ReadAhead, Reader
-from tega.inbox.sources import Block, Contact, grasp_blocks, picture_of, samples_of
+from tega.inbox.reader import Reader
+from tega.inbox.sources import Contact, EmgBlock, grasp_blocks, picture_of, samples_of
 from tega.inbox.stream import LiveStream, PulledStream, Stream
 from tega.records import EmgSamples, Picture
 from tega.stages.base import MeasuredPicture
 from tega.teleop.latency import LatencyTrace
-from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.calibration.motor_onset import MotorOnset
     from tega.devices.base import EmgChunk, TactileFrame
-    from tega.inbox.bell import Bell
     from tega.inbox.prepared import Finger, Muscles, Prepared
+    from tega.inbox.wake import Bell
     from tega.stages.base import Metric
     from tega.teleop.pacing import Pacer
     from tega.teleop.sinks import Sinks
+    from tega.teleop.touching import RecordedFingers, Touching
 
-__all__ = ["Touching", "contact_stream", "is_fed", "latency_trace", "level_stream"]
+__all__ = ["contact_stream", "is_fed", "latency_trace", "level_stream"]
 
 
 def latency_trace(
@@ -57,29 +57,6 @@ def latency_trace(
     )
 
 
-class Touching:
-    """Knows which fingers bear a load while each is measured by a thread of its own.
-
-    Whether a finger is loaded when a picture is measured hangs on how far the other threads are: it is recorded with
-    the picture, so that a replay measures alike.
-    """
-
-    def __init__(self) -> None:
-        self._since_ns: dict[str, int] = {}
-
-    def note(self, finger: str, t_ns: int, *, bears_load: bool) -> None:
-        """Take note of what a finger's picture of a time has shown."""
-        if bears_load:
-            self._since_ns[finger] = t_ns
-        else:
-            self._since_ns.pop(finger, None)
-
-    def beside(self, finger: str, t_ns: int) -> bool:
-        """Return whether another finger bears a load by a picture that is not older than 100 ms at a time."""
-        others = tuple(self._since_ns.items())  # threads note meanwhile
-        return any(other != finger and t_ns - seen_ns <= STALE_NS for other, seen_ns in others)
-
-
 def is_fed(finger: Finger, metric: Callable[[], Metric]) -> bool:
     """Whether a finger's source has a thread of its own in which a metric keeps up; one is made to find out."""
     source = finger.source
@@ -96,6 +73,7 @@ def contact_stream(
     metric: Metric | None,
     fed: bool,
     touching: Touching,
+    recorded: RecordedFingers,
     start_ns: int,
     trace: LatencyTrace | None,
     bell: Bell | None,
@@ -109,7 +87,8 @@ def contact_stream(
         finger: Its open source and baseline.
         metric: Measures its pictures; ``None`` where that is done.
         fed: Whether the source's own thread measures, as :func:`is_fed` says.
-        touching: Knows which other fingers bear a load.
+        touching: Knows which other live fingers bear a load.
+        recorded: Measures the fingers that are recordings.
         start_ns: The clock's time at the start of the session.
         trace: Follows the pictures; ``None`` for nobody.
         bell: Wakes the loop for a picture; ``None`` where it has its own pace.
@@ -126,28 +105,27 @@ def contact_stream(
         told["stamp"] = trace.source(name)
 
     def see(frame: TactileFrame) -> None:
-        # The fingers of a recording are read apart from each other: what the others feel is not known in time.
-        metric.loaded = live and touching.beside(name, frame.t_ns - start_ns)
+        if live:
+            metric.loaded = touching.beside(name, frame.t_ns - start_ns)
         if bus.wants(Picture):
             bus.publish(picture_of(name, frame, live=live, start_ns=start_ns, loaded=metric.loaded))
 
     def tell(frame: TactileFrame, contact: Contact) -> None:
         t_ns, metrics = contact
-        touching.note(name, t_ns, bears_load=metric.bears_load)
+        if live:
+            touching.note(name, t_ns, bears_load=metric.bears_load)
         if bus.wants(MeasuredPicture):
             bus.publish(
                 MeasuredPicture(finger=name, t_ns=t_ns, image=frame.image, metrics=metrics, metric=metric)
             )
 
     told |= {"see": see, "tell": tell}
+    if not live:
+        recorded.add(name, finger, metric, **told)
+        return PulledStream(recorded.contacts(name))
     produce = partial(
         measured_contacts, finger.source, finger.baseline, metric, finger.report, start_ns=start_ns, **told
     )
-
-    if not live:
-        read = PulledStream(ReadAhead(name, lambda stopped: produce(stopped=stopped)))
-        stack.callback(read.close)
-        return read
     stream: LiveStream[Contact] = LiveStream(
         on_loss=finger.report.drop, on_item=bell.ring if bell is not None else lambda: None
     )
@@ -166,7 +144,7 @@ def contact_stream(
 
 def level_stream(
     stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None, bus: Bus
-) -> Stream[Block]:
+) -> Stream[EmgBlock]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
     if muscles.stream is not None or muscles.decoder is None:
         assert muscles.stream is not None  # what makes no levels is given them
@@ -190,7 +168,7 @@ def level_stream(
         return PulledStream(produce())
     if trace is not None:
         produce = partial(produce, stamp=trace.source("emg"))
-    stream: LiveStream[Block] = LiveStream(on_loss=muscles.report.drop)
+    stream: LiveStream[EmgBlock] = LiveStream(on_loss=muscles.report.drop)
     reader = Reader("emg", lambda stopped: produce(stopped=stopped), stream.put, stream.end, ahead=True)
     stack.callback(reader.close)
     return stream

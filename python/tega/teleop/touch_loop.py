@@ -1,4 +1,4 @@
-"""The back loop that the settings ask for."""
+"""Make the touch loop, from fingertip to vest, that the settings ask for."""
 
 from __future__ import annotations
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["Spread"]
+__all__ = ["Histogram"]
 
 
-class Spread:
+class Histogram:
     """How numbers are spread, in little memory however many: counted in bins a fiftieth wide.
 
     Percentiles are right within 2 %, the worst is exact.

@@ -1,4 +1,4 @@
-"""Something that is done again and again beside a block."""
+"""Call a function every so many seconds in a thread of its own, while a block runs."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["repeated"]
+__all__ = ["every"]
 
 
 @contextmanager
-def repeated(do: Callable[[], object], *, every_s: float, name: str) -> Iterator[None]:
+def every(do: Callable[[], object], *, every_s: float, name: str) -> Iterator[None]:
     """Do something at once, and again after each rest, in a thread of its own; the block's end waits for the last.
 
     Args:
