@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import ChannelList, debug_option, json_option
+from tega.cli.options import ChannelList, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tega.audit import Asked, Audited, AuditReport, EmgColumns
+    from tega.audit import Audited, AuditReport, AuditRequest, EmgColumns
 
 __all__ = ["audit"]
 
@@ -77,7 +77,6 @@ _DRAWN = click.Path(dir_okay=False, path_type=Path)
     help="Draw EDA and CCI of the presets over the pictures into this PNG; no recorded picture is in it.",
 )
 @json_option
-@debug_option
 def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json: bool, **flags: Any) -> None:
     """Compare readings of touch, EMG and vest on RECORDING, with the stages that a run uses.
 
@@ -111,12 +110,12 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
         print_report(one.report)
 
 
-def _asked(flags: dict[str, Any]) -> Asked:
-    from tega.audit import Asked, parse_sweep, read_forces, read_marks
+def _asked(flags: dict[str, Any]) -> AuditRequest:
+    from tega.audit import AuditRequest, parse_sweep, read_forces, read_marks
 
     if flags["names"] and flags["sweep"]:
         raise click.UsageError("--reading is for named readings: leave it out of a --sweep")
-    return Asked(
+    return AuditRequest(
         of=flags["of"],
         names=flags["names"],
         sweep=None if flags["sweep"] is None else parse_sweep(flags["sweep"]),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -54,7 +54,6 @@ __all__ = ["calibrate"]
 )  # fmt: skip
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option
-@debug_option
 def calibrate(
     *,
     settings: Path,

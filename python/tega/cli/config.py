@@ -8,7 +8,7 @@ from typing import Any
 import click
 import msgspec
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 from tega.toml_text import toml_value
 
 __all__ = ["config"]
@@ -30,7 +30,6 @@ def config() -> None:
 @click.argument("file", type=click.Path(path_type=Path), required=False)
 @_sets_option
 @json_option
-@debug_option
 def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
     """Print every setting, its value with its unit, and where the value came from.
 
@@ -64,7 +63,6 @@ def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @_sets_option
 @json_option
-@debug_option
 def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
     """Check a settings file, its drivers' options included; opens no device.
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import NameList, debug_option, json_option, loop_options, loop_sets
+from tega.cli.options import NameList, json_option, loop_options, loop_sets
 from tega.cli.page import view_options
 
 if TYPE_CHECKING:
     from tega.sim.demo import DemoReport
-    from tega.sim.rig import Person
+    from tega.sim.rig import TrialSteering
     from tega.view.state import ViewState
 
 __all__ = ["demo"]
@@ -65,8 +65,13 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     show_default=True,
     help="Folder for the tables and the picture.",
 )
+@click.option(
+    "--record",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Record each lift into this session folder, as run does: for play, verify, inspect and export.",
+)
 @json_option
-@debug_option
 def demo(
     *,
     objects: list[str],
@@ -81,6 +86,7 @@ def demo(
     view: bool,
     view_port: int,
     out_dir: Path,
+    record: Path | None,
     as_json: bool,
 ) -> None:
     """Show a simulated person who lifts three objects in turn; needs no hardware.
@@ -103,7 +109,7 @@ def demo(
     from tega.cli.options import echo_json
     from tega.errors import MissingExtraError
     from tega.recording import prepare_folder
-    from tega.safety.ctrl_c import Stop
+    from tega.safety.ctrl_c import CtrlC
     from tega.sim.demo import draw_demo, run_demo, write_demo
     from tega.sim.trials import plan_trials
 
@@ -113,10 +119,17 @@ def demo(
     plans = plan_trials(
         objects, [condition], [seed], operator=operator, preset=preset, practice=practice, settings=sets
     )
+    recorder = None
+    if record is not None:
+        from tega.lifecycle import require
+        from tega.sim.recorded import LiftRecorder
+
+        require("foxglove", driver="recording", extra="record")
+        recorder = LiftRecorder(record, real_time=not fast)
     prepare_folder(out_dir)
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
-    with Stop() as stop, ExitStack() as stack:
+    with CtrlC() as stop, ExitStack() as stack:
         show, more = stack.enter_context(
             _shown(view=view, port=view_port, terminal=not as_json, objects=objects)
         )
@@ -129,6 +142,7 @@ def demo(
             person=person,
             real_time=not fast,
             observer=show,
+            recorder=recorder,
             stop=lambda: stop() or stopped(),
             paused=lambda: paused() and not stop(),
             **more,
@@ -147,6 +161,8 @@ def demo(
     else:
         _print(report, real_time=not fast)
         click.echo(f"{left} are in {out_dir}")
+        if record is not None:
+            click.echo(f"recorded in {record}; look into it: tega-teleop recording inspect {record}")
     if stop.asked:
         raise KeyboardInterrupt
 
@@ -183,7 +199,7 @@ def _shown(
 
 
 @contextmanager
-def _at_keyboard(seed: int, preset: Any, settings: tuple[str, ...]) -> Iterator[Person]:
+def _at_keyboard(seed: int, preset: Any, settings: tuple[str, ...]) -> Iterator[TrialSteering]:
     """Take the terminal's keys; yield who acts by them."""
     from tega.sim.lab import lab_of
     from tega.sim.operator import KEYS_HELP, KeyboardOperator, Keys

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 if TYPE_CHECKING:
-    from tega.doctor.bench import Looked
+    from tega.doctor.bench import DriverLook
 
 __all__ = ["could_not_look", "devices"]
 
@@ -20,7 +20,6 @@ _LOOK_S = 2.0
 
 @click.command(epilog="Example: tega-teleop devices --json")
 @json_option
-@debug_option
 def devices(*, as_json: bool) -> None:
     """List the drivers that are installed, by the name a settings file uses, and the devices they see.
 
@@ -63,7 +62,7 @@ def devices(*, as_json: bool) -> None:
     click.echo(f"{n_seen or 'No'} device{'s' if n_seen != 1 else ''} seen. Look closer: tega-teleop doctor")
 
 
-def could_not_look(looked: Mapping[str, Looked]) -> list[str]:
+def could_not_look(looked: Mapping[str, DriverLook]) -> list[str]:
     """Return the lines that say which drivers could not look for their devices, and why."""
     lacking = {name: there for name, there in looked.items() if there.lacks_package}
     lines = [

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 if TYPE_CHECKING:
     from tega.doctor import Examination, Finding
@@ -34,7 +34,6 @@ _WIDTHS = (60, 110)
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."
 )
 @json_option
-@debug_option
 def doctor(
     *, config: Path | None, person: str | None, sets: tuple[str, ...], udev_rules: bool, as_json: bool
 ) -> None:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import ChannelList, NameList, debug_option, echo_json, json_option
+from tega.cli.emg_score import emg_score
+from tega.cli.options import ChannelList, NameList, echo_json, json_option
 
 if TYPE_CHECKING:
-    from tega.decoders.compare import Log, Told
+    from tega.decoders.compare import DecoderTold, Log
 
 __all__ = ["emg"]
 
@@ -20,6 +21,9 @@ _KINDS = click.Choice(["raw", "rectified", "envelope"])
 @click.group(epilog="Example: tega-teleop emg compare --help")
 def emg() -> None:
     """Fit a decoder to a person's muscles, and compare decoders on one log."""
+
+
+emg.add_command(emg_score, "score")
 
 
 @emg.command(
@@ -41,7 +45,6 @@ def emg() -> None:
 )
 @click.option("--person", default="", help="Whose muscles, a code; a practice record knows.")
 @json_option
-@debug_option
 def fit(
     *,
     log: Path,
@@ -153,7 +156,6 @@ def fit(
 @click.option("--seed", type=int, default=1, show_default=True, help="Of those gains.")
 @click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Draw target and closures.")
 @json_option
-@debug_option
 def compare(
     *,
     logs: tuple[str, ...],
@@ -189,7 +191,7 @@ def compare(
         return _read_any(log, target, rate_hz, kind, channels, variable)
 
     rows: list[dict[str, Any]] = []
-    drawn: list[tuple[str, float, list[Told]]] = []
+    drawn: list[tuple[str, float, list[DecoderTold]]] = []
     for name in logs:
         log = read(name)
         pairs = [("first half", "second half", *two_halves(log))]

@@ -10,12 +10,12 @@ import numpy as np
 from tega.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from tega.decoders.compare import Told
+    from tega.decoders.compare import DecoderTold
 
 __all__ = ["draw"]
 
 
-def draw(parts: list[tuple[str, float, list[Told]]], file: Path) -> None:
+def draw(parts: list[tuple[str, float, list[DecoderTold]]], file: Path) -> None:
     """Draw a row a decoder and a column a part.
 
     Args:

@@ -1,4 +1,4 @@
-"""``tega-teleop emg-score``: how well the closure levels follow a measured force."""
+"""``tega-teleop emg score``: how well the closure levels follow a measured force."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import ChannelList, debug_option, json_option
+from tega.cli.options import ChannelList, json_option
 
 if TYPE_CHECKING:
     from tega.emg_score import RecordingScore
@@ -18,7 +18,7 @@ BLOCK_S = 0.1
 
 
 @click.command(
-    epilog="Example: tega-teleop emg-score squeeze.mat --force Force --rate-hz 200 --kind raw --channels 3,6,8"
+    epilog="Example: tega-teleop emg score squeeze.mat --force Force --rate-hz 200 --kind raw --channels 3,6,8"
 )
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE [FILE ...]")
 @click.option(
@@ -35,7 +35,6 @@ BLOCK_S = 0.1
 )
 @click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
 @json_option
-@debug_option
 def emg_score(*, files: tuple[Path, ...], as_json: bool, **flags: Any) -> None:
     """Score both presets on recordings of EMG and force.
 

@@ -1,4 +1,4 @@
-"""Write a recording as tables and pictures, or as a dataset to learn from: ``tega-teleop export``."""
+"""Write a recording as tables and pictures, or as a dataset to learn from: ``tega-teleop recording export``."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Literal
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 __all__ = ["export"]
 
 
 @click.command(
-    epilog="Example: tega-teleop export sessions/monday --out tables --pictures, or --format lerobot --task 'lift the "
-    "bottle' instead of --pictures"
+    epilog="Example: tega-teleop recording export sessions/monday --out tables --pictures, or "
+    "--format lerobot --task 'lift the bottle' instead of --pictures"
 )
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")
@@ -27,7 +27,6 @@ __all__ = ["export"]
 )
 @click.option("--task", default="grasp", show_default=True, help="What was done, in words (lerobot).")
 @json_option
-@debug_option
 @click.pass_context
 def export(
     ctx: click.Context,

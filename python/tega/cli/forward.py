@@ -1,4 +1,4 @@
-"""Align the forearm's tracker with the operator: ``tega-teleop forward``."""
+"""Align the forearm's tracker with the operator: ``tega-teleop arm forward``."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 if TYPE_CHECKING:
-    from tega.arm.sweep import Sweep
+    from tega.arm.sweep import ForearmSweep
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
 
@@ -21,7 +21,7 @@ _BAR = 20
 _WIDTH = 79
 
 
-@click.command(epilog="Example: tega-teleop forward lab.toml")
+@click.command(epilog="Example: tega-teleop arm forward lab.toml")
 @click.argument("config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="CONFIG.toml")
 @click.option(
     "--seconds",
@@ -31,7 +31,6 @@ _WIDTH = 79
     help="To wait for a movement.",
 )
 @json_option
-@debug_option
 def forward(*, config: Path, seconds: float, as_json: bool) -> None:
     """Align the forearm's tracker of CONFIG.toml with the operator, and check it.
 
@@ -89,7 +88,7 @@ def _ask(words: str, *, as_json: bool) -> None:
         click.pause("Press any key, then move it straight forward by 20 cm and stop.")
 
 
-def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Sweep:
+def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> ForearmSweep:
     """Wait for a movement; with a yaw show how it looks from the robot while it lasts.
 
     Raises:
@@ -99,10 +98,10 @@ def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Sweep:
 
     import numpy as np
 
-    from tega.arm.sweep import Sweep
+    from tega.arm.sweep import ForearmSweep
     from tega.errors import CalibrationError
 
-    sweep = Sweep(tracker.frame, yaw_rad=yaw_rad or 0.0)
+    sweep = ForearmSweep(tracker.frame, yaw_rad=yaw_rad or 0.0)
     tracker.read(time.monotonic_ns())  # what came before the key is not of this movement
     end_s = time.monotonic() + seconds
     shown = ""
@@ -131,7 +130,7 @@ def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Sweep:
     )
 
 
-def _seen(sweep: Sweep) -> str:
+def _seen(sweep: ForearmSweep) -> str:
     """Say in a line where the forearm has gone, seen from the robot."""
     ahead, left, up = (round(100 * float(x)) for x in sweep.gone_m)
     bar = "#" * max(0, min(_BAR, ahead))

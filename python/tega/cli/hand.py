@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -71,7 +71,6 @@ def hand() -> None:
 @hand.command(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
 @_hand_options
 @json_option
-@debug_option
 def show(*, as_json: bool, **where: Any) -> None:
     """Show version, serial number, angles and temperatures; the motors stay off."""
     import time
@@ -108,7 +107,6 @@ def show(*, as_json: bool, **where: Any) -> None:
     "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="How long to average."
 )
 @_hand_options
-@debug_option
 def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
     """Teach the pose of a closure level: move the fingers by hand, motors off, and write FILE.
 
@@ -153,7 +151,6 @@ def _still_angles(driver: Allegro, seconds: float) -> tuple[NDArray[np.float64],
 )
 @_hand_options
 @json_option
-@debug_option
 def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
     """Run the 333 Hz loop, a new level every second, and say how evenly it runs and what it costs.
 

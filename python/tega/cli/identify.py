@@ -1,4 +1,4 @@
-"""Switch on one motor of the vest at a time: ``tega-teleop identify``."""
+"""Switch on one motor of the vest at a time: ``tega-teleop vest identify``."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import debug_option
-
 __all__ = ["identify"]
 
 
-@click.command(epilog="Example: tega-teleop identify --set vest.driver=bhaptics-player --motor 0")
+@click.command(epilog="Example: tega-teleop vest identify --set vest.driver=bhaptics-player --motor 0")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[CONFIG.toml]", required=False)
 @click.option(
     "--motor", "motors", type=click.IntRange(0, 39), multiple=True, help="Only this one; repeatable."
@@ -26,7 +24,6 @@ __all__ = ["identify"]
     "--person", metavar="ID", help="Who wears the vest: what is left of their day's vibration holds."
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
-@debug_option
 def identify(
     *,
     config: Path | None,
@@ -47,7 +44,7 @@ def identify(
     from tega.config import DEFAULT_LAYOUT, load_config
     from tega.errors import ConfigError
     from tega.haptics import vest_frame
-    from tega.safety.ctrl_c import Stop
+    from tega.safety.ctrl_c import CtrlC
     from tega.worn_vest import dose_file, worn_vest
 
     settings = load_config(config, sets=worn_by(person, sets)).config
@@ -55,7 +52,7 @@ def identify(
         raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
     layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
     every = vest_frame([0] * 4, [0] * 4, layout=layout).motors.tolist()
-    with Stop() as stop, worn_vest(settings.vest, dose_file(settings.calibration)) as vest:
+    with CtrlC() as stop, worn_vest(settings.vest, dose_file(settings.calibration)) as vest:
         for note in vest.info.notes:
             click.echo(f"note: {note}", err=True)
         for motor in motors or every:

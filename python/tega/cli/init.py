@@ -11,16 +11,16 @@ from typing import Protocol
 import click
 
 from tega.cli.devices import could_not_look
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 from tega.errors import TegaError
 
 __all__ = ["init"]
 
 
-class _Bench(Protocol):
+class _Moves(Protocol):
     """What moves as it is told."""
 
-    def act(self, line: str) -> None:
+    def act(self, line: str) -> object:
         """Do what was typed."""
 
 
@@ -49,9 +49,23 @@ class _Bench(Protocol):
     is_flag=True,
     help="With --emulated: settings for two stations, as docs/two-machines.md says.",
 )
+@click.option(
+    "--play",
+    type=int,
+    metavar="SEED",
+    help="With --emulated: squeeze, rest and press by a script of this seed, until a move is typed.",
+)
 @json_option
-@debug_option
-def init(*, out: Path, force: bool, emulated: bool, stations: bool, arm: str | None, as_json: bool) -> None:
+def init(
+    *,
+    out: Path,
+    force: bool,
+    emulated: bool,
+    stations: bool,
+    arm: str | None,
+    play: int | None,
+    as_json: bool,
+) -> None:
     """Write a settings file: devices that are plugged in filled in, the others as comments that say what to set.
 
     Opens no device. With --emulated two cameras, an EMG board, a vest and a hand run as programs until Ctrl-C, with
@@ -79,12 +93,14 @@ def init(*, out: Path, force: bool, emulated: bool, stations: bool, arm: str | N
         raise click.UsageError(
             "--stations goes with --emulated; docs/two-machines.md shows how to write the files"
         )
+    if play is not None and not emulated:
+        raise click.UsageError("--play goes with --emulated: real devices are moved by people")
     if arm is not None:
         driver_class(arm, "arm")
     if emulated:
         if arm == "panda":
             raise click.UsageError("no emulated robot speaks to panda; franky, bench-arm or simulated-arm do")
-        _emulate(out, stations=stations, arm=arm, as_json=as_json)
+        _emulate(out, stations=stations, arm=arm, play=play, as_json=as_json)
         return
     looked = look_for()
     out.write_text(lab_settings(looked, name=out.name, arm=arm), encoding="utf-8")
@@ -104,22 +120,23 @@ def init(*, out: Path, force: bool, emulated: bool, stations: bool, arm: str | N
     click.echo(f"Wrote {out}. Read it through, then: tega-teleop doctor {out}")
 
 
-def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> None:
+def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as_json: bool) -> None:
     import shlex
     import time
     import tomllib
 
     from tega.checkout_tools import needs_tools
     from tega.cli.options import echo_json
-    from tega.safety.ctrl_c import Stop
+    from tega.safety.ctrl_c import CtrlC
 
     with needs_tools("tega-teleop init --emulated"):
-        from tega_emulators.emulated_bench import MOVES, EmulatedBench
+        from tega_emulators.bench_moves import MOVES
+        from tega_emulators.emulated_bench import EmulatedBench
         from tega_emulators.stations import free_port, split, write_trees
 
     if not as_json:
         click.echo("Starting emulated devices …", err=True)
-    with EmulatedBench(arm) as bench, Stop() as stop:
+    with EmulatedBench(arm) as bench, CtrlC() as stop:
         bench.write_settings(out)
         found = {name: [one.label for one in there.found] for name, there in bench.looked.items()}
         files, operator = {}, bench.operator
@@ -143,10 +160,14 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> No
             click.echo(f"Wrote {out}. The emulated devices run until Ctrl-C; in another terminal:")
             click.echo(f"  {ahead}tega-teleop doctor {out}")
             click.echo(f"  {ahead}tega-teleop run {out}")
+        if play is not None:
+            bench.moves.play(play)
         if _may_read():
             if not as_json:
                 click.echo(f"Type here what muscles and fingertips do: {MOVES}")
-            threading.Thread(target=_act_as_typed, args=(bench,), name="tega-typed", daemon=True).start()
+            threading.Thread(
+                target=_act_as_typed, args=(bench.moves,), name="tega-typed", daemon=True
+            ).start()
         begin_s = time.monotonic()
         while not stop():
             if operator is not None:
@@ -154,13 +175,13 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, as_json: bool) -> No
             time.sleep(0.1)
 
 
-def _act_as_typed(bench: _Bench) -> None:
+def _act_as_typed(moves: _Moves) -> None:
     """Move the emulated devices by lines of the standard input, until that ends."""
     for line in sys.stdin:
         if not line.strip():
             continue
         try:
-            bench.act(line.strip())
+            moves.act(line.strip())
         except TegaError as error:
             click.echo(f"error: {error}", err=True)
 

@@ -1,4 +1,4 @@
-"""Print what a recording holds: ``tega-teleop inspect``."""
+"""Print what a recording holds: ``tega-teleop recording inspect``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 if TYPE_CHECKING:
     from tega.recording.inspection import Inspection
@@ -15,10 +15,9 @@ if TYPE_CHECKING:
 __all__ = ["inspect"]
 
 
-@click.command(epilog="Example: tega-teleop inspect sessions/monday")
+@click.command(epilog="Example: tega-teleop recording inspect sessions/monday")
 @click.argument("session", type=click.Path(path_type=Path))
 @json_option
-@debug_option
 def inspect(*, session: Path, as_json: bool) -> None:
     """Print what a recording holds: streams, true rates, gaps, losses, latency, markers, versions.
 

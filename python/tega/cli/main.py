@@ -29,85 +29,89 @@ class _Verb(NamedTuple):
 # The summaries stand here so that `--help` imports no verb.
 _VERBS = {
     "demo": _Verb(
-        "Run", "tega.cli.demo", "demo", "Watch a simulated person lift three objects; no hardware."
+        "Start", "tega.cli.demo", "demo", "Watch a simulated person lift three objects; no hardware."
     ),
-    "run": _Verb("Run", "tega.cli.run", "run", "Run a session on the devices of a settings file."),
-    "operator": _Verb(
-        "Run", "tega.cli.station", "operator", "Run the operator's half of a session on two machines."
-    ),
-    "robot": _Verb("Run", "tega.cli.station", "robot", "Run the robot's half of a session on two machines."),
+    "run": _Verb("Start", "tega.cli.run", "run", "Run a session on the devices of a settings file."),
     "replay": _Verb(
-        "Run", "tega.cli.replay", "replay", "Compute a recording again, or the loop's output for your files."
+        "Start", "tega.cli.replay", "replay", "Run the loop on pictures and EMG from files; write tables."
     ),
-    "play": _Verb("Run", "tega.cli.play", "play", "Feel a recorded session again on a vest and a hand."),
-    "inspect": _Verb(
-        "Run", "tega.cli.inspect", "inspect", "Print what a recording holds: streams, rates, gaps, losses."
-    ),
-    "export": _Verb(
-        "Run",
-        "tega.cli.export",
-        "export",
-        "Write a recording as tables and pictures, or as a LeRobot dataset.",
-    ),
-    "trim": _Verb("Run", "tega.cli.trim", "trim", "Cut a part out of a recording."),
-    "merge": _Verb("Run", "tega.cli.trim", "merge", "Join the recordings of several sessions."),
-    "study": _Verb("Study", "tega.cli.study", "study", "Plan, lead, score and report a user study."),
-    "sim-trials": _Verb(
-        "Study", "tega.cli.sim_trials", "sim_trials", "Run many simulated trials and compare conditions."
-    ),
-    "calibrate": _Verb(
-        "Hardware", "tega.cli.calibrate", "calibrate", "Calibrate fingertips, muscles and vest for a person."
-    ),
-    "practice": _Verb(
-        "Hardware", "tega.cli.practice", "practice", "Practise: follow a level with the muscles, get a score."
+    "verify": _Verb("Start", "tega.cli.verify", "verify", "Compute a recorded session again, and compare."),
+    "play": _Verb("Start", "tega.cli.play", "play", "Feel a recorded session again on a vest and a hand."),
+    "init": _Verb(
+        "Prepare", "tega.cli.init", "init", "Write a settings file for the devices that are plugged in."
     ),
     "doctor": _Verb(
-        "Hardware", "tega.cli.doctor", "doctor", "Check the devices; say what is wrong and what to do."
+        "Prepare", "tega.cli.doctor", "doctor", "Check the devices; say what is wrong and what to do."
     ),
-    "init": _Verb(
-        "Hardware", "tega.cli.init", "init", "Write a settings file for the devices that are plugged in."
+    "calibrate": _Verb(
+        "Prepare", "tega.cli.calibrate", "calibrate", "Calibrate fingertips, muscles and vest for a person."
     ),
+    "practice": _Verb(
+        "Prepare", "tega.cli.practice", "practice", "Practise: follow a level with the muscles, get a score."
+    ),
+    "stages": _Verb("Prepare", "tega.cli.stages", "stages", "List metrics, decoders, mappings and layouts."),
     "devices": _Verb(
-        "Hardware", "tega.cli.devices", "devices", "List the drivers, and the devices that they see."
-    ),
-    "hand": _Verb(
-        "Hardware", "tega.cli.hand", "hand", "Check the robot hand, teach its closure poses, time its loop."
-    ),
-    "arm": _Verb("Hardware", "tega.cli.arm", "arm", "Check whether a Franka robot can be steered from here."),
-    "forward": _Verb(
-        "Hardware", "tega.cli.forward", "forward", "Align the forearm's tracker with the operator."
-    ),
-    "net": _Verb("Hardware", "tega.cli.net", "net", "Make the keys that two stations share."),
-    "identify": _Verb(
-        "Hardware", "tega.cli.identify", "identify", "Switch on the vest's motors one at a time."
-    ),
-    "vest": _Verb(
-        "Hardware", "tega.cli.vest", "vest", "Measure how long a motor of the vest takes to start."
+        "Prepare", "tega.cli.devices", "devices", "List the drivers, and the devices that they see."
     ),
     "audit": _Verb(
-        "Tooling",
-        "tega.cli.audit",
-        "audit",
-        "Compare readings of the contact equations on a recording.",
-    ),
-    "emg": _Verb("Hardware", "tega.cli.emg", "emg", "Fit a decoder to a person, and compare decoders."),
-    "emg-score": _Verb(
-        "Tooling", "tega.cli.emg_score", "emg_score", "Score the closure levels against a measured force."
+        "Examine", "tega.cli.audit", "audit", "Compare readings of the contact equations on a recording."
     ),
     "bench": _Verb(
-        "Tooling", "tega_figures.bench.command", "bench", "Measure the run time and error of each kernel."
+        "Examine", "tega_figures.bench.command", "bench", "Measure the run time and error of each kernel."
     ),
     "soak": _Verb(
-        "Tooling",
+        "Examine",
         "tega_campaigns.soak.command",
         "soak",
         "Run all emulated devices for long, with random faults.",
     ),
     "stress": _Verb(
-        "Tooling", "tega_campaigns.stress.command", "stress", "Test each kernel at its numerical extremes."
+        "", "tega_campaigns.stress.command", "stress", "Test each kernel at its numerical extremes."
     ),
-    "stages": _Verb("Tooling", "tega.cli.stages", "stages", "List metrics, decoders, mappings and layouts."),
-    "config": _Verb("Tooling", "tega.cli.config", "config", "Show or check a settings file."),
+    "robot": _Verb(
+        "Two machines", "tega.cli.station", "robot", "Run the robot's half of a session on two machines."
+    ),
+    "operator": _Verb(
+        "Two machines",
+        "tega.cli.station",
+        "operator",
+        "Run the operator's half of a session on two machines.",
+    ),
+    "study": _Verb("Groups", "tega.cli.study", "study", "Plan, lead, score and report a user study."),
+    "recording": _Verb(
+        "Groups", "tega.cli.recording", "recording", "Inspect, export, trim and merge recordings."
+    ),
+    "sim": _Verb("Groups", "tega.cli.sim_trials", "sim", "Run many simulated trials and compare conditions."),
+    "emg": _Verb("Groups", "tega.cli.emg", "emg", "Fit a decoder to a person; compare and score decoders."),
+    "vest": _Verb(
+        "Groups",
+        "tega.cli.vest",
+        "vest",
+        "Switch motors on one at a time; measure how long they take to start.",
+    ),
+    "hand": _Verb(
+        "Groups", "tega.cli.hand", "hand", "Check the robot hand, teach its closure poses, time its loop."
+    ),
+    "arm": _Verb(
+        "Groups",
+        "tega.cli.arm",
+        "arm",
+        "Check a Franka robot; align the forearm's tracker with the operator.",
+    ),
+    "net": _Verb("Groups", "tega.cli.net", "net", "Make the keys that two stations share."),
+    "config": _Verb("Groups", "tega.cli.config", "config", "Show or check a settings file."),
+}
+
+# What a verb was called before: it runs, and says what it is called now.
+_EARLIER = {
+    "inspect": "recording inspect",
+    "export": "recording export",
+    "trim": "recording trim",
+    "merge": "recording merge",
+    "sim-trials": "sim trials",
+    "emg-score": "emg score",
+    "identify": "vest identify",
+    "forward": "arm forward",
 }
 
 
@@ -115,7 +119,7 @@ class _Verbs(click.Group):
     """Verbs by name, imported when called, listed by the life cycle of a session."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  # click's signature
-        return list(_VERBS)
+        return [name for name, verb in _VERBS.items() if verb.group]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         verb = _VERBS.get(cmd_name)
@@ -126,7 +130,7 @@ class _Verbs(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        for group in dict.fromkeys(verb.group for verb in _VERBS.values()):
+        for group in dict.fromkeys(verb.group for verb in _VERBS.values() if verb.group):
             with formatter.section(group):
                 formatter.write_dl([(n, v.summary) for n, v in _VERBS.items() if v.group == group])
 
@@ -156,14 +160,18 @@ Type one of these first:
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --out results",
 )
-@click.option("--debug", is_flag=True, help="Show where in the program an error arose.")
+@click.option(
+    "--debug",
+    is_flag=True,
+    expose_value=False,
+    help="Show where in the program an error arose; with any verb.",
+)
 @click.option(
     "--version", is_flag=True, callback=_version, expose_value=False, is_eager=True, help="Show the version."
 )
 @click.pass_context
-def cli(ctx: click.Context, debug: bool) -> None:  # noqa: FBT001  # click's signature
+def cli(ctx: click.Context) -> None:
     """Steer a robot hand with muscle signals (EMG), and feel its fingertips on a vibrating vest."""
-    ctx.obj = {"debug": debug}
     if ctx.invoked_subcommand is None:
         click.echo(_GREETING)
 
@@ -178,6 +186,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
+    if words and (now := _EARLIER.get(words[0])):
+        click.echo(f"note: {words[0]} is now: tega-teleop {now}", err=True)
+        words[:1] = now.split()
     try:
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 __all__ = ["net"]
 
@@ -30,7 +30,6 @@ def net() -> None:
     help="How long a certificate holds.",
 )
 @json_option
-@debug_option
 def keys(
     *, folder: Path, operators: tuple[str, ...], robots: tuple[str, ...], days: int, as_json: bool
 ) -> None:

@@ -1,4 +1,4 @@
-"""Define the options and habits that verbs share: --json, --debug, Ctrl-C, progress."""
+"""Define the options and habits that verbs share: --json, Ctrl-C, progress."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from tega.safety.stop import Stop as AnyStop
 __all__ = [
     "ChannelList",
     "NameList",
-    "debug_option",
     "echo_json",
     "json_option",
     "loop_options",
@@ -64,13 +63,6 @@ class NameList(click.ParamType[list[str]]):
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
 
 
-def debug_option(function: _Function) -> _Function:
-    """Allow ``--debug`` after the verb as well as before it."""
-    return click.option(
-        "--debug", is_flag=True, expose_value=False, help="Show where in the program an error arose."
-    )(function)
-
-
 def loop_options(function: _Function) -> _Function:
     """Add what the loop of a simulated trial can be asked: preset, settings file, single settings."""
     for option in (
@@ -79,13 +71,13 @@ def loop_options(function: _Function) -> _Function:
             "sets",
             multiple=True,
             metavar="KEY=VALUE",
-            help="A setting of the loop: stages.*, vest.layout, vest.mirror; repeatable.",
+            help="A setting of the loop: stages.*, vest.layout, vest.mirror, session.pose_base; repeatable.",
         ),
         click.option(
             "--config",
             type=click.Path(path_type=Path, dir_okay=False),
             metavar="LAB.toml",
-            help="Take the stages, vest.layout and vest.mirror of these settings.",
+            help="Take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
         ),
         click.option(
             "--preset",

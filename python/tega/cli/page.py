@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,18 +20,37 @@ __all__ = ["browser_observer", "run_viewed", "view_options"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 DEFAULT_PORT = 8080
+_ADDRESS = "tega.view_address"
 
 
 def view_options(function: _Function) -> _Function:
-    """Add ``--view`` and ``--view-port``."""
+    """Add ``--view``, ``--view-port`` and ``--view-address``."""
+    address = click.option(
+        "--view-address", metavar="IP", expose_value=False, callback=_keep_address,
+        help="Address of this machine to serve the page at, for a second screen. Whoever has the whole address that is "
+        "printed can press its buttons.",
+    )  # fmt: skip
     port = click.option(
         "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
         help="TCP port of the page; the next free one where it is taken, any for 0.",
     )  # fmt: skip
     view = click.option(
-        "--view", is_flag=True, help="Show the run on a page in the browser, on this machine only."
+        "--view",
+        is_flag=True,
+        help="Show the run on a page in the browser, which is opened; on this machine only.",
     )
-    return view(port(function))
+    return view(port(address(function)))
+
+
+def _keep_address(context: click.Context, _option: click.Parameter, value: str | None) -> None:
+    context.meta[_ADDRESS] = value
+
+
+def _open(url: str) -> None:
+    """Open the page in the browser, where somebody sits at a terminal of a desktop."""
+    has_desktop = sys.platform in {"win32", "darwin"} or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)
+    if sys.stderr.isatty() and has_desktop and "SSH_CONNECTION" not in os.environ:
+        webbrowser.open(url)
 
 
 @contextmanager
@@ -56,8 +78,13 @@ def browser_observer(
     """
     from tega.view.browser import BrowserView
 
+    context = click.get_current_context(silent=True)
+    address = None if context is None else context.meta.get(_ADDRESS)
+    if address is not None:
+        options |= {"host": address, "allow_remote": True}
     with BrowserView(title, port=port, controls=controls, **options) as view:
         click.echo(f"view: {view.url}", err=True)
+        _open(view.url)
         yield view
     if view.problem:
         click.echo(f"view: {view.problem}", err=True)

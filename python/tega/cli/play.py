@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 from tega.cli.page import view_options
 
 __all__ = ["play"]
@@ -49,7 +49,6 @@ class _Speed(click.ParamType[float | None]):
 )
 @view_options
 @json_option
-@debug_option
 def play(
     *,
     session: Path,
@@ -81,7 +80,7 @@ def play(
     from tega.errors import ConfigError
     from tega.recording.mcap_folder import session_files
     from tega.replay.play import play_file, playing_to
-    from tega.safety.ctrl_c import Stop
+    from tega.safety.ctrl_c import CtrlC
 
     files = session_files(session)
     if len(files) > 1:
@@ -97,7 +96,7 @@ def play(
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
     with (
-        Stop() as stop,
+        CtrlC() as stop,
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not (as_json or drawn_here)) as (progress, display),
     ):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 __all__ = ["practice"]
 
@@ -22,7 +22,6 @@ __all__ = ["practice"]
 @click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option
-@debug_option
 def practice(
     *, settings: Path, person: str, seconds: float, seed: int, yes: bool, sets: tuple[str, ...], as_json: bool
 ) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tega.cli.options import ChannelList, debug_option, json_option
+from tega.cli.options import ChannelList, json_option
 from tega.cli.page import view_options
 
 __all__ = ["replay"]
@@ -31,12 +31,10 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 
 @click.command(
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --emg squeeze.csv --emg-rate-hz 1000 "
-    "--emg-kind raw --emg-channels 1,2,3 --preset live --out results; or: tega-teleop replay sessions/monday"
+    "--emg-kind raw --emg-channels 1,2,3 --preset live --out results"
 )
-@click.argument("session", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--config", type=click.Path(path_type=Path), help="Of a SESSION: run it through these settings instead."
-)
+@click.argument("session", type=click.Path(path_type=Path), required=False, metavar="")
+@click.option("--config", type=click.Path(path_type=Path), hidden=True)
 @click.option(
     "--tactile", type=_Finger(), multiple=True, help="Recording of a finger: a folder of pictures or a video."
 )
@@ -78,7 +76,6 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 )
 @view_options
 @json_option
-@debug_option
 def replay(
     *,
     session: Path | None,
@@ -89,13 +86,9 @@ def replay(
     as_json: bool,
     **flags: Any,
 ) -> int | None:
-    """Run the loop on recordings as fast as possible, and compare or write tables.
+    """Run the loop on pictures and EMG from files as fast as possible, and write tables.
 
-    SESSION is a recording made with run --record, or a session's folder: it is computed again, tick by tick as it
-    ran, and compared with what was recorded. Exit code 1 if anything differs. --config and --set run it through other
-    settings and say what then differs. With --json: a list of objects, one per recording.
-
-    Without SESSION the recordings are loose files. With --view they run in real time, on a page that can pause.
+    With --view they run in real time, on a page that can pause. A recorded session is computed again by verify.
 
     Writes contacts.csv, levels.csv, vest.csv, can.csv, summary.json and calibration.toml. The same input gives the
     same bytes. With --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
@@ -105,19 +98,20 @@ def replay(
     from tega.bus import Bus
     from tega.cli.options import progress_bar
     from tega.cli.page import run_viewed
-    from tega.cli.replay_session import check_flags, replay_session
     from tega.cli.report import tell_summary
+    from tega.cli.verify import check_flags, replay_session
     from tega.config import check_tree, override_tree
-    from tega.safety.ctrl_c import Stop
+    from tega.safety.ctrl_c import CtrlC
     from tega.teleop import run_session
 
     if session is not None:
+        click.echo(f"note: replay {session} is now: tega-teleop verify {session}", err=True)
         check_flags(click.get_current_context(), (*flags, "view", "view_port"))
         return 0 if replay_session(session, config=config, sets=sets, as_json=as_json) else 1
     if config is not None:
-        raise click.UsageError("--config is for a SESSION; run takes settings with their own recordings")
+        raise click.UsageError("--config is for verify; run takes settings with their own recordings")
     if flags["out"] is None:
-        raise click.UsageError("Missing option '--out', or a SESSION to compute again.")
+        raise click.UsageError("Missing option '--out'; verify computes a recorded session again.")
     tree = _tree(flags)
     if view:
         tree["session"]["pace"] = "real"
@@ -128,7 +122,7 @@ def replay(
 
         drawn = SessionPicture(bus, pose_base=settings.session.pose_base)
     started = time.perf_counter()
-    with Stop() as stop, progress_bar(enabled=not as_json) as progress:
+    with CtrlC() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
                 settings, title="TEGA · replay", port=view_port, progress=progress, stop=stop,

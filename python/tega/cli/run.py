@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 from tega.cli.page import view_options
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 def run_options(function: _Function) -> _Function:
     """Add the settings file and everything that a run can be asked."""
     for option in (
-        debug_option,
         json_option,
         view_options,
         click.option(
@@ -106,7 +105,7 @@ def run_settings(
     from tega.cli.report import tell_summary
     from tega.cli.stage import stage
     from tega.config import load_config
-    from tega.safety.ctrl_c import Stop
+    from tega.safety.ctrl_c import CtrlC
     from tega.teleop import run_session
 
     if person is not None:
@@ -123,7 +122,7 @@ def run_settings(
     heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     started = time.perf_counter()
     with (
-        Stop() as stop,
+        CtrlC() as stop,
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not as_json) as (progress, display),
     ):

@@ -1,4 +1,4 @@
-"""``tega-teleop sim-trials``: many simulated trials over all cores."""
+"""``tega-teleop sim trials``: many simulated trials over all cores."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import NameList, debug_option, json_option, loop_options, loop_sets
-from tega.sim.arms import CONDITIONS
+from tega.cli.options import NameList, json_option, loop_options, loop_sets
+from tega.sim.conditions import CONDITIONS
 
 if TYPE_CHECKING:
     from tega.sim.table import Row
     from tega.sim.trial import TrialResult
 
-__all__ = ["sim_trials"]
+__all__ = ["sim"]
 
 
-@click.command(epilog="Example: tega-teleop sim-trials --seeds 10 --out trials.jsonl")
+@click.group(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
+def sim() -> None:
+    """Simulate trials without a study's folder."""
+
+
+@sim.command(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
 @click.option("--objects", type=NameList(), default="bottle,container,bag", show_default=True)
 @click.option(
     "--conditions",
@@ -59,8 +64,7 @@ __all__ = ["sim_trials"]
     help="Keep results in this file, and go on from it.",
 )
 @json_option
-@debug_option
-def sim_trials(
+def trials(
     *,
     objects: list[str],
     conditions: list[str],

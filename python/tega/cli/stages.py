@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 __all__ = ["stages"]
 
@@ -20,7 +20,6 @@ _TITLES = {
 
 @click.command(epilog="Example: tega-teleop stages --json")
 @json_option
-@debug_option
 def stages(*, as_json: bool) -> None:
     """List the stages that are installed, by the name that a settings file uses, with their options.
 

@@ -1,4 +1,4 @@
-"""Cut and join recorded sessions: ``tega-teleop trim`` and ``merge``."""
+"""Cut and join recorded sessions: ``tega-teleop recording trim`` and ``merge``."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 __all__ = ["merge", "trim"]
 
 
 @click.command(
-    epilog="Example: tega-teleop trim sessions/monday --from 12 --to 30 --out sessions/monday-lift"
+    epilog="Example: tega-teleop recording trim sessions/monday --from 12 --to 30 --out sessions/monday-lift"
 )
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option("--from", "from_s", type=click.FloatRange(min=0), default=0.0, help="Seconds since its start.")
@@ -26,7 +26,6 @@ __all__ = ["merge", "trim"]
     "--no-lead-in", is_flag=True, help="Leave out what came before; the part then cannot be computed again."
 )
 @json_option
-@debug_option
 def trim(
     *, session: Path, from_s: float, to_s: float | None, out: Path | None, no_lead_in: bool, as_json: bool
 ) -> None:
@@ -51,11 +50,12 @@ def trim(
     click.echo(made)
 
 
-@click.command(epilog="Example: tega-teleop merge sessions/monday sessions/tuesday --out sessions/both")
+@click.command(
+    epilog="Example: tega-teleop recording merge sessions/monday sessions/tuesday --out sessions/both"
+)
 @click.argument("sessions", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")
 @json_option
-@debug_option
 def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
     """Copy the recordings of several sessions into a new one, in order of time.
 

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.identify import identify
+from tega.cli.options import json_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tega.calibration.records import OnsetRecord
     from tega.config import SessionConfig
-    from tega.onset.log import OnsetLog
+    from tega.vest_latency.log import OnsetLog
 
 __all__ = ["vest"]
 
@@ -38,6 +39,9 @@ class _Wanted(NamedTuple):
 @click.group(epilog="Example: tega-teleop vest onset lab.toml --motor 0")
 def vest() -> None:
     """Measure the vest itself."""
+
+
+vest.add_command(identify)
 
 
 @vest.command(epilog="Example: tega-teleop vest onset lab.toml --motor 0 --motor 21")
@@ -76,7 +80,6 @@ def vest() -> None:
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option
-@debug_option
 def onset(
     *,
     config: Path | None,
@@ -108,7 +111,7 @@ def onset(
     from tega.config import load_config
 
     if list_them:
-        from tega.onset.microphone import list_microphones
+        from tega.vest_latency.microphone import list_microphones
 
         click.echo("\n".join(list_microphones()) or "no microphone")
         return
@@ -150,8 +153,8 @@ def _beside(config: Path | None) -> Path:
 
 
 def _read(wav: Path, log_file: Path) -> Iterator[tuple[OnsetRecord, str]]:
-    from tega.onset.log import read_log, read_wav
-    from tega.onset.measure import found_in, record_of
+    from tega.vest_latency.log import read_log, read_wav
+    from tega.vest_latency.measure import found_in, record_of
 
     log = read_log(log_file)
     record = record_of(found_in(*read_wav(wav), log), log)
@@ -162,10 +165,10 @@ def _measure(
     wanted: _Wanted, motors: tuple[int, ...], microphone: str | None, keep: Path | None
 ) -> Iterator[tuple[OnsetRecord, str]]:
     from tega.calibration.identify import motor_place
-    from tega.onset.clock import by_blocks
-    from tega.onset.log import write_log, write_wav
-    from tega.onset.measure import found_in, record_of
-    from tega.onset.microphone import Microphone
+    from tega.vest_latency.clock import by_blocks
+    from tega.vest_latency.log import write_log, write_wav
+    from tega.vest_latency.measure import found_in, record_of
+    from tega.vest_latency.microphone import Microphone
 
     for motor in motors:
         if len(motors) > 1 and sys.stdin.isatty():
@@ -187,7 +190,7 @@ def _measure(
 
 
 def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, quiet: bool) -> None:
-    from tega.onset.log import write_log
+    from tega.vest_latency.log import write_log
 
     click.echo(
         "Begin the recording now (WAV, or convert it later), the microphone on the motor and near the "
@@ -206,8 +209,8 @@ def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
     from tega.clock import SystemClock
     from tega.config import DEFAULT_LAYOUT
     from tega.errors import ConfigError
-    from tega.onset.measure import log_of, play_bursts, watched_vest
-    from tega.safety.ctrl_c import Stop
+    from tega.safety.ctrl_c import CtrlC
+    from tega.vest_latency.measure import log_of, play_bursts, watched_vest
     from tega.worn_vest import dose_file, worn_vest
 
     settings = wanted.settings
@@ -216,7 +219,7 @@ def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
     layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
     made = utc_now()
     with ExitStack() as stack:
-        stop = stack.enter_context(Stop())
+        stop = stack.enter_context(CtrlC())
         clicks = stack.enter_context(_clicker(wanted.sync, stop))
         worn = worn_vest(settings.vest, dose_file(settings.calibration))
         opened: Any = watched_vest(stack.enter_context(worn))
@@ -247,7 +250,7 @@ def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[
     import time
 
     if sync == "speaker":
-        from tega.onset.microphone import Speaker
+        from tega.vest_latency.microphone import Speaker
 
         with Speaker() as speaker:
 

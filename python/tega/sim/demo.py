@@ -17,7 +17,8 @@ from tega.sim.trial import run_trial
 from tega.sim.world.scene import import_mujoco
 
 if TYPE_CHECKING:
-    from tega.sim.rig import Person
+    from tega.sim.recorded import LiftRecorder
+    from tega.sim.rig import TrialSteering
     from tega.view.state import ViewState
 
 __all__ = ["DEMO_FORMAT", "DemoReport", "demo_heading", "draw_demo", "run_demo", "write_demo"]
@@ -49,9 +50,10 @@ class DemoReport(msgspec.Struct, frozen=True, kw_only=True):
 def run_demo(
     plans: Sequence[TrialPlan],
     *,
-    person: Person | None = None,
+    person: TrialSteering | None = None,
     real_time: bool = True,
     observer: Callable[[ViewState], None] | None = None,
+    recorder: LiftRecorder | None = None,
     next_object: Callable[[], str | None] = lambda: None,
     stop: Callable[[], bool] = lambda: False,
     paused: Callable[[], bool] = lambda: False,
@@ -64,6 +66,7 @@ def run_demo(
         person: Who acts in all of them, instead of their plans' operator.
         real_time: Whether to keep to the machine's clock.
         observer: Told thirty times a second of simulated time what there is to see.
+        recorder: What records each trial.
         next_object: Asked all the time whether another object is wanted at once; the running trial is then left.
         stop: Asked all the time whether to end; the running trial then counts as it stands.
         paused: Asked all the time whether to stand still.
@@ -99,6 +102,7 @@ def run_demo(
             real_time=real_time,
             observer=observer,
             streams=streams,
+            recorder=recorder,
             stop=leave,
             paused=paused,
             muted=muted,
@@ -157,7 +161,7 @@ def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> Non
             TrialPicture(
                 title=_title(result),
                 touch={f: streams.picture(f, lab) for f in FINGERS},
-                course=streams.course(),
+                course=streams.course(pose_base=lab.config.session.pose_base),
                 height_t_s=streams.array("truth", "t_s"),
                 height_m=streams.array("truth", "object_height_m"),
                 events=[(event.kind, event.t_s) for event in result.events],

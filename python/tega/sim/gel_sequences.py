@@ -18,7 +18,7 @@ from tega.errors import InvalidValueError
 from tega.sim.gel import CAMERA_HZ, PX_PER_MM, Gel, fall
 from tega.sim.seams import Indenter
 
-__all__ = ["SHAPES", "Moment", "press_sequence", "pressing", "ramp"]
+__all__ = ["SHAPES", "GelMoment", "press_sequence", "pressing", "ramp"]
 
 Shape = Literal["sphere", "cylinder", "capsule", "box", "plane"]
 
@@ -48,7 +48,7 @@ that lie on the gel as it is round and share the force evenly, as something soft
 _STRIPS_MM: Final = (-3.4, 0.0, 3.4)
 
 
-class Moment(NamedTuple):
+class GelMoment(NamedTuple):
     """One frame of a sequence and what is true at its time."""
 
     t_s: float
@@ -131,7 +131,7 @@ def press_sequence(
     shape: Literal["digit", "flat"] = "digit",
     spread: float = 1.0,
     memory: bool = True,
-) -> Iterator[Moment]:
+) -> Iterator[GelMoment]:
     """Press one shape into one unit and yield each frame with its truth; the same arguments, the same bits.
 
     Args:
@@ -170,7 +170,7 @@ def press_sequence(
         index = round((start_s + t_s) * CAMERA_HZ)
         image = gel.frame(pressing(name, now_n, centre_mm=(x, y), on=shape), index, t_s=start_s + t_s)
         truth = gel.truth
-        yield Moment(t_s, image, now_n, *truth)
+        yield GelMoment(t_s, image, now_n, *truth)
 
 
 def _facing(x_mm: float, y_mm: float) -> NDArray[np.float64]:

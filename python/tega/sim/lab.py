@@ -19,7 +19,7 @@ from tega.device_items import TactileFrame
 from tega.errors import InvalidValueError
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import SourceReport
-from tega.sim.arms import feels
+from tega.sim.conditions import feels
 from tega.sim.gel import Gel, ball, board
 from tega.sim.plan import loop_settings
 from tega.sim.seams import Indenter

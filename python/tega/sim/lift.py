@@ -16,14 +16,14 @@ from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import BlockMeter, SourceReport
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.safety.guard import Guard
-from tega.sim.arms import PULSES, worn
 from tega.sim.beside import BesideNotes
+from tega.sim.conditions import PULSES, worn
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.rig import CAMERA_DELAY_NS, Rig
-from tega.sim.score import LIFT_WINDOW_S, Scorer
+from tega.sim.rig import CAMERA_DELAY_NS, TrialRig
+from tega.sim.score import LIFT_WINDOW_S, TrialScorer
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import chosen_stage, vest_mapping
 from tega.teleop.beside import look_on
@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 
     from tega.haptics import Layout
     from tega.sim.lab import Lab
-    from tega.sim.rig import Person
+    from tega.sim.recorded import LiftRecorder
+    from tega.sim.rig import TrialSteering
     from tega.sim.seams import Act, Percept
     from tega.sim.streams import Streams
     from tega.view.state import Shape
@@ -61,6 +62,7 @@ class Lift:
         number: Of the lift in the trial; another number, other chance.
         fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
         streams: Where to keep truth and sensors.
+        recorder: What records it.
         muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering.
 
@@ -73,11 +75,12 @@ class Lift:
         self,
         lab: Lab,
         plan: TrialPlan,
-        person: Person,
+        person: TrialSteering,
         number: int,
         *,
         fatigue: float = 0.0,
         streams: Streams | None = None,
+        recorder: LiftRecorder | None = None,
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
     ) -> None:
@@ -91,7 +94,7 @@ class Lift:
         }
         spec = OBJECTS[plan.object].with_(**changes)
         self._lab, self._plan, self._person = lab, plan, person
-        self._streams = streams
+        self._streams, self._recorder = streams, recorder
         self._full_duty_nm = FULL_DUTY_NM
         self._layout: Layout = lab.config.vest.layout or _LAYOUT
         self._controller = hand_controller()
@@ -99,7 +102,7 @@ class Lift:
         maxima = lab.calibrated
         decoder = lab.decoder()
         self._emg_full = np.array(decoder.full_scale or maxima.maxima)
-        self.scorer = Scorer(spec.harm_m)
+        self.scorer = TrialScorer(spec.harm_m)
         self._told_events = plan.condition == PULSES
         if isinstance(person, Operator):
             person.pulses = self._told_events
@@ -108,7 +111,7 @@ class Lift:
         self._emg.fatigue = fatigue
         self._emg.rest(_REST_S)
         self._bus = self._telling()
-        self.rig = Rig(
+        self.rig = TrialRig(
             world=World(spec, seed=plan.seed + number),
             poses_rad=GRASP_POSES_RAD,
             gels=lab.gels,
@@ -169,6 +172,8 @@ class Lift:
         clock = PausableClock(paused, SystemClock() if real_time else ManualClock())
         pacer = SimulatedPacer(clock, rig.advance_to)
         pacer.start()
+        if self._recorder is not None:
+            self._recorder.begin(self._lab, self._bus, layout=self._layout)
         loop = DualLoop(
             pacer=pacer,
             touch=self._touch(),
@@ -182,6 +187,8 @@ class Lift:
         )
         loop.run(stop=stop)
         self.scorer.close()
+        if self._recorder is not None:
+            self._recorder.end(loop.report, pacer.n_waits)
 
     def result(self, simulated_s: float) -> TrialResult:
         """Return what became of the plan, this lift being the one that counts."""

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal, Self
 
 import msgspec
 
-from tega.config import SessionConfig, load_config
+from tega.config import LOOP_KEYS, SessionConfig, load_config
 from tega.errors import ConfigError, InvalidValueError
-from tega.sim.arms import CONDITIONS, Condition
 from tega.sim.beside import BesideResult
-from tega.sim.score import Event
+from tega.sim.conditions import CONDITIONS, Condition
+from tega.sim.score import TrialEvent
 
 __all__ = ["TrialPlan", "TrialResult", "loop_settings"]
 
@@ -30,7 +30,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         mass_kg: Instead of the object's own, as the following.
         stiffness_n_m: Of the object's wall.
         friction: Between object and gel.
-        settings: Of the loop, as ``key=value``: stages, layout and mirror (``stages.metric.name=reading``).
+        settings: Of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
+            :data:`tega.config.LOOP_KEYS`.
     """
 
     object: str
@@ -81,10 +82,10 @@ def loop_settings(preset: Literal["paper", "live"], settings: Sequence[str]) -> 
     """
     for item in settings:
         key = item.partition("=")[0].strip()
-        if not key.startswith("stages.") and key not in {"vest.layout", "vest.mirror"}:
+        if not key.startswith("stages.") and key not in LOOP_KEYS:
             raise ConfigError(
                 f"--set {item!r}: a simulated trial has no such setting",
-                "it has stages.*, vest.layout and vest.mirror",
+                f"it has stages.*, {', '.join(LOOP_KEYS)}",
             )
     return load_config(None, environ={}, sets=[f"session.preset={preset}", *settings]).config
 
@@ -121,7 +122,7 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
     slid_m: float
     deformation_m: float
     mean_level: float
-    events: tuple[Event, ...]
+    events: tuple[TrialEvent, ...]
     simulated_s: float
     person: str = ""
     beside: tuple[BesideResult, ...] = ()

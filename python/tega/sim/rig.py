@@ -20,7 +20,7 @@ from tega.config import FINGERS
 from tega.device_items import EmgChunk, TactileFrame
 from tega.hand_poses import ClosureScale
 from tega.inbox.frames import FrameMeter
-from tega.inbox.sources import Block, BlockMeter, Contact, picture_of, samples_of
+from tega.inbox.sources import BlockMeter, Contact, EmgBlock, picture_of, samples_of
 from tega.inbox.stream import LiveStream
 from tega.records import EmgSamples, Picture
 from tega.sim.gel import CAMERA_HZ
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.bus import Bus
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
     from tega.sim.gel import Gel
     from tega.sim.operator import ForearmEmg
     from tega.sim.operator.shams import Sham
-    from tega.sim.score import Scorer
+    from tega.sim.score import TrialScorer
     from tega.sim.world import World
 
-__all__ = ["ACT_NS", "CAMERA_DELAY_NS", "Person", "Rig"]
+__all__ = ["ACT_NS", "CAMERA_DELAY_NS", "TrialRig", "TrialSteering"]
 
 ACT_NS = 10_000_000
 """Between two looks of the person at the world, nanoseconds; also the length of an EMG block."""
@@ -53,7 +53,7 @@ _TAIL = 400
 _PLACING = frozenset({"place", "release", "done"})
 
 
-class Person(Protocol):
+class TrialSteering(Protocol):
     """Whoever steers: a simulated person, a script, a hand on a keyboard."""
 
     def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
@@ -65,7 +65,7 @@ class Person(Protocol):
         ...
 
 
-class Rig:
+class TrialRig:
     """One trial's lab.
 
     Args:
@@ -106,13 +106,13 @@ class Rig:
         poses_rad: NDArray[np.float64],
         gels: Mapping[str, Gel],
         baselines: Mapping[str, NDArray[np.uint8]],
-        person: Person,
+        person: TrialSteering,
         emg: ForearmEmg,
         worn: Sham,
         meters: Mapping[str, FrameMeter],
         blocks: BlockMeter,
         block_ns: int,
-        scorer: Scorer,
+        scorer: TrialScorer,
         bus: Bus,
         end_s: float,
         lift_by_s: float,
@@ -132,7 +132,7 @@ class Rig:
         self._muted, self._skip_untouched = muted, skip_untouched
         self._on_act = on_act
         self.contacts = {finger: LiveStream[Contact](due_ns=CAMERA_DELAY_NS) for finger in FINGERS}
-        self.levels = LiveStream[Block](due_ns=block_ns)
+        self.levels = LiveStream[EmgBlock](due_ns=block_ns)
         self._streams = list(self.contacts.values())
         self._still = [baselines[finger] for finger in FINGERS]
         self.frames = list(self._still)
@@ -141,7 +141,7 @@ class Rig:
         self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
         self._act_ns = self._camera_ns = 0
         self._n_frames = self._n_samples = 0
-        self.vest: VestFrame | None = None
+        self.vest: MotorLevels | None = None
         self._over = False
         self.t_ns = 0
         self.truth = world.truth()
@@ -159,7 +159,7 @@ class Rig:
             if due_ns == t_ns:
                 return
 
-    def write(self, t_ns: int, frame: VestFrame) -> None:
+    def write(self, t_ns: int, frame: MotorLevels) -> None:
         """Take a vest frame from the loop."""
         self.vest = None if self._muted() else self._worn(t_ns / 1e9, frame)
 

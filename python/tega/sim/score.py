@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 
 if TYPE_CHECKING:
-    from tega.sim.seams import Truth
+    from tega.sim.seams import WorldTruth
 
-__all__ = ["LIFT_M", "LIFT_WINDOW_S", "STABLE_S", "Event", "Scorer"]
+__all__ = ["LIFT_M", "LIFT_WINDOW_S", "STABLE_S", "TrialEvent", "TrialScorer"]
 
 LIFT_M = 0.2
 """Height that has to be reached, metres (the paper's)."""
@@ -33,7 +33,7 @@ VISIBLE_SLIP_M = 0.003
 EASED_SHARE = 0.8
 
 
-class Event(msgspec.Struct, frozen=True):
+class TrialEvent(msgspec.Struct, frozen=True):
     """Something that happened in a trial.
 
     Attributes:
@@ -47,7 +47,7 @@ class Event(msgspec.Struct, frozen=True):
     size_m: float = 0.0
 
 
-class Scorer:
+class TrialScorer:
     """Counts what happens in a trial; told the truth a hundred times a second or so.
 
     Args:
@@ -62,7 +62,7 @@ class Scorer:
 
     def __init__(self, harm_m: float) -> None:
         self._harm_m = harm_m
-        self.events: list[Event] = []
+        self.events: list[TrialEvent] = []
         self.peak_force_n = self.slid_m = self.deformation_m = 0.0
         self._up_since_s: float | None = None
         self._fast_since_s: float | None = None
@@ -71,7 +71,7 @@ class Scorer:
         self._rest_since_s: float | None = None
         self._squeeze: tuple[float, float] | None = None
 
-    def take(self, t_s: float, truth: Truth, *, placing: bool) -> None:
+    def take(self, t_s: float, truth: WorldTruth, *, placing: bool) -> None:
         """Take what is so now.
 
         Args:
@@ -84,12 +84,12 @@ class Scorer:
         if not truth.lift_off:
             return
         if self.time_of("lift_off") is None:
-            self.events.append(Event("lift_off", t_s))
+            self.events.append(TrialEvent("lift_off", t_s))
         if placing:
             self._end_slip()
             return
         if truth.dropped and self.time_of("drop") is None:
-            self.events.append(Event("drop", t_s))
+            self.events.append(TrialEvent("drop", t_s))
         self._rise(t_s, truth.object_height_m)
         self._slide(t_s, truth.slip_m, truth.slip_m_s)
 
@@ -113,7 +113,7 @@ class Scorer:
         elif self._up_since_s is None:
             self._up_since_s = t_s
         elif t_s - self._up_since_s >= STABLE_S and self.time_of("lifted") is None:
-            self.events.append(Event("lifted", t_s))
+            self.events.append(TrialEvent("lifted", t_s))
 
     def _slide(self, t_s: float, slip_m: float, slip_m_s: float) -> None:
         if slip_m_s >= SLIP_M_S:
@@ -135,7 +135,7 @@ class Scorer:
         if self._slip is not None:
             since_s, from_m = self._slip
             if self.slid_m - from_m >= VISIBLE_SLIP_M:
-                self.events.append(Event("slip", since_s, self.slid_m - from_m))
+                self.events.append(TrialEvent("slip", since_s, self.slid_m - from_m))
         self._slip = None
 
     def _deform(self, t_s: float, deformation_m: float) -> None:
@@ -148,5 +148,5 @@ class Scorer:
 
     def _end_squeeze(self) -> None:
         if self._squeeze is not None:
-            self.events.append(Event("deformation", *self._squeeze))
+            self.events.append(TrialEvent("deformation", *self._squeeze))
         self._squeeze = None

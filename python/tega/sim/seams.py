@@ -1,6 +1,6 @@
-"""What the parts of the simulated bench pass to one another: world, gel, operator, loop.
+"""Define the types that the simulated world, gel, operator and loop pass to one another.
 
-The world steps physics and says what presses each fingertip (:class:`Indenter`) and what is true (:class:`Truth`).
+The world steps physics and says what presses each fingertip (:class:`Indenter`) and what is true (:class:`WorldTruth`).
 The gel turns indenters into a picture. The operator is given what a person could perceive (:class:`Percept`) and
 answers with what the person does (:class:`Act`). Nothing here computes.
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
 
-__all__ = ["Act", "Indenter", "Percept", "Truth"]
+__all__ = ["Act", "Indenter", "Percept", "WorldTruth"]
 
 
 class Indenter(NamedTuple):
@@ -38,7 +38,7 @@ class Indenter(NamedTuple):
     force_n: float
 
 
-class Truth(NamedTuple):
+class WorldTruth(NamedTuple):
     """What is so in the simulated world, whatever a sensor says.
 
     Attributes:
@@ -77,8 +77,8 @@ class Percept(NamedTuple):
     """
 
     t_s: float
-    scene: Truth
-    vest: VestFrame | None
+    scene: WorldTruth
+    vest: MotorLevels | None
     closure: float | None = None
 
 

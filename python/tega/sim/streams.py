@@ -12,12 +12,12 @@ from tega.config import FINGERS
 from tega.csv_writer import CsvWriter
 from tega.records import BesideContact, BesideIntent, Contact, Intent, NamedValue
 from tega.records.table import columns, numbers
-from tega.view.figures import Course, Firmest, TouchPicture
+from tega.view.figures import Firmest, SessionCourse, TouchPicture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
     from tega.sim.lab import Lab
     from tega.sim.seams import Act, Percept
     from tega.stages.base import MeasuredPicture
@@ -111,7 +111,7 @@ class Streams:
         """Keep one EMG block."""
         self.rows["levels"].append((*numbers(intent), _closure(intent)))
 
-    def write(self, t_ns: int, frame: VestFrame) -> None:
+    def write(self, t_ns: int, frame: MotorLevels) -> None:
         """Keep one vest frame as the loop sent it."""
         if not self._motors:
             self._motors = tuple(f"m{int(motor)}" for motor in frame.motors)
@@ -149,8 +149,12 @@ class Streams:
         finger = max(images, key=lambda one: images[one].metrics.mass)
         return finger, images[finger]
 
-    def course(self) -> Course:
-        """Return touch, as the mean over the fingers in contact, and level over time."""
+    def course(self, *, pose_base: int = 0) -> SessionCourse:
+        """Return touch, as the mean over the fingers in contact, and level over time.
+
+        Args:
+            pose_base: Number of the most open pose as it is drawn, 0 or 1.
+        """
         at: dict[float, list[tuple[float, float]]] = {}
         for t_s, _, _, _, cci_norm, eda_norm, _, in_contact, *_ in self.rows["contacts"]:
             touching = at.setdefault(t_s, [])
@@ -158,12 +162,13 @@ class Streams:
                 touching.append((cci_norm, eda_norm))
         means = np.array([np.mean(pairs, axis=0) if pairs else (0.0, 0.0) for pairs in at.values()])
         means = means.reshape(-1, 2)
-        return Course(
+        return SessionCourse(
             touch_t_s=np.array(list(at)),
             cci_norm=means[:, 0],
             eda_norm=means[:, 1],
             level_t_s=self.array("levels", "t_s"),
             level=self.array("levels", "fused"),
+            pose_base=pose_base,
         )
 
     def write_tables(self, folder: Path) -> None:

@@ -17,7 +17,8 @@ from tega.sim.lift import Lift
 from tega.sim.plan import TrialPlan, TrialResult
 
 if TYPE_CHECKING:
-    from tega.sim.rig import Person
+    from tega.sim.recorded import LiftRecorder
+    from tega.sim.rig import TrialSteering
     from tega.sim.streams import Streams
     from tega.view.state import ViewState
 
@@ -27,10 +28,11 @@ __all__ = ["TrialPlan", "TrialResult", "run_trial"]
 def run_trial(
     plan: TrialPlan,
     *,
-    person: Person | None = None,
+    person: TrialSteering | None = None,
     real_time: bool = False,
     observer: Callable[[ViewState], None] | None = None,
     streams: Streams | None = None,
+    recorder: LiftRecorder | None = None,
     stop: Callable[[], bool] = lambda: False,
     paused: Callable[[], bool] = lambda: False,
     muted: Callable[[], bool] = lambda: False,
@@ -44,6 +46,7 @@ def run_trial(
         real_time: Whether to keep to the machine's clock; the results are the same.
         observer: Told thirty times a second of simulated time what there is to see.
         streams: Where to keep the truth and what the sensors said of the lift that counts.
+        recorder: What records the lift that counts.
         stop: Asked all the time whether to end; the trial then counts as it stands.
         paused: Asked all the time whether to stand still.
         muted: Asked at every vest frame whether somebody has switched the vest off.
@@ -65,6 +68,7 @@ def run_trial(
             lift,
             fatigue=fatigue,
             streams=streams if last else None,
+            recorder=recorder if last else None,
             muted=muted,
             skip_untouched=skip_untouched,
         )
@@ -73,4 +77,7 @@ def run_trial(
         fatigue = run.fatigue
         if stop():
             break
-    return run.result(simulated_s)
+    result = run.result(simulated_s)
+    if recorder is not None:
+        recorder.finish(result)
+    return result

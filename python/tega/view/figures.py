@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from tega.stages.base import MeasuredPicture, TouchMap
 
 __all__ = [
-    "Course",
     "Firmest",
+    "SessionCourse",
     "TouchPicture",
     "draw_course",
     "draw_map",
@@ -83,7 +83,7 @@ class Firmest:
 
 
 @dataclass(frozen=True)
-class Course:
+class SessionCourse:
     """How touch and intent went, as Fig 8 shows it.
 
     Args:
@@ -139,7 +139,7 @@ def draw_map(ax: Axes, shape: tuple[int, ...], metrics: ContactMetrics, touch_ma
     ax.plot(*metrics.peak_xy, "o", ms=11, mfc="none", mec="#27d045", mew=1.8)
 
 
-def draw_course(ax: Axes, course: Course) -> None:
+def draw_course(ax: Axes, course: SessionCourse) -> None:
     """Draw CCI (blue) and EDA (green) on the left axis, the pose (red, dashed) on the right one.
 
     The legend, above the plot, names what was drawn on ``ax`` before as well.
@@ -180,7 +180,9 @@ def new_figure(*, figsize: tuple[float, float]) -> Figure:
     return figure
 
 
-def session_figure(path: Path, pictures: Mapping[str, TouchPicture], course: Course, title: str) -> None:
+def session_figure(
+    path: Path, pictures: Mapping[str, TouchPicture], course: SessionCourse, title: str
+) -> None:
     """Write both pictures into one PNG.
 
     Args:

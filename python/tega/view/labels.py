@@ -8,7 +8,7 @@ from tega.haptics import HIGH_SHARE, contact_type
 
 if TYPE_CHECKING:
     from tega.haptics import ContactType
-    from tega.teleop.touch import Felt
+    from tega.teleop.touch import TouchMoment
 
 __all__ = ["BAND", "ContactLabels"]
 
@@ -29,7 +29,7 @@ class ContactLabels:
     def __init__(self) -> None:
         self._high: dict[str, tuple[bool, bool]] = {}
 
-    def name(self, finger: str, felt: Felt, *, in_contact: bool) -> ContactType:
+    def name(self, finger: str, felt: TouchMoment, *, in_contact: bool) -> ContactType:
         """Return the label of a finger's newest contact."""
         shares = felt.cci_norm, felt.eda_norm
         if not in_contact or felt.eda_norm == 0:

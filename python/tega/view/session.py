@@ -9,7 +9,7 @@ import numpy as np
 
 from tega.records import Contact, Intent
 from tega.stages.base import MeasuredPicture
-from tega.view.figures import Course, Firmest, TouchPicture, new_figure, session_figure
+from tega.view.figures import Firmest, SessionCourse, TouchPicture, new_figure, session_figure
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -60,7 +60,7 @@ class SessionPicture:
         means = [np.mean(self._touch[t], axis=0) if self._touch[t] else np.zeros(2) for t in times]
         touch = np.array(means, np.float64).reshape(-1, 2)
         levels = np.array(self._levels, np.int64).reshape(-1, 2)
-        course = Course(
+        course = SessionCourse(
             touch_t_s=np.array(times) / 1e9,
             cci_norm=touch[:, 0],
             eda_norm=touch[:, 1],

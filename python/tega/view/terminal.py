@@ -20,7 +20,7 @@ from tega.view.labels import ContactLabels
 from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
     from tega.teleop.moment import LoopView
 
 __all__ = ["TerminalView", "render"]
@@ -78,7 +78,7 @@ def _face(intensities: Sequence[int]) -> Text:
     return text
 
 
-def _vest(frame: VestFrame | None) -> RenderableType:
+def _vest(frame: MotorLevels | None) -> RenderableType:
     if frame is None:
         return Text("no vest frame", style="grey50")
     values = [int(v) for v in frame.intensities]

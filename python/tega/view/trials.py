@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from tega.view.figures import Course, TouchPicture, draw_course, draw_touch, new_figure
+from tega.view.figures import SessionCourse, TouchPicture, draw_course, draw_touch, new_figure
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,7 +32,7 @@ class TrialPicture(NamedTuple):
 
     title: str
     touch: Mapping[str, TouchPicture]
-    course: Course
+    course: SessionCourse
     height_t_s: NDArray[np.float64]
     height_m: NDArray[np.float64]
     events: Sequence[tuple[str, float]]

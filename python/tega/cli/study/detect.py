@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.cli.options import debug_option, echo_json, json_option
+from tega.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.study.detecting import TrialEvents
@@ -22,7 +22,6 @@ __all__ = ["detect"]
     "--live", is_flag=True, help="Only what could have been said at the time, as event-gated feedback does."
 )
 @json_option
-@debug_option
 def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:
     """Find lift-off, slip and deformation in the signals of the trials that were run.
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import debug_option
 from tega.cli.page import DEFAULT_PORT
 
 __all__ = ["observe"]
@@ -24,7 +23,6 @@ __all__ = ["observe"]
     "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
     help="With --recorded: TCP port of the page; the next free one where it is taken, any for 0.",
 )  # fmt: skip
-@debug_option
 def observe(
     *, folder: Path, participant: str, rater: str, recorded: bool, no_view: bool, view_port: int
 ) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import NameList, debug_option, echo_json, json_option
+from tega.cli.options import NameList, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.study.order import Layout
@@ -50,7 +50,6 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
     "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
 )
 @json_option
-@debug_option
 def plan(
     *,
     participants: int,
@@ -102,7 +101,6 @@ def plan(
 @click.command(epilog="Example: tega-teleop study status my-study")
 @click.argument("folder", type=_FOLDER)
 @json_option
-@debug_option
 def status(*, folder: Path, as_json: bool) -> None:
     """Show how far everybody is, and which trial comes next. What comes next is not shown to who recruits."""
     from tega.study import read_plan

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from tega.cli.options import debug_option, echo_json, json_option
+from tega.cli.options import echo_json, json_option
 
 __all__ = ["power"]
 
@@ -24,7 +24,6 @@ __all__ = ["power"]
     "--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Of the simulation."
 )
 @json_option
-@debug_option
 def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_json: bool) -> None:
     """Estimate how many people a study needs to find a difference in counts.
 

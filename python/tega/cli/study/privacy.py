@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import debug_option, echo_json, json_option
+from tega.cli.options import echo_json, json_option
 
 __all__ = ["export", "withdraw"]
 
@@ -18,7 +18,6 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 @click.argument("participant")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @json_option
-@debug_option
 def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> None:
     """Delete everything of one person, and reports made with it. It cannot be undone.
 
@@ -48,7 +47,6 @@ def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> Non
 @click.argument("folder", type=_FOLDER)
 @click.option("--out", type=_FOLDER, required=True, help="A new folder.")
 @json_option
-@debug_option
 def export(*, folder: Path, out: Path, as_json: bool) -> None:
     """Write an anonymised copy, fit to be published: new ids, no muscle signals, texts, names or dates.
 

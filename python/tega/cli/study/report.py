@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.cli.options import debug_option, echo_json, json_option
+from tega.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.study.analyse import Analysis
@@ -22,9 +22,8 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 @click.option("--out", type=_FOLDER, help="Folder for report.html and report/; the study's own unless given.")
 @click.option("--interim", is_flag=True, help="Show p-values although the plan is not done yet.")
 @json_option
-@debug_option
 def report(*, source: Path, out: Path | None, interim: bool, as_json: bool) -> None:
-    """Analyse a study's folder, or a file of sim-trials, and write one HTML page with tables and figures.
+    """Analyse a study's folder, or a file of sim trials, and write one HTML page with tables and figures.
 
     Everything comes from the folder; the same folder gives the same bytes. --json prints {page, tables, table1,
     tests}, tests as in report/tests.csv.

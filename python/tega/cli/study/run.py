@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from tega.cli.options import debug_option, echo_json, json_option, loop_sets
+from tega.cli.options import echo_json, json_option, loop_sets
 
 if TYPE_CHECKING:
-    from tega.study.lead.benches import Bench
+    from tega.study.lead.benches import TrialBench
     from tega.study.lead.trial import Task
     from tega.study.plan import StudyPlan
+    from tega.study.state import Where
 
 __all__ = ["run"]
 
@@ -34,13 +35,13 @@ __all__ = ["run"]
     "sets",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Override a setting; with --simulated: of the loop, as stages.*, vest.layout, vest.mirror. Repeatable.",
+    help="Override a setting; with --simulated: of the loop, as stages.*, vest.layout. Repeatable.",
 )
 @click.option(
     "--config",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="LAB.toml",
-    help="With --simulated: take the stages, vest.layout and vest.mirror of these settings.",
+    help="With --simulated: take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
 )
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
@@ -61,7 +62,6 @@ __all__ = ["run"]
     help="Shorten rests and countdowns; to rehearse.",
 )  # fmt: skip
 @json_option
-@debug_option
 def run(
     *,
     folder: Path,
@@ -87,7 +87,7 @@ def run(
     """
     import sys
 
-    from tega.safety.ctrl_c import Stop
+    from tega.safety.ctrl_c import CtrlC
     from tega.study import read_plan
     from tega.study.lead import lead_session
     from tega.study.lead.desk import desk_for
@@ -106,7 +106,7 @@ def run(
         _bench(
             folder, plan, participant, lab=lab, emulated=emulated, sets=sets, preset=preset, config=config
         ) as bench,
-        Stop() as stop,
+        CtrlC() as stop,
         desk_for(stop, alone=yes) as desk,
     ):
         state = lead_session(
@@ -144,7 +144,7 @@ def _bench(
     sets: tuple[str, ...],
     preset: Literal["paper", "live"],
     config: Path | None,
-) -> Iterator[Bench]:
+) -> Iterator[TrialBench]:
     """Make what the trials run on."""
     import json
     import tempfile
@@ -157,15 +157,20 @@ def _bench(
         from tega.study.privacy import note_elsewhere
 
         loaded = load_config(lab, sets=sets)
-        if (
-            loaded.config.calibration.person is None
-        ):  # with a file of maxima too: the vibration is this person's
-            person = f"calibration.person={json.dumps(participant)}"
-            loaded = load_config(lab, sets=(*sets, person))
+        file = loaded.config.calibration.file
+        if loaded.config.calibration.person is None:
+            person = (f"calibration.person={json.dumps(participant)}",)
+            mine = load_config(lab, sets=(*sets, *person))
+            _, folder_of = whose(mine.config.calibration)
+            if file is not None and not folder_of.person(participant).is_dir():
+                # The maxima are the file's; the vibration is this person's.
+                mine = load_config(lab, sets=(*sets, *person, f"calibration.file={json.dumps(str(file))}"))
+            loaded = mine
         if loaded.config.calibration.person is not None:
             code, calibrations = whose(loaded.config.calibration)
             note_elsewhere(folder, participant, calibrations.person(code))
-        yield LabBench(loaded.config, settings=str(lab))
+        where: Where = "emulated" if loaded.config.session.emulated else "lab"
+        yield LabBench(loaded.config, settings=str(lab), where=where)
     elif emulated:
         from tega.checkout_tools import needs_tools
         from tega.config import check_tree, override_tree

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import debug_option, echo_json, json_option
+from tega.cli.options import echo_json, json_option
 
 __all__ = ["score"]
 
@@ -24,7 +24,6 @@ __all__ = ["score"]
 )  # fmt: skip
 @click.option("--rater", metavar="ID", help="With --import: whose they are; a code that is new.")
 @json_option
-@debug_option
 def score(
     *,
     folder: Path,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import NameList, debug_option, echo_json, json_option
+from tega.cli.options import NameList, echo_json, json_option
 from tega.cli.study.simulate import SHARD, trials_shown
 
 __all__ = ["sensitivity"]
@@ -30,7 +30,6 @@ __all__ = ["sensitivity"]
 @click.option("--shard", type=SHARD, default="1/1", help="Only the i-th of n parts, for many machines.")
 @click.option("--dask", metavar="ADDRESS", default="", help="Use the workers of a dask scheduler.")
 @json_option
-@debug_option
 def sensitivity(
     *,
     folder: Path,

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import click
 
-from tega.cli.options import NameList, debug_option, echo_json, json_option, loop_options, loop_sets
+from tega.cli.options import NameList, echo_json, json_option, loop_options, loop_sets
 
 __all__ = ["SHARD", "simulate", "trials_shown"]
 
@@ -89,7 +89,6 @@ SHARD = _Shard()
 )  # fmt: skip
 @loop_options
 @json_option
-@debug_option
 def simulate(
     *,
     operators: int,

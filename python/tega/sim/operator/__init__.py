@@ -6,7 +6,7 @@ from tega.sim.operator.emg import CHANNELS, ForearmEmg
 from tega.sim.operator.emg_noise import TICK_HZ
 from tega.sim.operator.keyboard import KEYS_HELP, KeyboardOperator
 from tega.sim.operator.keys import Keys
-from tega.sim.operator.person import Parameters, Person, draw_person, load_parameters, typical_person
+from tega.sim.operator.person import Parameters, PersonNumbers, draw_person, load_parameters, typical_person
 from tega.sim.operator.scripted import ScriptedOperator
 from tega.sim.operator.shams import SHAMS, Sham, sham_vest
 
@@ -21,7 +21,7 @@ __all__ = [
     "Keys",
     "Operator",
     "Parameters",
-    "Person",
+    "PersonNumbers",
     "Rules",
     "ScriptedOperator",
     "Sham",

@@ -14,12 +14,12 @@ import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.sim.operator.belief import ObjectBelief, Panel
-from tega.sim.operator.forearm import Forearm
-from tega.sim.operator.grip import Decision, Grip
-from tega.sim.operator.motor import Motor
-from tega.sim.operator.person import Person, stream
+from tega.sim.operator.forearm import SimulatedForearm
+from tega.sim.operator.grip import Decision, GripDecisions
+from tega.sim.operator.motor import MuscleMotor
+from tega.sim.operator.person import PersonNumbers, stream
 from tega.sim.operator.vest_sense import LOOK_S, Skin
-from tega.sim.operator.vision import Event, Eyes
+from tega.sim.operator.vision import Eyes, SeenEvent
 from tega.sim.seams import Act, Percept
 
 __all__ = ["Operator", "Rules"]
@@ -33,10 +33,10 @@ _PANELS: tuple[Panel, Panel] = ("front", "back")
 class _Trial:
     """What begins anew with each trial."""
 
-    grip: Grip
+    grip: GripDecisions
     eyes: Eyes
-    motor: Motor
-    pending: list[Event] = field(default_factory=list)
+    motor: MuscleMotor
+    pending: list[SeenEvent] = field(default_factory=list)
     last_s: float = -_TICK_S
     next_decision_s: float = 0.0
     next_vest_read_s: float = 0.0
@@ -79,17 +79,17 @@ class Operator:
 
     Example:
         >>> from tega.sim.operator import Operator, typical_person
-        >>> from tega.sim.seams import Percept, Truth
+        >>> from tega.sim.seams import Percept, WorldTruth
         >>> operator = Operator(typical_person(), seed=1)
         >>> operator.begin("bottle", width_m=0.07)
-        >>> nothing = Truth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
+        >>> nothing = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
         >>> operator.act(Percept(0.0, nothing, None)).phase
         'reach'
     """
 
     def __init__(
         self,
-        person: Person,
+        person: PersonNumbers,
         *,
         seed: int,
         feels: bool = True,
@@ -224,7 +224,9 @@ class Operator:
             rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
         )
         self._trial = _Trial(
-            grip=Grip(person, self._recall(name, rest_s), Forearm((0.0, person.forearm.back_m))),
+            grip=GripDecisions(
+                person, self._recall(name, rest_s), SimulatedForearm((0.0, person.forearm.back_m))
+            ),
             eyes=Eyes(
                 person.vision,
                 width_m=width_m,
@@ -233,7 +235,7 @@ class Operator:
                 poses=process("pose"),
                 reaction=process("visual reaction"),
             ),
-            motor=Motor(
+            motor=MuscleMotor(
                 person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")
             ),
         )

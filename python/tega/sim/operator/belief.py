@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.operator.sections import Grip
+from tega.sim.operator.sections import GripSection
 from tega.sim.operator.vision import normal_cdf
 
 __all__ = ["Closure", "ObjectBelief", "Panel", "above", "below", "best_level", "cost"]
@@ -58,7 +58,7 @@ class Closure:
         grip: The person's numbers.
     """
 
-    def __init__(self, grip: Grip) -> None:
+    def __init__(self, grip: GripSection) -> None:
         log_half = math.log(0.5)
         self._mean = np.array([1.0, log_half, 0.0, log_half, 0.0])
         line = [grip.line_intercept_sd**2, grip.line_slope_sd**2]
@@ -134,7 +134,7 @@ class ObjectBelief:
         closure: How closed the hand is on it, and what the vest tells about that.
     """
 
-    grip: Grip
+    grip: GripSection
     need: tuple[float, float] = (0.0, 0.0)
     harm: tuple[float, float] = (0.0, 0.0)
     closure: Closure = field(init=False)

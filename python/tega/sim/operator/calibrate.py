@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tega.emg import GraspIntent, Preset, channel_maxima
 from tega.sim.operator.emg import ForearmEmg
 from tega.sim.operator.emg_noise import TICK_HZ
-from tega.sim.operator.person import Person
+from tega.sim.operator.person import PersonNumbers
 
 __all__ = ["Calibrated", "calibrate"]
 
@@ -37,7 +37,7 @@ class Calibrated(NamedTuple):
 
 
 def calibrate(
-    person: Person, *, seed: int, rate_hz: float = 1000.0, tau_s: float = 0.1, preset: Preset = "live"
+    person: PersonNumbers, *, seed: int, rate_hz: float = 1000.0, tau_s: float = 0.1, preset: Preset = "live"
 ) -> Calibrated:
     """Take the maxima of three strong squeezes through the real chain.
 

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import InvalidValueError, ShapeError
 from tega.sim.operator.emg_noise import TICK_HZ, NoiseMaker, Second
-from tega.sim.operator.person import Person, stream
+from tega.sim.operator.person import PersonNumbers, stream
 from tega.sim.seams import Act
 
 __all__ = ["CHANNELS", "ForearmEmg"]
@@ -65,7 +65,7 @@ class ForearmEmg:
 
     def __init__(
         self,
-        person: Person,
+        person: PersonNumbers,
         *,
         seed: int,
         label: str | int = 0,

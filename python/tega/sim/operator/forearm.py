@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["Forearm"]
+__all__ = ["SimulatedForearm"]
 
 
-class Forearm:
+class SimulatedForearm:
     """Where the person moves the hand: minimum-jerk from place to place.
 
     Args:

@@ -11,12 +11,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tega.sim.operator.belief import ObjectBelief, best_level, cost
-from tega.sim.operator.forearm import Forearm
-from tega.sim.operator.person import Person
-from tega.sim.operator.vision import Event, Kind
-from tega.sim.seams import Truth
+from tega.sim.operator.forearm import SimulatedForearm
+from tega.sim.operator.person import PersonNumbers
+from tega.sim.operator.vision import Kind, SeenEvent
+from tega.sim.seams import WorldTruth
 
-__all__ = ["Decision", "Grip"]
+__all__ = ["Decision", "GripDecisions"]
 
 _CARRYING = frozenset({"lift", "place"})
 _CONTACT = frozenset({"contact", "onset", "slip", "deformation"})
@@ -40,7 +40,7 @@ class Decision(NamedTuple):
     why: str
 
 
-class Grip:
+class GripDecisions:
     """One trial's course of decisions.
 
     Args:
@@ -49,7 +49,7 @@ class Grip:
         forearm: Moves the hand.
     """
 
-    def __init__(self, person: Person, belief: ObjectBelief, forearm: Forearm) -> None:
+    def __init__(self, person: PersonNumbers, belief: ObjectBelief, forearm: SimulatedForearm) -> None:
         self._grip, self._arm, self._aim_sd = person.grip, person.forearm, person.motor.aim_sd
         self.belief, self.closure, self.forearm = belief, belief.closure, forearm
         self.phase = "reach"
@@ -103,7 +103,7 @@ class Grip:
             self._posed = True
             self.closure.observe(*seen)
 
-    def decide(self, t_s: float, dt_s: float, events: list[Event], scene: Truth) -> Decision | None:
+    def decide(self, t_s: float, dt_s: float, events: list[SeenEvent], scene: WorldTruth) -> Decision | None:
         """Go on by one decision interval.
 
         Args:
@@ -126,7 +126,7 @@ class Grip:
                 level, why = self._adjust(kinds)
         return None if level is None else self._command(t_s, level, why)
 
-    def _learn(self, t_s: float, events: list[Event]) -> None:
+    def _learn(self, t_s: float, events: list[SeenEvent]) -> None:
         for event in events:
             # The hand needs a moment to follow a command: what was seen before belongs to the closure before it.
             late = event.began_s < self._commanded_s + self._grip.closing_step_s
@@ -182,7 +182,7 @@ class Grip:
     def _set_closure(self, x: float) -> None:
         self.closure.set(x, (self._aim_sd * self.level) ** 2 + self._grip.closure_sd**2)
 
-    def _task(self, t_s: float, scene: Truth) -> tuple[int | None, str]:
+    def _task(self, t_s: float, scene: WorldTruth) -> tuple[int | None, str]:
         """Go through the phases; return a level where the phase itself asks for one."""
         arm, forearm = self._arm, self.forearm
         if self.phase in _HELD and scene.dropped:

@@ -12,9 +12,9 @@ from collections import deque
 
 import numpy as np
 
-from tega.sim.operator.sections import Motor as MotorSection
+from tega.sim.operator.sections import MotorSection
 
-__all__ = ["Motor", "level_effort"]
+__all__ = ["MuscleMotor", "level_effort"]
 
 _MOST = 1.15
 
@@ -26,7 +26,7 @@ def level_effort(motor: MotorSection, level: int) -> float:
     return motor.level_five if level >= 5 else (level - 0.5) / 4
 
 
-class Motor:
+class MuscleMotor:
     """Muscles under a command.
 
     Args:

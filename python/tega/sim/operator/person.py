@@ -22,13 +22,21 @@ import numpy as np
 
 from tega.errors import ConfigError
 from tega.foreign_file import parse_toml, read_foreign
-from tega.sim.operator.sections import Body, Emg, Forearm, Grip, Motor, Vest, Vision
+from tega.sim.operator.sections import (
+    BodySection,
+    Emg,
+    ForearmSection,
+    GripSection,
+    MotorSection,
+    VestSection,
+    Vision,
+)
 
 __all__ = [
     "FROZEN_SHA256",
     "Parameter",
     "Parameters",
-    "Person",
+    "PersonNumbers",
     "draw_person",
     "load_parameters",
     "stream",
@@ -110,7 +118,7 @@ class Parameters(msgspec.Struct, frozen=True):
         return Parameters(sections, self.digest)
 
 
-class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class PersonNumbers(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One person's numbers; units as in the parameter file.
 
     Attributes:
@@ -123,12 +131,12 @@ class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         emg: Muscles, electrodes and amplifier.
     """
 
-    body: Body
+    body: BodySection
     vision: Vision
-    vest: Vest
-    grip: Grip
-    motor: Motor
-    forearm: Forearm
+    vest: VestSection
+    grip: GripSection
+    motor: MotorSection
+    forearm: ForearmSection
     emg: Emg
 
 
@@ -148,7 +156,7 @@ def load_parameters(path: Path | None = None) -> Parameters:
     try:
         tree = parse_toml(content.decode("utf-8-sig"))
         sections = msgspec.convert(tree, dict[str, dict[str, Parameter]])
-        msgspec.convert(_values(sections), Person)
+        msgspec.convert(_values(sections), PersonNumbers)
     except (ValueError, msgspec.ValidationError) as error:
         raise ConfigError(f"{source.name}: {error}", hint) from error
     parameters = Parameters(sections, hashlib.sha256(content).hexdigest())
@@ -160,12 +168,12 @@ def load_parameters(path: Path | None = None) -> Parameters:
     return parameters
 
 
-def typical_person(parameters: Parameters | None = None) -> Person:
+def typical_person(parameters: Parameters | None = None) -> PersonNumbers:
     """Return the person in whom every parameter has its central value."""
-    return msgspec.convert(_values((parameters or load_parameters()).sections), Person)
+    return msgspec.convert(_values((parameters or load_parameters()).sections), PersonNumbers)
 
 
-def draw_person(seed: int, parameters: Parameters | None = None) -> Person:
+def draw_person(seed: int, parameters: Parameters | None = None) -> PersonNumbers:
     """Draw one person from the population, each parameter from its own stream.
 
     Reaction times to touch and to sight are correlated, and both grow with age.
@@ -188,7 +196,7 @@ def draw_person(seed: int, parameters: Parameters | None = None) -> Person:
     slower_ms = values["body"]["rt_per_year_ms"] * max(0.0, values["body"]["age_years"] - 25.0)
     values["vision"]["rt_ms"] += slower_ms
     values["vest"]["rt_ms"] += slower_ms
-    return msgspec.convert(values, Person)
+    return msgspec.convert(values, PersonNumbers)
 
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tega.errors import InvalidValueError
-from tega.sim.operator.forearm import Forearm
+from tega.sim.operator.forearm import SimulatedForearm
 from tega.sim.operator.motor import level_effort
 from tega.sim.operator.person import typical_person
 from tega.sim.seams import Act, Percept
@@ -84,7 +84,7 @@ class ScriptedOperator:
     def begin(self, name: str = "", *, width_m: float = 0.0, trial: int = 0, rest_s: float = 0.0) -> None:
         """Start over; the arguments are those of :meth:`tega.sim.operator.Operator.begin` and change nothing."""
         del name, width_m, trial, rest_s
-        self._forearm, self._next = Forearm(self._start_m), 0
+        self._forearm, self._next = SimulatedForearm(self._start_m), 0
 
     def act(self, percept: Percept) -> Act:
         """Return what the script says for the percept's time; time must not go back."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import msgspec
 
-__all__ = ["Body", "Emg", "Forearm", "Grip", "Motor", "Vest", "Vision"]
+__all__ = ["BodySection", "Emg", "ForearmSection", "GripSection", "MotorSection", "VestSection", "Vision"]
 
 
-class _Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class _PersonSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pass
 
 
-class Body(_Section, frozen=True):
+class BodySection(_PersonSection, frozen=True):
     """Age, and what follows from it."""
 
     age_years: float
@@ -19,7 +19,7 @@ class Body(_Section, frozen=True):
     rt_correlation: float
 
 
-class Vision(_Section, frozen=True):
+class Vision(_PersonSection, frozen=True):
     """What is seen, and how late."""
 
     rt_ms: float
@@ -41,7 +41,7 @@ class Vision(_Section, frozen=True):
     delay_ms: float
 
 
-class Vest(_Section, frozen=True):
+class VestSection(_PersonSection, frozen=True):
     """What is felt on the torso: link, motors, skin, attention."""
 
     rt_ms: float
@@ -69,7 +69,7 @@ class Vest(_Section, frozen=True):
     compare_sds: float
 
 
-class Grip(_Section, frozen=True):
+class GripSection(_PersonSection, frozen=True):
     """Guesses, costs and pace of the decisions."""
 
     need: float
@@ -96,7 +96,7 @@ class Grip(_Section, frozen=True):
     line_slope_min: float
 
 
-class Motor(_Section, frozen=True):
+class MotorSection(_PersonSection, frozen=True):
     """From a level in mind to excitation."""
 
     aim_sd: float
@@ -115,7 +115,7 @@ class Motor(_Section, frozen=True):
     level_five: float
 
 
-class Forearm(_Section, frozen=True):
+class ForearmSection(_PersonSection, frozen=True):
     """Movements of the hand as a whole."""
 
     back_m: float
@@ -130,7 +130,7 @@ class Forearm(_Section, frozen=True):
     attempts: float
 
 
-class Emg(_Section, frozen=True):
+class Emg(_PersonSection, frozen=True):
     """Muscles, electrodes and amplifier."""
 
     ecr_uv: float

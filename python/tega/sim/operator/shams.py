@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.haptics import Layout, VestFrame, vest_frame
+from tega.haptics import Layout, MotorLevels, vest_frame
 from tega.sim.operator.person import stream
 
 __all__ = ["SHAMS", "Sham", "ShamName", "sham_vest"]
@@ -40,7 +40,7 @@ _FRAME_S = 1 / 30
 _UNRELATED_HZ = 0.3
 
 
-Sham: TypeAlias = Callable[[float, VestFrame], VestFrame | None]
+Sham: TypeAlias = Callable[[float, MotorLevels], MotorLevels | None]
 """Takes the time in seconds and the frame that was made; returns the one worn, or ``None`` for a vest that is off."""
 
 
@@ -49,7 +49,7 @@ def sham_vest(
     *,
     seed: int = 0,
     layout: Layout = "x40",
-    recorded: Sequence[tuple[float, VestFrame]] = (),
+    recorded: Sequence[tuple[float, MotorLevels]] = (),
     constant_percent: float = 50.0,
 ) -> Sham:
     """Return an arm of the study.
@@ -95,7 +95,7 @@ class _Unrelated:
         self._number = -1
         self._frame = vest_frame([0.0] * 4, [0.0] * 4, layout=layout)
 
-    def __call__(self, t_s: float, frame: VestFrame) -> VestFrame:
+    def __call__(self, t_s: float, frame: MotorLevels) -> MotorLevels:
         del frame
         keep = math.exp(-2 * math.pi * _UNRELATED_HZ * _FRAME_S)
         number = math.floor(t_s / _FRAME_S + 1e-6)
@@ -108,13 +108,13 @@ class _Unrelated:
 
 
 class _Replayed:
-    def __init__(self, recorded: Sequence[tuple[float, VestFrame]]) -> None:
+    def __init__(self, recorded: Sequence[tuple[float, MotorLevels]]) -> None:
         if not recorded:
             raise InvalidValueError("recorded has no frame", "give the times and frames of another trial")
         self._times = np.array([t_s for t_s, _ in recorded])
         self._frames = [frame for _, frame in recorded]
 
-    def __call__(self, t_s: float, frame: VestFrame) -> VestFrame:
+    def __call__(self, t_s: float, frame: MotorLevels) -> MotorLevels:
         del frame
         return self._frames[max(int(np.searchsorted(self._times, t_s, side="right")) - 1, 0)]
 
@@ -128,23 +128,23 @@ class _Permuted:
         while np.any(order == np.arange(4)):
             order = rng.permutation(4)
         self._order = order
-        self._last: tuple[VestFrame, VestFrame] | None = None
+        self._last: tuple[MotorLevels, MotorLevels] | None = None
 
-    def __call__(self, t_s: float, frame: VestFrame) -> VestFrame:
+    def __call__(self, t_s: float, frame: MotorLevels) -> MotorLevels:
         del t_s
         if self._last is None or self._last[0] is not frame:
             columns = frame.intensities.reshape(-1, 4)[:, self._order]
-            self._last = frame, VestFrame(frame.layout, np.ascontiguousarray(columns).reshape(-1))
+            self._last = frame, MotorLevels(frame.layout, np.ascontiguousarray(columns).reshape(-1))
         return self._last[1]
 
 
-def _inverted(t_s: float, frame: VestFrame) -> VestFrame:
+def _inverted(t_s: float, frame: MotorLevels) -> MotorLevels:
     del t_s
     # One per cent is what the printed law shows where nothing is touched.
     shown = np.where(frame.intensities > 1, 100 - frame.intensities, frame.intensities)
-    return VestFrame(frame.layout, shown.astype(np.uint8))
+    return MotorLevels(frame.layout, shown.astype(np.uint8))
 
 
-def _half(t_s: float, frame: VestFrame) -> VestFrame:
+def _half(t_s: float, frame: MotorLevels) -> MotorLevels:
     del t_s
-    return VestFrame(frame.layout, frame.intensities // 2)
+    return MotorLevels(frame.layout, frame.intensities // 2)

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.haptics import VestFrame
-from tega.sim.operator.sections import Vest, Vision
-from tega.sim.operator.vision import Event, Kind, normal_cdf, reaction_s
+from tega.haptics import MotorLevels
+from tega.sim.operator.sections import VestSection, Vision
+from tega.sim.operator.vision import Kind, SeenEvent, normal_cdf, reaction_s
 
 __all__ = ["LOOK_S", "Look", "Skin"]
 
@@ -47,7 +47,7 @@ class Skin:
         vision: The person's reaction floor and cost of a choice.
     """
 
-    def __init__(self, vest: Vest, vision: Vision) -> None:
+    def __init__(self, vest: VestSection, vision: Vision) -> None:
         self._p, self._choice_s = vest, vision.choice_ms / 1e3
         self._floor_ms = vision.rt_floor_ms
         self.look_sd = math.log1p(vest.weber) / _TWO_LOOKS
@@ -67,12 +67,12 @@ class Skin:
         self._moving = np.zeros((2, 4))
         self._target = np.zeros((2, 4))
         self._queue: deque[tuple[float, NDArray[np.float64]]] = deque()
-        self._last_frame: VestFrame | None = None
+        self._last_frame: MotorLevels | None = None
         n_looks = round(2 * self._p.compare_s / LOOK_S)
         self.looks: deque[Look] = deque(maxlen=n_looks)
         self._next_compare_s = 0.0
 
-    def feel(self, t_s: float, dt_s: float, frame: VestFrame | None) -> None:
+    def feel(self, t_s: float, dt_s: float, frame: MotorLevels | None) -> None:
         """Let the motors run on; a new frame reaches them after the link's delay."""
         if frame is not self._last_frame:
             self._last_frame = frame
@@ -107,7 +107,7 @@ class Skin:
         self.looks.append(look)
         return look
 
-    def onset(self, t_s: float) -> Event | None:
+    def onset(self, t_s: float) -> SeenEvent | None:
         """Return the event of feeling something after silence, if that was the last look."""
         *before, last = self.looks
         if (last.front is None and last.back is None) or not before:
@@ -117,7 +117,7 @@ class Skin:
         )
         return self._noticed(t_s, "onset") if silent else None
 
-    def slip_pulse(self, t_s: float) -> Event | None:
+    def slip_pulse(self, t_s: float) -> SeenEvent | None:
         """Return the event of feeling both faces at once after neither was, if that was the last look.
 
         What a pulse on one face alone says, contact or release of a finger, asks for nothing while an object is held.
@@ -131,7 +131,7 @@ class Skin:
         )
         return None if both else self._noticed(t_s, "slip")
 
-    def weaker(self, t_s: float, falls: tuple[bool, bool]) -> Event | None:
+    def weaker(self, t_s: float, falls: tuple[bool, bool]) -> SeenEvent | None:
         """Compare the last half second with the one before, a few times a second.
 
         Args:
@@ -172,7 +172,7 @@ class Skin:
         felt = missed < (1 - self._p.lapse) * chance
         return math.log(intensity) + self.look_sd * error if felt else None
 
-    def _drive(self, frame: VestFrame | None) -> NDArray[np.float64]:
+    def _drive(self, frame: MotorLevels | None) -> NDArray[np.float64]:
         """Amplitude that each place goes to: the strongest motor of its column, still below the starting level."""
         if frame is None:
             return np.zeros((2, 4))
@@ -180,7 +180,7 @@ class Skin:
         amplitude: NDArray[np.float64] = (levels / 15.0) ** self._p.exponent
         return np.where(levels < self._p.start_level, 0.0, amplitude)
 
-    def _noticed(self, t_s: float, kind: Kind) -> Event:
+    def _noticed(self, t_s: float, kind: Kind) -> SeenEvent:
         p = self._p
         late = reaction_s(self._reaction, p.rt_ms, p.rt_sigma_ms, p.rt_tau_ms, self._floor_ms)
-        return Event(t_s + late + self._choice_s + p.dual_ms / 1e3, kind, t_s)
+        return SeenEvent(t_s + late + self._choice_s + p.dual_ms / 1e3, kind, t_s)

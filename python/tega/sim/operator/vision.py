@@ -12,9 +12,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tega.sim.operator.sections import Vision
-from tega.sim.seams import Truth
+from tega.sim.seams import WorldTruth
 
-__all__ = ["Event", "Eyes", "Kind", "normal_cdf", "reaction_s"]
+__all__ = ["Eyes", "Kind", "SeenEvent", "normal_cdf", "reaction_s"]
 
 Kind = Literal["slip", "deformation", "contact", "weaker", "onset"]
 
@@ -23,7 +23,7 @@ _DEGREES = 180 / math.pi
 _TOUCHING_N = 0.02
 
 
-class Event(NamedTuple):
+class SeenEvent(NamedTuple):
     """Something noticed.
 
     Attributes:
@@ -84,7 +84,9 @@ class Eyes:
         self._last_distance_m: float | None = None
         self.on_hand = True
 
-    def see(self, t_s: float, dt_s: float, scene: Truth, *, carried: bool, lifting: bool) -> list[Event]:
+    def see(
+        self, t_s: float, dt_s: float, scene: WorldTruth, *, carried: bool, lifting: bool
+    ) -> list[SeenEvent]:
         """Return what has been noticed since the last call.
 
         Args:
@@ -94,7 +96,7 @@ class Eyes:
             carried: Whether the hand is moving the object about: the eyes are less on it.
             lifting: Whether the hand is going up, so that an object that stays behind is seen to move against it.
         """
-        events: list[Event] = []
+        events: list[SeenEvent] = []
         self._integrate(dt_s, self._relative_speed_m_s(dt_s, scene, lifting=lifting))
         if self._motion > self._p.motion_c:
             self._motion = -self._p.motion_c / 2
@@ -111,11 +113,11 @@ class Eyes:
         error = float(self._poses.standard_normal())
         return (closure + self._p.pose_sd * error, self._p.pose_sd**2) if self.on_hand else None
 
-    def _look(self, t_s: float, scene: Truth) -> list[Event]:
+    def _look(self, t_s: float, scene: WorldTruth) -> list[SeenEvent]:
         deformed, touched = self._looks.random(2)
         if not self.on_hand:
             return []
-        found: list[Event] = []
+        found: list[SeenEvent] = []
         share = scene.deformation_m / self._width_m
         if share > 0:
             seen = normal_cdf(math.log(share / self._p.deform_theta) / self._p.deform_log_sd)
@@ -125,7 +127,7 @@ class Eyes:
             found.append(self._noticed(t_s, "contact"))
         return found
 
-    def _relative_speed_m_s(self, dt_s: float, scene: Truth, *, lifting: bool) -> float:
+    def _relative_speed_m_s(self, dt_s: float, scene: WorldTruth, *, lifting: bool) -> float:
         """Speed of the object against the fingers, whether it slides in the grasp or stays behind on the table."""
         last, self._last_distance_m = self._last_distance_m, scene.hand_to_object_m
         behind = 0.0
@@ -138,7 +140,7 @@ class Eyes:
         gained = w ** (2 / 3) * dt_s if self.on_hand and w > self._p.motion_floor_deg_s else 0.0
         self._motion += gained - self._motion * dt_s / self._p.motion_leak_s
 
-    def _noticed(self, t_s: float, kind: Kind) -> Event:
+    def _noticed(self, t_s: float, kind: Kind) -> SeenEvent:
         p = self._p
         late = reaction_s(self._reaction, p.rt_ms, p.rt_sigma_ms, p.rt_tau_ms, p.rt_floor_ms)
-        return Event(t_s + late + (p.choice_ms + p.delay_ms) / 1e3, kind, t_s)
+        return SeenEvent(t_s + late + (p.choice_ms + p.delay_ms) / 1e3, kind, t_s)

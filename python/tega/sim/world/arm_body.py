@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega.arm.robot.body import Seen
+from tega.arm.robot.body import HandSeen
 from tega.arm.robot.words import Quaternion, Triple
 from tega.arm.rotation import from_matrix, to_matrix
 from tega.errors import TegaError
@@ -54,7 +54,7 @@ class BenchBody:
         self._t_s, self._looked_s = 0.0, time.monotonic()
         self._fault = ""
 
-    def see(self) -> Seen:
+    def see(self) -> HandSeen:
         """Let the time pass that has passed, and return where the palm is."""
         now_s = time.monotonic()
         until_s = self._t_s + min(now_s - self._looked_s, _MOST_S)
@@ -70,7 +70,7 @@ class BenchBody:
         palm_m, turn = self._world.palm_pose
         x, y, z = (palm_m + _ORIGIN).tolist()
         qx, qy, qz, qw = from_matrix(turn).tolist()
-        return Seen(time.monotonic_ns(), (x, y, z), (qx, qy, qz, qw))
+        return HandSeen(time.monotonic_ns(), (x, y, z), (qx, qy, qz, qw))
 
     def begin(self) -> None:
         """Begin to follow, from where it is."""

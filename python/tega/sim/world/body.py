@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
-from tega.hand_mjcf import FINGERS
 from tega.sim.world.flex import AROUND, SKIN_M, UP
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.shapes import Shape
+from tega.wire import HAND_FINGERS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Body", "body_of"]
+__all__ = ["LiftedBody", "body_of"]
 
 # Boards that a flex is drawn of: half their thickness, and how far towards the axis those of its ends reach.
 _BOARD_M: Final = 0.002
 _WEDGE: Final = 0.8
 
 
-class Body(Protocol):
+class LiftedBody(Protocol):
     """What can be asked of a lifted object; all of it in the world frame."""
 
     def move(self, x_m: float, y_m: float) -> None:
@@ -53,7 +53,7 @@ class Body(Protocol):
         """Return where those are, float64 (n, 7)."""
 
 
-def body_of(mujoco: Any, model: Any, data: Any, spec: ObjectSpec) -> Body:
+def body_of(mujoco: Any, model: Any, data: Any, spec: ObjectSpec) -> LiftedBody:
     """Return the object of a model, to ask."""
     return Flexed(mujoco, model, data, spec) if spec.shell == "flex" else Sprung(model, data, spec)
 
@@ -74,12 +74,12 @@ class Sprung:
         self._speed = data.qvel[joint.dofadr[0] + 2 :]
         self._place = data.qpos[joint.qposadr[0] :]
         # The shells' slides lie one after the other: x and y of each finger.
-        first = model.joint(f"{FINGERS[0]}_shell_x").qposadr[0]
-        self._dents = data.qpos[first : first + 2 * len(FINGERS)]
+        first = model.joint(f"{HAND_FINGERS[0]}_shell_x").qposadr[0]
+        self._dents = data.qpos[first : first + 2 * len(HAND_FINGERS)]
         self._plastic = np.array(
             [
                 model.tendon_plasticadr[model.tendon(f"{finger}_set_{axis}").id]
-                for finger in (FINGERS if spec.plastic_share > 0 else ())
+                for finger in (HAND_FINGERS if spec.plastic_share > 0 else ())
                 for axis in "xy"
             ],
             np.intp,

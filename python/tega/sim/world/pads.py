@@ -12,25 +12,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tega.hand_mjcf import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
+from tega.hand_mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M
+from tega.haptics import FINGERS
 from tega.sim.gel import fall
 from tega.sim.seams import Indenter
-from tega.sim.world.body import Body
+from tega.sim.world.body import LiftedBody
 from tega.sim.world.objects import ObjectSpec
+from tega.wire import HAND_FINGERS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["SEAM_FINGERS", "Touch"]
-
-SEAM_FINGERS = ("thumb", "index", "middle", "ring")
-"""The order of fingers outside the world."""
+__all__ = ["PadContacts"]
 
 _FLEX = -1
 """What a contact of MuJoCo calls the shape that is a flex."""
 
 
-class Touch:
+class PadContacts:
     """Reads the contacts of a model: forces on pads, links and palm, and shapes before the pads.
 
     Args:
@@ -41,17 +40,17 @@ class Touch:
         body: Reader of it.
     """
 
-    def __init__(self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec, body: Body) -> None:
+    def __init__(self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec, body: LiftedBody) -> None:
         self._mujoco, self._model, self._data = mujoco, model, data
-        self._pads = {model.geom(f"{finger}_pad").id: i for i, finger in enumerate(SEAM_FINGERS)}
-        self._sites = [model.site(f"{finger}_pad").id for finger in SEAM_FINGERS]
+        self._pads = {model.geom(f"{finger}_pad").id: i for i, finger in enumerate(FINGERS)}
+        self._sites = [model.site(f"{finger}_pad").id for finger in FINGERS]
         self._table = model.geom("table").id
         self._body = body
         radius = spec.diameter_m / 2
         if spec.shell == "flex":
             self._object, sizes = {_FLEX}, {_FLEX: [radius, spec.height_m / 2 - radius]}
         else:
-            shells = [model.geom(f"{finger}_shell").id for finger in FINGERS]
+            shells = [model.geom(f"{finger}_shell").id for finger in HAND_FINGERS]
             self._object = {*shells, model.geom("core").id, model.geom("object").id}
             sizes = {shape: model.geom_size[shape].tolist() for shape in self._object}
         self._size_mm = {shape: (1e3 * size[0], 1e3 * size[1], 0.0) for shape, size in sizes.items()}
@@ -73,7 +72,7 @@ class Touch:
     def indenters(self) -> list[list[Indenter]]:
         """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""
         # Sums of force, of force times place and of force times normal: numbers one by one, as they are so few.
-        found: list[dict[int, list[float]]] = [{} for _ in SEAM_FINGERS]
+        found: list[dict[int, list[float]]] = [{} for _ in FINGERS]
         places = frames = None
         for number, (one, other, newtons) in enumerate(self._forces()):
             pad, shape, sign = self._pads.get(one), other, newtons

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from tega.hand_mjcf import FINGERS
 from tega.sim.world.objects import ObjectSpec
+from tega.wire import HAND_FINGERS
 
 __all__ = ["object_body", "object_tendons", "shell_mass_kg", "wall_rad_s"]
 
@@ -47,7 +47,7 @@ def object_body(spec: ObjectSpec) -> str:
         )
         + f'<geom name="{finger}_shell" class="shell{number}" type="capsule" size="{radius} {straight}" '
         f'mass="{mass}" friction="{spec.friction} 0.0012 0.0001"/></body>'
-        for number, finger in enumerate(FINGERS)
+        for number, finger in enumerate(HAND_FINGERS)
     )
     return (
         f'<body name="object" pos="0 0 {half}"><freejoint name="object"/>'
@@ -67,6 +67,6 @@ def object_tendons(spec: ObjectSpec) -> str:
     return "".join(
         f'<fixed name="{finger}_set_{axis}" stiffness="{plastic}" springyield="{spec.yield_m}">'
         f'<joint joint="{finger}_shell_{axis}" coef="1"/></fixed>'
-        for finger in FINGERS
+        for finger in HAND_FINGERS
         for axis in "xy"
     )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from tega.sim.seams import Truth
-from tega.sim.world.body import Body
+from tega.sim.seams import WorldTruth
+from tega.sim.world.body import LiftedBody
 from tega.sim.world.objects import ObjectSpec
-from tega.sim.world.pads import Touch
+from tega.sim.world.pads import PadContacts
 
 __all__ = ["Witness"]
 
@@ -37,7 +37,7 @@ class Witness:
         body: Reader of the object.
     """
 
-    def __init__(self, model: Any, data: Any, spec: ObjectSpec, touch: Touch, body: Body) -> None:
+    def __init__(self, model: Any, data: Any, spec: ObjectSpec, touch: PadContacts, body: LiftedBody) -> None:
         self._data, self._spec, self._touch, self._body = data, spec, touch, body
         palm = model.site("palm").id
         # Views of MuJoCo's own memory: they follow the state.
@@ -67,12 +67,12 @@ class Witness:
         elif self._data.time - self._untouched_since >= _FREE_S:
             self._dropped = True
 
-    def truth(self, t_s: float, palm_speed_m_s: float) -> Truth:
+    def truth(self, t_s: float, palm_speed_m_s: float) -> WorldTruth:
         """Return what is so now."""
         pads, _, _ = self._touch.read()
         lifted = self._lifted
         middle = self._body.middle_m()
-        return Truth(
+        return WorldTruth(
             t_s=t_s,
             object_height_m=middle[2] - self._rest_m,
             lift_off=lifted,

@@ -12,7 +12,7 @@ from tega.hand_mjcf import TORQUE_LIMITS_NM, joint_names
 from tega.sim.world.body import body_of
 from tega.sim.world.follower import ArmFollower
 from tega.sim.world.objects import OBJECTS, ObjectSpec
-from tega.sim.world.pads import Touch
+from tega.sim.world.pads import PadContacts
 from tega.sim.world.poses import GRASP_POSES_RAD
 from tega.sim.world.scene import PALM_ROTATION, Physics, build, grasp_palm_m, import_mujoco, physics_for
 from tega.sim.world.shapes import Shape
@@ -21,7 +21,7 @@ from tega.sim.world.truth import Witness
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tega.sim.seams import Indenter, Truth
+    from tega.sim.seams import Indenter, WorldTruth
 
 __all__ = ["Shape", "World"]
 
@@ -97,7 +97,7 @@ class World:
         self._attend_every = max(1, round(_ATTEND_S / self.physics.timestep_s))
         self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
         mujoco.mj_forward(model, data)
-        self._touch = Touch(mujoco, model, data, spec, self._body)
+        self._touch = PadContacts(mujoco, model, data, spec, self._body)
         self._witness: Witness | None = None
         self._hold_still(_SETTLE_S)
         self._witness = Witness(model, data, spec, self._touch, self._body)
@@ -199,7 +199,7 @@ class World:
         if steps > self._steps:
             self.step(steps - self._steps)
 
-    def truth(self) -> Truth:
+    def truth(self) -> WorldTruth:
         """Return what is so now."""
         assert self._witness is not None
         return self._witness.truth(self.t_s, self._palm_speed_m_s())

@@ -6,11 +6,14 @@ import asyncio
 import contextlib
 import functools
 import hmac
+import inspect
 import io
 import logging
+import re
 import secrets
 import warnings
 from collections.abc import Awaitable, Callable, Iterator
+from html import escape
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -22,6 +25,11 @@ __all__ = ["LocalServer"]
 
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 _LOG = logging.getLogger(__name__)
+# A fingertip with a contact in it.
+_ICON = (
+    "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'%3E%3Crect x='6' y='2' width='20' "
+    "height='30' rx='10' fill='%231f5fbf'/%3E%3Ccircle cx='16' cy='13' r='6' fill='%23fd8d3c'/%3E%3C/svg%3E"
+)
 # A page that says what no page says is closed with "data that do not fit".
 _NONSENSE = 1007
 
@@ -46,7 +54,7 @@ class LocalServer(viser.ViserServer):
         self.token = secrets.token_urlsafe(16)
         # What a page sends is not the operator's business, who has the terminal.
         warnings.filterwarnings("ignore", r"\[viser\] .* does not match annotation", UserWarning)
-        with _quiet(), _guarded(self.token, allow_remote=allow_remote):
+        with _quiet(), _guarded(self.token, label, allow_remote=allow_remote):
             super().__init__(host, port, label, verbose=False)
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002, FBT001, FBT002
@@ -67,21 +75,27 @@ def _quiet() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _guarded(token: str, *, allow_remote: bool) -> Iterator[None]:
-    """Have the server that is started meanwhile look at who connects and at what is said.
+def _guarded(token: str, label: str, *, allow_remote: bool) -> Iterator[None]:
+    """Have the server that is started meanwhile look at who connects and at what is said, and name its page.
 
-    viser has no setting for either, the library below it has.
+    viser has no setting for any of it, the library below it has.
     """
     serve = websockets.asyncio.server.serve
 
     def guarded(
         handler: Callable[[Any], Awaitable[None]], *where: Any, process_request: Any, **more: Any
     ) -> Any:
-        def asked(connection: Any, request: Any) -> Any:
+        async def asked(connection: Any, request: Any) -> Any:
             if (why := _refused(request, token, allow_remote=allow_remote)) != "":
                 return connection.respond(403, f"{why}\n")
             request.path = request.path.removeprefix(f"/{token}") or "/"
-            return process_request(connection, request)
+            is_page = request.path.partition("?")[0] in {"/", "/index.html"}
+            if is_page and "Accept-Encoding" in request.headers:
+                del request.headers["Accept-Encoding"]  # its text is looked at below
+            answer = process_request(connection, request)
+            if inspect.isawaitable(answer):
+                answer = await answer
+            return _named(answer, label) if is_page and answer is not None else answer
 
         return serve(functools.partial(_serve_page, handler), *where, process_request=asked, **more)
 
@@ -90,6 +104,17 @@ def _guarded(token: str, *, allow_remote: bool) -> Iterator[None]:
         yield
     finally:
         setattr(websockets.asyncio.server, "serve", serve)  # noqa: B010
+
+
+def _named(answer: Any, label: str) -> Any:
+    """Give the page its own title and icon in place of the library's."""
+    text = answer.body.decode()
+    text = re.sub(r"<title>.*?</title>", lambda _found: f"<title>{escape(label)}</title>", text, count=1)
+    text = re.sub(r'(rel="icon"\s+href=")[^"]*', lambda found: found[1] + _ICON, text, count=1)
+    answer.body = text.encode()
+    del answer.headers["Content-Length"]
+    answer.headers["Content-Length"] = str(len(answer.body))
+    return answer
 
 
 def _refused(request: Any, token: str, *, allow_remote: bool) -> str:

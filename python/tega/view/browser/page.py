@@ -15,8 +15,9 @@ from tega.errors import InvalidValueError
 from tega.haptics import FINGERS
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.charts import CourseChart, MuscleCharts
+from tega.view.browser.delays import Delays
 from tega.view.browser.scene import Point, Scene
-from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, TouchSheet
+from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
 from tega.view.browser.vest import vest_svg
 from tega.view.labels import ContactLabels
 from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
@@ -41,6 +42,9 @@ _STATE_COLOURS = {
     "stopped": "#c92a2a",
 }
 _ARM_COLOURS = {"idle": "#868e96", "following": "#2b8a3e", "holding": "#e8590c", "stopped": "#c92a2a"}
+_PAUSED = "#495057"
+# Twice the time after which a block of muscles is late.
+_SILENT_NS = 400_000_000
 _FONT = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
 
@@ -58,6 +62,7 @@ class Page:
     Attributes:
         scene: The 3-D scene.
         run_state: Whether the run is idle, armed, active, in hold or stopped, and why.
+        lights: A light for each device.
         arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
         status: The lines of text.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``stop``.
@@ -73,8 +78,9 @@ class Page:
         at_m: Point,
     ) -> None:
         gui = server.gui
-        self._server, self._blind = server, controls is None
-        self._sheet, self._labels = TouchSheet(), ContactLabels()
+        self._server, self._blind, self._controls = server, controls is None, controls
+        self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
+        self._small = SmallSheet()
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
@@ -83,6 +89,8 @@ class Page:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
         self.run_state = gui.add_html("")
+        self.lights = gui.add_html("")
+        self._phone = gui.add_html("")
         self.arm = gui.add_html("")
         self.status = gui.add_html("")
         self._rates = gui.add_html("")
@@ -147,14 +155,17 @@ class Page:
             self.scene.draw(state.shapes, state.poses, None if self._blind else state.contact_points)
             if turn == 0:
                 if state.images or self._blind:
-                    self._images.image = self._sheet.draw(state.images or {})
+                    sheet = self._images.image = self._sheet.draw(state.images or {})
+                    self._small.take(sheet)
             elif self._blind:
                 self.status.content = _status(state)
             elif turn == 1:
                 self.paint_text(state)
-                self._captions.content = _captions(state, self._labels)
-                self._vest.content = vest_svg(state.loop.vest)
-                self._rates.content = _rates(rates_hz, latency_ms)
+                captions = self._captions.content = _captions(state, self._labels)
+                vest = self._vest.content = vest_svg(state.loop.vest)
+                self._phone.content = f'<div class="tega-phone">{captions}{self._small.html}{vest}</div>'
+                self._delays.note(latency_ms)
+                self._rates.content = _rates(rates_hz) + self._delays.svg()
             else:
                 self._course.draw()
                 if state.emg is not None:
@@ -173,13 +184,22 @@ class Page:
         """
         if not self._blind:
             beat = int(time.monotonic() * _BEATS_PER_S)
-            self.run_state.content = _run_state(loop, beat, age_s=age_s, problem=problem, paused=paused)
+            controls = self._controls
+            self.run_state.content = _run_state(
+                loop,
+                beat,
+                age_s=age_s,
+                problem=problem,
+                paused=paused or (controls is not None and controls.paused),
+                haptics=controls is None or controls.haptics,
+            )
 
     def paint_text(self, state: ViewState) -> None:
         """Put the run's state and the lines of text on the page."""
         self.paint_state(state.loop)
         if not self._blind:
             self.arm.content = _arm(state.loop)
+            self.lights.content = _lights(state)
         self.status.content = _status(state)
 
 
@@ -197,6 +217,10 @@ _AGEING = f"""<style>
 @keyframes tega-age {{ to {{ --tega-age: 86400 }} }}
 @keyframes tega-late {{ to {{ visibility: visible; max-height: 3em }} }}
 @keyframes tega-grey {{ to {{ background: #868e96 }} }}
+@keyframes tega-dim {{ to {{ filter: grayscale(1); opacity: 0.6 }} }}
+.tega-lights {{ animation: tega-dim 1ms linear {NO_NEWS_S}s forwards }}
+.tega-phone {{ display: none }}
+@media (max-width: 640px) {{ .tega-phone {{ display: block }} }}
 .tega-late {{ display: block; visibility: hidden; max-height: 0; overflow: hidden; color: #c92a2a; font-weight: bold;
   animation: tega-late 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
 .tega-late span {{ animation: tega-age 86400s linear calc(0s - var(--tega-since)) forwards }}
@@ -206,13 +230,20 @@ _AGEING = f"""<style>
 
 
 def _run_state(
-    view: LoopView, beat: int = 0, *, age_s: float = 0.0, problem: str = "", paused: bool = False
+    view: LoopView,
+    beat: int = 0,
+    *,
+    age_s: float = 0.0,
+    problem: str = "",
+    paused: bool = False,
+    haptics: bool = True,
 ) -> str:
     """Say the run's state first, as the terminal does, where there is a guard; and that nothing was heard."""
     ended = view.state == "stopped"
     late, lines = "", []
+    paused = paused and not ended
     if paused:
-        lines.append("<b>paused by the page's button</b>")
+        lines.append(_badge("PAUSED", _PAUSED) + " <b>paused by the page's button</b>")
     elif not ended:
         words = f"{NO_NEWS} " + (f"{age_s:.0f} s" if age_s >= NO_NEWS_S else "<span></span>")
         shown = ' style="visibility:visible;max-height:3em"' if age_s >= NO_NEWS_S else ""
@@ -221,16 +252,49 @@ def _run_state(
         lines.append(f'<span style="color:#e8590c">! {escape(problem)}</span>')
     if view.state:
         reason, alerts = lines_beside(view)
-        badge = "" if ended or paused else ' class="tega-badge"'
-        lines.append(
-            f'<b{badge} style="background:{_STATE_COLOURS[view.state]};color:#fff;padding:1px 8px;border-radius:3px">'
-            f"{view.state.upper()}</b> {escape(MEANINGS[view.state])}"
-        )
+        if not paused:
+            ageing = "" if ended else ' class="tega-badge"'
+            badge = _badge(view.state.upper(), _STATE_COLOURS[view.state], ageing)
+            lines.append(f"{badge} {escape(MEANINGS[view.state])}")
+        if not haptics and not ended:
+            lines.append(_badge("HAPTICS OFF", _PAUSED) + " switched off on this page: every motor rests")
         if reason:
             lines.append(f"<b>{escape(reason)}</b>")
         lines += [f'<span style="color:#e8590c">! {escape(alert)}</span>' for alert in alerts]
     style = f"--tega-since:{age_s:.1f}s;{_FONT};margin:4px 10px;line-height:1.6"
     return f'<div data-beat="{beat}" style="{style}">{late}{"<br>".join(lines)}</div>'
+
+
+def _badge(text: str, colour: str, more: str = "") -> str:
+    return f'<b{more} style="background:{colour};color:#fff;padding:1px 8px;border-radius:3px">{text}</b>'
+
+
+def _lights(state: ViewState) -> str:
+    """Show a light for each part of the run: green where something fresh came, orange where not, grey without one."""
+    loop = state.loop
+    seen: dict[str, bool | None] = {}
+    for finger in FINGERS:
+        contact = loop.contacts.get(finger)
+        seen[finger] = None if contact is None else state.t_ns - contact[0] <= STALE_NS
+    seen["muscles"] = None if loop.block is None else state.t_ns - loop.block[0] <= _SILENT_NS
+    seen["vest"] = None if loop.vest is None else True
+    seen["hand"] = None if loop.angles_rad is None and state.poses is None else True
+    if loop.arm or loop.seen_arm is not None:
+        seen["arm"] = loop.seen_arm is not None and loop.seen_arm.state != "stopped"
+    if loop.link:
+        seen["link"] = True
+    words = {True: ("#2b8a3e", "well"), False: ("#e8590c", "silent"), None: ("#ced4da", "absent")}
+    cells = " ".join(
+        f'<span style="white-space:nowrap" title="{name}: {words[well][1]}">'
+        f'<b style="color:{words[well][0]}" aria-label="{words[well][1]}">●</b> {name}</span>'
+        for name, well in seen.items()
+    )
+    # A new element each time, so that the browser counts anew from when it last heard something.
+    return (
+        f'<div class="tega-lights" data-t="{state.t_ns}" '
+        f'style="{_FONT};font-size:11px;margin:2px 10px;line-height:1.6">'
+        f"{cells}</div>"
+    )
 
 
 def _arm(view: LoopView) -> str:
@@ -304,7 +368,6 @@ def _table(texts: Sequence[str]) -> str:
     return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
 
 
-def _rates(rates_hz: dict[str, float], latency_ms: dict[str, float]) -> str:
+def _rates(rates_hz: dict[str, float]) -> str:
     rates = " · ".join(f"{escape(name)} {rate:.0f} Hz" for name, rate in rates_hz.items())
-    delays = " · ".join(f"{escape(name)} {delay:.1f} ms" for name, delay in latency_ms.items())
-    return f'<div style="{_FONT};font-size:11px;color:#6c757d;padding:2px 10px">{rates}<br>{delays}</div>'
+    return f'<div style="{_FONT};font-size:11px;color:#6c757d;padding:2px 10px">{rates}</div>'

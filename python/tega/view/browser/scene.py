@@ -29,7 +29,7 @@ _PLANE_M = 0.01
 Point: TypeAlias = tuple[float, float, float]
 
 
-class _Part(NamedTuple):
+class _ShapePart(NamedTuple):
     """One instance of a unit primitive, fixed to a shape."""
 
     shape: int
@@ -55,7 +55,7 @@ class Scene:
     def __init__(self, server: viser.ViserServer, *, eye_m: Point, at_m: Point) -> None:
         self._server = server
         self._shapes: Sequence[Shape] | None = None
-        self.batches: list[tuple[Any, list[_Part]]] = []
+        self.batches: list[tuple[Any, list[_ShapePart]]] = []
         self._arrows: Any = None
         # Made before a run begins: the library that makes them takes its time to import.
         self._meshes = {name: _unit_mesh(name) for name in ("box", "ball", "tube")}
@@ -141,20 +141,20 @@ class Scene:
         self._arrows.visible = bool(len(lines))
 
 
-def _parts(shapes: Sequence[Shape]) -> dict[str, list[_Part]]:
+def _parts(shapes: Sequence[Shape]) -> dict[str, list[_ShapePart]]:
     """Say which unit primitives make up the shapes; a capsule is a tube with a ball at either end."""
-    parts: dict[str, list[_Part]] = {"box": [], "ball": [], "tube": []}
+    parts: dict[str, list[_ShapePart]] = {"box": [], "ball": [], "tube": []}
     for number, (name, kind, (a, b, c), _) in enumerate(shapes):
         if kind == "box":
-            parts["box"].append(_Part(number, 0.0, (a, b, c)))
+            parts["box"].append(_ShapePart(number, 0.0, (a, b, c)))
         elif kind == "sphere":
-            parts["ball"].append(_Part(number, 0.0, (a, a, a)))
+            parts["ball"].append(_ShapePart(number, 0.0, (a, a, a)))
         elif kind == "plane":
-            parts["box"].append(_Part(number, -_PLANE_M, (a, b, _PLANE_M)))
+            parts["box"].append(_ShapePart(number, -_PLANE_M, (a, b, _PLANE_M)))
         elif kind in {"cylinder", "capsule"}:
-            parts["tube"].append(_Part(number, 0.0, (a, a, b)))
+            parts["tube"].append(_ShapePart(number, 0.0, (a, a, b)))
             if kind == "capsule":
-                parts["ball"] += [_Part(number, end, (a, a, a)) for end in (-b, b)]
+                parts["ball"] += [_ShapePart(number, end, (a, a, a)) for end in (-b, b)]
         else:
             raise InvalidValueError(
                 f"shape {name!r} is a {kind!r}: expected one of {', '.join(get_args(ShapeKind))}"
@@ -163,7 +163,7 @@ def _parts(shapes: Sequence[Shape]) -> dict[str, list[_Part]]:
 
 
 def _placed(
-    parts: Sequence[_Part], poses: NDArray[np.float64]
+    parts: Sequence[_ShapePart], poses: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return position (n, 3) and quaternion (n, 4) of every part."""
     rows = poses[[part.shape for part in parts]]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import math
+import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -17,7 +19,9 @@ if TYPE_CHECKING:
 
     Pixels: TypeAlias = slice | NDArray[np.intp]
 
-__all__ = ["EDA_BLUE", "GAP", "PEAK_GREEN", "TILE_HEIGHT", "TILE_WIDTH", "TouchSheet"]
+__all__ = ["EDA_BLUE", "GAP", "PEAK_GREEN", "TILE_HEIGHT", "TILE_WIDTH", "SmallSheet", "TouchSheet"]
+
+_COPY_S = 1.0
 
 # Of one finger's tile, px: half of a DIGIT's QVGA picture, a little more than the page shows.
 TILE_HEIGHT, TILE_WIDTH, GAP = 160, 120, 6
@@ -83,6 +87,30 @@ class TouchSheet:
             _circle(tile, middle_x, middle_y, math.sqrt(metrics.eda / math.pi * scale_x * scale_y), EDA_BLUE)
         x, y = metrics.peak_xy
         _circle(tile, x * scale_x, y * scale_y, _PEAK_RADIUS_PX, PEAK_GREEN)
+
+
+class SmallSheet:
+    """Keeps a small copy of a sheet as HTML, made anew once a second, for a screen that has no room beside the scene.
+
+    Attributes:
+        html: An image element; empty before the first.
+    """
+
+    def __init__(self) -> None:
+        self.html = ""
+        self._made_s = -math.inf
+
+    def take(self, sheet: NDArray[np.uint8]) -> None:
+        """Copy a sheet, uint8 (H, W, 3), RGB, if the last copy is a second old."""
+        now_s = time.monotonic()
+        if now_s - self._made_s < _COPY_S:
+            return
+        import imageio.v3
+
+        self._made_s = now_s
+        jpeg = imageio.v3.imwrite("<bytes>", sheet, extension=".jpg", quality=60)
+        data = base64.b64encode(jpeg).decode()
+        self.html = f'<img alt="cameras and touch maps" width="100%" src="data:image/jpeg;base64,{data}">'
 
 
 def _sampling(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:

@@ -1,4 +1,4 @@
-"""The vest as a drawing: both faces, one disc a motor, as seen on the wearer's own body."""
+"""Draw the vest on the wearer's torso, seen from outside: both faces, one disc a motor."""
 
 from __future__ import annotations
 
@@ -7,58 +7,96 @@ from typing import TYPE_CHECKING
 from tega.haptics import FINGERS
 
 if TYPE_CHECKING:
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
 
 __all__ = ["vest_svg"]
 
-_WIDTH, _PITCH_X, _PITCH_Y, _TOP, _LEFT = 360, 36, 24, 34, 36
+_WIDTH, _PITCH_X, _PITCH_Y, _TOP, _LEFT = 360, 32, 24, 48, 42
 _N_COLUMNS = 4
+_N_STEPS = 15
+_FINGER_COLOURS = ("#1f5fbf", "#0b7285", "#5f3dc4", "#a61e4d")
 
 
-def vest_svg(frame: VestFrame | None) -> str:
+def vest_svg(frame: MotorLevels | None) -> str:
     """Draw the vest.
 
     Args:
         frame: What the motors are told; ``None`` where there is no vest, or it is off.
 
     Returns:
-        An SVG element. Columns are thumb to ring from the left of each face; the number in a disc is percent.
+        An SVG element: the wearer's torso from outside, in front and from behind, so that their left is on the right of
+        the first. The number in a disc is percent; the scale below has the 16 steps that reach a motor.
     """
     values = [0] * 40 if frame is None else [int(v) for v in frame.intensities]
     half = len(values) // 2
     n_rows = half // _N_COLUMNS
-    height = _TOP + n_rows * _PITCH_Y + 8
+    bottom = _TOP + n_rows * _PITCH_Y + 10
     off = " · off" if frame is None else ""
-    faces = ((f"front · CCI{off}", values[:half], 0), (f"back · EDA{off}", values[half:], _WIDTH // 2))
+    faces = (
+        (f"front · CCI{off}", values[:half], 0, -1),
+        (f"back · EDA{off}", values[half:], _WIDTH // 2, 1),
+    )
     parts = [
-        f'<svg viewBox="0 0 {_WIDTH} {height}" width="100%" role="img" aria-label="vest"'
+        f'<svg viewBox="0 0 {_WIDTH} {bottom + 26}" width="100%" role="img" aria-label="vest, seen from outside"'
         ' font-family="system-ui, sans-serif" text-anchor="middle">'
     ]
-    for title, face, left in faces:
-        parts.append(_face(title, face, left, height))
-    return "".join(parts) + "</svg>"
+    for title, face, left, turn in faces:
+        parts.append(_face(title, face, left, bottom, turn))
+    return "".join(parts) + _scale(bottom + 8) + "</svg>"
 
 
-def _face(title: str, values: list[int], left: int, height: int) -> str:
+def _face(title: str, values: list[int], left: int, bottom: int, turn: int) -> str:
+    """Draw a face; ``turn`` is 1 where the wearer's left is on the left, -1 where it is on the right."""
     middle = left + _WIDTH // 4
+    sides = ("L", "R") if turn == 1 else ("R", "L")
     parts = [
-        f'<rect x="{left + 6}" y="16" width="{_WIDTH // 2 - 12}" height="{height - 18}" rx="16"'
-        ' fill="#f1f3f5" stroke="#ced4da"/>',
+        _torso(middle, bottom),
         f'<text x="{middle}" y="11" font-size="11" font-weight="600" fill="#343a40">{title}</text>',
+        *(
+            f'<text x="{middle + x}" y="{bottom - 6}" font-size="10" font-weight="700" fill="#868e96">{side}</text>'
+            for x, side in zip((-76, 76), sides, strict=True)
+        ),
     ]
-    for column, finger in enumerate(FINGERS):
-        x = left + _LEFT + column * _PITCH_X
-        parts.append(f'<text x="{x}" y="29" font-size="8.5" fill="#6c757d">{finger}</text>')
+    columns = [left + _LEFT + place * _PITCH_X for place in range(_N_COLUMNS)][::turn]
+    for x, finger, colour in zip(columns, FINGERS, _FINGER_COLOURS, strict=True):
+        parts.append(
+            f'<text x="{x}" y="{_TOP - 5}" font-size="8.5" font-weight="600" fill="{colour}">{finger}</text>'
+        )
     for index, value in enumerate(values):
         row, column = divmod(index, _N_COLUMNS)
-        x, y = left + _LEFT + column * _PITCH_X, _TOP + 11 + row * _PITCH_Y
+        x, y = columns[column], _TOP + 11 + row * _PITCH_Y
         ink = "#ffffff" if value >= 55 else "#495057"
         parts.append(
-            f'<circle cx="{x}" cy="{y}" r="{10:g}" fill="{_heat(value)}" stroke="#adb5bd" stroke-width="0.6"/>'
+            f'<circle cx="{x}" cy="{y}" r="{10:g}" fill="{_heat(value)}" stroke="{_FINGER_COLOURS[column]}"'
+            ' stroke-width="0.8"/>'
         )
         if value:
             parts.append(f'<text x="{x}" y="{y + 3}" font-size="8.5" fill="{ink}">{value}</text>')
     return "".join(parts)
+
+
+def _torso(middle: int, bottom: int) -> str:
+    """Outline neck, shoulders and waist around the motors."""
+    half = (
+        f"M{middle - 14} 17 q0 8 -18 11 q-30 5 -38 16 q-8 12 -6 40 L{middle - 66} {bottom} "
+        f"L{middle + 66} {bottom} L{middle + 76} 84 q2 -28 -6 -40 q-8 -11 -38 -16 q-18 -3 -18 -11 Z"
+    )
+    return f'<path d="{half}" fill="#f8f9fa" stroke="#ced4da"/>'
+
+
+def _scale(y: int) -> str:
+    """Draw the 16 steps as a scale."""
+    width = (_WIDTH - 100) / (_N_STEPS + 1)
+    steps = "".join(
+        f'<rect x="{50 + step * width:.1f}" y="{y}" width="{width - 1:.1f}" height="7"'
+        f' fill="{_heat(round(100 * step / _N_STEPS))}" stroke="#ced4da" stroke-width="0.4"/>'
+        for step in range(_N_STEPS + 1)
+    )
+    ends = "".join(
+        f'<text x="{x}" y="{y + 7}" font-size="8.5" fill="#6c757d">{text}</text>'
+        for x, text in ((40, "0 %"), (_WIDTH - 34, "100 %"))
+    )
+    return steps + ends
 
 
 def _heat(percent: int) -> str:

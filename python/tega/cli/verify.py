@@ -1,4 +1,4 @@
-"""Compute a recorded session again and compare: ``tega-teleop replay SESSION``."""
+"""Compute a recorded session again and compare: ``tega-teleop verify``."""
 
 from __future__ import annotations
 
@@ -9,10 +9,30 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from tega.cli.options import json_option
+
 if TYPE_CHECKING:
     from tega.replay import Replay
 
-__all__ = ["replay_session"]
+__all__ = ["check_flags", "replay_session", "verify"]
+
+
+@click.command(epilog="Example: tega-teleop verify sessions/monday")
+@click.argument("session", type=click.Path(path_type=Path))
+@click.option("--config", type=click.Path(path_type=Path), help="Run it through these settings instead.")
+@click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    help="Run it with another setting, such as stages.metric.options.outline=contact; repeatable.",
+)  # fmt: skip
+@json_option
+def verify(*, session: Path, config: Path | None, sets: tuple[str, ...], as_json: bool) -> int:
+    """Compute a recorded session again, tick by tick as it ran, and compare with what was recorded.
+
+    SESSION is a recording made with run --record, or a session's folder. Exit code 1 if anything differs. --config
+    and --set run it through other settings and say what then differs. With --json: a list of objects, one per
+    recording.
+    """
+    return 0 if replay_session(session, config=config, sets=sets, as_json=as_json) else 1
 
 
 def replay_session(session: Path, *, config: Path | None, sets: tuple[str, ...] = (), as_json: bool) -> bool:

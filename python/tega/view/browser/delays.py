@@ -1,0 +1,62 @@
+"""Draw the page's latency strip: each delay over the last half minute, with its 99th percentile and the budget."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from html import escape
+from typing import Final
+
+__all__ = ["BUDGET_MS", "Delays"]
+
+BUDGET_MS: Final = 88.0
+"""What picture to vest may take, ms: 17 of a picture, 33 of the camera, 5 of our own, 33 of the vest."""
+
+_NO_BUDGET = "to the page"
+
+_N_KEPT = 300
+_WIDTH, _HEIGHT, _LABEL = 380, 26, 190
+
+
+class Delays:
+    """Keeps the delays that were shown, about half a minute of them."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, deque[float]] = {}
+
+    def note(self, latency_ms: Mapping[str, float]) -> None:
+        """Keep the delays of a moment, ms."""
+        for name, delay in latency_ms.items():
+            if math.isfinite(delay):
+                self._kept.setdefault(name, deque(maxlen=_N_KEPT)).append(delay)
+
+    def p99_ms(self, name: str) -> float:
+        """Return the smallest delay that 99 % of those kept are not above, ms."""
+        ranked = sorted(self._kept[name])
+        return ranked[math.ceil(0.99 * len(ranked)) - 1]
+
+    def svg(self) -> str:
+        """Return the strip, one line a delay; the red line is the budget."""
+        height = _HEIGHT * len(self._kept)
+        parts = [
+            f'<svg viewBox="0 0 {_WIDTH} {height}" width="100%" role="img" aria-label="delays"'
+            ' font-family="system-ui, sans-serif" font-size="10.5" fill="#495057">'
+        ]
+        for row, (name, kept) in enumerate(self._kept.items()):
+            top, p99_ms = row * _HEIGHT, self.p99_ms(name)
+            full_ms = max(1.2 * BUDGET_MS, *kept)
+            base, scale = top + _HEIGHT - 4, (_HEIGHT - 8) / full_ms
+            step = (_WIDTH - _LABEL - 6) / _N_KEPT
+            points = " ".join(f"{_LABEL + k * step:.1f},{base - v * scale:.1f}" for k, v in enumerate(kept))
+            y = base - BUDGET_MS * scale
+            has_budget = name != _NO_BUDGET
+            ink = "#c92a2a" if has_budget and p99_ms > BUDGET_MS else "#495057"
+            allowed = f" of {BUDGET_MS:.0f}" if has_budget else ""
+            parts.append(
+                f'<text x="8" y="{top + 16}" fill="{ink}">{escape(name)} {kept[-1]:.0f} ms · p99 {p99_ms:.0f}'
+                f"{allowed}</text>"
+                f'<line x1="{_LABEL}" x2="{_WIDTH - 6}" y1="{y:.1f}" y2="{y:.1f}" stroke="#fa5252" stroke-width="0.8"/>'
+                f'<polyline points="{points}" fill="none" stroke="#1f5fbf" stroke-width="1"/>'
+            )
+        return "".join(parts) + "</svg>"
