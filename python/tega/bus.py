@@ -165,7 +165,7 @@ class Backlog:
         most: How many may wait; what comes beyond that is dropped and counted.
         newest: Whether to drop the oldest then, for a display that shows what is so now; else what comes.
         idle: Called in the thread, some hundred times a second, while nothing waits.
-        rank: Wraps what the thread does, such as :func:`tega.priority.ahead_of_others`.
+        rank: Wraps what the thread does, such as :func:`tega.threads.run_realtime`.
 
     Attributes:
         n_put: Records that came.

@@ -16,14 +16,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
 from tega.config_check import check_tree
 from tega.config_given import override, override_recorded, override_tree, read_settings
 from tega.config_options import driver_options, stage_options
-from tega.config_origins import LoadedConfig, Value
+from tega.config_origins import LoadedConfig, SettingValue
 from tega.config_sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,
@@ -55,6 +55,7 @@ __all__ = [
     "DEFAULT_PACE",
     "DEFAULT_STAGES",
     "FINGERS",
+    "LOOP_KEYS",
     "STAGE_GROUPS",
     "ArmConfig",
     "CalibrationConfig",
@@ -68,12 +69,12 @@ __all__ = [
     "RecordingSection",
     "SessionConfig",
     "SessionSection",
+    "SettingValue",
     "StageConfig",
     "StagesSection",
     "TactileConfig",
     "TactileSection",
     "TrackerConfig",
-    "Value",
     "VestConfig",
     "check_tree",
     "driver_options",
@@ -91,6 +92,8 @@ def load_config(
     path: Path | None, *, environ: Mapping[str, str] | None = None, sets: Sequence[str] = ()
 ) -> LoadedConfig:
     """Load and check a session's settings.
+
+    A ``calibration.person`` among the overrides sets aside a ``calibration.file`` that is not.
 
     Args:
         path: The TOML file; ``None`` for the defaults alone.
@@ -113,17 +116,21 @@ def load_config(
         if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
             key = name.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", ".")
             override(tree, origins, key, text, name)
-    origins |= override_tree(tree, sets)
+    origins |= (typed := override_tree(tree, sets))
+    # Whoever names a person means that person's maxima, not those of a file that the settings name.
+    if "calibration.person" in typed and "calibration.file" not in typed:
+        tree["calibration"].pop("file", None)
+        origins.pop("calibration.file", None)
     base = path.absolute().parent if path is not None else Path.cwd()
     return check_tree(tree, origins, base=base)
 
 
-# What of a lab's settings a simulated trial has, too.
-_LOOP_KEYS = ("vest.layout", "vest.mirror")
+LOOP_KEYS: Final = ("vest.layout", "vest.mirror", "session.pose_base")
+"""Settings of the loop besides those of its stages, which a simulated trial has as well."""
 
 
 def file_sets(path: Path) -> tuple[str, ...]:
-    """Return a settings file's stages, layout and mirror as ``key=value``, for a loop that has no devices.
+    """Return a settings file's stages and :data:`LOOP_KEYS` as ``key=value``, for a loop that has no devices.
 
     Args:
         path: The TOML file; paths in it are made absolute.
@@ -135,7 +142,7 @@ def file_sets(path: Path) -> tuple[str, ...]:
     found = {
         key: value.value
         for key, value in loaded.values.items()
-        if value.origin.startswith(f"{path.name}:") and (key.startswith("stages.") or key in _LOOP_KEYS)
+        if value.origin.startswith(f"{path.name}:") and (key.startswith("stages.") or key in LOOP_KEYS)
     }
     if any("[" in key for key in found):
         found = {key: value for key, value in found.items() if "[" not in key}

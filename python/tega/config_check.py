@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from tega.config_errors import Overridden, explain
-from tega.config_origins import LoadedConfig, Value, fields_of, origin_of, where
+from tega.config_origins import LoadedConfig, SettingValue, fields_of, origin_of, where
 from tega.config_sections import (
     DEFAULT_LAYOUT,
     DEFAULT_PACE,
@@ -108,15 +108,15 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     if kept_there and config.calibration.folder is None:
         beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
         config = msgspec.structs.replace(config, calibration=beside)
-    values = {key: Value(value, origin_of(key, origins)) for key, value in fields_of(config)}
+    values = {key: SettingValue(value, origin_of(key, origins)) for key, value in fields_of(config)}
     preset = config.session.preset
     for group in STAGE_GROUPS:
         if getattr(config.stages, group).name is None:
-            values[f"stages.{group}.name"] = Value(DEFAULT_STAGES[preset][group], f"preset {preset}")
+            values[f"stages.{group}.name"] = SettingValue(DEFAULT_STAGES[preset][group], f"preset {preset}")
     if config.vest.layout is None:
-        values["vest.layout"] = Value(DEFAULT_LAYOUT[preset], f"preset {preset}")
+        values["vest.layout"] = SettingValue(DEFAULT_LAYOUT[preset], f"preset {preset}")
     if config.vest.pace is None:
-        values["vest.pace"] = Value(DEFAULT_PACE[preset], f"preset {preset}")
+        values["vest.pace"] = SettingValue(DEFAULT_PACE[preset], f"preset {preset}")
     if config.calibration.person is None:
         return LoadedConfig(config, values)
     from tega.calibration.person import with_person

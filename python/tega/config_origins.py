@@ -9,10 +9,10 @@ import msgspec
 
 from tega.config_sections import SessionConfig
 
-__all__ = ["LoadedConfig", "Value", "fields_of", "origin_of", "where"]
+__all__ = ["LoadedConfig", "SettingValue", "fields_of", "origin_of", "where"]
 
 
-class Value(NamedTuple):
+class SettingValue(NamedTuple):
     """A setting and where it came from.
 
     That is ``default``, ``preset live``, a file's name and line (``lab.toml:12``), a variable's name, or ``--set``.
@@ -26,7 +26,7 @@ class LoadedConfig(NamedTuple):
     """A checked configuration and the origin of every value in it, by dotted key."""
 
     config: SessionConfig
-    values: dict[str, Value]
+    values: dict[str, SettingValue]
 
 
 def where(origins: Mapping[str, str], key: str) -> str:

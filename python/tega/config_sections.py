@@ -83,7 +83,8 @@ class SessionSection(_Section, frozen=True):
         out_dir: Folder for the outputs; none means nothing is written.
         duration_s: Stop after this long; none means when the last recording ends, or never.
         pose_base: Number of the most open pose where levels are drawn: 0 as in Fig 8, 1 as in Eq 11 and the tables.
-        realtime: Ask the system to let the threads of a live run go before other programs; see :mod:`tega.priority`.
+        realtime: Ask the system to let the threads of a live run go before other programs; see :mod:`tega.threads`.
+        emulated: The devices are emulators, so a study takes the session as a rehearsal only.
     """
 
     preset: Literal["paper", "live"] = "live"
@@ -91,6 +92,7 @@ class SessionSection(_Section, frozen=True):
     out_dir: Path | None = None
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
     realtime: bool = True
+    emulated: bool = False
     pose_base: Literal[0, 1] = 0
 
 
@@ -320,16 +322,22 @@ class RecordingSection(_Section, frozen=True):
     stop_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 256.0
 
 
+LslStreamName = Literal["emg", "closure", "touch", "vest", "poses"]
+
+
 class MarkersSection(_Section, frozen=True):
     """Markers by the Lab Streaming Layer; needs the extra ``lsl``.
 
     Attributes:
         lsl_out: Name of the stream on which a run tells its states, faults, trials and pedals; none means it does not.
         lsl_in: Name of another program's stream of markers, which are recorded; none means none are.
+        lsl_streams: Which numbers of a run go out as streams: ``emg``, ``closure``, ``touch``, ``vest``, ``poses``.
+            Their names begin with ``lsl_out``, or ``tega``.
     """
 
     lsl_out: str | None = None
     lsl_in: str | None = None
+    lsl_streams: tuple[LslStreamName, ...] = ()
 
 
 class StageConfig(_Section, frozen=True):

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["DeviceInfo", "EmgChunk", "Found", "InputEvent", "InputState", "Kind", "Options", "TactileFrame"]
+__all__ = ["DeviceInfo", "EmgChunk", "Found", "InputEvent", "InputReading", "Kind", "Options", "TactileFrame"]
 
 Kind = Literal["tactile", "emg", "vest", "hand", "input", "tracker", "arm"]
 
@@ -102,7 +102,7 @@ class EmgChunk(NamedTuple):
     samples: NDArray[np.float64]
 
 
-class InputState(NamedTuple):
+class InputReading(NamedTuple):
     """What an operator's input device says now.
 
     Attributes:

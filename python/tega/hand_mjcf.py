@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Final
 
 from tega.hand import JOINT_LIMITS_RAD, TORQUE_LIMITS
+from tega.wire import HAND_FINGERS
 
 __all__ = [
-    "FINGERS",
     "FULL_DUTY_NM",
     "MOUNT_M",
     "PAD_HALF_LENGTH_M",
@@ -29,9 +29,6 @@ gives 0.7 at 7.5 V; version 4 runs at 12 V. No source measures it."""
 
 TORQUE_LIMITS_NM: Final = TORQUE_LIMITS * FULL_DUTY_NM
 """The vendor's limits of each joint, N·m, float64 (16,)."""
-
-FINGERS: Final = ("index", "middle", "ring", "thumb")
-"""In the order of the joints."""
 
 MOUNT_M: Final = 0.095 + 0.015
 """Flange to ``palm`` along the hand's axis: the hand's base, and an adapter of assumed thickness."""
@@ -65,7 +62,7 @@ _THUMB_AXES: Final = ("-1 0 0", "0 0 1", "0 1 0", "0 1 0")
 
 def joint_names() -> list[str]:
     """Return the 16 joints' names in the model, in the hand's order."""
-    return [f"{finger}{joint}" for finger in FINGERS for joint in range(4)]
+    return [f"{finger}{joint}" for finger in HAND_FINGERS for joint in range(4)]
 
 
 def _finger(number: int, name: str) -> str:
@@ -106,7 +103,7 @@ def _finger(number: int, name: str) -> str:
 
 def hand_body() -> str:
     """Return the hand's bodies, to stand inside the flange's."""
-    fingers = "".join(_finger(number, name) for number, name in enumerate(FINGERS))
+    fingers = "".join(_finger(number, name) for number, name in enumerate(HAND_FINGERS))
     return (
         f'<body name="palm" pos="0 0 {MOUNT_M}">'
         '<geom name="palm" class="palm" type="box" size="0.0204 0.0565 0.0475" pos="-0.0093 0 -0.0475" mass="0.4154"/>'

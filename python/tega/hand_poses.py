@@ -19,12 +19,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import tomlkit
 
 from tega.errors import ConfigError, TegaError
 from tega.foreign_file import parse_toml, read_words
 from tega.hand import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD, JOINT_NAMES, HandController
+from tega.toml_text import tree_item
 from tega.whole_file import write_whole
-from tega.wire import FINGERS
+from tega.wire import HAND_FINGERS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -68,10 +70,10 @@ def load_poses(file: Path) -> NDArray[np.float64]:
 
 
 def _pose(file: str, name: str, table: object) -> list[float]:
-    if not isinstance(table, dict) or set(table) != set(FINGERS):
-        raise ConfigError(f"{file}: [{name}] has to have {', '.join(FINGERS)} and nothing else")
+    if not isinstance(table, dict) or set(table) != set(HAND_FINGERS):
+        raise ConfigError(f"{file}: [{name}] has to have {', '.join(HAND_FINGERS)} and nothing else")
     angles: list[float] = []
-    for finger in FINGERS:
+    for finger in HAND_FINGERS:
         values = table[finger]
         numbers = (
             isinstance(values, list) and len(values) == 4 and all(type(v) in {int, float} for v in values)
@@ -95,12 +97,14 @@ def save_poses(file: Path, poses_rad: ArrayLike) -> None:
     """
     poses = np.asarray(poses_rad, np.float64).round(4)
     HandController(poses_rad=poses)
-    lines = ["# Closure levels, 1 open to 5 tight. Joint angles in rad, from the palm outwards."]
-    for level, pose in zip(_LEVELS, poses, strict=True):
-        lines += ["", f"[level-{level}]"]
-        for first, finger in enumerate(FINGERS):
-            lines.append(f"{finger} = [{', '.join(str(float(a)) for a in pose[4 * first : 4 * first + 4])}]")
-    write_whole(file, "\n".join(lines) + "\n")
+    text = tomlkit.document()
+    text.add(
+        tomlkit.comment("Closure levels, 1 open to 5 tight. Joint angles in rad, from the palm outwards.")
+    )
+    text.add(tomlkit.nl())
+    for level, pose in zip(_LEVELS, poses.reshape(-1, len(HAND_FINGERS), 4).tolist(), strict=True):
+        text.add(f"level-{level}", tree_item(dict(zip(HAND_FINGERS, pose, strict=True))))
+    write_whole(file, tomlkit.dumps(text))
 
 
 def taught(

@@ -37,7 +37,7 @@ __all__ = [
     "FeltMap",
     "Layout",
     "Mirror",
-    "VestFrame",
+    "MotorLevels",
     "contact_type",
     "intensity",
     "vest_frame",
@@ -107,7 +107,7 @@ def intensity(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class VestFrame:
+class MotorLevels:
     """What the motors of one layout are told at one moment.
 
     Attributes:
@@ -132,7 +132,7 @@ class VestFrame:
         if self.intensities.ndim != 1:
             raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
         if self.layout in SHIPPED:
-            _native.vest_levels(self.layout, self.intensities)
+            _native.vest_steps(self.layout, self.intensities)
             return
         n = len(find_layout(self.layout).motors)
         if len(self.intensities) != n:
@@ -142,7 +142,7 @@ class VestFrame:
 
     def __eq__(self, other: object) -> bool:
         """Compare layout and every motor."""
-        if not isinstance(other, VestFrame):
+        if not isinstance(other, MotorLevels):
             return NotImplemented
         return self.layout == other.layout and bool(np.array_equal(self.intensities, other.intensities))
 
@@ -166,7 +166,7 @@ class VestFrame:
         ``(15 * percent + 50) // 100`` in integers.
         """
         if self.layout in SHIPPED:
-            return _native.vest_levels(self.layout, self.intensities)
+            return _native.vest_steps(self.layout, self.intensities)
         return ((15 * self.intensities.astype(np.uint16) + 50) // 100).astype(np.uint8)
 
     def x40(self) -> NDArray[np.uint8]:
@@ -189,7 +189,7 @@ def vest_frame(
     *,
     layout: Layout = "paper32",
     mirror: Mirror = "none",
-) -> VestFrame:
+) -> MotorLevels:
     """Fill the finger columns of both faces.
 
     Every row of a column shows the same value. Numbers are rounded half to even and held within 0 to 100.
@@ -216,13 +216,13 @@ def vest_frame(
     """
     faces = _four("front", front), _four("back", back)
     if layout in SHIPPED:
-        return VestFrame(layout, _read_only(_native.vest_intensities(*faces, layout=layout, mirror=mirror)))
+        return MotorLevels(layout, _read_only(_native.vest_intensities(*faces, layout=layout, mirror=mirror)))
     table = find_layout(layout).mirrored(mirror)
     percents = dict(zip(("front", "back"), faces, strict=True))
     shown = [percents[m.face][m.column] if m.column < 4 else 0.0 for m in table.motors]
     if not np.isfinite(shown).all():
         raise InvalidValueError(f"front = {faces[0]}, back = {faces[1]}: a number is not finite")
-    return VestFrame(layout, _read_only(np.clip(np.rint(shown), 0, 100).astype(np.uint8)))
+    return MotorLevels(layout, _read_only(np.clip(np.rint(shown), 0, 100).astype(np.uint8)))
 
 
 class FeltMap:
@@ -264,9 +264,9 @@ class FeltMap:
         table[0] = 0
         self._table: NDArray[np.uint8] = table
 
-    def apply(self, frame: VestFrame) -> VestFrame:
+    def apply(self, frame: MotorLevels) -> MotorLevels:
         """Return the frame that is felt evenly; its intensities are read-only."""
-        return VestFrame(frame.layout, _read_only(self._table[frame.intensities, frame.motors]))
+        return MotorLevels(frame.layout, _read_only(self._table[frame.intensities, frame.motors]))
 
 
 def _per_motor(name: str, values: float | Iterable[float], least: float, most: float) -> NDArray[np.float64]:

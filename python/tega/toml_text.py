@@ -1,64 +1,69 @@
-"""What TEGA writes as TOML: texts, values, tables, and the settings of a run.
+"""Write TOML with tomlkit: single values, nested tables, and the settings of a run.
 
-The standard library reads TOML and writes none. What is written here are a few tables of plain values, one value a
-line, so that equal values give equal bytes; files that carry comments put theirs between these lines.
+Equal values give equal bytes. A file with comments is made as a tomlkit document where it is written; what stands here
+is what every writer needs: ``None`` left out, paths as text, times in UTC.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+import tomlkit
+from tomlkit.items import Item, Table
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["config_text", "toml_key", "toml_value", "tree_text"]
+__all__ = ["config_text", "toml_item", "toml_value", "tree_item", "tree_text"]
 
 
-def toml_value(value: Any) -> str:
-    """Return a value as TOML has it, on one line.
+def toml_item(value: Any) -> Item:
+    """Return a value as a tomlkit item that stands on one line, to be put into a document.
 
     Args:
         value: Text, a bool, a number, a time with its zone (written in UTC, whole seconds), or lists and mappings of
-            those.
+            those; a key whose value is ``None`` is left out.
+    """
+    if isinstance(value, Mapping):
+        table = tomlkit.inline_table()
+        table.update({key: toml_item(one) for key, one in value.items() if one is not None})
+        return table
+    if isinstance(value, list | tuple):
+        array = tomlkit.array()
+        array.extend(map(toml_item, value))
+        return array
+    if isinstance(value, datetime):
+        value = value.astimezone(UTC).replace(microsecond=0)
+    item: Item = tomlkit.item(value)
+    return item
+
+
+def toml_value(value: Any) -> str:
+    """Return a value as TOML has it, on one line; see :func:`toml_item`.
 
     Example:
         >>> toml_value({"port": "/dev/ttyUSB0", "gains": [1.0, 24], "raw": True})
-        '{ port = "/dev/ttyUSB0", gains = [1.0, 24], raw = true }'
+        '{port = "/dev/ttyUSB0", gains = [1.0, 24], raw = true}'
     """
-    if isinstance(value, str):
-        # A JSON string is a TOML string, but for this one character.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, datetime):
-        return value.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(toml_value, value))}]"
-    if isinstance(value, Mapping):
-        inside = ", ".join(
-            f"{toml_key(key)} = {toml_value(item)}" for key, item in value.items() if item is not None
-        )
-        return f"{{ {inside} }}" if inside else "{}"
-    return repr(float(value)) if isinstance(value, float) else repr(value)
-
-
-def toml_key(key: str) -> str:
-    """Return a key as TOML has it: bare where that is allowed, or else as a text."""
-    bare = key.replace("_", "").replace("-", "")
-    return key if bare.isascii() and bare.isalnum() else toml_value(key)
+    return toml_item(value).as_string()
 
 
 def tree_text(tree: Mapping[str, Any]) -> str:
     """Write nested tables as TOML; ``None`` is left out."""
-    lines: list[str] = []
-    _table(tree, "", lines)
-    return "\n".join(lines).lstrip("\n") + "\n"
+    return tomlkit.dumps(tree_item(tree))
+
+
+def tree_item(tree: Mapping[str, Any]) -> Table:
+    """Return nested tables as a tomlkit table, to which comments can be added; ``None`` is left out."""
+    table = tomlkit.table()
+    kept = {key: value for key, value in tree.items() if value is not None}
+    for key, value in sorted(kept.items(), key=lambda pair: isinstance(pair[1], Mapping)):
+        table.add(key, tree_item(value) if isinstance(value, Mapping) else toml_item(value))
+    return table
 
 
 def config_text(config: SessionConfig) -> str:
@@ -76,13 +81,3 @@ def _plain(value: object) -> Any:
     if isinstance(value, Path | str):  # a text given outside the file is a str of its own kind
         return str(value)
     raise NotImplementedError(f"a setting of type {type(value).__name__} cannot be written")
-
-
-def _table(tree: Mapping[str, Any], name: str, lines: list[str]) -> None:
-    values = {k: v for k, v in tree.items() if v is not None and not isinstance(v, Mapping)}
-    if name and (values or not any(isinstance(v, Mapping) for v in tree.values())):
-        lines += ["", f"[{name}]"]
-    lines += [f"{toml_key(key)} = {toml_value(value)}" for key, value in values.items()]
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            _table(value, f"{name}.{toml_key(key)}" if name else toml_key(key), lines)

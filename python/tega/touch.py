@@ -54,7 +54,7 @@ def nominal_light() -> GelLight:
     )
 
 
-DEPTH_LAW: Final = 1
+DEPTH_LAW: Final = 2
 """Version of the law of depth and force in crates/tega-tactile/src/live/law.rs; what is fitted to one
 version does not fit another."""
 # How depth follows a gain of all the light: the sum of the exponents in crates/tega-tactile/src/live/law.rs.

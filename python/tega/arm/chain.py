@@ -9,13 +9,13 @@ import numpy as np
 from tega.arm.clip import clipped
 from tega.arm.clutch import Clutch
 from tega.arm.frames import ToBase
-from tega.arm.gate import Gate, malformed
+from tega.arm.gate import PoseGate, malformed
 from tega.arm.motion import Follower
 from tega.arm.one_euro import PoseFilter
 from tega.arm.pose import ArmCommand, ArmState, Pose, StampedPose
 from tega.arm.rotation import unit
 from tega.arm.settings import ArmSettings, checked
-from tega.arm.watch import Level, Trouble, Watch
+from tega.arm.watch import ArmWatch, Level, Trouble
 from tega.arm.workspace import Workspace
 
 __all__ = ["ArmChain"]
@@ -42,7 +42,7 @@ class ArmChain:
 
     def __init__(self, settings: ArmSettings | None = None) -> None:
         self._s = s = checked(settings or ArmSettings())
-        self._gate, self._filter, self._watch = Gate(s.gate), PoseFilter(s.filter), Watch(s.watchdog)
+        self._gate, self._filter, self._watch = PoseGate(s.gate), PoseFilter(s.filter), ArmWatch(s.watchdog)
         self._to_base, self._clutch = ToBase(s.mapping), Clutch(s.mapping)
         self._workspace = Workspace(s.limits)
         self._state: ArmState = "idle"
@@ -109,7 +109,7 @@ class ArmChain:
 
     def _start_over(self, reason: str) -> None:
         """Forget everything that hangs on the clock."""
-        self._gate, self._unfiltered, self._measured = Gate(self._s.gate), None, None
+        self._gate, self._unfiltered, self._measured = PoseGate(self._s.gate), None, None
         self._filter.forget()
         self._watch.forget()
         if self._state in {"following", "holding"}:

@@ -1,4 +1,4 @@
-"""Which poses are believed: a jump that is filtered or slowed down still leads to a wrong place."""
+"""Refuse tracker poses that jump: a jump that is filtered or slowed down still leads to a wrong place."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tega.arm.pose import StampedPose
 from tega.arm.rotation import Floats, between, unit
 from tega.arm.settings import GateSettings
 
-__all__ = ["JUMPED", "Gate", "malformed"]
+__all__ = ["JUMPED", "PoseGate", "malformed"]
 
 JUMPED: Final = "it jumped by"
 """How the reason begins for which a pose that is whole and in time is not believed."""
@@ -34,7 +34,7 @@ def malformed(pose: StampedPose, settings: GateSettings) -> str:
     return ""
 
 
-class Gate:
+class PoseGate:
     """Looks at poses one after the other.
 
     Args:

@@ -25,11 +25,11 @@ _Ms = Annotated[float, msgspec.Meta(ge=1, le=60_000)]
 _Triple = tuple[float, float, float]
 
 
-class _Stage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class _ChainStage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pass
 
 
-class GateSettings(_Stage, frozen=True):
+class GateSettings(_ChainStage, frozen=True):
     """What a pose has to be like to be believed.
 
     Attributes:
@@ -53,7 +53,7 @@ class GateSettings(_Stage, frozen=True):
     room_m: _Positive = 100.0
 
 
-class MappingSettings(_Stage, frozen=True):
+class MappingSettings(_ChainStage, frozen=True):
     """How motion of the forearm becomes motion of the target.
 
     Attributes:
@@ -77,7 +77,7 @@ class MappingSettings(_Stage, frozen=True):
     mirror: bool | None = None
 
 
-class FilterSettings(_Stage, frozen=True):
+class FilterSettings(_ChainStage, frozen=True):
     """The One-Euro filter; its ``beta`` has units and is not the published one for pixels.
 
     Attributes:
@@ -97,7 +97,7 @@ class FilterSettings(_Stage, frozen=True):
     speed_cutoff_hz: _Positive = 1.0
 
 
-class LimitSettings(_Stage, frozen=True):
+class LimitSettings(_ChainStage, frozen=True):
     """Where the target may be and how it may move, whatever the operator does.
 
     Attributes:
@@ -143,7 +143,7 @@ class LimitSettings(_Stage, frozen=True):
                 raise InvalidValueError(f"{name} {getattr(self, name)} has no direction")
 
 
-class WatchdogSettings(_Stage, frozen=True):
+class WatchdogSettings(_ChainStage, frozen=True):
     """After what time without news something happens.
 
     Attributes:
@@ -174,7 +174,7 @@ class WatchdogSettings(_Stage, frozen=True):
             )
 
 
-class ArmSettings(_Stage, frozen=True):
+class ArmSettings(_ChainStage, frozen=True):
     """All of them.
 
     Attributes:

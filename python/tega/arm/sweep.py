@@ -12,14 +12,14 @@ from tega.arm.heading import SHORTEST_M
 from tega.arm.pose import StampedPose
 from tega.errors import InvalidValueError
 
-__all__ = ["Sweep"]
+__all__ = ["ForearmSweep"]
 
 _REST_NS = 500_000_000
 _REST_M = 0.01
 _GAP_NS = 300_000_000
 
 
-class Sweep:
+class ForearmSweep:
     """Takes in poses until the forearm has moved and come to rest; a forearm that was lost begins anew.
 
     Args:
@@ -31,7 +31,7 @@ class Sweep:
         places: Where it was, in the tracker's axes, metres.
 
     Example:
-        >>> sweep = Sweep("openxr")
+        >>> sweep = ForearmSweep("openxr")
         >>> for k in range(100):
         ...     sweep.take(StampedPose(k * 10_000_000, (0, 0, -0.01 * min(k, 20)), (0, 0, 0, 1)))
         >>> sweep.done, sweep.gone_m.round(2).tolist()

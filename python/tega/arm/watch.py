@@ -9,7 +9,7 @@ from typing import NamedTuple
 from tega.arm.gate import JUMPED
 from tega.arm.settings import WatchdogSettings
 
-__all__ = ["Level", "Trouble", "Watch"]
+__all__ = ["ArmWatch", "Level", "Trouble"]
 
 
 # A tracker that jumps so often within this time has no vote, until so much time has passed without a jump.
@@ -40,7 +40,7 @@ class Trouble(NamedTuple):
     silent: bool = False
 
 
-class Watch:
+class ArmWatch:
     """Keeps the times.
 
     Args:

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from tega.audit.emg import EmgScore
 from tega.audit.recordings import EmgColumns
-from tega.audit.run import Asked, Audited, AuditReport, audit_recording
+from tega.audit.run import Audited, AuditReport, AuditRequest, audit_recording
 from tega.audit.touch import FingerAudit, TouchScore, mean_difference
 from tega.audit.truth import Forces, Mark, read_forces, read_marks
-from tega.audit.variants import READINGS, Kind, Sweep, parse_sweep
+from tega.audit.variants import READINGS, Kind, SettingSweep, parse_sweep
 from tega.audit.vest import VestScore
 
 __all__ = [
     "READINGS",
-    "Asked",
     "AuditReport",
+    "AuditRequest",
     "Audited",
     "EmgColumns",
     "EmgScore",
@@ -25,7 +25,7 @@ __all__ = [
     "Forces",
     "Kind",
     "Mark",
-    "Sweep",
+    "SettingSweep",
     "TouchScore",
     "VestScore",
     "audit_recording",

@@ -13,7 +13,7 @@ from tega.calibration.maxima import EMG_PERCENTILE, block_length, held_samples
 from tega.emg import channel_maxima
 from tega.emg_score import changes_per_second, delay_s
 from tega.errors import CalibrationError
-from tega.inbox.sources import Block, BlockMeter, SourceReport
+from tega.inbox.sources import BlockMeter, EmgBlock, SourceReport
 from tega.stages.choose import block_s, muscle_decoder
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def _maxima(variant: Variant, chunks: Sequence[EmgChunk], conditions: EmgMaxima)
     return msgspec.structs.replace(conditions, tau=tau, maxima=tuple(map(float, found))), "recording"
 
 
-def _decoded(variant: Variant, chunks: Sequence[EmgChunk], used: EmgMaxima, *, live: bool) -> list[Block]:
+def _decoded(variant: Variant, chunks: Sequence[EmgChunk], used: EmgMaxima, *, live: bool) -> list[EmgBlock]:
     decoder = muscle_decoder(variant.config.stages, variant.config.session.preset, used)
     meter = BlockMeter(decoder, SourceReport(), maxima=used, live=live)
     return [block for chunk in chunks for block in meter.take(chunk)]
@@ -124,7 +124,7 @@ def _decoded(variant: Variant, chunks: Sequence[EmgChunk], used: EmgMaxima, *, l
 
 def _score(
     variant: Variant,
-    blocks: Sequence[Block],
+    blocks: Sequence[EmgBlock],
     t_s: np.ndarray[Any, Any],
     wanted: np.ndarray[Any, Any],
     first: tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]],
@@ -171,5 +171,5 @@ def _on(
     return place
 
 
-def _force(forces: Forces | None, block: Block) -> float | None:
+def _force(forces: Forces | None, block: EmgBlock) -> float | None:
     return None if forces is None else forces.at(block.t_ns)

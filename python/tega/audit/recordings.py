@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from tega.records import Contact
 
 __all__ = [
+    "AuditMaterial",
     "EmgColumns",
     "Listener",
-    "Material",
     "is_emg_file",
     "is_session",
     "read_material",
@@ -54,7 +54,7 @@ class EmgColumns(NamedTuple):
     variable: str = "emg"
 
 
-class Material(NamedTuple):
+class AuditMaterial(NamedTuple):
     """What is known before the first picture or sample.
 
     Attributes:
@@ -77,12 +77,12 @@ class Material(NamedTuple):
 class Listener(Protocol):
     """Is told what a recording holds."""
 
-    def begin(self, material: Material) -> bool:
+    def begin(self, material: AuditMaterial) -> bool:
         """Take what is known before the first picture; return whether pictures are wanted."""
         ...
 
-    def frame(self, finger: str, frame: TactileFrame) -> None:
-        """Take the next picture of a finger."""
+    def frame(self, finger: str, frame: TactileFrame, *, loaded: bool) -> None:
+        """Take the next picture of a finger; ``loaded`` where another finger bore a load in the run."""
         ...
 
     def chunk(self, chunk: EmgChunk) -> None:
@@ -156,7 +156,7 @@ def _read_session(path: Path, listener: Listener, preset: str | None, progress: 
         if muscles is not None:
             muscles = msgspec.structs.replace(muscles, kind=kind) if "emg" in head.sources else None
         wanted = listener.begin(
-            Material(
+            AuditMaterial(
                 tree | {"vest": vest},
                 head.baselines,
                 calibration,
@@ -166,11 +166,11 @@ def _read_session(path: Path, listener: Listener, preset: str | None, progress: 
             )
         )
 
-    def frame(finger: str, frame: TactileFrame, _crc32: int) -> None:
+    def frame(finger: str, frame: TactileFrame, told: Any) -> None:
         nonlocal n
         n += 1
         progress("pictures", n, 0)
-        listener.frame(finger, frame)
+        listener.frame(finger, frame, loaded=getattr(told, "loaded", False))  # earlier recordings do not say
 
     recorded = read_recorded(
         path, begin=begin, frame=frame, chunk=listener.chunk, pictures_wanted=lambda _head: wanted
@@ -188,9 +188,9 @@ def _read_pictures(
     with driver(driver.options_type(**options)) as source:
         still, _ = find_baseline(source, baseline, finger=LOOSE_FINGER)
         total = source.info.n_items or 0
-        listener.begin(Material({"session": {"preset": preset or "live"}}, {LOOSE_FINGER: still}))
+        listener.begin(AuditMaterial({"session": {"preset": preset or "live"}}, {LOOSE_FINGER: still}))
         while (frame := source.read(0.0)) is not None:
-            listener.frame(LOOSE_FINGER, frame)
+            listener.frame(LOOSE_FINGER, frame, loaded=False)
             progress("pictures", frame.seq + 1, total)
 
 
@@ -205,7 +205,7 @@ def _read_emg(path: Path, listener: Listener, preset: str | None, emg: EmgColumn
     )
     with driver(options) as source:
         conditions = emg_conditions(source, emg.kind)
-        listener.begin(Material({"session": {"preset": preset or "live"}}, {}, None, conditions))
+        listener.begin(AuditMaterial({"session": {"preset": preset or "live"}}, {}, None, conditions))
         while not source.ended:
             chunk = source.read(0.0)
             if chunk is not None:

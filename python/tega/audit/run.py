@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import msgspec
 
 from tega.audit.emg import EmgScore, emg_scores
-from tega.audit.recordings import EmgColumns, Material, read_material, recordings_of
+from tega.audit.recordings import AuditMaterial, EmgColumns, read_material, recordings_of
 from tega.audit.touch import FingerAudit, FingerReading, TouchScore
-from tega.audit.truth import Forces, Mark, Truth, mask_of, read_mask
-from tega.audit.variants import READINGS, Kind, Sweep, Variant, kind_of, named_variants, sweep_variants
+from tega.audit.truth import Forces, Mark, PictureTruth, mask_of, read_mask
+from tega.audit.variants import READINGS, Kind, SettingSweep, Variant, kind_of, named_variants, sweep_variants
 from tega.audit.vest import VestScore, vest_score
 from tega.config import check_tree
 from tega.errors import ConfigError, RecordingError
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from tega.inbox.sources import Contact as Measured
     from tega.records import Contact
 
-__all__ = ["Asked", "AuditReport", "Audited", "audit_recording"]
+__all__ = ["AuditReport", "AuditRequest", "Audited", "audit_recording"]
 
 
-class Asked(NamedTuple):
+class AuditRequest(NamedTuple):
     """What is to be compared, and against what.
 
     Attributes:
@@ -46,7 +46,7 @@ class Asked(NamedTuple):
 
     of: tuple[Kind, ...] = ()
     names: tuple[str, ...] = ()
-    sweep: Sweep | None = None
+    sweep: SettingSweep | None = None
     sets: tuple[str, ...] = ()
     preset: str | None = None
     marks: dict[str, Mark] | None = None
@@ -89,7 +89,7 @@ class Audited(NamedTuple):
 
 def audit_recording(
     path: Path,
-    asked: Asked = Asked(),  # noqa: B008  # immutable
+    asked: AuditRequest = AuditRequest(),  # noqa: B008  # immutable
     *,
     baseline: Path | None = None,
     emg: EmgColumns | None = None,
@@ -122,9 +122,9 @@ def audit_recording(
 class _Audit:
     """What becomes of one recording."""
 
-    def __init__(self, path: Path, asked: Asked) -> None:
+    def __init__(self, path: Path, asked: AuditRequest) -> None:
         self._path, self._name, self._asked = path, path.name, asked
-        self._material = Material({}, {})
+        self._material = AuditMaterial({}, {})
         self._variants: dict[Kind, list[Variant]] = {}
         self._fingers: dict[str, FingerAudit] = {}
         self._shown: dict[tuple[str, str], FingerReading] = {}
@@ -132,7 +132,7 @@ class _Audit:
         self._recorded: dict[str, list[Contact]] = {}
         self._n_passed = 0
 
-    def begin(self, material: Material) -> bool:
+    def begin(self, material: AuditMaterial) -> bool:
         """Make the readings; return whether pictures are wanted."""
         self._material = material
         asked = self._asked
@@ -151,16 +151,16 @@ class _Audit:
             self._fingers[finger] = FingerAudit(readings, still, live=material.live)
         return bool(self._variants.get("touch") or self._shown)
 
-    def frame(self, finger: str, frame: TactileFrame) -> None:
+    def frame(self, finger: str, frame: TactileFrame, *, loaded: bool) -> None:
         """Measure a picture with every reading, where what is to be known of it is known."""
         truth = self._truth(frame)
         if truth is None:
             self._n_passed += 1
             return
-        self._fingers[finger].take(frame, truth)
+        self._fingers[finger].take(frame, truth, loaded=loaded)
         for (whose, _), reading in self._shown.items():
             if whose == finger:
-                reading.take(frame)
+                reading.take(frame, loaded=loaded)
 
     def chunk(self, chunk: EmgChunk) -> None:
         """Keep EMG samples."""
@@ -245,7 +245,7 @@ class _Audit:
                 contacts[finger] = self._shown[finger, _metric(variant.config)].contacts
         return vest_score(variant, contacts, calibration, self._asked.forces)
 
-    def _truth(self, frame: TactileFrame) -> Truth | None:
+    def _truth(self, frame: TactileFrame) -> PictureTruth | None:
         """Return what is known of a picture; ``None`` for one that is to be left out."""
         asked = self._asked
         mark = None if asked.marks is None else asked.marks.get(frame.name)
@@ -259,7 +259,7 @@ class _Audit:
             if path is None:
                 return None
             drawn = read_mask(path, shape)
-        return Truth(drawn, force_n, mark)
+        return PictureTruth(drawn, force_n, mark)
 
 
 def _metric(config: SessionConfig) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from tega.audit.truth import FarField, Mask, Truth
+from tega.audit.truth import FarField, Mask, PictureTruth
 from tega.devices.base import TactileFrame
 from tega.emg_score import changes_per_second, rank_correlation
 from tega.errors import TegaError
@@ -111,10 +111,17 @@ class FingerReading:
         maxima = None if self._calibration is None else self._calibration.touch(self.finger)
         return finger_metric(config.stages, config.session.preset, self.finger, self._baseline, maxima)
 
-    def take(self, frame: TactileFrame, truth: Truth = Truth()) -> None:  # noqa: B008  # immutable
-        """Measure the next picture."""
+    def take(
+        self,
+        frame: TactileFrame,
+        truth: PictureTruth = PictureTruth(),  # noqa: B008  # immutable
+        *,
+        loaded: bool = False,
+    ) -> None:
+        """Measure the next picture; ``loaded`` where another finger bore a load in the run."""
         if self._separate and self.contacts:
             self._begin()
+        self._metric.loaded = loaded
         contact = self._meter.take(frame)
         if contact is None:
             return
@@ -207,7 +214,7 @@ class FingerAudit:
         self.shown: NDArray[np.uint8] | None = None
         self.areas: dict[str, Mask] = {}
         self.press: list[float] = []
-        self.truths: list[Truth] = []
+        self.truths: list[PictureTruth] = []
 
     @property
     def readings(self) -> Sequence[FingerReading]:
@@ -219,11 +226,11 @@ class FingerAudit:
         """The untouched gel."""
         return self._baseline
 
-    def take(self, frame: TactileFrame, truth: Truth) -> None:
-        """Measure the next picture with every reading."""
+    def take(self, frame: TactileFrame, truth: PictureTruth, *, loaded: bool = False) -> None:
+        """Measure the next picture with every reading; ``loaded`` where another finger bore a load in the run."""
         try:
             for reading in self._readings:
-                reading.take(frame, truth)
+                reading.take(frame, truth, loaded=loaded)
         except TegaError:
             if not self._live:
                 raise

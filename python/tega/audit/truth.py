@@ -17,7 +17,7 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_words
 from tega.opencv import read_image
 
-__all__ = ["FarField", "Forces", "Mark", "Truth", "mask_of", "read_forces", "read_marks", "read_mask"]
+__all__ = ["FarField", "Forces", "Mark", "PictureTruth", "mask_of", "read_forces", "read_marks", "read_mask"]
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -41,7 +41,7 @@ class Mark:
         return distance
 
 
-class Truth(NamedTuple):
+class PictureTruth(NamedTuple):
     """What is known of one picture.
 
     Attributes:

@@ -18,7 +18,7 @@ from tega.errors import ConfigError
 __all__ = [
     "READINGS",
     "Kind",
-    "Sweep",
+    "SettingSweep",
     "Variant",
     "kind_of",
     "named_variants",
@@ -94,7 +94,7 @@ class Variant(NamedTuple):
     value: Any = None
 
 
-class Sweep(NamedTuple):
+class SettingSweep(NamedTuple):
     """One setting and the values that it takes in turn.
 
     Attributes:
@@ -132,7 +132,7 @@ def kind_of(key: str) -> Kind:
     )
 
 
-def parse_sweep(text: str) -> Sweep:
+def parse_sweep(text: str) -> SettingSweep:
     """Read ``KEY=FROM:TO:STEP`` or ``KEY=VALUE,VALUE,...``.
 
     Args:
@@ -172,7 +172,7 @@ def parse_sweep(text: str) -> Sweep:
         raise ConfigError(
             f"--sweep {text!r}: gives {len(values)} values, wanted 1 to {_MOST_VALUES}", example
         )
-    return Sweep(key.strip(), values)
+    return SettingSweep(key.strip(), values)
 
 
 def named_variants(
@@ -201,7 +201,9 @@ def named_variants(
     return variants
 
 
-def sweep_variants(tree: Mapping[str, Any], sweep: Sweep, *, sets: Sequence[str] = ()) -> list[Variant]:
+def sweep_variants(
+    tree: Mapping[str, Any], sweep: SettingSweep, *, sets: Sequence[str] = ()
+) -> list[Variant]:
     """Return the settings with one of them at each value of a sweep.
 
     Raises:

@@ -12,7 +12,7 @@ from tega.audit.touch import rank_of
 from tega.calibration import Calibration, FingerMaxima
 from tega.calibration.maxima import touch_maxima
 from tega.motor_layout import find_layout
-from tega.teleop.feedback import touch_loop
+from tega.teleop.touch_loop import touch_loop
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 import msgspec
 
 from tega.calibration.records import (
+    CalibrationRecord,
     EmgRecord,
     GelRecord,
     OnsetRecord,
     PracticeRecord,
-    Record,
     TouchRecord,
-    VestRecord,
+    VestCalibration,
     read_record,
     write_record,
 )
@@ -46,20 +46,20 @@ if TYPE_CHECKING:
 
     from tega.devices.base import DeviceInfo
 
-__all__ = ["RESUME_H", "CalibrationFolder", "Gel", "Part", "Unfinished", "checked_person", "device_name"]
+__all__ = ["RESUME_H", "CalibrationFolder", "KeptGel", "Part", "Unfinished", "checked_person", "device_name"]
 
 Part = Literal["touch", "emg", "vest"]
 
 RESUME_H = 4.0
 """An interrupted calibration is gone on with for so long; later the electrodes sit elsewhere."""
 
-_TYPES: dict[Part, type[TouchRecord | EmgRecord | VestRecord]] = {
+_TYPES: dict[Part, type[TouchRecord | EmgRecord | VestCalibration]] = {
     "touch": TouchRecord,
     "emg": EmgRecord,
-    "vest": VestRecord,
+    "vest": VestCalibration,
 }
 _STAMP = "%Y%m%d-%H%M%S"
-_Any = TypeVar("_Any", bound=Record)
+_Any = TypeVar("_Any", bound=CalibrationRecord)
 
 
 def checked_person(person: str) -> str:
@@ -76,7 +76,7 @@ def device_name(info: DeviceInfo) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "_", info.label).strip("._") or info.driver
 
 
-class Gel(NamedTuple):
+class KeptGel(NamedTuple):
     """A baseline as it was kept."""
 
     record: GelRecord
@@ -109,7 +109,7 @@ class CalibrationFolder:
 
     # Fingertips, whoever uses them.
 
-    def gels(self, device: str) -> list[Gel]:
+    def gels(self, device: str) -> list[KeptGel]:
         """Return the baselines of a sensor, oldest first; one that cannot be read is left out."""
         found = []
         for file in sorted((self.path / "gels" / device).glob("*.toml")):
@@ -118,7 +118,7 @@ class CalibrationFolder:
             except CalibrationError:
                 continue
             if file.with_suffix(".png").is_file():
-                found.append(Gel(record, file.with_suffix(".png")))
+                found.append(KeptGel(record, file.with_suffix(".png")))
         return sorted(found, key=lambda gel: gel.record.made)
 
     def keep_gel(self, record: GelRecord, picture: NDArray[np.uint8]) -> Path:
@@ -170,7 +170,7 @@ class CalibrationFolder:
         """Return a file's name as seen from the folder."""
         return path.relative_to(self.path).as_posix() if path.is_relative_to(self.path) else path.name
 
-    def keep(self, record: TouchRecord | EmgRecord | VestRecord) -> Path:
+    def keep(self, record: TouchRecord | EmgRecord | VestCalibration) -> Path:
         """Keep a record; the one before goes into ``before/``."""
         part = next(part for part, kind in _TYPES.items() if isinstance(record, kind))
         path = self.file(record.person, part, record.device)
@@ -241,5 +241,5 @@ class CalibrationFolder:
         return self.person(person) / "unfinished.json"
 
 
-def _part(wanted: type[Record]) -> Part:
+def _part(wanted: type[CalibrationRecord]) -> Part:
     return next(part for part, kind in _TYPES.items() if kind is wanted)

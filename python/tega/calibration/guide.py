@@ -1,4 +1,4 @@
-"""What the steps of a calibration need of whoever shows them; how it looks is not their business."""
+"""Declare the screens and questions that a calibration's steps need from the terminal or the page."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tega.clock import Clock
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega.haptics import Layout, VestFrame, vest_frame
+from tega.haptics import Layout, MotorLevels, vest_frame
 
 if TYPE_CHECKING:
     from tega.devices.base import VestSink
@@ -44,13 +44,13 @@ def light_motor(
     duration_s: float,
     clock: Clock,
     stop: Callable[[], bool] = lambda: False,
-    told: Callable[[VestFrame], None] = lambda _sent: None,
+    told: Callable[[MotorLevels], None] = lambda _sent: None,
 ) -> None:
     """Drive one motor for a while, then none.
 
     Args:
         vest: An open vest.
-        motor: Index of the motor, as in :attr:`tega.haptics.VestFrame.motors`.
+        motor: Index of the motor, as in :attr:`tega.haptics.MotorLevels.motors`.
         layout: Which motors the vest has.
         percent: How hard.
         duration_s: How long.
@@ -71,19 +71,19 @@ def light_motor(
         )
     what = f"motor {motor}"
     show_frame(
-        vest, VestFrame(layout, lit), duration_s=duration_s, clock=clock, stop=stop, told=told, what=what
+        vest, MotorLevels(layout, lit), duration_s=duration_s, clock=clock, stop=stop, told=told, what=what
     )
 
 
 def show_frame(
     vest: VestSink,
-    frame: VestFrame,
+    frame: MotorLevels,
     *,
     duration_s: float,
     clock: Clock,
     what: str,
     stop: Callable[[], bool] = lambda: False,
-    told: Callable[[VestFrame], None] = lambda _sent: None,
+    told: Callable[[MotorLevels], None] = lambda _sent: None,
 ) -> None:
     """Show a frame for a while, then none, also when it is interrupted.
 
@@ -99,7 +99,7 @@ def show_frame(
     Raises:
         DeviceUnavailableError: The vest did not show it all the time.
     """
-    silent = VestFrame(frame.layout, np.zeros_like(frame.intensities))
+    silent = MotorLevels(frame.layout, np.zeros_like(frame.intensities))
     start_ns = clock.now_ns()
     shown = True
     try:

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
 
-__all__ = ["Looked", "look_at", "people_with_calibrations"]
+__all__ = ["CalibrationLook", "look_at", "people_with_calibrations"]
 
 
-class Looked(NamedTuple):
+class CalibrationLook(NamedTuple):
     """What was seen of a part of a person's calibration.
 
     Attributes:
@@ -43,7 +43,7 @@ class Looked(NamedTuple):
     status: Literal["doubt", "wrong", "missing"] = "doubt"
 
 
-def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Looked]:
+def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[CalibrationLook]:
     """Look at a person's records for the live devices of some settings, as far as they tell while they are closed.
 
     Args:
@@ -52,7 +52,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Look
         now: To tell the age.
     """
     person, folder = whose(config.calibration)
-    found: list[Looked] = []
+    found: list[CalibrationLook] = []
 
     def look(what: str, wanted: type[Any], info: DeviceInfo | None) -> Any:
         if info is None or not info.live:
@@ -62,15 +62,15 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Look
             return needed_record(folder, person, wanted, info, what=what, settings=settings)
         except CalibrationError as error:
             there = folder.file(person, part, device_name(info)).is_file()
-            found.append(Looked(what, error.message, error.hint, "wrong" if there else "missing"))
+            found.append(CalibrationLook(what, error.message, error.hint, "wrong" if there else "missing"))
             return None
 
     def warned(what: str, warnings: list[str]) -> None:
         for warning in warnings:
             said, begins, rest = warning.partition(": tega-teleop ")
-            found.append(Looked(what, said, f"tega-teleop {rest}" if begins else ""))
+            found.append(CalibrationLook(what, said, f"tega-teleop {rest}" if begins else ""))
         if not warnings:
-            found.append(Looked(what))
+            found.append(CalibrationLook(what))
 
     for finger, section in config.tactile.in_use().items():
         info = closed_info(section.driver, "tactile", section.options)
@@ -80,7 +80,9 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Look
         info = closed_info(emg.driver, "emg", emg.options)
         if (record := look("EMG", EmgRecord, info)) is not None:
             if (said := _other_way(record, config)) is not None:
-                found.append(Looked("EMG", said, calibrate_command(settings, person, "emg"), "wrong"))
+                found.append(
+                    CalibrationLook("EMG", said, calibrate_command(settings, person, "emg"), "wrong")
+                )
             else:
                 warned("EMG", emg_warnings(record, config, settings=settings, now=now))
     if live_vest(config) is not None and config.session.preset == "live":
@@ -88,7 +90,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Look
             warned("vest", vest_warnings(config, folder, person, settings=settings, now=now))
         except CalibrationError as error:
             command = calibrate_command(settings, person, "vest")
-            found.append(Looked("vest", f"vest: {error.message}", command, "wrong"))
+            found.append(CalibrationLook("vest", f"vest: {error.message}", command, "wrong"))
     return found
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import msgspec
 
 from tega.calibration.folder import CalibrationFolder, Part, device_name
-from tega.calibration.records import EmgRecord, TouchRecord, VestRecord
+from tega.calibration.records import EmgRecord, TouchRecord, VestCalibration
 from tega.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
 from tega.calibration.wearing import site_motors
 from tega.errors import CalibrationError, TegaError
@@ -233,7 +233,7 @@ def vest_warnings(
     if info is None or config.session.preset != "live":
         return []
     device, command = device_name(info), calibrate_command(settings, person, "vest")
-    record = folder.record(person, VestRecord, device)
+    record = folder.record(person, VestCalibration, device)
     vest = config.vest
     if record is None:
         if (vest.threshold, vest.step) != (0.0, 1.0):
@@ -274,7 +274,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     Raises:
         InvalidValueError: The person's code cannot be one.
     """
-    from tega.config import LoadedConfig, TactileSection, Value
+    from tega.config import LoadedConfig, SettingValue, TactileSection
 
     config, values = loaded.config, dict(loaded.values)
     person, folder = whose(config.calibration)
@@ -286,7 +286,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
         try:
             return folder.record(person, wanted, device_name(info))
         except CalibrationError as error:
-            values[f"calibration.{info.kind}"] = Value(error.message, "not used")
+            values[f"calibration.{info.kind}"] = SettingValue(error.message, "not used")
             return None
 
     for finger, section in config.tactile.in_use().items():
@@ -299,15 +299,15 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
             maxima = record.live if config.session.preset == "live" else record.paper
             name = folder.named(folder.file(person, "touch", record.device))
             for key in ("cci_max", "eda_max"):
-                values[f"calibration.{finger}.{key}"] = Value(getattr(maxima, key), name)
+                values[f"calibration.{finger}.{key}"] = SettingValue(getattr(maxima, key), name)
     if config.emg is not None and (info := closed_info(config.emg.driver, "emg", config.emg.options)):
         emg = readable(EmgRecord, info) if info.live else None
         if emg is not None:
             name = folder.named(folder.file(person, "emg", emg.device))
             top = emg.live_max if config.session.preset == "live" else emg.paper_max
-            values["calibration.emg.maxima"] = Value(top, name)
+            values["calibration.emg.maxima"] = SettingValue(top, name)
     vest_info = live_vest(config)
-    vest = None if vest_info is None else readable(VestRecord, vest_info)
+    vest = None if vest_info is None else readable(VestCalibration, vest_info)
     if vest is not None and config.session.preset == "live":
         threshold, step = felt_by(vest)
         name = folder.named(folder.file(person, "vest", vest.device))
@@ -315,9 +315,9 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     changes: dict[str, Any] = {}
     for key, (value, name) in found.items():
         if key in given:
-            values[key] = Value(values[key].value, f"{values[key].origin} (wins over {name})")
+            values[key] = SettingValue(values[key].value, f"{values[key].origin} (wins over {name})")
         else:
-            values[key], changes[key] = Value(value, name), value
+            values[key], changes[key] = SettingValue(value, name), value
     tactile = TactileSection(
         **{
             f: msgspec.structs.replace(c, baseline=changes.get(f"tactile.{f}.baseline", c.baseline))
@@ -350,7 +350,7 @@ def closed_info(driver: str, kind: Literal["tactile", "emg", "vest"], options: A
     return info
 
 
-def felt_by(record: VestRecord) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def felt_by(record: VestCalibration) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return threshold and step of each of the 40 motors, percent.
 
     A motor where nothing was felt, or none was asked about, has the middle of the others: one dead motor must not
@@ -364,7 +364,7 @@ def felt_by(record: VestRecord) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return thresholds or (0.0,) * _MOTORS, steps or (1.0,) * _MOTORS
 
 
-def _each_motor(record: VestRecord, percent: tuple[float, ...]) -> tuple[float, ...] | None:
+def _each_motor(record: VestCalibration, percent: tuple[float, ...]) -> tuple[float, ...] | None:
     known = sorted(p for p in percent if p > 0)
     if not known:
         return None

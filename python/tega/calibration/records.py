@@ -10,29 +10,30 @@ from pathlib import Path
 from typing import ClassVar, Literal, TypeVar
 
 import msgspec
+import tomlkit
 
 from tega.calibration.store import TouchMaxima
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 from tega.foreign_file import parse_toml, read_words
-from tega.toml_text import toml_value
+from tega.toml_text import toml_item, tree_item
 from tega.whole_file import write_whole
 
 __all__ = [
+    "CalibrationRecord",
     "EmgRecord",
     "GelRecord",
     "OnsetRecord",
     "PracticeRecord",
-    "Record",
     "TouchRecord",
-    "VestRecord",
+    "VestCalibration",
     "read_record",
     "utc_now",
     "write_record",
 ]
 
 
-class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What every record begins with.
 
     Attributes:
@@ -52,7 +53,7 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     notes: tuple[str, ...] = ()
 
 
-class GelRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-gel"):
+class GelRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-gel"):
     """A baseline of a fingertip; the picture is the PNG of the same name.
 
     Attributes:
@@ -79,7 +80,7 @@ class GelRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega
     cell_noise_counts: tuple[float, float, float] | None = None
 
 
-class TouchRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-touch"):
+class TouchRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-touch"):
     """What is full on one fingertip, as one person presses it.
 
     Attributes:
@@ -110,7 +111,7 @@ class TouchRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="te
     paper: TouchMaxima
 
 
-class EmgRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-emg"):
+class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-emg"):
     """What rest and full effort are on each channel, and under which conditions.
 
     Attributes:
@@ -159,7 +160,7 @@ class EmgRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega
     scale: float = 1.0
 
 
-class VestRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-vest"):
+class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-vest"):
     """What one person feels of a vest.
 
     Attributes:
@@ -195,7 +196,7 @@ class VestRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="teg
     false_alarms: int
 
 
-class PracticeRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
+class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
     """How well a person followed a level.
 
     Attributes:
@@ -228,7 +229,7 @@ class PracticeRecord(Record, frozen=True, kw_only=True, tag_field="format", tag=
     channels: tuple[str, ...] = ()
 
 
-class OnsetRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):
+class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):
     """How long one motor of a vest takes to start, measured with a microphone, whoever wears it.
 
     Attributes:
@@ -271,7 +272,7 @@ class OnsetRecord(Record, frozen=True, kw_only=True, tag_field="format", tag="te
     clock_uncertainty_ms: float
 
 
-_Any = TypeVar("_Any", bound=Record)
+_Any = TypeVar("_Any", bound=CalibrationRecord)
 
 
 def utc_now() -> datetime:
@@ -316,26 +317,26 @@ def read_record(path: Path, wanted: type[_Any]) -> _Any:
     return record
 
 
-def write_record(record: Record, path: Path) -> None:
+def write_record(record: CalibrationRecord, path: Path) -> None:
     """Write a record; whoever reads the file sees the old one or the new one, whole."""
-    config = record.__struct_config__
-    lines = [f"format = {toml_value(config.tag)}", f"version = {record.version}"]
-    tables: list[str] = []
-    for name in (*_FIRST, *(n for n in record.__struct_fields__ if n not in _FIRST)):
-        value = getattr(record, name, None)
-        if value is None or name == "version" or value == () == record.notes == value:
+    fields = {"format": record.__struct_config__.tag, "version": record.version}
+    fields |= {name: getattr(record, name) for name in _FIRST if hasattr(record, name)}
+    fields |= msgspec.structs.asdict(record)
+    if not record.notes:
+        del fields["notes"]
+    text = tomlkit.document()
+    for name, value in fields.items():
+        if value is None:
             continue
-        said = f"  # {record.comments[name]}" if name in record.comments else ""
-        if isinstance(value, msgspec.Struct):
-            tables += ["", f"[{name}]{said}"]
-            tables += [
-                f"{key} = {toml_value(v)}"
-                for key in value.__struct_fields__
-                if (v := getattr(value, key)) is not None
-            ]
-        else:
-            lines.append(f"{name} = {toml_value(value)}{said}")
-    write_whole(path, "\n".join([*lines, *tables]) + "\n", sync=True)
+        item = (
+            tree_item(msgspec.structs.asdict(value))
+            if isinstance(value, msgspec.Struct)
+            else toml_item(value)
+        )
+        if name in record.comments:
+            item.comment(record.comments[name])
+        text.add(name, item)
+    write_whole(path, tomlkit.dumps(text), sync=True)
 
 
 _FIRST = ("person", "device", "driver", "made")

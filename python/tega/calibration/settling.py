@@ -1,4 +1,4 @@
-"""What happens where a step finds something wrong: it is said, and done again, kept in spite of it, or given up."""
+"""Ask what to do where a calibration step finds a fault: repeat the step, keep its result, or give up."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
-from tega.calibration.folder import CalibrationFolder, Gel, device_name
+from tega.calibration.folder import CalibrationFolder, KeptGel, device_name
 from tega.calibration.gel import LEAST_PICTURES, GelChange, Rest, compare_gels, judge_rest, suspect_contact
 from tega.calibration.guide import Bar, Guide
 from tega.calibration.known_press import Ball, fit_gel
@@ -130,7 +130,7 @@ def take_baseline(
     return TakenBaseline(rest.picture, file, now, record.notes, rest.cell_noise)
 
 
-def _changes(record: GelRecord, picture: NDArray[np.uint8], before: list[Gel]) -> list[GelChange]:
+def _changes(record: GelRecord, picture: NDArray[np.uint8], before: list[KeptGel]) -> list[GelChange]:
     """Compare with the sensor's first baseline, then with its last."""
     changes = []
     for gel in dict.fromkeys([before[0].picture, before[-1].picture]) if before else ():
@@ -149,7 +149,7 @@ def _changes(record: GelRecord, picture: NDArray[np.uint8], before: list[Gel]) -
     return changes
 
 
-def _picture(gel: Gel) -> NDArray[np.uint8] | None:
+def _picture(gel: KeptGel) -> NDArray[np.uint8] | None:
     try:
         return read_image(gel.picture, driver=gel.record.driver)
     except Exception:  # a damaged old picture must not stand in the way of a new one

@@ -21,15 +21,15 @@ from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
 from tega.calibration.times import Times
 from tega.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
 from tega.clock import Clock, SystemClock
-from tega.haptics import Layout, VestFrame, vest_frame
+from tega.haptics import Layout, MotorLevels, vest_frame
 
 if TYPE_CHECKING:
     from tega.devices.base import VestSink
 
-__all__ = ["Felt", "Pulses", "take_steps", "take_thresholds", "take_wearing"]
+__all__ = ["FeltSite", "Pulses", "take_steps", "take_thresholds", "take_wearing"]
 
 
-class Felt(msgspec.Struct, frozen=True, kw_only=True):
+class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
     """What was found at one site: a level, 0 for none, and how often nothing was felt to be something."""
 
     level: int
@@ -69,7 +69,7 @@ class Pulses:
         """
         percent = LEVEL_PERCENT[min(level, self.ceiling)]
         lit = np.isin(self._silent.motors, site_motors(site))
-        frame = VestFrame(self._layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
+        frame = MotorLevels(self._layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
         show_frame(
             self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, what=site_place(site)
         )
@@ -117,10 +117,10 @@ def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, t
 def take_thresholds(
     pulses: Pulses,
     sites: tuple[str, ...],
-    done: Mapping[str, Felt],
+    done: Mapping[str, FeltSite],
     guide: Guide,
     *,
-    keep: Callable[[str, Felt], None],
+    keep: Callable[[str, FeltSite], None],
 ) -> None:
     """Find at each site the lowest level that is felt.
 
@@ -151,11 +151,11 @@ def take_thresholds(
 def take_steps(
     pulses: Pulses,
     sites: tuple[str, ...],
-    thresholds: Mapping[str, Felt],
-    done: Mapping[str, Felt],
+    thresholds: Mapping[str, FeltSite],
+    done: Mapping[str, FeltSite],
     guide: Guide,
     *,
-    keep: Callable[[str, Felt], None],
+    keep: Callable[[str, FeltSite], None],
     seed: int,
 ) -> None:
     """Find at some sites the smallest increase that is noticed, half way between threshold and ceiling.
@@ -193,10 +193,10 @@ def take_steps(
 def _each(
     pulses: Pulses,
     sites: tuple[str, ...],
-    done: Mapping[str, Felt],
+    done: Mapping[str, FeltSite],
     guide: Guide,
     *,
-    keep: Callable[[str, Felt], None],
+    keep: Callable[[str, FeltSite], None],
     title: str,
     percent: Callable[[int], float],
     ceiling: Callable[[str], int],
@@ -212,7 +212,7 @@ def _each(
                 guide.show(f"{title}: {site_place(site)}", [bar], None)
                 ladder.answer(felt=asking(pulses, guide, site, level))
         found = ladder.result()
-        keep(site, Felt(level=found.level or 0, n_false=found.n_false))
+        keep(site, FeltSite(level=found.level or 0, n_false=found.n_false))
         said = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
         guide.say(f"{site_place(site)}: {title} {said}", tone="warn" if found.level is None else "good")
 

@@ -27,11 +27,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
+import tomlkit
 
 from tega.config_errors import explain
 from tega.errors import CalibrationError, ConfigError
 from tega.foreign_file import parse_toml, read_words
-from tega.toml_text import toml_value
+from tega.toml_text import tree_item
 from tega.touch import DEPTH_LAW
 from tega.whole_file import write_whole
 
@@ -247,29 +248,10 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
 def calibration_text(calibration: Calibration) -> str:
     """Return what :func:`save_calibration` writes."""
-    lines = [
-        f'format = "{calibration.format}"',
-        f"version = {calibration.version}",
-        f'preset = "{calibration.preset}"',
-        f"origin = {toml_value(calibration.origin)}",
-    ]
-    for finger in FingerMaxima.__struct_fields__:
-        if (touch := calibration.touch(finger)) is None:
-            continue
-        lines += ["", f"[tactile.{finger}]"]
-        if touch.cci_max is None and touch.eda_max is None:
-            lines.append("# no press was seen: this finger's columns stay still")
-        for name in TouchMaxima.__struct_fields__:
-            if (value := getattr(touch, name)) is not None:
-                lines.append(f"{name} = {toml_value(value)}")
-    if (emg := calibration.emg) is not None:
-        lines += [
-            "",
-            "[emg]",
-            f'kind = "{emg.kind}"',
-            f"rate_hz = {toml_value(emg.rate_hz)}",
-            f"tau = {emg.tau}",
-            f"channels = {toml_value(emg.channels)}",
-            f"maxima = {toml_value(emg.maxima)}",
-        ]
-    return "\n".join(lines) + "\n"
+    first = ("format", "version", "preset", "origin")
+    fields = msgspec.to_builtins(calibration)
+    text = tree_item({name: fields[name] for name in (*first, *fields)})
+    for finger, maxima in text["tactile"].items():
+        if "cci_max" not in maxima and "eda_max" not in maxima:
+            text["tactile"][finger].comment("no press was seen: this finger's columns stay still")
+    return tomlkit.dumps(text)

@@ -13,7 +13,7 @@ from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.calibration.guide import Guide, Undecided
 from tega.calibration.known_press import Ball
 from tega.calibration.person import closed_info
-from tega.calibration.records import EmgRecord, GelRecord, TouchRecord, VestRecord, read_record
+from tega.calibration.records import EmgRecord, GelRecord, TouchRecord, VestCalibration, read_record
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, highest_level
 from tega.calibration.steps_emg import (
     Maxima,
@@ -26,7 +26,7 @@ from tega.calibration.steps_emg import (
     take_squeezes,
 )
 from tega.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
-from tega.calibration.steps_vest import Felt, Pulses, take_steps, take_thresholds, take_wearing
+from tega.calibration.steps_vest import FeltSite, Pulses, take_steps, take_thresholds, take_wearing
 from tega.calibration.times import Times
 from tega.calibration.wearing import middle_sites, site_face
 from tega.config import DEFAULT_LAYOUT, EmgConfig, SessionConfig, TactileConfig
@@ -262,7 +262,7 @@ class Calibrating:
 
     # Vest.
 
-    def _vest(self) -> VestRecord:
+    def _vest(self) -> VestCalibration:
         section, guide = self._config.vest, self._guide
         if section.driver is None:
             raise ConfigError("no vest: vest.driver is not set", "set it, such as bhaptics-player")
@@ -317,7 +317,7 @@ class Calibrating:
                 "vest: its questions need a person to answer them",
                 "run it without --yes, or with --only tactile or emg",
             ) from None
-        return VestRecord(
+        return VestCalibration(
             person=self._person,
             device=device,
             driver=driver,
@@ -340,13 +340,14 @@ class Calibrating:
         wearing, notes = take_wearing(pulses, self._guide, seed=self._seed)
         return _Places(n_right=wearing.n_right, n_asked=wearing.n_asked, notes=notes)
 
-    def _felt(self, step: str) -> dict[str, Felt]:
+    def _felt(self, step: str) -> dict[str, FeltSite]:
         return {
-            site: msgspec.convert(felt, Felt) for site, felt in self._unfinished.steps.get(step, {}).items()
+            site: msgspec.convert(felt, FeltSite)
+            for site, felt in self._unfinished.steps.get(step, {}).items()
         }
 
-    def _keeper(self, step: str, felt: dict[str, Felt]) -> Callable[[str, Felt], None]:
-        def keep(site: str, found: Felt) -> None:
+    def _keeper(self, step: str, felt: dict[str, FeltSite]) -> Callable[[str, FeltSite], None]:
+        def keep(site: str, found: FeltSite) -> None:
             felt[site] = found
             self._keep(step, {s: msgspec.to_builtins(f) for s, f in felt.items()})
 
@@ -371,7 +372,7 @@ class Calibrating:
         self._folder.keep_unfinished(self._person, self._unfinished)
 
 
-def _step_percent(site: str, thresholds: Mapping[str, Felt], steps: Mapping[str, Felt]) -> float:
+def _step_percent(site: str, thresholds: Mapping[str, FeltSite], steps: Mapping[str, FeltSite]) -> float:
     """Return a site's step, or that of its face where only that was looked for; -1 where there is none."""
     measured = steps.get(site) or next((f for s, f in steps.items() if site_face(s) == site_face(site)), None)
     if measured is None or not measured.level or not thresholds[site].level:

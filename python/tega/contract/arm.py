@@ -10,7 +10,7 @@ import numpy as np
 from tega.arm.frames import FRAMES
 from tega.arm.pose import ArmCommand, StampedPose
 from tega.contract.rule import refuses, rule
-from tega.devices.base import ArmDriver, InputEvent, InputSource, InputState, Tracker
+from tega.devices.base import ArmDriver, InputEvent, InputReading, InputSource, Tracker
 from tega.errors import DeviceUnavailableError
 
 __all__ = ["check_arm", "check_input", "check_tracker"]
@@ -28,7 +28,7 @@ def check_input(source: InputSource) -> None:
     with source:
         for _ in range(100):
             state = source.state()
-            rule(type(state) is InputState and type(state.t_ns) is int, "state gives an InputState")
+            rule(type(state) is InputReading and type(state.t_ns) is int, "state gives an InputState")
             rule(len(state.motion) == 6, "motion has six axes")
             rule(all(-1.0 <= share <= 1.0 for share in state.motion), "motion lies within -1 and 1")
             rule(isinstance(state.held, frozenset), "held is a frozenset")

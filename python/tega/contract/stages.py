@@ -185,7 +185,7 @@ def _percents(levels: Any, n: int) -> NDArray[np.float64]:
 
 def check_layout(layout: MotorLayout) -> None:
     """Check a layout: that all faces are dense enough to be addressed by row and column."""
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
 
     rule(_one_line(layout.summary), "summary is one line")
     for face in ("front", "back"):
@@ -195,5 +195,5 @@ def check_layout(layout: MotorLayout) -> None:
         places = [motor.place_mm for motor in motors]
         rule(len({place is None for place in places}) <= 1, f"all places of the {face} are known, or none")
     rule(layout.mirrored("all").mirrored("all").motors == layout.motors, "mirrored twice is as before")
-    frame = VestFrame(layout.name, np.arange(len(layout.motors), dtype=np.uint8))
+    frame = MotorLevels(layout.name, np.arange(len(layout.motors), dtype=np.uint8))
     rule(bool((frame.x40()[layout.numbers] == frame.intensities).all()), "every motor is at its number")

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from tega.decoders.features import Blocks
-from tega.decoders.learned import Scorer
+from tega.decoders.learned import BlockScorer
 from tega.decoders.model import Model
 from tega.errors import CalibrationError, ShapeError
 
@@ -56,7 +56,7 @@ def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -
         raise CalibrationError(
             "rest or effort is missing", "half the time at rest, half with the hand closed"
         )
-    scorer = Scorer(model)
+    scorer = BlockScorer(model)
     smoothed = np.array([scorer.smooth(block.samples) for block, ok in zip(blocks, good, strict=True) if ok])
     wanted = _effort_of(model, y[good])
     old_mean, old_scale = np.array(model.mean), np.array(model.scale)

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from tega.decoders.features import as_samples
-from tega.decoders.judge import Judged, judge
+from tega.decoders.judge import DecoderFigures, judge
 from tega.decoders.learned import LearnedDecoder
 from tega.decoders.training import DEFAULT_FEATURES, fit
 from tega.emg import GraspIntent, channel_maxima
@@ -22,7 +22,16 @@ if TYPE_CHECKING:
 
     from tega.emg import InputKind
 
-__all__ = ["LEARNED", "Log", "Told", "as_json", "best_channels", "compare", "shifted_electrode", "two_halves"]
+__all__ = [
+    "LEARNED",
+    "DecoderTold",
+    "Log",
+    "as_json",
+    "best_channels",
+    "compare",
+    "shifted_electrode",
+    "two_halves",
+]
 
 LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {
     "learned": "ridge",
@@ -65,7 +74,7 @@ class Log(NamedTuple):
         return self._replace(samples=self.samples[:, list(channels)])
 
 
-class Told(NamedTuple):
+class DecoderTold(NamedTuple):
     """What a decoder said of a log.
 
     Attributes:
@@ -84,7 +93,7 @@ class Told(NamedTuple):
     confidence: NDArray[np.float64]
     held: NDArray[np.bool_]
     target: NDArray[np.float64]
-    figures: Judged
+    figures: DecoderFigures
 
 
 def two_halves(log: Log, *, swapped: bool = False) -> tuple[Log, Log]:
@@ -120,7 +129,9 @@ def shifted_electrode(log: Log, *, seed: int = 1, places: int = 1) -> Log:
     return log._replace(name=f"{log.name}, electrodes shifted (simulated)", samples=moved)
 
 
-def compare(train: Log, judged: Log, decoders: Sequence[str], *, features: Sequence[str] = ()) -> list[Told]:
+def compare(
+    train: Log, judged: Log, decoders: Sequence[str], *, features: Sequence[str] = ()
+) -> list[DecoderTold]:
     """Calibrate decoders on one log and judge them on another.
 
     Args:
@@ -157,7 +168,7 @@ def compare(train: Log, judged: Log, decoders: Sequence[str], *, features: Seque
     for name in decoders:
         closure, level, confidence, held = _run(name, train, judged, tuple(features))
         figures = judge(closure, level, wanted, block_s, paper=paper, confidence=confidence, held=held)
-        found.append(Told(name, closure, level, confidence, held, wanted, figures))
+        found.append(DecoderTold(name, closure, level, confidence, held, wanted, figures))
     return found
 
 
@@ -212,7 +223,7 @@ def _run(
     return closure, level, sure, np.array([i.confidence == 0 for i in newest])
 
 
-def as_json(told: Told) -> dict[str, Any]:
+def as_json(told: DecoderTold) -> dict[str, Any]:
     """Return a decoder's figures by name; a figure that cannot be told is ``None``."""
     figures = msgspec.to_builtins(told.figures)
     return {"decoder": told.decoder} | {k: None if math.isnan(v) else v for k, v in figures.items()}

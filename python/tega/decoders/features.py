@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from tega.emg import InputKind
 
-__all__ = ["AMPLITUDES", "FEATURES", "Block", "Blocks", "as_samples", "block_features", "n_values"]
+__all__ = ["AMPLITUDES", "FEATURES", "Blocks", "FeatureBlock", "as_samples", "block_features", "n_values"]
 
 FEATURES: Final[dict[str, str]] = {
     "MAV": "mean absolute value: mean |x|",
@@ -62,7 +62,7 @@ def as_samples(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
     return np.ascontiguousarray(array, np.float64)
 
 
-class Block(NamedTuple):
+class FeatureBlock(NamedTuple):
     """Samples of one block.
 
     Attributes:
@@ -106,7 +106,7 @@ class Blocks:
         self._before = np.zeros(channels, bool)
         self.held_samples = np.zeros(channels, np.int64)
 
-    def take(self, samples: ArrayLike) -> list[Block]:
+    def take(self, samples: ArrayLike) -> list[FeatureBlock]:
         """Take the next samples; return the blocks that they complete."""
         given = as_samples(samples, self._channels)
         if not len(given):
@@ -135,7 +135,7 @@ class Blocks:
             if self._raw:
                 bad |= np.ptp(flat[part], axis=0) == 0
             blocks.append(
-                Block(
+                FeatureBlock(
                     np.ascontiguousarray(values[part]), bad | self._before, (number + 1) * tau - n_before - 1
                 )
             )

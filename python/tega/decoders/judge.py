@@ -13,7 +13,7 @@ from tega.errors import ShapeError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Judged", "judge"]
+__all__ = ["DecoderFigures", "judge"]
 
 REST_CLOSURE: Final = 0.05
 CLOSING: Final = 0.125
@@ -22,7 +22,7 @@ _SETTLED_S: Final = 0.5
 _CONFIDENCE_BINS: Final = 5
 
 
-class Judged(msgspec.Struct, frozen=True, kw_only=True):
+class DecoderFigures(msgspec.Struct, frozen=True, kw_only=True):
     """Figures of one decoder on one part of a log; NaN where a figure cannot be told.
 
     Attributes:
@@ -66,7 +66,7 @@ def judge(
     paper: ArrayLike | None = None,
     confidence: ArrayLike | None = None,
     held: ArrayLike | None = None,
-) -> Judged:
+) -> DecoderFigures:
     """Judge a series of closures.
 
     Args:
@@ -94,7 +94,7 @@ def judge(
     balanced = float("nan")
     if rest.any() and effort.any():
         balanced = float((told[rest] < 0.25).mean() + (told[effort] >= 0.25).mean()) / 2
-    return Judged(
+    return DecoderFigures(
         rank_correlation=rank_correlation(told, wanted),
         level_rank_correlation=rank_correlation(steps, wanted),
         correlation=_pearson(told, wanted),

@@ -15,9 +15,9 @@ from tega.decoders.model import Model, load_model, save_model
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tega.decoders.features import Block
+    from tega.decoders.features import FeatureBlock
 
-__all__ = ["Decoded", "LearnedDecoder", "Scorer"]
+__all__ = ["BlockScorer", "Decoded", "LearnedDecoder"]
 
 
 class Decoded(msgspec.Struct, frozen=True):
@@ -43,7 +43,7 @@ class Decoded(msgspec.Struct, frozen=True):
     effort: float
 
 
-class Scorer:
+class BlockScorer:
     """Turn a block's features into smoothed, scaled values and an effort; keeps the smoothing's state."""
 
     def __init__(self, model: Model) -> None:
@@ -137,7 +137,7 @@ class LearnedDecoder:
         """Forget all samples."""
         m = self.model
         self._blocks = Blocks(m.rate_hz, m.tau, m.kind, len(m.channels))
-        self._scorer = Scorer(m)
+        self._scorer = BlockScorer(m)
         self._latch = Latch(m.tau / m.rate_hz)
         self._knots = np.array(m.knots_effort), np.array(m.knots_closure)
         self._lowest, self._highest = np.array(m.lowest), np.array(m.highest)
@@ -162,7 +162,7 @@ class LearnedDecoder:
         self.decoded = [self._decode(block) for block in self._blocks.take(samples)]
         return np.array([one.closure for one in self.decoded])
 
-    def _decode(self, block: Block) -> Decoded:
+    def _decode(self, block: FeatureBlock) -> Decoded:
         n = len(self._full)
         if block.bad.any():
             return Decoded(

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from tega.detect.detector import Detector, EventKind, Found
-from tega.detect.tracks import Touch
+from tega.detect.detector import DetectedEvent, Detector, EventKind
+from tega.detect.tracks import TouchFrame
 
-__all__ = ["Detector", "EventKind", "Found", "Touch"]
+__all__ = ["DetectedEvent", "Detector", "EventKind", "TouchFrame"]

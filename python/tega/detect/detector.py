@@ -10,15 +10,15 @@ import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-from tega.detect.settings import SETTINGS, Rule, Settings
-from tega.detect.tracks import Course, FingerTrack, Low, Touch
+from tega.detect.settings import SETTINGS, DetectorSettings, Rule
+from tega.detect.tracks import FingerTrack, Low, TouchFrame, TwoMeans
 
-__all__ = ["Detector", "EventKind", "Found"]
+__all__ = ["DetectedEvent", "Detector", "EventKind"]
 
 EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
 
 
-class Found(NamedTuple):
+class DetectedEvent(NamedTuple):
     """An event.
 
     Attributes:
@@ -46,7 +46,7 @@ class Rise:
         self._free_s = -math.inf
         self._open: tuple[float, float] | None = None
 
-    def add(self, t_s: float, share: float, *, void: bool) -> Found | None:
+    def add(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
         """Take in the share now; ``void`` takes back what is not told yet."""
         told = self._waited(t_s, share, void=void)
         if share < self._rule.enter or void:
@@ -58,12 +58,12 @@ class Rise:
             return told
         fresh, self._free_s = t_s >= self._free_s, t_s + self._rest_s
         if fresh and not self._ahead_s:
-            return Found(self._kind, began_s, share, t_s)
+            return DetectedEvent(self._kind, began_s, share, t_s)
         if fresh:
             self._open = began_s, share
         return told
 
-    def _waited(self, t_s: float, share: float, *, void: bool) -> Found | None:
+    def _waited(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
         """Return what has waited long enough for what comes after it."""
         if self._open is None:
             return None
@@ -72,7 +72,7 @@ class Rise:
         if void or t_s < began_s + self._rule.least_s + self._ahead_s:
             return None
         self._open = None
-        return Found(self._kind, began_s, most, t_s)
+        return DetectedEvent(self._kind, began_s, most, t_s)
 
 
 class Detector:
@@ -86,7 +86,7 @@ class Detector:
         may_slip: Whether something is held that could slip, as far as is known.
     """
 
-    def __init__(self, settings: Settings = SETTINGS, *, look_ahead_s: float = 0.0) -> None:
+    def __init__(self, settings: DetectorSettings = SETTINGS, *, look_ahead_s: float = 0.0) -> None:
         self._s, self._ahead_s = settings, look_ahead_s
         self._quick: dict[str, FingerTrack] = {}
         self._trend: dict[str, FingerTrack] = {}
@@ -95,7 +95,7 @@ class Detector:
         self._lost_s = self._gained_s = -math.inf
         self._next_s = -math.inf
         self._level: int | None = None
-        self._closure, self._height = (Course(settings.quick_s, settings.slow_s) for _ in range(2))
+        self._closure, self._height = (TwoMeans(settings.quick_s, settings.slow_s) for _ in range(2))
         self._base_m = self._floor_m = math.inf
         self._lifted = False
         self._since_s: float | None = None
@@ -107,7 +107,7 @@ class Detector:
             for rule in (settings.touch, settings.hand)
         }
 
-    def touch(self, t_s: float, finger: str, touch: Touch) -> list[Found]:
+    def touch(self, t_s: float, finger: str, touch: TouchFrame) -> list[DetectedEvent]:
         """Take in a frame of a fingertip, and return what it tells.
 
         Args:
@@ -146,7 +146,7 @@ class Detector:
         level: int | None = None,
         closure: float | None = None,
         height_m: float | None = None,
-    ) -> list[Found]:
+    ) -> list[DetectedEvent]:
         """Take in a look at hand and arm, and return what it tells; ``None`` for what is not measured.
 
         Args:
@@ -155,7 +155,7 @@ class Detector:
             closure: Closure measured, levels.
             height_m: Height of the arm's end, metres.
         """
-        found: list[Found] = []
+        found: list[DetectedEvent] = []
         self._level = level
         if closure is not None:
             self._closure.add(t_s, closure)
@@ -165,7 +165,7 @@ class Detector:
             found += self._lift(t_s, height_m)
         return found
 
-    def close(self, t_s: float) -> list[Found]:
+    def close(self, t_s: float) -> list[DetectedEvent]:
         """End the record; return what was waiting for what comes after it."""
         last = [rise.add(t_s + self._ahead_s, 0.0, void=False) for rise in self._rises.values()]
         return [one._replace(known_s=t_s) for one in last if one is not None]
@@ -225,13 +225,13 @@ class Detector:
         opened = self._level is not None and self._level <= 1
         return self._lifted and not opened and self._height.quick > self._base_m + self._s.down_m
 
-    def _contact(self, t_s: float, finger: str, track: FingerTrack) -> list[Found]:
+    def _contact(self, t_s: float, finger: str, track: FingerTrack) -> list[DetectedEvent]:
         least_s = self._s.touch_s if track.touching else self._s.release_s
         if track.touching == self._told[finger] or t_s - track.since_s < least_s - 1e-9:
             return []
         self._told[finger] = track.touching
         # Certain as far as the fingertip's own noise goes: the reading calls contact what stands out of it.
-        return [Found("contact" if track.touching else "release", track.since_s, 1.0, t_s, finger)]
+        return [DetectedEvent("contact" if track.touching else "release", track.since_s, 1.0, t_s, finger)]
 
     def _remember(self, t_s: float) -> None:
         """Keep how firm the grip is, from lift-off on."""
@@ -246,7 +246,7 @@ class Detector:
     def _settled(self, t_s: float) -> bool:
         return self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
 
-    def _slip(self, t_s: float) -> list[Found]:
+    def _slip(self, t_s: float) -> list[DetectedEvent]:
         self._remember(t_s)
         seen = self.features(t_s)
         rule = self._s.touch if len(seen) == len(self._s.touch.weights) else self._s.hand
@@ -254,7 +254,7 @@ class Detector:
         found = self._rises[rule].add(t_s, share, void=not self.may_slip)
         return [] if found is None else [found]
 
-    def _lift(self, t_s: float, height_m: float) -> list[Found]:
+    def _lift(self, t_s: float, height_m: float) -> list[DetectedEvent]:
         self._floor_m = min(self._floor_m, height_m)
         if self._grasp_s is None and not self._holds:
             # What is taken hold of again in the air does not leave the table a second time.
@@ -267,9 +267,9 @@ class Detector:
         self._lifted = True
         fingers = sum(one.touching for one in self._quick.values())
         # A hand that goes up closed on nothing looks the same; every finger that feels something halves the doubt.
-        return [Found("lift_off", t_s, 1 - 0.5 ** (1 + fingers), t_s)]
+        return [DetectedEvent("lift_off", t_s, 1 - 0.5 ** (1 + fingers), t_s)]
 
-    def _squeeze(self, t_s: float, closure: float) -> list[Found]:
+    def _squeeze(self, t_s: float, closure: float) -> list[DetectedEvent]:
         if self._grasp_s is None:
             return []
         if self._first_closure is None:
@@ -279,7 +279,7 @@ class Detector:
             self._squeezed_s = None
         elif gained >= least and self._squeezed_s is None:
             self._squeezed_s = t_s
-            return [Found("deformation", t_s, _logistic((gained - least) / self._s.squeeze_sd), t_s)]
+            return [DetectedEvent("deformation", t_s, _logistic((gained - least) / self._s.squeeze_sd), t_s)]
         return []
 
     def _let_go(self) -> None:

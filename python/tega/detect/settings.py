@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-__all__ = ["FEATURES", "HAND_FEATURES", "SETTINGS", "Rule", "Settings"]
+__all__ = ["FEATURES", "HAND_FEATURES", "SETTINGS", "DetectorSettings", "Rule"]
 
 FEATURES: Final = (
     "fingers",
@@ -71,7 +71,7 @@ class Rule(NamedTuple):
     least_s: float
 
 
-class Settings(NamedTuple):
+class DetectorSettings(NamedTuple):
     """All numbers.
 
     Attributes:
@@ -128,5 +128,5 @@ class Settings(NamedTuple):
     hand: Rule = Rule(-4.014, (0.109, 0.414, -10.474, -0.871, 0.896, 0.832, 3.586, 0.846), 0.5, 0.05)
 
 
-SETTINGS: Final = Settings()
+SETTINGS: Final = DetectorSettings()
 """The ones in use."""

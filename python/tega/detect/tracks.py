@@ -10,10 +10,10 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-__all__ = ["Course", "FingerTrack", "Touch"]
+__all__ = ["FingerTrack", "TouchFrame", "TwoMeans"]
 
 
-class Touch(NamedTuple):
+class TouchFrame(NamedTuple):
     """What one frame of a fingertip says.
 
     Attributes:
@@ -33,7 +33,7 @@ class Touch(NamedTuple):
     y: float
 
 
-class Course:
+class TwoMeans:
     """A quantity's quick and slow mean.
 
     Args:
@@ -108,7 +108,7 @@ class FingerTrack:
     """One fingertip's contact.
 
     Args:
-        quick_s: See :class:`Course`.
+        quick_s: See :class:`TwoMeans`.
         slow_s: Likewise.
 
     Attributes:
@@ -125,9 +125,9 @@ class FingerTrack:
     def __init__(self, quick_s: float, slow_s: float) -> None:
         self.touching = False
         self.since_s = self.seen_s = -math.inf
-        self.mass, self.peak, self.area, self.x, self.y = (Course(quick_s, slow_s) for _ in range(5))
+        self.mass, self.peak, self.area, self.x, self.y = (TwoMeans(quick_s, slow_s) for _ in range(5))
 
-    def add(self, t_s: float, touch: Touch) -> None:
+    def add(self, t_s: float, touch: TouchFrame) -> None:
         """Take in a frame."""
         if touch.in_contact != self.touching:
             self.touching, self.since_s = touch.in_contact, t_s

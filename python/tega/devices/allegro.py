@@ -23,8 +23,8 @@ from tega.devices.hand_guard import LONGEST_S, guard_hand
 from tega.devices.ways_out import closes_on_exit, last_words, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.lifecycle import Opened
-from tega.priority import ahead_of_others
 from tega.safety.hand_alert import HandAlert
+from tega.threads import run_realtime
 from tega.wire import allegro_limp_frames
 
 if TYPE_CHECKING:
@@ -362,7 +362,7 @@ class Allegro(Opened):
                 "try again; then check the adapter",
             )
 
-    @ahead_of_others("act")
+    @run_realtime("act")
     def _run(self, link: HandLink) -> None:
         """Exchange frames until told to leave; then let go, and leave whatever happens."""
         leave_ns = 0

@@ -19,7 +19,7 @@ from tega.device_items import (
     EmgChunk,
     Found,
     InputEvent,
-    InputState,
+    InputReading,
     Kind,
     Options,
     TactileFrame,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tega.arm.robot.words import Health
     from tega.devices.picture_check import CameraCounts
     from tega.hand_link import HandState, Received
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
     from tega.safety.motor_budget import MotorBudget
     from tega.wire import CanFrame
 
@@ -54,8 +54,8 @@ __all__ = [
     "HandDriver",
     "HarmlessDevice",
     "InputEvent",
+    "InputReading",
     "InputSource",
-    "InputState",
     "Kind",
     "Options",
     "PreflightedArm",
@@ -295,7 +295,7 @@ class EmgSource(Device, Protocol):
 class VestSink(Device, Protocol):
     """A vest, or what stands for one."""
 
-    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
+    def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Send a frame and return what was really sent."""
         ...
 
@@ -354,7 +354,7 @@ class ReportingHand(SteeredHand, Protocol):
 class InputSource(Device, Protocol):
     """A device in the operator's hand or under the foot: six axes, buttons, or both. Nothing of it ever blocks."""
 
-    def state(self) -> InputState:
+    def state(self) -> InputReading:
         """Return what it says now."""
         ...
 

@@ -20,8 +20,8 @@ from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.lifecycle import Opened
 from tega.opencv import load_cv2
-from tega.priority import ahead_of_others
 from tega.reopening import Reopening
+from tega.threads import run_realtime
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -272,7 +272,7 @@ class Digit(Opened):
                 notes.append("the lights could not be set")
         self._notes = tuple(notes)
 
-    @ahead_of_others("take")
+    @run_realtime("take")
     def _run(self, capture: Any) -> None:
         """Read until told to leave; a camera that goes away is opened again."""
 

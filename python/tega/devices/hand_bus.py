@@ -122,8 +122,7 @@ class HandBus:
                 continue
             if message is None:
                 break
-            with contextlib.suppress(ValueError):
-                self._echoes.remove((message.arbitration_id, bytes(message.data), message.is_remote_frame))
+            if self._echoes and self._is_echo(message):
                 continue
             frames.append(
                 Received(
@@ -184,6 +183,14 @@ class HandBus:
                 if ask_s and isinstance(said, AllegroInfo) and not said.servo_on:
                     return True
         return False
+
+    def _is_echo(self, message: Any) -> bool:
+        """Whether a message is one of the frames sent, given back by the bus; each is given back once."""
+        try:
+            self._echoes.remove((message.arbitration_id, bytes(message.data), message.is_remote_frame))
+        except ValueError:
+            return False
+        return True
 
     def _reopened(self) -> bool:
         """Open the adapter again, at most once a second; return whether it is open.

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from tega.devices.base import DeviceInfo, Found, InputEvent, InputState, Kind, Options
+from tega.devices.base import DeviceInfo, Found, InputEvent, InputReading, Kind, Options
 from tega.devices.debounce import Debounce, Edge
 from tega.devices.hid_device import hid_module
 from tega.errors import DeviceUnavailableError
@@ -181,7 +181,7 @@ class HidInput(Opened):
             notes=(*notes, *self._own_notes()),
         )
 
-    def state(self) -> InputState:
+    def state(self) -> InputReading:
         """Return what it says now.
 
         Raises:
@@ -190,7 +190,7 @@ class HidInput(Opened):
         self._require_open()
         with self._lock:
             live = self._there and not self._is_stalled
-            return InputState(
+            return InputReading(
                 self._heard_ns,
                 live,
                 self._motion() if live else AT_REST,

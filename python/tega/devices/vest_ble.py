@@ -40,7 +40,7 @@ class BleOptions(VestOptions, frozen=True):
         scan_s: How long to listen for it.
         most_hz: As above; 20 to 50 writes a second are known to work, and more of them pile up in the radio.
         front_mirror: Swap left and right on the front panel: its sense rests on one published table, see
-            ``tega-teleop identify``.
+            ``tega-teleop vest identify``.
     """
 
     address: str = ""
@@ -68,7 +68,7 @@ class BleVest(StreamedVest):
     def __init__(self, options: BleOptions) -> None:
         super().__init__(options)
         self._options = options
-        self._watch = _Watch()
+        self._watch = _LinkWatch()
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:
@@ -118,7 +118,7 @@ class BleVest(StreamedVest):
                 self._watch.end()
 
 
-class _Watch:
+class _LinkWatch:
     """What one link after the other keeps: the process that silences the vest, and whether the vest is silent.
 
     Attributes:
@@ -154,7 +154,7 @@ class _Watch:
 
 
 class _BleLink:
-    def __init__(self, options: BleOptions, watch: _Watch) -> None:
+    def __init__(self, options: BleOptions, watch: _LinkWatch) -> None:
         self._options = options
         self._watch = watch
         self._confirms = self._rests = False

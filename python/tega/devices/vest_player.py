@@ -18,7 +18,7 @@ from tega.devices.base import Found, Options
 from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError, WireError
 from tega.lifecycle import require
-from tega.priority import bring_along
+from tega.threads import promote
 from tega.wire import player_v2_message, player_v2_ping, player_v2_status, player_v2_stop
 
 __all__ = ["PlayerOptions", "PlayerVest"]
@@ -149,7 +149,7 @@ class _PlayerLink:
                 "start the bHaptics Player there; from another machine its firewall has to let the port through",
             ) from error
         # It holds what every send needs, and the interpreter.
-        bring_along(self._ws.recv_events_thread, "act")
+        promote(self._ws.recv_events_thread, "act")
         self._say(player_v2_stop())
         self._probe()
         pong = self._ping()

@@ -13,7 +13,7 @@ from tega.lifecycle import Opened
 from tega.records.table import columns, rows
 
 if TYPE_CHECKING:
-    from tega.haptics import VestFrame
+    from tega.haptics import MotorLevels
 
 __all__ = ["VestRecorder", "VestRecorderOptions"]
 
@@ -69,7 +69,7 @@ class VestRecorder(Opened):
             self._csv.close()
         self._csv = None
 
-    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
+    def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Write one frame down.
 
         Raises:

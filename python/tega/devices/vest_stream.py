@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
-from tega.haptics import VestFrame
+from tega.haptics import MotorLevels
 from tega.lifecycle import Opened
-from tega.priority import ahead_of_others
 from tega.reopening import Reopening
 from tega.safety.motor_budget import DOSE_S, HEAT_SHARE, MotorBudget
+from tega.threads import run_realtime
 from tega.wire import vest_levels
 
 if TYPE_CHECKING:
@@ -248,7 +248,7 @@ class StreamedVest(Opened):
             thread.join(_JOIN_S)
         release(self.close)
 
-    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:
+    def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Hand a frame over; returns at once.
 
         Returns:
@@ -271,7 +271,7 @@ class StreamedVest(Opened):
                 self._changed.notify()
             self._slot, self._written_s = allowed, time.monotonic()
         shown = allowed if self.reached else _ZEROS
-        return VestFrame(frame.layout, shown[frame.motors])
+        return MotorLevels(frame.layout, shown[frame.motors])
 
     def shows_alike(self, one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
         """Whether the vest looks the same with two frames, uint8 (40,), percent; told by what it can show."""
@@ -289,7 +289,7 @@ class StreamedVest(Opened):
         """
         return [self._handed.popleft() for _ in range(len(self._handed))]
 
-    @ahead_of_others("act")
+    @run_realtime("act")
     def _run(self, connected: threading.Event) -> None:
         again = Reopening(*_RETRY_S, spread=0.2)
         while not self._stopping:

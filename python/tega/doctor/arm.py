@@ -8,7 +8,7 @@ from typing import Any
 from tega.config import ArmConfig, SessionConfig
 from tega.devices import HarmlessDevice, driver_class
 from tega.devices.base import PreflightedArm
-from tega.doctor.case import Case, failed
+from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import TegaError
 
@@ -18,7 +18,7 @@ _LOOK_S = 1.5
 _STEP_S = 0.01
 
 
-def try_arm(case: Case) -> list[Finding]:
+def try_arm(case: DriverCase) -> list[Finding]:
     """Ask a robot what can be known without moving it; a driver that opens without consequences is opened."""
     driver: Any = driver_class(case.driver, "arm")
     if isinstance(driver, PreflightedArm):
@@ -47,7 +47,7 @@ def try_arm(case: Case) -> list[Finding]:
     return [case.told(label, "fine", said, why="; ".join(arm.info.notes), measured=measured)]
 
 
-def _preflight(case: Case, driver: PreflightedArm) -> list[Finding]:
+def _preflight(case: DriverCase, driver: PreflightedArm) -> list[Finding]:
     try:
         findings = driver.preflight(case.options)
     except TegaError as error:
@@ -58,7 +58,7 @@ def _preflight(case: Case, driver: PreflightedArm) -> list[Finding]:
     return told + [case.told(device, "wrong", what, todo=(fix,)) for ok, what, fix in findings if not ok]
 
 
-def try_tracker(case: Case) -> list[Finding]:
+def try_tracker(case: DriverCase) -> list[Finding]:
     """Open a tracker, listen for a moment, close it."""
     tracker: Any = driver_class(case.driver, "tracker")(case.options)
     poses: list[Any] = []

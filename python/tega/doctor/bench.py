@@ -12,17 +12,17 @@ from tega.devices.base import Kind
 from tega.devices.video_nodes import video_nodes
 from tega.devices.ways_out import closes_on_exit, release
 from tega.doctor.arm import try_arm, try_tracker
-from tega.doctor.case import Case, late
+from tega.doctor.case import DriverCase, late
 from tega.doctor.emg import try_amplifier
 from tega.doctor.findings import Examination, Finding
 from tega.doctor.hand import try_hand
 from tega.doctor.in_time import in_time
 from tega.doctor.inputs import try_input
-from tega.doctor.tactile import Camera, crowded, try_camera
+from tega.doctor.tactile import FoundCamera, crowded, try_camera
 from tega.doctor.vest import try_vest
 from tega.errors import DeviceUnavailableError, MissingExtraError
 
-__all__ = ["LOOK_S", "ROLES", "TRY_S", "Looked", "look_around", "look_for", "try_all"]
+__all__ = ["LOOK_S", "ROLES", "TRY_S", "DriverLook", "look_around", "look_for", "try_all"]
 
 LOOK_S: Final = 3.5
 """Deadline of looking for devices, all drivers side by side."""
@@ -87,7 +87,7 @@ _ABSENT: Final = {
 }
 
 
-class Looked(NamedTuple):
+class DriverLook(NamedTuple):
     """What looking for one driver's devices gave.
 
     Attributes:
@@ -105,7 +105,7 @@ class Looked(NamedTuple):
     lacks_package: bool = False
 
 
-def look_for(deadline_s: float = LOOK_S) -> dict[str, Looked]:
+def look_for(deadline_s: float = LOOK_S) -> dict[str, DriverLook]:
     """Ask every driver that can tell what is there for it; opens nothing.
 
     Args:
@@ -114,7 +114,7 @@ def look_for(deadline_s: float = LOOK_S) -> dict[str, Looked]:
     Returns:
         By the driver's name, in the order of ``tega-teleop devices``; a driver that cannot tell is left out.
     """
-    jobs: dict[str, Callable[[], Looked]] = {}
+    jobs: dict[str, Callable[[], DriverLook]] = {}
     kinds: dict[str, str] = {}
     for record in list_drivers():
         if record.kind and isinstance(driver := driver_class(record.name), DiscoveringDevice):
@@ -123,19 +123,19 @@ def look_for(deadline_s: float = LOOK_S) -> dict[str, Looked]:
     return in_time(
         jobs,
         deadline_s,
-        lambda name, s: Looked(kinds[name], could_not=f"{name} did not answer within {s:g} s"),
+        lambda name, s: DriverLook(kinds[name], could_not=f"{name} did not answer within {s:g} s"),
     )
 
 
-def _look(kind: str, driver: DiscoveringDevice, timeout_s: float) -> Looked:
+def _look(kind: str, driver: DiscoveringDevice, timeout_s: float) -> DriverLook:
     try:
-        return Looked(kind, driver.discover(timeout_s))
+        return DriverLook(kind, driver.discover(timeout_s))
     except MissingExtraError as error:
-        return Looked(kind, could_not=error.message, hint=error.hint, lacks_package=True)
+        return DriverLook(kind, could_not=error.message, hint=error.hint, lacks_package=True)
     except DeviceUnavailableError as error:
-        return Looked(kind, could_not=error.message, hint=error.hint)
+        return DriverLook(kind, could_not=error.message, hint=error.hint)
     except Exception as error:  # somebody's driver: the others are still looked for
-        return Looked(kind, could_not=f"unexpected {type(error).__name__}: {error}")
+        return DriverLook(kind, could_not=f"unexpected {type(error).__name__}: {error}")
 
 
 def look_around() -> Examination:
@@ -144,7 +144,7 @@ def look_around() -> Examination:
     Takes at most :data:`LOOK_S` and :data:`TRY_S` seconds, whatever hangs.
     """
     looked = {name: there for name, there in look_for().items() if there.kind in ROLES.values()}
-    cases: list[Case] = []
+    cases: list[DriverCase] = []
     findings = _packages(looked)
     for check, kind in ROLES.items():
         for name, there in looked.items():
@@ -153,7 +153,7 @@ def look_around() -> Examination:
                     findings.append(_seen(check, found))
                     continue
                 options_type = driver_class(name).options_type
-                cases.append(Case(check, kind, name, msgspec.convert(found.options, options_type)))
+                cases.append(DriverCase(check, kind, name, msgspec.convert(found.options, options_type)))
     findings += try_all(cases, TRY_S)
     for check, kind in ROLES.items():
         if not any(f.check == check for f in findings):
@@ -164,7 +164,7 @@ def look_around() -> Examination:
     return Examination(settings="", findings=tuple(findings))
 
 
-def try_all(cases: Sequence[Case], deadline_s: float) -> list[Finding]:
+def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     """Try devices through their drivers, side by side.
 
     Args:
@@ -174,9 +174,9 @@ def try_all(cases: Sequence[Case], deadline_s: float) -> list[Finding]:
     Returns:
         At least one finding for each, in their order, and then those about several together.
     """
-    cameras: list[Camera] = []
+    cameras: list[FoundCamera] = []
 
-    def attempt(case: Case) -> list[Finding]:
+    def attempt(case: DriverCase) -> list[Finding]:
         try:
             if case.kind == "tactile":
                 findings, camera = try_camera(case)
@@ -202,7 +202,7 @@ def try_all(cases: Sequence[Case], deadline_s: float) -> list[Finding]:
                 )
             ]
 
-    def job(case: Case) -> Callable[[], list[Finding]]:
+    def job(case: DriverCase) -> Callable[[], list[Finding]]:
         return lambda: attempt(case)
 
     jobs = {n: job(case) for n, case in enumerate(cases)}
@@ -242,7 +242,7 @@ def _seen(check: str, found: Found) -> Finding:
     )
 
 
-def _packages(looked: Mapping[str, Looked]) -> list[Finding]:
+def _packages(looked: Mapping[str, DriverLook]) -> list[Finding]:
     """Tell once of the packages without which some drivers cannot look."""
     lacking = {name: there for name, there in looked.items() if there.lacks_package}
     if not lacking:
@@ -258,7 +258,7 @@ def _packages(looked: Mapping[str, Looked]) -> list[Finding]:
     ]
 
 
-def _absent(check: str, looked: Mapping[str, Looked]) -> Finding:
+def _absent(check: str, looked: Mapping[str, DriverLook]) -> Finding:
     said, unseen, todo = _ABSENT[check]
     reasons = [what for name, what in unseen.items() if name in looked and not looked[name].could_not]
     if check == "digit" and (others := ", ".join(f"{c.device} ({c.name})" for c in video_nodes())):

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tega.calibration.look import Looked, look_at, people_with_calibrations
+from tega.calibration.look import CalibrationLook, look_at, people_with_calibrations
 from tega.calibration.person import calibrate_command, closed_info
 from tega.calibration.records import utc_now
 from tega.calibration.store import load_calibration, refused_law
@@ -119,7 +119,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
     return Finding(check=CHECK, status="fine", finding=said)
 
 
-def _finding(looked: Looked) -> Finding:
+def _finding(looked: CalibrationLook) -> Finding:
     return Finding(
         check=CHECK,
         status=looked.status,

@@ -9,12 +9,12 @@ from tega.devices.base import Kind
 from tega.doctor.findings import Finding, Status
 from tega.errors import SampleRateError, TegaError, WrongDeviceError
 
-__all__ = ["Case", "failed", "holders", "late"]
+__all__ = ["DriverCase", "failed", "holders", "late"]
 
 _PROC = Path("/proc")
 
 
-class Case(NamedTuple):
+class DriverCase(NamedTuple):
     """A driver and its settings.
 
     Attributes:
@@ -55,7 +55,7 @@ class Case(NamedTuple):
 
 
 def failed(
-    case: Case,
+    case: DriverCase,
     error: TegaError,
     *,
     device: str = "",
@@ -81,7 +81,7 @@ def failed(
     return case.told(device, status, error.message, why=why, todo=steps)
 
 
-def late(case: Case, deadline_s: float) -> Finding:
+def late(case: DriverCase, deadline_s: float) -> Finding:
     """Return the finding for a device that did not answer in time."""
     return case.told(
         "",

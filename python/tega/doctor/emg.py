@@ -7,7 +7,7 @@ from typing import Any
 
 from tega.devices import driver_class
 from tega.devices.base import optional
-from tega.doctor.case import Case, failed, holders
+from tega.doctor.case import DriverCase, failed, holders
 from tega.doctor.findings import Finding
 from tega.errors import SampleRateError, TegaError
 
@@ -21,7 +21,7 @@ _TOO_SLOW = (
 )
 
 
-def try_amplifier(case: Case) -> list[Finding]:
+def try_amplifier(case: DriverCase) -> list[Finding]:
     """Open an amplifier or recording, read for a moment, close it."""
     source: Any = driver_class(case.driver, "emg")(case.options)
     label = source.info.label

@@ -22,7 +22,7 @@ from tega.touch import TouchTracker, sensor_noise
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.doctor.case import Case
+    from tega.doctor.case import DriverCase
     from tega.doctor.findings import Finding
 
 __all__ = ["LEAST_PICTURES", "look_at_gel"]
@@ -31,7 +31,7 @@ LEAST_PICTURES = 10
 """Fewer pictures say too little about a sensor's noise."""
 
 
-def look_at_gel(case: Case, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
+def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
     """Judge the gel by pictures that were taken while nothing should have touched it.
 
     Args:
@@ -57,7 +57,7 @@ def look_at_gel(case: Case, label: str, pictures: Sequence[NDArray[np.uint8]]) -
     return [*_is_dark(case, label, pictures), *_compared(case, label, pictures, baseline, case.baseline)]
 
 
-def _is_dark(case: Case, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
+def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
     if len(pictures) < LEAST_PICTURES:
         return []
     noise = max(_noise(pictures))
@@ -71,7 +71,11 @@ def _is_dark(case: Case, label: str, pictures: Sequence[NDArray[np.uint8]]) -> l
 
 
 def _compared(
-    case: Case, label: str, pictures: Sequence[NDArray[np.uint8]], baseline: NDArray[np.uint8], path: Path
+    case: DriverCase,
+    label: str,
+    pictures: Sequence[NDArray[np.uint8]],
+    baseline: NDArray[np.uint8],
+    path: Path,
 ) -> list[Finding]:
     """Compare the gel with its baseline."""
     if len(pictures) < LEAST_PICTURES:

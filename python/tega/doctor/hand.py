@@ -8,7 +8,7 @@ from typing import Any
 from tega.devices import HarmlessDevice, driver_class
 from tega.devices.base import ReportingHand
 from tega.devices.can_links import can_links, link_trouble
-from tega.doctor.case import Case, failed
+from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import TegaError
 
@@ -19,7 +19,7 @@ _LOOK_S = 1.2
 _WARM_C = 60
 
 
-def try_hand(case: Case) -> list[Finding]:
+def try_hand(case: DriverCase) -> list[Finding]:
     """Open a hand with its motors off, hear its reports for a moment, close it."""
     driver = driver_class(case.driver, "hand")
     if not isinstance(driver, HarmlessDevice):
@@ -70,7 +70,7 @@ def _look(hand: Any) -> dict[str, float]:
     return measured | ({"warmest_joint_c": float(max(known))} if known else {})
 
 
-def _bus(case: Case) -> tuple[str, str]:
+def _bus(case: DriverCase) -> tuple[str, str]:
     """Say what is wrong with a bus of the kernel's, before anything is tried on it."""
     if getattr(case.options, "interface", "") != "socketcan":
         return "", ""

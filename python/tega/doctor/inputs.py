@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from tega.devices import InputSource, InputState, driver_class
-from tega.doctor.case import Case, failed
+from tega.devices import InputReading, InputSource, driver_class
+from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import TegaError
 
@@ -16,7 +16,7 @@ _LOOK_S = 1.0
 _STEP_S = 0.02
 
 
-def try_input(case: Case) -> list[Finding]:
+def try_input(case: DriverCase) -> list[Finding]:
     """Open an input device, listen for a moment, close it. It cannot be told from one that hangs at rest."""
     source: Any = driver_class(case.driver, "input")(case.options)
     try:
@@ -51,7 +51,7 @@ def try_input(case: Case) -> list[Finding]:
     return [case.told(info.label, "fine", f"{name} is open and at rest", why=why), *doubts]
 
 
-def _listen(source: InputSource) -> InputState:
+def _listen(source: InputSource) -> InputReading:
     """Return what it says after a moment, or when it is lost."""
     until_s = time.monotonic() + _LOOK_S
     while (state := source.state()).live and time.monotonic() < until_s:
@@ -59,7 +59,7 @@ def _listen(source: InputSource) -> InputState:
     return state
 
 
-def _touched(state: InputState) -> str:
+def _touched(state: InputReading) -> str:
     """Say in words what is pushed or held; ``""`` for nothing."""
     words = [f"{button} is down" for button in sorted(state.held)]
     return ", ".join([*(["the cap is pushed or turned"] if any(state.motion) else []), *words])

@@ -6,10 +6,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import tomlkit
+
 from tega.config import FINGERS
 from tega.devices import Found
-from tega.doctor.bench import Looked
-from tega.toml_text import toml_value, tree_text
+from tega.doctor.bench import DriverLook
+from tega.toml_text import toml_item, toml_value, tree_text
 
 __all__ = ["lab_settings"]
 
@@ -23,6 +25,10 @@ _HEAD = """\
 [session]
 preset = "live"               # paper: the printed law; live: for people
 out_dir = "results"           # where the tables go
+"""
+
+_EMULATED = """\
+emulated = true               # in a study: a rehearsal only
 """
 
 _CALIBRATION = """
@@ -93,7 +99,7 @@ _ARM = """
 # button = "left"
 """
 _OPTIONS: Mapping[str, str] = {
-    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; tega-teleop arm 172.16.0.2 asks it\n',
+    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; tega-teleop arm check HOST asks it\n',
     "panda": 'options = { host = "172.16.0.2" }\n',
 }
 
@@ -123,9 +129,10 @@ _PREFERRED = ("lsl-emg", "cyton", "bhaptics-player", "bhaptics-ble")
 
 
 def lab_settings(
-    looked: Mapping[str, Looked],
+    looked: Mapping[str, DriverLook],
     *,
     name: str,
+    emulated: bool = False,
     calibration: Path | None = None,
     baselines: Mapping[str, Path] | None = None,
     arm: str | dict[str, Any] | None = None,
@@ -135,6 +142,7 @@ def lab_settings(
     Args:
         looked: What :func:`tega.doctor.look_for` found.
         name: Of the file, for the commands in it.
+        emulated: The devices are emulators, which the settings then say.
         calibration: A calibration to name, relative to the file.
         baselines: Pictures of the untouched gels to name, by finger, likewise.
         arm: Name of an arm's driver to switch on, or its whole table; none leaves the arm's table as a comment.
@@ -143,7 +151,11 @@ def lab_settings(
         TOML that ``tega-teleop config check`` accepts.
     """
     file = toml_value(str(calibration or "calibration.toml"))
-    text = _HEAD.format(name=name) + _CALIBRATION.format(off="" if calibration else "# ", file=file)
+    text = (
+        _HEAD.format(name=name)
+        + (_EMULATED if emulated else "")
+        + _CALIBRATION.format(off="" if calibration else "# ", file=file)
+    )
     sensors = _found(looked, "tactile")
     if sensors:
         text += "\n# Which sensor is on which finger is a guess, in the order of their numbers: touch each and swap.\n"
@@ -152,8 +164,8 @@ def lab_settings(
             text += _NO_FINGER.format(table=f"[tactile.{finger}]")
             continue
         picture = (baselines or {}).get(finger)
-        untouched = f"baseline = {toml_value(str(picture))}" if picture else f'# baseline = "{finger}.png"'
-        text += _section(f"tactile.{finger}", sensor, f"{untouched:<28}  # picture of the untouched gel\n")
+        untouched = _line("baseline", str(picture or f"{finger}.png"), "picture of the untouched gel")
+        text += _section(f"tactile.{finger}", sensor, untouched if picture else f"# {untouched}")
     text += _left_over(sensors[len(FINGERS) :])
     amplifiers = _found(looked, "emg")
     kind = 'kind = "raw"                  # what it sends: raw, rectified, envelope\n'
@@ -185,7 +197,7 @@ def _arm(driver: str | dict[str, Any] | None) -> str:
     return _ARM.format(off=off, driver=name, gap=gap, options=options)
 
 
-def _found(looked: Mapping[str, Looked], kind: str, driver: str | None = None) -> list[Found]:
+def _found(looked: Mapping[str, DriverLook], kind: str, driver: str | None = None) -> list[Found]:
     """Return what was found of a kind, for one driver or any; the likelier and what can be opened first."""
     found = [one for there in looked.values() if there.kind == kind for one in there.found]
     found = [one for one in found if driver in {None, one.driver}]
@@ -201,14 +213,20 @@ def _section(table: str, found: Found, more: str) -> str:
     text = "\n" + _comment(f"{found.label}{f': {found.note}' if found.note else ''}")
     if found.problem:
         text += _comment(f"Not usable yet: {found.problem}. {found.hint}")
-    text += f"[{table}]\ndriver = {toml_value(found.driver)}\n{more}"
+    text += f"[{table}]\n{_line('driver', found.driver)}{more}"
     extra = {key: told for key, told in _MORE.get(found.driver, {}).items() if key not in found.options}
-    if not found.options and not extra:
-        return text
-    text += f"\n[{table}.options]\n"
-    lines = [f"{key} = {toml_value(value)}\n" for key, value in found.options.items()]
-    lines += [f"{f'{key} = {toml_value(value)}':<28}  # {told}\n" for key, (value, told) in extra.items()]
-    return text + "".join(lines)
+    if found.options or extra:
+        text += f"\n[{table}.options]\n" + "".join(_line(key, value) for key, value in found.options.items())
+        text += "".join(_line(key, value, told) for key, (value, told) in extra.items())
+    return text
+
+
+def _line(key: str, value: Any, told: str = "") -> str:
+    """Return a key's line with what is told about it, in a column of its own."""
+    item = toml_item(value)
+    if told:
+        item.comment(told).trivia.comment_ws = " " * max(2, 27 - len(key) - len(item.as_string()))
+    return tomlkit.dumps({key: item})
 
 
 def _left_over(found: Iterable[Found]) -> str:

@@ -9,7 +9,7 @@ from tega.config import SessionConfig
 from tega.doctor.arm import check_arm
 from tega.doctor.bench import try_all
 from tega.doctor.calibration import check_calibration
-from tega.doctor.case import Case
+from tega.doctor.case import DriverCase
 from tega.doctor.findings import Examination, Finding
 
 __all__ = ["DEADLINE_S", "cases_of", "examine"]
@@ -53,32 +53,32 @@ def examine(
     return Examination(settings=name, findings=(*findings, *others, *calibration))
 
 
-def cases_of(config: SessionConfig) -> list[Case]:
+def cases_of(config: SessionConfig) -> list[DriverCase]:
     """Return the devices that a session's settings name."""
     cases = [
-        Case(f"tactile.{finger}", "tactile", section.driver, section.options, section.baseline)
+        DriverCase(f"tactile.{finger}", "tactile", section.driver, section.options, section.baseline)
         for finger, section in config.tactile.in_use().items()
     ]
     if config.emg is not None:
-        cases.append(Case("emg", "emg", config.emg.driver, config.emg.options))
+        cases.append(DriverCase("emg", "emg", config.emg.driver, config.emg.options))
     if config.vest.driver is not None:
-        cases.append(Case("vest", "vest", config.vest.driver, config.vest.options))
+        cases.append(DriverCase("vest", "vest", config.vest.driver, config.vest.options))
     if config.hand.driver is not None:
-        cases.append(Case("hand", "hand", config.hand.driver, config.hand.options))
+        cases.append(DriverCase("hand", "hand", config.hand.driver, config.hand.options))
     cases += [
-        Case(f"input.{seat}", "input", section.driver, section.options)
+        DriverCase(f"input.{seat}", "input", section.driver, section.options)
         for seat, section in config.input.in_use().items()
     ]
     if (arm := config.arm) is not None:
         if arm.tracker is not None:
-            cases.append(Case("arm.tracker", "tracker", arm.tracker.driver, arm.tracker.options))
-        cases.append(Case("arm", "arm", arm.driver, arm.options))
+            cases.append(DriverCase("arm.tracker", "tracker", arm.tracker.driver, arm.tracker.options))
+        cases.append(DriverCase("arm", "arm", arm.driver, arm.options))
     return cases
 
 
-def _same_device(cases: list[Case]) -> list[tuple[Case, Finding]]:
+def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
     """Find parts of the settings that name the device of an earlier part."""
-    users: defaultdict[str, list[Case]] = defaultdict(list)
+    users: defaultdict[str, list[DriverCase]] = defaultdict(list)
     for case in cases:
         if case.kind == "input":
             continue  # one SpaceMouse may have several seats

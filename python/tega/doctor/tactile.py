@@ -12,12 +12,12 @@ from tega.devices import TactileSource, driver_class
 from tega.devices.base import CountingSource, TactileFrame
 from tega.devices.picture_check import CameraCounts
 from tega.devices.video_nodes import VideoNode, video_nodes
-from tega.doctor.case import Case, failed, holders
+from tega.doctor.case import DriverCase, failed, holders
 from tega.doctor.findings import Finding
 from tega.doctor.gel import look_at_gel
 from tega.errors import TegaError
 
-__all__ = ["Camera", "crowded", "try_camera"]
+__all__ = ["FoundCamera", "crowded", "try_camera"]
 
 _LOOK_S = 1.5
 _SLOW = 0.9
@@ -27,7 +27,7 @@ _USB2_MB_S = 35.0
 _BYTES_PER_PIXEL = 2
 
 
-class Camera(NamedTuple):
+class FoundCamera(NamedTuple):
     """A camera that works, for the look at the buses.
 
     Attributes:
@@ -43,7 +43,7 @@ class Camera(NamedTuple):
     n_pixels: int
 
 
-def try_camera(case: Case) -> tuple[list[Finding], Camera | None]:
+def try_camera(case: DriverCase) -> tuple[list[Finding], FoundCamera | None]:
     """Open a camera or recording, read for a moment, close it."""
     source: Any = driver_class(case.driver, "tactile")(case.options)
     label = source.info.label
@@ -73,11 +73,11 @@ def try_camera(case: Case) -> tuple[list[Finding], Camera | None]:
     if not findings:
         said = f"{name} sends {rate_hz:.0f} pictures a second, {width}×{height}"
         findings = [case.told(label, "fine", said, measured={"rate_hz": round(rate_hz, 1)})]
-    return findings, Camera(case.check, label, info.rate_hz or 0.0, height * width)
+    return findings, FoundCamera(case.check, label, info.rate_hz or 0.0, height * width)
 
 
 def _pictures(
-    case: Case, label: str, rate_hz: float, agreed_hz: float | None, counts: CameraCounts | None
+    case: DriverCase, label: str, rate_hz: float, agreed_hz: float | None, counts: CameraCounts | None
 ) -> list[Finding]:
     """Say whether pictures come too seldom or cannot be used."""
     findings = []
@@ -114,7 +114,7 @@ def _pictures(
     return findings
 
 
-def crowded(cameras: Sequence[Camera], nodes: Sequence[VideoNode] | None = None) -> list[Finding]:
+def crowded(cameras: Sequence[FoundCamera], nodes: Sequence[VideoNode] | None = None) -> list[Finding]:
     """Say where more cameras hang on one USB 2 bus than it carries.
 
     Args:
@@ -122,7 +122,7 @@ def crowded(cameras: Sequence[Camera], nodes: Sequence[VideoNode] | None = None)
         nodes: The machine's cameras; asked of the kernel when ``None``.
     """
     bus_of = {node.serial: node.bus for node in (video_nodes() if nodes is None else nodes) if node.serial}
-    by_bus: defaultdict[str, list[Camera]] = defaultdict(list)
+    by_bus: defaultdict[str, list[FoundCamera]] = defaultdict(list)
     for camera in cameras:
         if bus := bus_of.get(camera.serial, ""):
             by_bus[bus].append(camera)
@@ -163,7 +163,7 @@ def _read(source: TactileSource) -> tuple[list[TactileFrame], float]:
     return frames, (len(frames) - 1) / passed_s if passed_s > 0 else 0.0
 
 
-def _unusable(case: Case, error: TegaError, source: Any) -> Finding:
+def _unusable(case: DriverCase, error: TegaError, source: Any) -> Finding:
     label = source.info.label
     if isinstance(source, CountingSource) and source.counts.received:
         return failed(case, error, device=label, status="wrong")

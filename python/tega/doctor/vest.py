@@ -6,14 +6,14 @@ from typing import Any
 
 from tega.devices import HarmlessDevice, driver_class
 from tega.devices.bluetooth_state import bluetooth_trouble
-from tega.doctor.case import Case, failed
+from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import MissingExtraError, TegaError
 
 __all__ = ["try_vest"]
 
 
-def try_vest(case: Case) -> list[Finding]:
+def try_vest(case: DriverCase) -> list[Finding]:
     """Open a vest, which begins with zeros, hear what it says of itself, close it."""
     driver = driver_class(case.driver, "vest")
     options = case.options

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import msgspec
 
 from tega.arm.pose import StampedPose
-from tega.inbox.sources import Block
-from tega.inbox.spread import Spread
+from tega.inbox.histogram import Histogram
+from tega.inbox.sources import EmgBlock
 from tega.inbox.stream import LiveStream
-from tega.net.gate import Gate, refused_by
-from tega.net.messages import ArmCommand, HandCommand, decode
+from tega.net.gate import StampGate, refused_by
+from tega.net.messages import ArmMessage, HandMessage, decode
 
 if TYPE_CHECKING:
     from tega.net.clock import Offset
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Commands"]
 
-_Command = TypeVar("_Command", HandCommand, ArmCommand)
+_Command = TypeVar("_Command", HandMessage, ArmMessage)
 _RATE_NS = 1_000_000_000
 
 
@@ -56,18 +56,18 @@ class Commands:
     ) -> None:
         self._ttl_ns, self._offset, self._clock = ttl_ns, offset, clock
         self._has_hand, self._tracker = hand, tracker
-        self._gates = {"hand": Gate(ttl_ns=ttl_ns), "arm": Gate(ttl_ns=ttl_ns)}
+        self._gates = {"hand": StampGate(ttl_ns=ttl_ns), "arm": StampGate(ttl_ns=ttl_ns)}
         self._refused_before: dict[str, int] = {}
         self._start_ns: int | None = None
         self._stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
         self._hand_ns = self._arm_ns = 0
-        self._switches: ArmCommand | None = None
+        self._switches: ArmMessage | None = None
         self._clutch_was_open = False
         self._pose_ns = self._block_ns = 0
         self._level: tuple[int, float | None] = (0, None)
         self._counted = (0, 0)
-        self.blocks: LiveStream[Block] = LiveStream(clock=clock)
-        self.way = Spread()
+        self.blocks: LiveStream[EmgBlock] = LiveStream(clock=clock)
+        self.way = Histogram()
         self.n = 0
         self.rate_hz = 0.0
 
@@ -100,9 +100,9 @@ class Commands:
         """Count a command from somebody who does not lead."""
         self._gates[stream].foreign()
 
-    def hand(self, data: bytes) -> HandCommand | None:
+    def hand(self, data: bytes) -> HandMessage | None:
         """Take in a command for the hand; return it if it is obeyed."""
-        found = self._accepted("hand", HandCommand, data)
+        found = self._accepted("hand", HandMessage, data)
         if found is None:
             return None
         command, now_ns, offset = found
@@ -112,7 +112,7 @@ class Commands:
         self._pass_on(command, offset.ours(0 if command.intent is None else command.intent.t_ns), now_ns)
         return command
 
-    def _pass_on(self, command: HandCommand, block_ns: int, now_ns: int) -> None:
+    def _pass_on(self, command: HandMessage, block_ns: int, now_ns: int) -> None:
         """Give a new block of EMG to the loop."""
         start_ns, asked = self._start_ns, command.intent
         if start_ns is None or asked is None or not self._has_hand:
@@ -127,11 +127,11 @@ class Commands:
         elif level == self._level or not self._block_ns:
             return  # else the operator's guard has another level for that block
         self._level = level
-        self.blocks.put(Block(t_ns, level[:1], *level), use_by_ns=self._hand_ns + self._ttl_ns)
+        self.blocks.put(EmgBlock(t_ns, level[:1], *level), use_by_ns=self._hand_ns + self._ttl_ns)
 
-    def arm(self, data: bytes) -> ArmCommand | None:
+    def arm(self, data: bytes) -> ArmMessage | None:
         """Take in a command for the arm; return it if it is obeyed."""
-        found = self._accepted("arm", ArmCommand, data)
+        found = self._accepted("arm", ArmMessage, data)
         if found is None:
             return None
         command, _, offset = found

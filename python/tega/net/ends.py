@@ -1,4 +1,4 @@
-"""What stands in a session where the other station's devices would be."""
+"""Stand in for the devices of the other station: streams and sinks fed over the network link."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputState, TactileFrame
+from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputReading, TactileFrame
 from tega.hand import split_level
 from tega.lifecycle import Opened
 from tega.net.pictures import unpacked
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tega.arm.pose import StampedPose
     from tega.inbox.prepared import Muscles
-    from tega.inbox.sources import Block
+    from tega.inbox.sources import EmgBlock
     from tega.inbox.stream import LiveStream
     from tega.wire import CanFrame
 
@@ -118,7 +118,7 @@ class FarMuscles(Opened):
             return None
 
 
-def far_muscles(source: Any, blocks: LiveStream[Block]) -> Muscles:
+def far_muscles(source: Any, blocks: LiveStream[EmgBlock]) -> Muscles:
     """Return the EMG side of a run whose samples and levels come over the link."""
     from tega.calibration import EmgMaxima
     from tega.inbox.prepared import Muscles
@@ -199,10 +199,10 @@ class FarSwitch(Opened):
     def close(self) -> None:
         """Nothing is to be closed here."""
 
-    def state(self) -> InputState:
+    def state(self) -> InputReading:
         """Return what it says now."""
         t_ns, live, held = self._look()
-        return InputState(t_ns, live, _STILL, frozenset({self._name}) if held else frozenset())
+        return InputReading(t_ns, live, _STILL, frozenset({self._name}) if held else frozenset())
 
     def events(self) -> Sequence[InputEvent]:
         """Return whether it went down or up since the last call."""

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.inbox.inputs import Inputs, Seat
 
-__all__ = ["Forearm"]
+__all__ = ["ForearmReader"]
 
 
-class Forearm:
+class ForearmReader:
     """Reads tracker and switches; the tracker is made at once, to know its axes, and opened later.
 
     Args:

@@ -1,4 +1,4 @@
-"""Which messages of a stream are used: those of one session, in order, and young."""
+"""Refuse network messages that are old, out of order or of another session."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final, Literal
 from tega.net.clock import Offset
 from tega.net.messages import Stamped
 
-__all__ = ["REFUSALS", "Gate", "Refusal", "refused_by"]
+__all__ = ["REFUSALS", "Refusal", "StampGate", "refused_by"]
 
 Refusal = Literal["foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed"]
 REFUSALS: Final = ("foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed")
@@ -16,7 +16,7 @@ REFUSALS: Final = ("foreign", "repeated", "reordered", "no clock", "old", "ahead
 _AHEAD_NS = 20_000_000
 
 
-class Gate:
+class StampGate:
     """Looks at the stamp of every message of a stream.
 
     A message is refused as ``foreign`` (of another session, or while there is none), ``repeated`` or ``reordered`` (its
@@ -88,7 +88,7 @@ class Gate:
         return why
 
 
-def refused_by(gates: Iterable[Gate]) -> dict[str, int]:
+def refused_by(gates: Iterable[StampGate]) -> dict[str, int]:
     """Return how many messages several gates have refused together, by why."""
     refused: dict[str, int] = {}
     for gate in gates:

@@ -1,4 +1,4 @@
-"""What the operator wants of hand and arm, as commands."""
+"""Send the operator's closure level and forearm pose as commands to the robot's station."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tega.net.ends import FarHand
-from tega.net.messages import ArmCommand, HandCommand, encode
+from tega.net.messages import ArmMessage, HandMessage, encode
 from tega.records import Intent as IntentRecord
 
 if TYPE_CHECKING:
-    from tega.net.forearm import Forearm
+    from tega.net.forearm import ForearmReader
     from tega.safety.guard import Guard
 
-__all__ = ["Intent"]
+__all__ = ["IntentSender"]
 
 _KEPT = 1024
 
 
-class Intent:
+class IntentSender:
     """Puts the newest level, forearm and switches into commands.
 
     Args:
@@ -31,7 +31,7 @@ class Intent:
         n: Commands for the hand that were sent.
     """
 
-    def __init__(self, forearm: Forearm, stamp: Callable[[str], dict[str, Any]]) -> None:
+    def __init__(self, forearm: ForearmReader, stamp: Callable[[str], dict[str, Any]]) -> None:
         self._forearm, self._stamp = forearm, stamp
         self._send_hand: Callable[[bytes], None] = lambda _message: None
         self._send_arm: Callable[[bytes], None] = lambda _message: None
@@ -66,7 +66,7 @@ class Intent:
         if asked is not None:
             wanted = IntentRecord(t_ns=block_ns, channels=channels, level=asked[0], closure=asked[1])
         stamp = self._stamp("hand")
-        self._send_hand(encode(HandCommand(**stamp, intent=wanted)))
+        self._send_hand(encode(HandMessage(**stamp, intent=wanted)))
         self.n += 1
         if wanted is not None:
             self._sent.append(stamp["sent_ns"])
@@ -74,14 +74,14 @@ class Intent:
     def say_arm(self) -> None:
         """Send where the forearm is, and what is held."""
         may_move = self._guard is not None and self._guard.state == "active"
-        self._send_arm(encode(ArmCommand(**self._stamp("arm"), **self._forearm.facts(may_move=may_move))))
+        self._send_arm(encode(ArmMessage(**self._stamp("arm"), **self._forearm.facts(may_move=may_move))))
 
     def let_go(self) -> None:
         """Send that nothing is wanted and nothing held any more."""
         if self.hand is not None:
             self.hand.limp()
         self.say_hand()
-        self._send_arm(encode(ArmCommand(**self._stamp("arm"))))
+        self._send_arm(encode(ArmMessage(**self._stamp("arm"))))
 
     def _answered_ns(self, since_ns: int) -> int | None:
         """Return when a command was first handed to the link at or after a time."""

@@ -12,10 +12,10 @@ from tega.records import Contact, Intent, PoseNumbers, RunState
 
 __all__ = [
     "PROTOCOL",
-    "ArmCommand",
+    "ArmMessage",
     "Change",
     "Feature",
-    "HandCommand",
+    "HandMessage",
     "Image",
     "Join",
     "Ping",
@@ -50,7 +50,7 @@ class Stamped(msgspec.Struct, frozen=True, kw_only=True):
     sent_ns: int
 
 
-class HandCommand(Stamped, frozen=True, tag=True, kw_only=True):
+class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
     """What the hand shall do.
 
     Attributes:
@@ -70,7 +70,7 @@ class HandCommand(Stamped, frozen=True, tag=True, kw_only=True):
         return "" if 1 <= asked.level <= 5 else f"level {asked.level} is not from 1 to 5"
 
 
-class ArmCommand(Stamped, frozen=True, tag=True, kw_only=True):
+class ArmMessage(Stamped, frozen=True, tag="ArmCommand", kw_only=True):
     """Where the forearm is, and what the operator holds.
 
     Attributes:

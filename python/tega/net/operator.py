@@ -11,9 +11,9 @@ import msgspec
 
 import tega
 from tega.errors import ConfigError
-from tega.net.forearm import Forearm
-from tega.net.gate import Gate
-from tega.net.intent import Intent
+from tega.net.forearm import ForearmReader
+from tega.net.gate import StampGate
+from tega.net.intent import IntentSender
 from tega.net.lead import Lead
 from tega.net.link import Channel
 from tega.net.messages import Change, Join, State, Welcome, decode
@@ -26,9 +26,9 @@ from tega.records import Intent as IntentRecord
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
-    from tega.inbox.bell import Bell
     from tega.inbox.inputs import Inputs
     from tega.inbox.prepared import Prepared
+    from tega.inbox.wake import Bell
     from tega.safety.guard import Guard
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.moment import LoopView
@@ -55,7 +55,7 @@ class OperatorStation(Station):
         self.tick_s = 1 / net.rate_hz
         self._stop = stop
         self._lost_ns = round(net.lost_ms * 1e6)
-        self._forearm = Forearm(config)
+        self._forearm = ForearmReader(config)
         join = Join(
             0,
             net.own_name,
@@ -67,9 +67,9 @@ class OperatorStation(Station):
         self._lead = Lead(self._link, join, anew=self._clock.forget, given=self._welcomed)
         self._state: State | None = None
         self._state_ns = 0
-        self._states, self._events = Gate(ttl_ns=10**12), Gate(ttl_ns=10**12)
+        self._states, self._events = StampGate(ttl_ns=10**12), StampGate(ttl_ns=10**12)
         self._touch = FarTouch(net.robot, ttl_ns=round(net.ttl_ms * 1e6))
-        self._intent = Intent(self._forearm, lambda stream: self._stamp(self._lead.session, stream))
+        self._intent = IntentSender(self._forearm, lambda stream: self._stamp(self._lead.session, stream))
         self._samples = SampleSender(
             lambda: self._stamp(self._lead.session, "emg"), lambda: self._lead.is_recorded
         )

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.device_items import EmgChunk
     from tega.devices.base import Tracker
-    from tega.inbox.bell import Bell
     from tega.inbox.prepared import Prepared
+    from tega.inbox.wake import Bell
     from tega.safety.guard import Guard
     from tega.teleop.latency import LatencyTrace
 

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import EmgChunk
-from tega.net.gate import Gate
+from tega.net.gate import StampGate
 from tega.net.messages import Samples, decode, encode
 from tega.records import EmgSamples
 
@@ -83,7 +83,7 @@ class SampleReceiver:
 
     def __init__(self, muscles: FarMuscles) -> None:
         self._muscles = muscles
-        self._gate = Gate(ttl_ns=_NEVER_OLD_NS)
+        self._gate = StampGate(ttl_ns=_NEVER_OLD_NS)
 
     def begin(self, session: int | None) -> None:
         """Listen to a session from its beginning; to none with ``None``."""

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
-    from tega.inbox.bell import Bell
     from tega.inbox.inputs import Inputs
     from tega.inbox.prepared import Prepared
+    from tega.inbox.wake import Bell
     from tega.safety.guard import Guard
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.moment import LoopView

@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 
 from tega.errors import CalibrationError
+from tega.inbox.histogram import Histogram
 from tega.inbox.reader import Reader, read_items
 from tega.inbox.sources import metrics_of, picture_of
-from tega.inbox.spread import Spread
 from tega.inbox.stream import LiveStream
 from tega.net.ends import FarFinger
-from tega.net.gate import Gate, refused_by
+from tega.net.gate import StampGate, refused_by
 from tega.net.messages import Feature, Image, Welcome, decode
 from tega.net.pictures import unpacked
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.calibration import Calibration
     from tega.devices.base import TactileFrame
-    from tega.inbox.bell import Bell
     from tega.inbox.prepared import Finger, Prepared
     from tega.inbox.sources import Contact, SourceReport
+    from tega.inbox.wake import Bell
     from tega.net.clock import Offset
     from tega.teleop.latency import LatencyTrace
 
@@ -69,17 +69,17 @@ class FarTouch:
 
     def __init__(self, robot: str, *, ttl_ns: int) -> None:
         self._robot, self._ttl_ns = robot, ttl_ns
-        self._fingers: dict[str, _Finger] = {}
-        self._gates: dict[str, Gate] = {}
+        self._fingers: dict[str, _RobotFinger] = {}
+        self._gates: dict[str, StampGate] = {}
         self._start_ns: int | None = None
         self._ring: Callable[[], None] = lambda: None
         self._readers: list[Reader[TactileFrame]] = []
-        self.way = Spread()
+        self.way = Histogram()
 
     def welcome(self, welcome: Welcome) -> None:
         """Listen to a robot's station from its beginning."""
         for name in welcome.fingers:
-            self._gates.setdefault(name, Gate(ttl_ns=self._ttl_ns))
+            self._gates.setdefault(name, StampGate(ttl_ns=self._ttl_ns))
         for gate in self._gates.values():
             gate.begin(welcome.station)
 
@@ -97,7 +97,7 @@ class FarTouch:
             baseline = unpacked(welcome.baselines[name]) if name in welcome.baselines else None
             if baseline is None:
                 baseline = np.zeros((0, 0, 3), np.uint8)
-            self._fingers[name] = _Finger(source, stream, report)
+            self._fingers[name] = _RobotFinger(source, stream, report)
             fingers[name] = Finger(source, baseline, f"at robot {self._robot!r}", report, None, stream)
         return fingers
 
@@ -168,7 +168,7 @@ def _tell(bus: Bus, finger: str, frame: TactileFrame, *, start_ns: int) -> None:
     bus.publish(picture_of(finger, frame, live=True, start_ns=start_ns))
 
 
-class _Finger:
+class _RobotFinger:
     """A fingertip at the robot's station, and where what comes of it goes."""
 
     def __init__(self, source: FarFinger, stream: LiveStream[Contact], report: SourceReport) -> None:

@@ -16,7 +16,7 @@ from tega.recording.origin import origins, span
 from tega.records import Latency as LatencyRecord
 from tega.records.schema import read
 
-__all__ = ["Inspection", "Latency", "Marked", "StreamFacts", "inspect_file"]
+__all__ = ["Inspection", "Marked", "StageLatency", "StreamFacts", "inspect_file"]
 
 # Two and a half periods without an item are a gap: one was lost, and not only late.
 _GAP_PERIODS = 2.5
@@ -51,7 +51,7 @@ class StreamFacts(msgspec.Struct, frozen=True):
     mib: float
 
 
-class Latency(msgspec.Struct, frozen=True):
+class StageLatency(msgspec.Struct, frozen=True):
     """How long one stage takes, milliseconds."""
 
     stage: str
@@ -108,7 +108,7 @@ class Inspection(msgspec.Struct, frozen=True):
     versions: dict[str, str]
     sources: dict[str, str]
     streams: list[StreamFacts]
-    latency: list[Latency]
+    latency: list[StageLatency]
     markers: list[Marked]
     states: list[Marked]
     log: list[Marked]
@@ -130,7 +130,7 @@ def inspect_file(path: Path) -> Inspection:
         RecordingError: It cannot be read.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
-    reader, seen = McapReader(path), _Seen()
+    reader, seen = McapReader(path), _Messages()
     for message in reader.messages(lambda topic: not topic.endswith("/image")):
         if not seen.epoch_ns:
             seen.epoch_ns = int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
@@ -167,7 +167,7 @@ def inspect_file(path: Path) -> Inspection:
     )
 
 
-class _Seen:
+class _Messages:
     """What the messages so far have told."""
 
     def __init__(self) -> None:
@@ -298,7 +298,7 @@ def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
     )
 
 
-def _with_skin(stages: list[Latency]) -> list[Latency]:
+def _with_skin(stages: list[StageLatency]) -> list[StageLatency]:
     """Add the way to the skin, where it was known how long the vest's motors take to start."""
     motor = next((s for s in stages if s.stage.startswith(STAGE)), None)
     whole = next((s for s in stages if s.stage == "camera to vest: whole"), None)
@@ -306,9 +306,9 @@ def _with_skin(stages: list[Latency]) -> list[Latency]:
         return stages
     rest = [s for s in stages if s is not motor]
     skin = [v + motor.p50_ms for v in (whole.p50_ms, whole.p95_ms, whole.p99_ms, whole.worst_ms)]
-    return [*rest, motor, Latency("camera to skin, with that", whole.n, *skin)]
+    return [*rest, motor, StageLatency("camera to skin, with that", whole.n, *skin)]
 
 
-def _latency(stage: str, times_ns: list[int]) -> Latency:
+def _latency(stage: str, times_ns: list[int]) -> StageLatency:
     p50, p95, p99, worst = (float(v) / 1e6 for v in np.percentile(times_ns, (50, 95, 99, 100)))
-    return Latency(stage, len(times_ns), p50, p95, p99, worst)
+    return StageLatency(stage, len(times_ns), p50, p95, p99, worst)

@@ -8,10 +8,10 @@ from typing import IO, Any, NamedTuple
 from tega.lifecycle import require
 from tega.recording.mcap_schemas import decoder
 
-__all__ = ["McapCopy", "McapRecords", "Record"]
+__all__ = ["McapCopy", "McapItem", "McapRecords"]
 
 
-class Record(NamedTuple):
+class McapItem(NamedTuple):
     """A message, an attachment or a table, as the public stream reader gives it.
 
     Attributes:
@@ -48,7 +48,7 @@ class McapRecords:
         self._reader = require("mcap.stream_reader", driver="recording", extra="record").StreamReader(file)
         self.problem = ""
 
-    def __iter__(self) -> Iterator[Record]:
+    def __iter__(self) -> Iterator[McapItem]:
         """Return what is in it."""
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
@@ -68,9 +68,9 @@ class McapRecords:
                 channels[record.id] = record
             elif kind == "Message" and record.channel_id in channels:
                 channel = channels[record.channel_id]
-                yield Record(kind, record, channel, schemas.get(channel.schema_id))
+                yield McapItem(kind, record, channel, schemas.get(channel.schema_id))
             elif kind in {"Attachment", "Metadata"}:
-                yield Record(kind, record)
+                yield McapItem(kind, record)
 
 
 class McapCopy:
@@ -95,7 +95,7 @@ class McapCopy:
         self._channels: dict[tuple[str, int], int] = {}
         self.n_messages = self.end_ns = 0
 
-    def take(self, item: Record) -> None:
+    def take(self, item: McapItem) -> None:
         """Write one."""
         record, writer = item.record, self._writer
         if item.kind == "Message":
@@ -122,7 +122,7 @@ class McapCopy:
         """Write the index."""
         self._writer.finish()
 
-    def _channel(self, item: Record) -> int:
+    def _channel(self, item: McapItem) -> int:
         schema = 0
         if item.schema is not None:
             key = (item.schema.name, item.schema.data)

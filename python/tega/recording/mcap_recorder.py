@@ -9,10 +9,10 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from tega.priority import ahead_of_others
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_queue import BoundedQueue, Item
 from tega.records import LogLine, Marker, Record, RecorderStatus
+from tega.threads import run_realtime
 
 if TYPE_CHECKING:
     from tega.config import RecordingSection
@@ -183,7 +183,7 @@ class McapRecorder:
         while not self._closing.wait(SYNC_S):
             self._file.sync()
 
-    @ahead_of_others("beside")
+    @run_realtime("beside")
     def _work(self) -> None:
         """Write until told to close, then what is left."""
         now_ns = time.monotonic_ns()

@@ -26,8 +26,12 @@ from tega.toml_text import config_text
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from tega.bus import Bus
+    from tega.calibration.store import Calibration
     from tega.config import SessionConfig
+    from tega.device_items import DeviceInfo
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.rig import Rig
 
@@ -81,46 +85,77 @@ class Recording:
             observed: Whether somebody looks on, for whom there are ticks of the vest without touch, too.
         """
         config, prepared = rig.config, rig.prepared
-        text = config_text(config)
         infos = {name: finger.source.info for name, finger in prepared.fingers.items()}
         if prepared.muscles is not None:
             infos["emg"] = prepared.muscles.source.info
         if rig.steering is not None:
             infos |= rig.steering.infos
-        facts = {
-            "tega": {
-                "format": FORMAT,
-                "version": VERSION,
+        self.describe(
+            config,
+            calibration=prepared.calibration,
+            calibration_name=prepared.calibration_name or "self-calibrated",
+            baselines={name: finger.baseline for name, finger in prepared.fingers.items()},
+            sources=infos,
+            facts={
                 "layout": layout,
                 "pace": pace,
                 "live_vest": str(bool(rig.sinks.live_vests)).lower(),
-                "sent": "every",
                 "steered": str(rig.sinks.steered is not None).lower(),
                 "observed": str(observed).lower(),
+            },
+        )
+
+    def describe(
+        self,
+        config: SessionConfig,
+        *,
+        calibration: Calibration,
+        calibration_name: str,
+        baselines: Mapping[str, NDArray[np.uint8]],
+        sources: Mapping[str, DeviceInfo],
+        facts: Mapping[str, str],
+    ) -> None:
+        """Write the same from its parts.
+
+        Args:
+            config: The settings.
+            calibration: The maxima.
+            calibration_name: What to call where they came from.
+            baselines: Untouched pictures by finger, uint8 (H, W, 3).
+            sources: What the inputs say of themselves, by finger; ``emg`` for the muscles.
+            facts: ``layout``, ``pace``, and whether the vest is live, the hand steered, and somebody looks on.
+        """
+        text = config_text(config)
+        told = {
+            "tega": {
+                "format": FORMAT,
+                "version": VERSION,
+                **facts,
+                "sent": "every",
                 "lossless": str(config.recording.lossless).lower(),
                 "metric": metric_told(config.stages, config.session.preset),
                 "config_sha256": sha256(text.encode()).hexdigest(),
-                "calibration": prepared.calibration_name or "self-calibrated",
+                "calibration": calibration_name,
             },
             "versions": versions(),
             "records": {name: str(version) for name, version in VERSIONS.items()},
             "units": unit_table(),
-            "sources": {name: msgspec.json.encode(info).decode() for name, info in infos.items()},
+            "sources": {name: msgspec.json.encode(info).decode() for name, info in sources.items()},
         }
         files = {
             "session.toml": ("application/toml", text.encode()),
-            "calibration.toml": ("application/toml", calibration_text(prepared.calibration).encode()),
+            "calibration.toml": ("application/toml", calibration_text(calibration).encode()),
         }
-        for name, finger in prepared.fingers.items():
+        for name, baseline in baselines.items():
             file = io.BytesIO()
-            np.save(file, finger.baseline)
+            np.save(file, baseline)
             files[f"baseline-{name}.npy"] = ("application/octet-stream", file.getvalue())
         poses = getattr(config.hand.options, "poses", None)
         if poses is not None:
             files["poses.toml"] = ("application/toml", poses.read_bytes())
         for name, data in attached_files(config.stages).items():
             files[name] = ("application/octet-stream", data)
-        self._recorder.head(facts, files)
+        self._recorder.head(told, files)
 
     def begin(self, start_ns: int, now_ns: int) -> None:
         """Begin, at the start of the session or just after, by the session's clock."""

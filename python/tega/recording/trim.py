@@ -14,7 +14,7 @@ from typing import Any
 
 from tega.errors import RecordingError
 from tega.foreign_file import tells_damage
-from tega.recording.mcap_copy import McapCopy, McapRecords, Record
+from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
 from tega.whole_file import new_file
@@ -109,7 +109,7 @@ class _Look:
             raise RecordingError(
                 f"{source.name}: the span {part} is not in it, it goes from {there.from_ns / 1e9:g} s to "
                 f"{end_ns / 1e9:.3f} s",
-                "give seconds since the start of the session, as `tega-teleop inspect` prints them",
+                "give seconds since the start of the session, as `tega-teleop recording inspect` prints them",
             )
         if there.to_ns is not None and (part.to_ns is None or part.to_ns > there.to_ns):
             self.part = part._replace(to_ns=there.to_ns)
@@ -134,7 +134,7 @@ class _Look:
                 f"{source.name}: no recording of a session", "name a file made with --record, or its folder"
             )
 
-    def _message(self, source: Path, item: Record, copy: McapCopy) -> None:
+    def _message(self, source: Path, item: McapItem, copy: McapCopy) -> None:
         self._begun(source)
         t_ns = item.record.log_time - self.epoch_ns
         self._newest_ns = max(self._newest_ns, t_ns)
@@ -148,7 +148,7 @@ class _Look:
 def _copy(source: Path, look: _Look, new: McapCopy, *, lead_in: bytes) -> None:
     """Read again, and copy what belongs to the span."""
     begun = False
-    pictures: dict[str, Record] = {}
+    pictures: dict[str, McapItem] = {}
     with source.open("rb") as file:
         for item in McapRecords(file):
             if item.kind != "Message":

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tega.records.base import Record
 
-__all__ = ["Field", "Part", "fields", "own_schema", "parts", "read", "schema_name", "units", "values"]
+__all__ = ["MessageField", "Part", "fields", "own_schema", "parts", "read", "schema_name", "units", "values"]
 
 Part = type[msgspec.Struct]
 
@@ -24,7 +24,7 @@ _NAMES = {"np": np, "NDArray": NDArray}
 _Struct = TypeVar("_Struct", bound=msgspec.Struct)
 
 
-class Field(NamedTuple):
+class MessageField(NamedTuple):
     """One field of a message.
 
     Attributes:
@@ -61,18 +61,18 @@ def own_schema(kind: type[Record]) -> bool:
 
 
 @cache
-def fields(kind: Part) -> tuple[Field, ...]:
+def fields(kind: Part) -> tuple[MessageField, ...]:
     """Return the fields of a record's message, in the order of their numbers."""
     hints = get_type_hints(kind, localns=_NAMES, include_extras=True)
     unwritten: tuple[str, ...] = getattr(kind, "unwritten", ())
-    found: list[Field] = []
+    found: list[MessageField] = []
     for attribute, name in zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True):
         if attribute not in unwritten:
             found += _fields_of(name, attribute, hints[attribute])
     return tuple(found)
 
 
-def _fields_of(name: str, attribute: str, hint: Any) -> list[Field]:
+def _fields_of(name: str, attribute: str, hint: Any) -> list[MessageField]:
     optional = False
     if get_origin(hint) in {Union, types.UnionType}:
         (hint,) = (choice for choice in get_args(hint) if choice is not type(None))
@@ -89,7 +89,7 @@ def _fields_of(name: str, attribute: str, hint: Any) -> list[Field]:
     return [_field(name, attribute, None, hint)._replace(optional=optional)]
 
 
-def _field(name: str, attribute: str, of_pair: int | None, hint: Any) -> Field:
+def _field(name: str, attribute: str, of_pair: int | None, hint: Any) -> MessageField:
     unit = wire = ""
     if get_origin(hint) is Annotated:
         hint, meta, *_ = get_args(hint)
@@ -98,7 +98,9 @@ def _field(name: str, attribute: str, of_pair: int | None, hint: Any) -> Field:
     wire = wire or (schema_name(part) if part is not None else _WIRE[hint])
     repeated, array = wire.endswith("*"), get_origin(hint) is np.ndarray
     plain = wire.removesuffix("*")
-    return Field(name, attribute, of_pair, plain, unit, repeated, optional=False, part=part, array=array)
+    return MessageField(
+        name, attribute, of_pair, plain, unit, repeated, optional=False, part=part, array=array
+    )
 
 
 @cache

@@ -34,11 +34,11 @@ from tega.replay.measured import (
     picture_errors,
 )
 from tega.replay.recorded import Recorded, read_recorded
-from tega.teleop.feedback import touch_loop
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import Moment
 from tega.teleop.pacing import Pacer
+from tega.teleop.touch_loop import touch_loop
 
 if TYPE_CHECKING:
     from tega.teleop.loop_report import LoopReport
@@ -147,7 +147,7 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
     head, config = recorded.head, measured.config
     again = _Again({finger: [] for finger in recorded.contacts})
     pacer = _RecordedPacer(recorded)
-    hand = _Hand(recorded, pacer, config.hand.device_id)
+    hand = _ModelledHand(recorded, pacer, config.hand.device_id)
     with_emg = "emg" in head.sources
     asked = 0
     on = {n_asked: on for n_asked, on, _ in recorded.haptics}
@@ -245,7 +245,7 @@ class _RecordedPacer(Pacer):
         return self.n_waits >= self._n_most and not self._turns_ns
 
 
-class _Hand:
+class _ModelledHand:
     """The modelled hand; where a real one closed its own loop, only the levels it was asked for."""
 
     def __init__(self, recorded: Recorded, pacer: _RecordedPacer, device_id: int) -> None:

@@ -17,7 +17,7 @@ from tega.calibration import load_calibration
 from tega.config import STAGE_GROUPS, load_config
 from tega.errors import TegaError
 from tega.inbox.frames import FrameMeter
-from tega.inbox.sources import Block, BlockMeter, Contact, SourceReport, metrics_of, picture_of, samples_of
+from tega.inbox.sources import BlockMeter, Contact, EmgBlock, SourceReport, metrics_of, picture_of, samples_of
 from tega.records import BesideContact, BesideIntent
 from tega.replay.arm import arm_settings
 from tega.replay.recorded import Head, Recorded, without_devices
@@ -80,7 +80,7 @@ class Measured:
         self.config: SessionConfig
         self.calibration: Calibration
         self.contacts: dict[str, list[Contact]] = {}
-        self.blocks: list[Block] = []
+        self.blocks: list[EmgBlock] = []
         self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
         self.changed: list[str] = []
         self.beside: dict[str, list[BesideContact | BesideIntent]] = {}
@@ -234,11 +234,11 @@ def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[t
     return [(c.taken_ns, (c.t_ns, again[c.t_ns])) for c in recorded.contacts[finger] if c.t_ns in again]
 
 
-def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Block]]:
+def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, EmgBlock]]:
     """Pair every block that the loop took in with what the samples say now; what came over a link is as it came."""
     if recorded.head.sources["emg"].driver == "net":  # made at the operator's station, by what is known there
         return [
-            (row.taken_ns, Block(row.t_ns, row.channels, row.level, row.closure, row.confidence))
+            (row.taken_ns, EmgBlock(row.t_ns, row.channels, row.level, row.closure, row.confidence))
             for row in recorded.levels
         ]
     items, blocks = [], iter(measured.blocks)

@@ -9,7 +9,7 @@ from tega.devices.base import DeviceInfo
 from tega.foreign_file import tells_damage
 from tega.hand import split_level
 from tega.inbox.prepared import Finger, Muscles, Prepared
-from tega.inbox.sources import Block, SourceReport
+from tega.inbox.sources import EmgBlock, SourceReport
 from tega.inbox.stream import Item, PulledStream
 from tega.replay.measured import contact_items, level_items
 from tega.stages.attached import with_attached
@@ -83,14 +83,14 @@ def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: 
 
 
 def _asked(
-    recorded: Recorded, items: Sequence[tuple[int, Block]], n_channels: int, lead_ns: int
-) -> list[tuple[int, Block]]:
+    recorded: Recorded, items: Sequence[tuple[int, EmgBlock]], n_channels: int, lead_ns: int
+) -> list[tuple[int, EmgBlock]]:
     """Return what the hand was asked for: the muscles' level, or the one that was set against them."""
     nothing = (0,) * n_channels
     first = next((level for _, level, _ in recorded.hand), 0) or FIRST_LEVEL
-    asked: list[tuple[int, Block]] = [(0, _imposed(Block(0, nothing, FIRST_LEVEL), first))]
+    asked: list[tuple[int, EmgBlock]] = [(0, _imposed(EmgBlock(0, nothing, FIRST_LEVEL), first))]
     imposed: float = 0
-    block = Block(0, nothing, FIRST_LEVEL)
+    block = EmgBlock(0, nothing, FIRST_LEVEL)
     changes: list[tuple[int, int, Any]] = [(taken, 0, block) for taken, block in items]
     changes += [(t_ns, 1, level) for t_ns, level in recorded.imposed]
     for tick_ns, is_imposed, what in sorted(changes, key=lambda change: change[:2]):
@@ -104,7 +104,7 @@ def _asked(
     return asked
 
 
-def _imposed(block: Block, level: float) -> Block:
+def _imposed(block: EmgBlock, level: float) -> EmgBlock:
     """Return a block that asks for a level set against the muscles."""
     whole, closure = split_level(level)
     return block._replace(level=whole, closure=closure)

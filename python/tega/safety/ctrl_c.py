@@ -9,12 +9,12 @@ from typing import Any
 
 from tega.safety.stop import Stop as AnyStop
 
-__all__ = ["Stop"]
+__all__ = ["CtrlC"]
 
 _PATIENCE_S = 1.0
 
 
-class Stop(AnyStop):
+class CtrlC(AnyStop):
     """Turns the first Ctrl-C (or a request to terminate) into a question the loop asks; the second one interrupts.
 
     The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further ones do
@@ -35,7 +35,7 @@ class Stop(AnyStop):
             self._interrupted = True
             raise KeyboardInterrupt
 
-    def __enter__(self) -> Stop:
+    def __enter__(self) -> CtrlC:
         """Take over the signals."""
         # The last one comes when the terminal is closed or the connection to it is lost; Windows has none.
         for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):

@@ -46,7 +46,7 @@ from tega.wire.allegro import (
 )
 from tega.wire.allegro_decode import allegro_decode, allegro_requested
 from tega.wire.allegro_messages import (
-    FINGERS,
+    HAND_FINGERS,
     AllegroConfig,
     AllegroImu,
     AllegroInfo,
@@ -99,7 +99,7 @@ from tega.wire.streams import (
 __all__ = [
     "ALLEGRO_PWM_LIMITS",
     "ALLEGRO_RAD_PER_COUNT",
-    "FINGERS",
+    "HAND_FINGERS",
     "AllegroConfig",
     "AllegroImu",
     "AllegroInfo",

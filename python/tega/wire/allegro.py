@@ -17,7 +17,7 @@ from tega import _native
 from tega._native import ALLEGRO_PWM_LIMITS, ALLEGRO_RAD_PER_COUNT
 from tega.errors import InvalidValueError, WireError
 from tega.wire.allegro_messages import (
-    FINGERS,
+    HAND_FINGERS,
     AllegroImu,
     AllegroInfo,
     AllegroPosition,
@@ -226,7 +226,7 @@ def allegro_position_frames(
     rows: list[list[int]] = counts.reshape(4, 4).tolist()
     return [
         _encode("position", finger, row, device_id=device_id)
-        for finger, row in zip(FINGERS, rows, strict=True)
+        for finger, row in zip(HAND_FINGERS, rows, strict=True)
     ]
 
 
@@ -293,9 +293,9 @@ def allegro_v3_angles_rad(raw: Sequence[int], offsets: Sequence[int]) -> NDArray
 
 
 def _number(finger: Finger) -> int:
-    if finger not in FINGERS:
-        raise InvalidValueError(f"finger = {finger!r} is not one of {', '.join(FINGERS)}")
-    return FINGERS.index(finger)
+    if finger not in HAND_FINGERS:
+        raise InvalidValueError(f"finger = {finger!r} is not one of {', '.join(HAND_FINGERS)}")
+    return HAND_FINGERS.index(finger)
 
 
 def _encode(kind: str, finger: Finger = "index", values: Sequence[int] = (), *, device_id: int) -> CanFrame:

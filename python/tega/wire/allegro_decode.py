@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 from tega import _native
 from tega.wire.allegro_messages import (
-    FINGERS,
+    HAND_FINGERS,
     AllegroConfig,
     AllegroImu,
     AllegroInfo,
@@ -60,7 +60,7 @@ def allegro_decode(
     kind, finger, values = _native.allegro_decode(
         can_id, as_bytes(data), device_id=device_id, remote=remote, extended=extended, error=error
     )
-    return _DECODED[kind](FINGERS[finger], values)
+    return _DECODED[kind](HAND_FINGERS[finger], values)
 
 
 def allegro_requested(frame: CanFrame, *, device_id: int = 0) -> AllegroRequest | None:
@@ -73,7 +73,7 @@ def allegro_requested(frame: CanFrame, *, device_id: int = 0) -> AllegroRequest 
     if request is None:
         return None
     wants, finger = request
-    return AllegroRequest(wants, None if finger is None else FINGERS[finger])
+    return AllegroRequest(wants, None if finger is None else HAND_FINGERS[finger])
 
 
 def _four(values: list[int]) -> Counts:

@@ -11,7 +11,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 from tega._native import ALLEGRO_RAD_PER_COUNT
 
 __all__ = [
-    "FINGERS",
+    "HAND_FINGERS",
     "AllegroConfig",
     "AllegroImu",
     "AllegroInfo",
@@ -34,7 +34,7 @@ __all__ = [
 Finger: TypeAlias = Literal["index", "middle", "ring", "thumb"]
 """A finger's name."""
 
-FINGERS: Final[tuple[Finger, Finger, Finger, Finger]] = ("index", "middle", "ring", "thumb")
+HAND_FINGERS: Final[tuple[Finger, Finger, Finger, Finger]] = ("index", "middle", "ring", "thumb")
 """The fingers in the hand's order: number 0 to 3 on the wire, joints ``4 * number`` onwards."""
 
 Counts: TypeAlias = tuple[int, int, int, int]

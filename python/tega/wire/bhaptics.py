@@ -53,7 +53,7 @@ def vest_levels(intensities: ArrayLike) -> NDArray[np.uint8]:
         [0, 0, 1, 5, 11, 15]
     """
     values = integer_array("intensities", intensities, np.uint8, (0, 100))
-    return _native.motor_levels(values.ravel()).reshape(values.shape)
+    return _native.motor_steps(values.ravel()).reshape(values.shape)
 
 
 def x40_ble_frame(intensities: ArrayLike, *, front_mirror: bool = False) -> bytes:
@@ -84,7 +84,7 @@ def x40_ble_levels(frame: bytes, *, front_mirror: bool = False) -> NDArray[np.ui
     Raises:
         WireError: Unless the frame has 20 bytes.
     """
-    return _native.x40_ble_levels(as_bytes(frame), front_mirror=front_mirror)
+    return _native.x40_ble_steps(as_bytes(frame), front_mirror=front_mirror)
 
 
 def x16_levels(frame: bytes, *, front_mirror: bool = False) -> NDArray[np.uint8]:
@@ -96,7 +96,7 @@ def x16_levels(frame: bytes, *, front_mirror: bool = False) -> NDArray[np.uint8]
     Raises:
         WireError: Unless the frame has 20 bytes.
     """
-    return _native.x16_levels(as_bytes(frame), front_mirror=front_mirror)
+    return _native.x16_steps(as_bytes(frame), front_mirror=front_mirror)
 
 
 def player_v2_message(

@@ -6,10 +6,10 @@ from typing import NamedTuple, Protocol
 
 from tega.arm.robot.words import Quaternion, Triple
 
-__all__ = ["Body", "Seen"]
+__all__ = ["HandSeen", "RobotBody"]
 
 
-class Seen(NamedTuple):
+class HandSeen(NamedTuple):
     """Where the hand is.
 
     Attributes:
@@ -23,7 +23,7 @@ class Seen(NamedTuple):
     turn: Quaternion
 
 
-class Body(Protocol):
+class RobotBody(Protocol):
     """An arm. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick."""
 
     facts: tuple[str, ...]
@@ -36,7 +36,7 @@ class Body(Protocol):
         """
         ...
 
-    def see(self) -> Seen:
+    def see(self) -> HandSeen:
         """Return where the hand is."""
         ...
 

@@ -15,8 +15,19 @@ import msgspec
 
 import tega.errors
 from tega.arm.pose import ArmCommand, StampedPose
-from tega.arm.robot.process import Settings
-from tega.arm.robot.words import Asked, Failed, Health, Leave, Message, Ready, Recover, Told, decode, encode
+from tega.arm.robot.process import ProcessSettings
+from tega.arm.robot.words import (
+    ArmShutdown,
+    ArmStatusWords,
+    ArmTargetWords,
+    Failed,
+    Health,
+    Message,
+    Ready,
+    Recover,
+    decode,
+    encode,
+)
 from tega.child_process import end_child, python_command, python_environment
 from tega.device_items import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError
@@ -62,7 +73,7 @@ class ProcessArm(Opened):
         self._process: subprocess.Popen[bytes] | None = None
         self._link: socket.socket | None = None
         self._session = self._sequence = 0
-        self._told: Told | None = None
+        self._told: ArmStatusWords | None = None
         self._heard_s = 0.0
         self._facts: tuple[str, ...] = ()
         self._late = self._refused = 0
@@ -129,7 +140,7 @@ class ProcessArm(Opened):
         self._session, self._sequence = secrets.randbits(62), 0
         self._told, self._late, self._refused = None, 0, 0
         o = self._options
-        settings = Settings(
+        settings = ProcessSettings(
             link=theirs.fileno(),
             session=self._session,
             body=self.body,
@@ -184,7 +195,7 @@ class ProcessArm(Opened):
         process, self._process = self._process, None
         if process is None:
             return
-        self._say(Leave())
+        self._say(ArmShutdown())
         end_child(process, _LEAVE_S)
         if self._link is not None:
             self._link.close()
@@ -203,7 +214,7 @@ class ProcessArm(Opened):
         if command.target is not None:
             place, turn = _triple(command.target.position_m), _four(command.target.quaternion_xyzw)
         self._say(
-            Asked(
+            ArmTargetWords(
                 self._session,
                 self._sequence,
                 command.t_ns,
@@ -229,7 +240,7 @@ class ProcessArm(Opened):
                 message = decode(self._link.recv(_MOST_BYTES))
             except OSError:  # nothing more, or the process has gone
                 break
-            if isinstance(message, Told):
+            if isinstance(message, ArmStatusWords):
                 self._told, self._heard_s = message, time.monotonic()
                 self._late, self._refused = message.health.late, message.health.refused
         if self._told is None:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega.arm.robot.body import Seen
+from tega.arm.robot.body import HandSeen
 from tega.arm.robot.fci import Library, installed_library, server_version, the_fix
 from tega.arm.robot.words import Quaternion, Triple
 from tega.errors import DeviceUnavailableError, WrongDeviceError
@@ -55,7 +55,7 @@ class FrankyBody:
         self._tracker: Any = None
         self._fault = ""
         self._last_time: Any = None
-        self._seen: Seen | None = None
+        self._seen: HandSeen | None = None
         self._mode: Any = None
         self.facts: tuple[str, ...] = ()
         self.success_rate: float | None = None
@@ -79,7 +79,7 @@ class FrankyBody:
         except Exception as error:  # franky raises many kinds, of no common base
             raise DeviceUnavailableError(
                 f"franky: {host} does not let itself be connected: {error}",
-                "`tega-teleop arm HOST` says what is missing; is another program connected?",
+                "`tega-teleop arm check HOST` says what is missing; is another program connected?",
             ) from error
         name = "" if library is None else f"franky-control {library.version}, libfranka {library.libfranka}, "
         self.facts = (f"{name}robot server {server}",)
@@ -129,7 +129,7 @@ class FrankyBody:
                     "joint 6 differs between Panda and FR3",
                 )
 
-    def see(self) -> Seen:
+    def see(self) -> HandSeen:
         """Return where the hand is; a robot that says nothing new gives the same again."""
         try:
             state = self._robot.state
@@ -144,7 +144,7 @@ class FrankyBody:
             pose = state.O_T_EE
             x, y, z = map(float, pose.translation)
             qx, qy, qz, qw = map(float, pose.quaternion)
-            self._seen = Seen(now_ns, (x, y, z), (qx, qy, qz, qw))
+            self._seen = HandSeen(now_ns, (x, y, z), (qx, qy, qz, qw))
             self.success_rate = float(state.control_command_success_rate)
             self._mode = state.robot_mode
         elif now_ns - self._seen.t_ns > _SILENT_NS:

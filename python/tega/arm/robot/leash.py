@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-from tega.arm.robot.words import Asked
+from tega.arm.robot.words import ArmTargetWords
 from tega.arm.settings import WatchdogSettings
 
 __all__ = ["Leash", "Order"]
@@ -24,7 +24,7 @@ class Order(NamedTuple):
 
     kind: Literal["follow", "hold", "rest"]
     reason: str
-    asked: Asked | None = None
+    asked: ArmTargetWords | None = None
 
 
 class Leash:
@@ -40,7 +40,7 @@ class Leash:
 
     def __init__(self, session: int, settings: WatchdogSettings | None = None) -> None:
         self._session, self._s = session, settings or WatchdogSettings()
-        self._last: Asked | None = None
+        self._last: ArmTargetWords | None = None
         self._sequence = -1
         self._engagements = 0
         self._lost_at: int | None = None  # engagements that do not count any more
@@ -48,7 +48,7 @@ class Leash:
         self.refused = 0
         self.refusal = ""
 
-    def take(self, asked: Asked, now_ns: int) -> str:
+    def take(self, asked: ArmTargetWords, now_ns: int) -> str:
         """Take in a command; return why it is not obeyed, ``""`` if it is."""
         age_ms = (now_ns - asked.t_ns) / 1e6
         said = ""

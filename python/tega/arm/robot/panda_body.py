@@ -10,7 +10,7 @@ import numpy as np
 
 from tega.arm.clip import clipped
 from tega.arm.pose import Pose
-from tega.arm.robot.body import Seen
+from tega.arm.robot.body import HandSeen
 from tega.arm.robot.fci import server_version
 from tega.arm.robot.franky_body import JOINT_LIMITS_RAD, MODE_WORDS
 from tega.arm.robot.words import Quaternion, Triple
@@ -47,7 +47,7 @@ class PandaBody:
         self._posture: Any = None
         self._fault = ""
         self._last_ms: int | None = None
-        self._seen: Seen | None = None
+        self._seen: HandSeen | None = None
         self.facts: tuple[str, ...] = ()
         self.success_rate: float | None = None
 
@@ -76,7 +76,7 @@ class PandaBody:
         except Exception as error:  # libfranka's errors come as several kinds
             raise DeviceUnavailableError(
                 f"panda: {host} does not let itself be connected: {error}",
-                "`tega-teleop arm HOST` says what is missing; is another program connected?",
+                "`tega-teleop arm check HOST` says what is missing; is another program connected?",
             ) from error
         self.facts = (f"panda-python {panda_py.__version__}, robot server {server}; never tried on a robot",)
         if said := self.recover():
@@ -107,7 +107,7 @@ class PandaBody:
         if not there:
             raise DeviceUnavailableError("panda: the robot did not come to start_rad", "look at it in Desk")
 
-    def see(self) -> Seen:
+    def see(self) -> HandSeen:
         """Return where the hand is; a robot that says nothing new gives the same again."""
         try:
             state = self._robot.get_state()
@@ -122,7 +122,7 @@ class PandaBody:
             matrix = np.array(state.O_T_EE).reshape(4, 4, order="F")  # libfranka counts down the columns
             x, y, z = matrix[:3, 3].tolist()
             qx, qy, qz, qw = from_matrix(matrix[:3, :3]).tolist()
-            self._seen = Seen(now_ns, (x, y, z), (qx, qy, qz, qw))
+            self._seen = HandSeen(now_ns, (x, y, z), (qx, qy, qz, qw))
             self.success_rate = float(state.control_command_success_rate)
         elif now_ns - self._seen.t_ns > _SILENT_NS:
             self._break("the robot says nothing new")

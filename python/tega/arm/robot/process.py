@@ -19,33 +19,33 @@ from typing import Any
 
 import msgspec
 
-from tega.arm.robot.body import Body, Seen
+from tega.arm.robot.body import HandSeen, RobotBody
 from tega.arm.robot.leash import Leash
 from tega.arm.robot.slew import Slew
 from tega.arm.robot.words import (
-    Asked,
+    AppliedTarget,
+    ArmShutdown,
+    ArmStatusWords,
+    ArmTargetWords,
     Failed,
     Health,
-    Leave,
-    Led,
     Message,
     Phase,
     Ready,
     Recover,
-    Told,
     decode,
     encode,
 )
 from tega.errors import TegaError
 
-__all__ = ["Loop", "Settings", "main"]
+__all__ = ["Loop", "ProcessSettings", "main"]
 
 _MOST_BYTES = 4096
 _WINDOW_S = 1.0
 _REST_S = 3.0
 
 
-class Settings(msgspec.Struct, frozen=True):
+class ProcessSettings(msgspec.Struct, frozen=True):
     """What the process is told on its command line.
 
     Attributes:
@@ -76,10 +76,10 @@ class Loop:
         leash: Judges the commands.
     """
 
-    def __init__(self, settings: Settings, body: Body, leash: Leash) -> None:
+    def __init__(self, settings: ProcessSettings, body: RobotBody, leash: Leash) -> None:
         self._s, self._body, self._leash = settings, body, leash
         self._slew: Slew | None = None
-        self._held: Seen | None = None
+        self._held: HandSeen | None = None
         self._fault = ""
         self._resting = False
         self._ticks: deque[tuple[float, float]] = deque()
@@ -88,13 +88,13 @@ class Loop:
 
     def take(self, message: Message, now_ns: int) -> bool:
         """Take in what the run says; return whether it leaves."""
-        if isinstance(message, Asked):
+        if isinstance(message, ArmTargetWords):
             self._leash.take(message, now_ns)
         elif isinstance(message, Recover) and self._fault:
             self._fault = self._body.recover()
-        return isinstance(message, Leave)
+        return isinstance(message, ArmShutdown)
 
-    def tick(self, now_ns: int) -> Told:
+    def tick(self, now_ns: int) -> ArmStatusWords:
         """Go on, and return what there is to tell."""
         dt_s = self._count(now_ns / 1e9)
         body = self._body
@@ -133,10 +133,16 @@ class Loop:
             self._held = self._held or seen
             self._slew.toward(self._held.place, self._held.turn, dt_s)
         body.lead(self._slew.place, self._slew.turn, *velocities)
-        return self._told(seen, "following", order.reason, Led(now_ns, self._slew.place, self._slew.turn))
+        return self._told(
+            seen, "following", order.reason, AppliedTarget(now_ns, self._slew.place, self._slew.turn)
+        )
 
-    def _told(self, seen: Seen, phase: Phase, reason: str, led: Led | None = None) -> Told:
-        return Told(seen.t_ns, seen.place, seen.turn, phase, reason, self._leash.refusal, self._health(), led)
+    def _told(
+        self, seen: HandSeen, phase: Phase, reason: str, led: AppliedTarget | None = None
+    ) -> ArmStatusWords:
+        return ArmStatusWords(
+            seen.t_ns, seen.place, seen.turn, phase, reason, self._leash.refusal, self._health(), led
+        )
 
     def _count(self, now_s: float) -> float:
         """Take note of a tick and return how long ago the last one was."""
@@ -161,7 +167,7 @@ class Loop:
         )
 
 
-def _run(settings: Settings, link: socket.socket, body: Body) -> None:
+def _run(settings: ProcessSettings, link: socket.socket, body: RobotBody) -> None:
     loop = Loop(settings, body, Leash(settings.session))
     period_s = 1 / settings.rate_hz
     next_s = time.monotonic()
@@ -203,13 +209,13 @@ def _tell(link: socket.socket, message: Message) -> None:
 
 def main(words: list[str]) -> int:
     """Run it; return 1 if the arm could not be opened or broke off."""
-    settings = msgspec.json.decode(words[0], type=Settings)
+    settings = msgspec.json.decode(words[0], type=ProcessSettings)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     link = socket.socket(fileno=settings.link)
     link.settimeout(0)
     module, name = settings.body.split(":")
     try:
-        body: Body = getattr(importlib.import_module(module), name)(settings.options)
+        body: RobotBody = getattr(importlib.import_module(module), name)(settings.options)
         body.open()
     except TegaError as error:
         _tell(link, Failed(type(error).__name__, error.message, error.hint))

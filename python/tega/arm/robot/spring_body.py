@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tega.arm.robot.body import Seen
+from tega.arm.robot.body import HandSeen
 from tega.arm.robot.words import Quaternion, Triple
 from tega.arm.rotation import between, exp, multiply, unit
 
@@ -42,7 +42,7 @@ class SpringBody:
         """Begin at rest."""
         self._t_s = time.monotonic()
 
-    def see(self) -> Seen:
+    def see(self) -> HandSeen:
         """Let the time pass that has passed, and return where the hand is."""
         now_s = time.monotonic()
         steps = min(int((now_s - self._t_s) / _STEP_S), 1000)
@@ -60,7 +60,7 @@ class SpringBody:
                 self._q = unit(multiply(exp(_STEP_S * self._w), self._q))
         x, y, z = self._x.tolist()
         qx, qy, qz, qw = self._q.tolist()
-        return Seen(time.monotonic_ns(), (x, y, z), (qx, qy, qz, qw))
+        return HandSeen(time.monotonic_ns(), (x, y, z), (qx, qy, qz, qw))
 
     def begin(self) -> None:
         """Begin to follow."""

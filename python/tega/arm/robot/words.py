@@ -10,15 +10,15 @@ import msgspec
 from tega.arm.pose import ArmState
 
 __all__ = [
-    "Asked",
+    "AppliedTarget",
+    "ArmShutdown",
+    "ArmStatusWords",
+    "ArmTargetWords",
     "Failed",
     "Health",
-    "Leave",
-    "Led",
     "Phase",
     "Ready",
     "Recover",
-    "Told",
     "decode",
     "encode",
 ]
@@ -28,7 +28,7 @@ Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 
-class Asked(msgspec.Struct, frozen=True, tag=True):
+class ArmTargetWords(msgspec.Struct, frozen=True, tag="Asked"):
     """Where the hand shall be.
 
     Attributes:
@@ -69,7 +69,7 @@ class Recover(msgspec.Struct, frozen=True, tag=True):
     """A person has seen that it is safe: clear the fault."""
 
 
-class Leave(msgspec.Struct, frozen=True, tag=True):
+class ArmShutdown(msgspec.Struct, frozen=True, tag="Leave"):
     """Let the arm come to rest, and end."""
 
 
@@ -91,7 +91,7 @@ class Health(msgspec.Struct, frozen=True):
     success_rate: float | None = None
 
 
-class Led(msgspec.Struct, frozen=True):
+class AppliedTarget(msgspec.Struct, frozen=True):
     """The target that the arm itself was given, after everything that limits it.
 
     Attributes:
@@ -105,7 +105,7 @@ class Led(msgspec.Struct, frozen=True):
     turn: Quaternion
 
 
-class Told(msgspec.Struct, frozen=True, tag=True):
+class ArmStatusWords(msgspec.Struct, frozen=True, tag="Told"):
     """Where the hand is, and how the arm is.
 
     Attributes:
@@ -126,7 +126,7 @@ class Told(msgspec.Struct, frozen=True, tag=True):
     reason: str
     refusal: str = ""
     health: Health = Health()
-    led: Led | None = None
+    led: AppliedTarget | None = None
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
@@ -153,7 +153,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     hint: str
 
 
-Message = Asked | Recover | Leave | Told | Ready | Failed
+Message = ArmTargetWords | Recover | ArmShutdown | ArmStatusWords | Ready | Failed
 _decoder = msgspec.msgpack.Decoder(Message)
 encode = msgspec.msgpack.Encoder().encode
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tega.arm.pose import StampedPose
 from tega.arm.rotation import IDENTITY, exp, multiply, unit
-from tega.device_items import InputState
+from tega.device_items import InputReading
 
 __all__ = ["RatePoses"]
 
@@ -32,7 +32,7 @@ class RatePoses:
         turn_rad_s: At full deflection.
 
     Example:
-        >>> still = InputState(0, True, (0.0,) * 6, frozenset())
+        >>> still = InputReading(0, True, (0.0,) * 6, frozenset())
         >>> RatePoses(lambda: still).read(0)[0].position_m
         [0.0, 0.0, 0.0]
     """
@@ -40,7 +40,7 @@ class RatePoses:
     frame: Final = "base"
 
     def __init__(
-        self, state: Callable[[], InputState], *, speed_m_s: float = 0.15, turn_rad_s: float = 0.6
+        self, state: Callable[[], InputReading], *, speed_m_s: float = 0.15, turn_rad_s: float = 0.6
     ) -> None:
         self._state = state
         self._speeds = np.array([speed_m_s] * 3 + [turn_rad_s] * 3)

@@ -26,8 +26,8 @@ from tega.recording.lerobot.video import (
     PLACE,
     VIDEO_MB,
     VIDEOS,
-    Camera,
-    Place,
+    EpisodeCamera,
+    VideoPlace,
 )
 from tega.recording.origin import origins, span
 
@@ -87,9 +87,9 @@ class _Dataset:
         self._arrow: Any = require("pyarrow", driver="export", extra="lerobot")
         self._parquet: Any = require("pyarrow.parquet", driver="export", extra="lerobot")
         self._folder, self._fps, self._task = folder, fps, task
-        self._cameras: dict[str, Camera] = {}
+        self._cameras: dict[str, EpisodeCamera] = {}
         self._features: dict[str, Any] = {}
-        self._place = Place()
+        self._place = VideoPlace()
         self._writer: Any = None
         self._episodes: list[dict[str, Any]] = []
         self._rows: dict[str, list[NDArray[Any]]] = {}
@@ -104,7 +104,7 @@ class _Dataset:
             for finger, shape in episode.shapes.items():
                 plain_name(finger, what="finger", source=episode.path.name)
                 key = f"observation.images.{finger}"
-                self._cameras[finger] = Camera(self._folder, key, self._fps, shape)
+                self._cameras[finger] = EpisodeCamera(self._folder, key, self._fps, shape)
         elif features != self._features:
             other = [
                 name

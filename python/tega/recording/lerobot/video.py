@@ -8,14 +8,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tega.lifecycle import require
-from tega.priority import untaken
 from tega.recording.lerobot.stats import Colours
+from tega.threads import restored
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["CODEC", "FILES_PER_CHUNK", "PIXELS", "PLACE", "VIDEOS", "VIDEO_MB", "Camera", "Place", "Video"]
+__all__ = [
+    "CODEC",
+    "FILES_PER_CHUNK",
+    "PIXELS",
+    "PLACE",
+    "VIDEOS",
+    "VIDEO_MB",
+    "EpisodeCamera",
+    "Video",
+    "VideoPlace",
+]
 
 PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 """Where a file is, below its folder."""
@@ -53,7 +63,7 @@ class Video:
         self._file = self._av.open(str(path), "w")
         self._stream = self._file.add_stream(CODEC, fps, options=dict(_OPTIONS))
         self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, PIXELS
-        with untaken():
+        with restored():
             self._stream.codec_context.open()
         self.n_frames = self.n_bytes = 0
 
@@ -75,7 +85,7 @@ class Video:
         self._file.mux(packets)
 
 
-class Place:
+class VideoPlace:
     """In which file of which chunk something is."""
 
     def __init__(self) -> None:
@@ -92,7 +102,7 @@ class Place:
         return {"chunk_index": self.chunk_index, "file_index": self.file_index}
 
 
-class Camera:
+class EpisodeCamera:
     """One finger's videos.
 
     Args:
@@ -108,7 +118,7 @@ class Camera:
 
     def __init__(self, folder: Path, key: str, fps: int, shape: tuple[int, int]) -> None:
         self._folder, self._key, self._fps, self._shape = folder, key, fps, shape
-        self._place = Place()
+        self._place = VideoPlace()
         self._video: Video | None = None
         self._from_frame = 0
         self.total, self.episode = Colours(), Colours()
