@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TypeVar
 
 from tega.errors import TegaError
-from tega.repeated import repeated
+from tega.every import every
 
 __all__ = ["in_peace"]
 
@@ -29,7 +29,7 @@ def in_peace(trial: Callable[[], Found]) -> Found:
             looks_s.append(time.monotonic())
 
         try:
-            with repeated(look, every_s=_LOOK_S, name="tega-peace"):
+            with every(look, every_s=_LOOK_S, name="tega-peace"):
                 found = trial()
         except TegaError:
             if _longest_s(looks_s) < _STOOD_STILL_S or not left:

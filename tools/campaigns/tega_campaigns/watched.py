@@ -24,12 +24,12 @@ import tega.net.robot
 from tega.config import load_config
 from tega.errors import TegaError
 from tega.net.commands import Commands
-from tega.safety.ctrl_c import Stop
+from tega.safety.ctrl_c import CtrlC
 from tega.teleop import LoopView, run_session
 from tega_emulators.hid_port import HidBoard, HidPort
 
 if TYPE_CHECKING:
-    from tega.net.messages import ArmCommand, HandCommand
+    from tega.net.messages import ArmMessage, HandMessage
 
 __all__ = ["main"]
 
@@ -48,13 +48,13 @@ class _Judged(Commands):
         self.used = self.stale = self.oldest_ns = 0
         type(self).newest = self
 
-    def hand(self, data: bytes) -> HandCommand | None:
+    def hand(self, data: bytes) -> HandMessage | None:
         """Take in a command for the hand, and judge it."""
         command = super().hand(data)
         self._judge(command)
         return command
 
-    def arm(self, data: bytes) -> ArmCommand | None:
+    def arm(self, data: bytes) -> ArmMessage | None:
         """Take in a command for the arm, and judge it."""
         command = super().arm(data)
         self._judge(command)
@@ -71,7 +71,7 @@ class _Judged(Commands):
         self._looked.ns = now_ns
         return now_ns
 
-    def _judge(self, command: HandCommand | ArmCommand | None) -> None:
+    def _judge(self, command: HandMessage | ArmMessage | None) -> None:
         if command is not None:
             age_ns = self._looked.ns - command.sent_ns
             self.used += 1
@@ -131,7 +131,7 @@ def main() -> int:
     with ExitStack() as stack:
         if given.cap is not None:
             stack.enter_context(HidPort(HidBoard(given.cap, 0x046D, 0xC626)).installed())
-        stop = stack.enter_context(Stop())
+        stop = stack.enter_context(CtrlC())
         try:
             config = load_config(given.settings, environ={}).config
             _say({"t_s": time.monotonic(), "said": "begins"})

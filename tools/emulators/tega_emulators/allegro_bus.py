@@ -13,7 +13,7 @@ import numpy as np
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.lifecycle import Opened
 from tega.wire import (
-    FINGERS,
+    HAND_FINGERS,
     AllegroInfo,
     AllegroPeriod,
     AllegroRejected,
@@ -128,7 +128,7 @@ class AllegroOnBus(Opened):
             self._send(allegro_position_frames(angles, device_id=self._device_id))
         if self._temperature_ms and t_s >= self._next_temperature_s - 5e-7:
             self._next_temperature_s += 1e-3 * self._temperature_ms
-            self._send([self._report(AllegroTemperature(finger, _JOINT_C)) for finger in FINGERS])
+            self._send([self._report(AllegroTemperature(finger, _JOINT_C)) for finger in HAND_FINGERS])
 
     def _take(self, message: Any, t_s: float, angles: NDArray[np.float64]) -> None:
         frame = CanFrame(message.arbitration_id, bytes(message.data), message.is_remote_frame)
@@ -143,7 +143,7 @@ class AllegroOnBus(Opened):
             case AllegroServo(on):
                 self._servo_on = on
             case AllegroTorque(finger, counts):
-                first = 4 * FINGERS.index(finger)
+                first = 4 * HAND_FINGERS.index(finger)
                 self._counts[first : first + 4] = counts
             case AllegroPeriod(position_ms, _, temperature_ms, _):
                 self._position_ms, self._temperature_ms = position_ms, temperature_ms
@@ -163,7 +163,7 @@ class AllegroOnBus(Opened):
                 self._send([self._report(AllegroSerial("SIM0000R"))])
             case "position":
                 self._send(
-                    [allegro_position_frames(angles, device_id=self._device_id)[FINGERS.index(finger)]]
+                    [allegro_position_frames(angles, device_id=self._device_id)[HAND_FINGERS.index(finger)]]
                 )
             case "temperature":
                 self._send([self._report(AllegroTemperature(finger, _JOINT_C))])

@@ -9,12 +9,12 @@ import argparse
 import random
 
 from tega_emulators.faults import Faults, Signal
-from tega_emulators.serial_board import Board, add_options, serve
+from tega_emulators.serial_board import EmulatedBoard, add_options, serve
 
 __all__ = ["AsciiBoard", "main"]
 
 
-class AsciiBoard(Board):
+class AsciiBoard(EmulatedBoard):
     """Prints numbers from the moment it has power.
 
     Args:

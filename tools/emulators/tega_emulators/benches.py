@@ -25,12 +25,12 @@ from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator
 
-__all__ = ["BENCHES", "Bench", "why_not"]
+__all__ = ["BENCHES", "EmulatedDriver", "why_not"]
 
 _Options = Iterator[dict[str, Any]]
 
 
-class Bench(NamedTuple):
+class EmulatedDriver(NamedTuple):
     """Where a driver can be tried.
 
     Attributes:
@@ -180,64 +180,72 @@ def _with(options: dict[str, Any], folder: Path) -> _Options:
 
 
 _PROCESS = "emulator in another process"
-BENCHES: dict[str, Bench] = {
-    "allegro": Bench(f"{_PROCESS}, serial CAN adapter on a pseudo-terminal", _allegro, unix=True),
-    "bench-arm": Bench("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
-    "bhaptics-ble": Bench(
+BENCHES: dict[str, EmulatedDriver] = {
+    "allegro": EmulatedDriver(f"{_PROCESS}, serial CAN adapter on a pseudo-terminal", _allegro, unix=True),
+    "bench-arm": EmulatedDriver("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
+    "bhaptics-ble": EmulatedDriver(
         f"{_PROCESS}, BlueZ-shaped service on a private D-Bus",
         partial(_vest, "bhaptics-ble"),
         ("dbus-daemon",),
         unix=True,
     ),
-    "bhaptics-player": Bench(f"{_PROCESS}, websocket", partial(_vest, "bhaptics-player"), unix=True),
-    "brainflow": Bench(
+    "bhaptics-player": EmulatedDriver(f"{_PROCESS}, websocket", partial(_vest, "bhaptics-player"), unix=True),
+    "brainflow": EmulatedDriver(
         "BrainFlow's own synthetic board",
         partial(_with, {"board": "SYNTHETIC_BOARD", "measure_s": 0.5}),
         ("brainflow",),
     ),
-    "can-recorder": Bench("a file", partial(_with, {"file": Path("can.csv")})),
-    "chords": Bench(f"{_PROCESS}, pseudo-terminal", partial(_serial, "chords", {}), unix=True),
-    "cyton": Bench(f"{_PROCESS}, pseudo-terminal", partial(_serial, "cyton", {}), unix=True),
-    "digit": Bench(f"{_PROCESS}, MJPEG stream through the same VideoCapture", _digit),
-    "emg-file": Bench("a file", _emg_file),
-    "franky": Bench("franky-sim in another process, through libfranka", _franky, ("franky_sim",), unix=True),
-    "hid-vest": Bench(f"{_PROCESS}, report bytes over a socket", partial(_vest, "hid-vest"), unix=True),
-    "hololens": Bench(f"{_PROCESS}, TCP on loopback", _hololens, unix=True),
-    "images": Bench("files", _images),
-    "lsl-emg": Bench("a real outlet in another process", _lsl, ("pylsl",)),
-    "on-screen-vest": Bench("a pseudo-terminal", _screen, unix=True),
-    "openxr": Bench(
+    "can-recorder": EmulatedDriver("a file", partial(_with, {"file": Path("can.csv")})),
+    "chords": EmulatedDriver(f"{_PROCESS}, pseudo-terminal", partial(_serial, "chords", {}), unix=True),
+    "cyton": EmulatedDriver(f"{_PROCESS}, pseudo-terminal", partial(_serial, "cyton", {}), unix=True),
+    "digit": EmulatedDriver(f"{_PROCESS}, MJPEG stream through the same VideoCapture", _digit),
+    "emg-file": EmulatedDriver("a file", _emg_file),
+    "franky": EmulatedDriver(
+        "franky-sim in another process, through libfranka", _franky, ("franky_sim",), unix=True
+    ),
+    "hid-vest": EmulatedDriver(
+        f"{_PROCESS}, report bytes over a socket", partial(_vest, "hid-vest"), unix=True
+    ),
+    "hololens": EmulatedDriver(f"{_PROCESS}, TCP on loopback", _hololens, unix=True),
+    "images": EmulatedDriver("files", _images),
+    "lsl-emg": EmulatedDriver("a real outlet in another process", _lsl, ("pylsl",)),
+    "on-screen-vest": EmulatedDriver("a pseudo-terminal", _screen, unix=True),
+    "openxr": EmulatedDriver(
         f"{_PROCESS}, behind an emulated runtime that OpenXR's own loader loads",
         _openxr,
         unix=True,
         reason=why_no_runtime,
     ),
-    "panda": Bench(
+    "panda": EmulatedDriver(
         "nothing: only a Panda speaks to it", partial(_with, {}), ("a Panda with robot server 5",), unix=True
     ),
-    "pedal": Bench(
+    "pedal": EmulatedDriver(
         f"{_PROCESS}, report bytes over a socket",
         partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),
         unix=True,
     ),
-    "poses-file": Bench("a file", _poses),
-    "python-can": Bench(
+    "poses-file": EmulatedDriver("a file", _poses),
+    "python-can": EmulatedDriver(
         "python-can's virtual bus", partial(_with, {"interface": "virtual", "channel": "contract"})
     ),
-    "serial-emg": Bench(
+    "serial-emg": EmulatedDriver(
         f"{_PROCESS}, pseudo-terminal",
         partial(_serial, "ascii_board", {"rate_hz": 500.0, "bits": 10}),
         unix=True,
     ),
-    "simulated-arm": Bench("nothing: it is simulated in its own process", partial(_with, {}), unix=True),
-    "spacemouse": Bench(
+    "simulated-arm": EmulatedDriver(
+        "nothing: it is simulated in its own process", partial(_with, {}), unix=True
+    ),
+    "spacemouse": EmulatedDriver(
         f"{_PROCESS}, report bytes over a socket", partial(_input, "spacemouse", (0x046D, 0xC626)), unix=True
     ),
-    "synthetic-emg": Bench("nothing: it makes its signal up", partial(_with, {"seed": 1, "duration_s": 1.0})),
-    "synthetic-touch": Bench(
+    "synthetic-emg": EmulatedDriver(
+        "nothing: it makes its signal up", partial(_with, {"seed": 1, "duration_s": 1.0})
+    ),
+    "synthetic-touch": EmulatedDriver(
         "nothing: it makes its touch up", partial(_with, {"seed": 1, "duration_s": 0.2})
     ),
-    "vest-recorder": Bench("a file", partial(_with, {"file": Path("vest.csv")})),
-    "video": Bench("a file", _video),
+    "vest-recorder": EmulatedDriver("a file", partial(_with, {"file": Path("vest.csv")})),
+    "video": EmulatedDriver("a file", _video),
 }
 """By driver; every built-in one is here."""

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Final
 
 from tega_emulators.faults import Faults, Signal
-from tega_emulators.serial_board import Board, add_options, serve
+from tega_emulators.serial_board import EmulatedBoard, add_options, serve
 
 __all__ = ["GENERATIONS", "ChordsBoard", "main"]
 
@@ -31,7 +31,7 @@ _START_S: Final = 0.4
 _STOP_S: Final = 1.0
 
 
-class ChordsBoard(Board):
+class ChordsBoard(EmulatedBoard):
     """Waits for commands, then sends packets.
 
     A board of 2024 takes all that came until a second of silence for one command, says nothing to one that it does not

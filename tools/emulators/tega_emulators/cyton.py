@@ -10,7 +10,7 @@ import argparse
 import random
 
 from tega_emulators.faults import Faults, Signal
-from tega_emulators.serial_board import Board, add_options, serve
+from tega_emulators.serial_board import EmulatedBoard, add_options, serve
 
 __all__ = ["CytonBoard", "main"]
 
@@ -22,7 +22,7 @@ _ARGUMENTS = {b"x": 8, b"z": 4, b"~": 1, b"/": 1, b"`": 1}
 _FAILURE = b"Failure: Communications timeout - Device failed to poll Host$$$"
 
 
-class CytonBoard(Board):
+class CytonBoard(EmulatedBoard):
     """A board and its dongle.
 
     Args:

@@ -1,10 +1,10 @@
 """A DIGIT's pictures as a program: a loopback MJPEG stream with the faults of a bad cable.
 
 ``python -m tega_emulators.digit`` prints ``{"source": "http://127.0.0.1:PORT/video"}`` and obeys lines on its
-standard input: the name of a fault, ``press 0.7`` (how firmly a ball is pressed into the gel, 0 to 1), ``wear
-dark-spot``, ``wear dimmer`` or ``wear noisier`` (what has become of the gel), or ``clear``. It ends with its input. A
-real DIGIT sends uncompressed pictures over USB; no such transport exists without one, so this is the nearest that the
-same ``VideoCapture`` reads.
+standard input: the name of a fault, ``press 0.7`` (how firmly a ball is pressed into the gel, 0 to 1) or ``press 0.7
+flat`` (a plate), ``wear dark-spot``, ``wear dimmer`` or ``wear noisier`` (what has become of the gel), or ``clear``.
+It ends with its input. A real DIGIT sends uncompressed pictures over USB; no such transport exists without one, so
+this is the nearest that the same ``VideoCapture`` reads.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class _Sensor:
         self.wear: set[str] = set()
         self._random = random = np.random.default_rng(seed)
         self._look = look
-        self._firmness = 0
-        self._made: dict[tuple[int, frozenset[str]], list[bytes]] = {}
+        self._firmness, self._shape = 0, "round"
+        self._made: dict[tuple[int, str, frozenset[str]], list[bytes]] = {}
         self._pictures = self._noisy()
         light, others = _light(look), _light(look + 1)
         noisy = [light + random.normal(0, 2.5, light.shape) for _ in range(_N_NOISY)]
@@ -85,17 +85,22 @@ class _Sensor:
         elif len(words) == 1 and verb in FAULTS:
             self.faults.add(verb)
         elif verb == "press":
-            self.press(float(rest))
+            self.press(float(words[1]), *words[2:])
         elif verb == "wear" and rest in WEAR:
             self.worn(rest)
         else:
-            known = ", ".join((*FAULTS, "press FIRMNESS", *(f"wear {how}" for how in WEAR), "clear"))
+            known = ", ".join(
+                (*FAULTS, "press FIRMNESS [round|flat]", *(f"wear {how}" for how in WEAR), "clear")
+            )
             raise ValueError(f"there are {known}")
         return {"faults": sorted(self.faults)}
 
-    def press(self, firmness: float) -> None:
-        """Press a ball into the gel, 0 (not at all) to 1."""
+    def press(self, firmness: float, shape: str = "round") -> None:
+        """Press a ball or a plate into the gel, 0 (not at all) to 1."""
+        if shape not in _DENTS:
+            raise ValueError(f"there are {', '.join(_DENTS)}")
         self._firmness = round(min(1.0, max(0.0, firmness)) * _FIRMNESS_STEPS)
+        self._shape = shape
         self._pictures = self._noisy()
 
     def worn(self, how: str) -> None:
@@ -111,9 +116,9 @@ class _Sensor:
 
     def _noisy(self) -> list[bytes]:
         """Make the pictures of the present state, or find them where they were made before."""
-        key = (self._firmness, frozenset(self.wear))
+        key = (self._firmness, self._shape, frozenset(self.wear))
         if key not in self._made:
-            light = _worn(_light(self._look), key[1]) + _dent(self._firmness / _FIRMNESS_STEPS)
+            light = _worn(_light(self._look), key[2]) + _dent(self._firmness / _FIRMNESS_STEPS, self._shape)
             sigma = 7.5 if "noisier" in self.wear else 2.5
             self._made[key] = [
                 _encoded(light + self._random.normal(0, sigma, light.shape)) for _ in range(_N_NOISY)
@@ -162,14 +167,26 @@ def _worn(light: Any, wear: frozenset[str]) -> Any:
     return light
 
 
-def _dent(firmness: float) -> Any:
-    """What a ball adds to the picture: each light brightens the slopes that face it and darkens the others."""
+def _dent(firmness: float, shape: str) -> Any:
+    """What a press adds to the picture: each light brightens the slopes that face it and darkens the others."""
     rows, columns = np.mgrid[: _SIZE[0], : _SIZE[1]]
     rows, columns = rows - 110.0, columns - 150.0
-    radius = 25 + 30 * np.sqrt(firmness)
-    slope = np.exp(-(rows**2 + columns**2) / (2 * (radius / 2) ** 2)) * firmness * 2.5
+    slope = _DENTS[shape](np.hypot(rows, columns), firmness) * firmness
     angles = np.deg2rad([90.0, 210.0, 330.0])
     return np.stack([slope * (rows * np.sin(a) + columns * np.cos(a)) for a in angles], axis=2)
+
+
+def _round(distance: Any, firmness: float) -> Any:
+    """A ball's slope over the distance from its middle, 1/pixel."""
+    return np.exp(-(distance**2) / (2 * (12.5 + 15 * np.sqrt(firmness)) ** 2)) * 2.5
+
+
+def _flat(distance: Any, firmness: float) -> Any:
+    """A plate's: it flattens the gel's dome, whose slope grows with the distance, and ends at a rim."""
+    return 0.5 / (1 + np.exp((distance - 45 - 45 * np.sqrt(firmness)) / 4))
+
+
+_DENTS: Final = {"round": _round, "flat": _flat}
 
 
 def _handler(sensor: _Sensor) -> type[http.server.BaseHTTPRequestHandler]:

@@ -18,20 +18,20 @@ from tega.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibr
 from tega.calibration.maxima import emg_conditions
 from tega.config import FINGERS, load_config
 from tega.devices import Found, driver_class
-from tega.doctor.bench import Looked
+from tega.doctor.bench import DriverLook
 from tega.doctor.lab_file import lab_settings
-from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
+from tega_emulators.bench_moves import Moves
 from tega_emulators.emulated_operator import EmulatedOperator
 from tega_emulators.process import Emulator
 
-__all__ = ["MOVES", "EmulatedBench"]
+__all__ = ["EmulatedBench"]
 
 # The emulated muscles' mean is about half of it.
 _FULL_UV = 200.0
-# What an arm that lies still has of it.
-_REST = 0.02
-MOVES = "rest, squeeze [STRENGTH [CHANNEL]], press FINGER [FIRMNESS], release"
+# What an emulated hand may take, which is a program that a busy machine holds up now and then.
+_PATIENT = {"lowest_rate_hz": 10.0, "silent_after_ms": 1000.0}
 
 
 class EmulatedBench:
@@ -46,6 +46,7 @@ class EmulatedBench:
         player: The Player.
         hand: The hand.
         operator: Who leads the arm, if there is one.
+        moves: Moves muscles and fingertips.
         looked: What would have been found, had they been real.
     """
 
@@ -57,7 +58,8 @@ class EmulatedBench:
         self.player = Emulator("bhaptics_player", "--port", "0")
         self.hand = Emulator("allegro_port")
         self.operator = None if arm is None else EmulatedOperator(arm)
-        self.looked: dict[str, Looked] = {}
+        self.moves = Moves(self.digits, self.board, self.player, self.hand)
+        self.looked: dict[str, DriverLook] = {}
 
     def __enter__(self) -> Self:
         """Start them.
@@ -80,33 +82,35 @@ class EmulatedBench:
             starting.enter_context(self.hand)
             if self.operator is not None:
                 starting.enter_context(self.operator)
-                # With physics beside them the programs that stand for devices would have to wait, as no device does.
-                for device in (*self.digits, self.board, self.player, self.hand, *self.operator.devices):
-                    device.go_ahead()
+            # Programs that stand for devices would have to wait on a busy machine, as no device does.
+            for device in (
+                *self.digits,
+                self.board,
+                self.player,
+                self.hand,
+                *(self.operator.devices if self.operator else ()),
+            ):
+                device.go_ahead()
+            starting.enter_context(self.moves)
             self._up = starting.pop_all()
         cameras = [
             Found(
                 driver="digit",
                 label=f"emulated camera {n}",
-                options={"source": digit.address["source"], "rate_hz": 30.0},
+                # What a calibration is kept under, as under a serial number.
+                options={"source": f"{digit.address['source']}/E0000{n}", "rate_hz": 30.0},
             )
             for n, digit in enumerate(self.digits, start=1)
         ]
         amplifier = Found(driver="cyton", label="emulated Cyton", options={"port": self.board.port})
         port = self.player.address["port"]
         vest = Found(driver="bhaptics-player", label="emulated Player", options={"port": port})
-        # An emulated hand is a program, which a busy machine holds up now and then.
-        patient = {"lowest_rate_hz": 150.0, "silent_after_ms": 100.0}
-        if (
-            self.operator is not None
-        ):  # one more who takes his share of the machine, and physics if it is a robot
-            patient = {"lowest_rate_hz": 10.0, "silent_after_ms": 1000.0}
-        hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.address | patient)
+        hand = Found(driver="allegro", label="emulated Allegro Hand", options=self.hand.address | _PATIENT)
         self.looked = {
-            "digit": Looked("tactile", cameras),
-            "cyton": Looked("emg", [amplifier]),
-            "bhaptics-player": Looked("vest", [vest]),
-            "allegro": Looked("hand", [hand]),
+            "digit": DriverLook("tactile", cameras),
+            "cyton": DriverLook("emg", [amplifier]),
+            "bhaptics-player": DriverLook("vest", [vest]),
+            "allegro": DriverLook("hand", [hand]),
         }
         if self.operator is not None:
             self.looked |= self.operator.looked
@@ -130,11 +134,13 @@ class EmulatedBench:
         calibration = Path(folder.name, "calibration.toml")
         arm = None if self.operator is None else self.operator.tables
         text = lab_settings(
-            self.looked, name=file.name, baselines=baselines, calibration=calibration, arm=arm
+            self.looked, name=file.name, emulated=True, baselines=baselines, calibration=calibration, arm=arm
         )
         file.write_text(text, encoding="utf-8")
         if self.operator is not None:
             self.operator.write_hidapi(folder / "hidapi")
+        # Where a rehearsal's participant reaches them.
+        (folder / "moves.json").write_text(f'{{"port": {self.moves.port}}}\n', encoding="utf-8")
         config = load_config(file, environ={}).config
         for finger, section in config.tactile.in_use().items():
             self._keep_baseline(finger, section.options, file.parent / baselines[finger])
@@ -153,43 +159,6 @@ class EmulatedBench:
             file.parent / calibration,
         )
 
-    def act(self, line: str) -> None:
-        """Move muscles and fingertips, as a person would in calibration or practice.
-
-        Args:
-            line: ``rest``; ``squeeze`` with a strength from 0 to 1 (1) and a channel from 1 (all); ``press`` with a
-                finger and a firmness from 0 to 1 (0.7); ``release`` of all fingers.
-
-        Raises:
-            InvalidValueError: The line is none of these.
-        """
-        try:
-            commands = self._commands(*line.split())
-        except (KeyError, TypeError, ValueError):
-            commands = []
-        if not commands:
-            raise InvalidValueError(f"{line!r} is no move of the emulated bench", f"type one of: {MOVES}")
-        for device, command in commands:
-            device.say(command)
-
-    def _commands(self, verb: str, what: str = "", how: str = "") -> list[tuple[Emulator, str]]:
-        """Turn a typed move into what emulators understand; nothing for what is no move."""
-        sensors = dict(zip(FINGERS, self.digits, strict=False))
-        relax = (self.board, f"effort {_REST}")
-        if verb == "rest" and not what:
-            return [relax]
-        if verb == "squeeze":
-            tense = (
-                self.board,
-                f"effort {max(_share(what or '1'), _REST)} {int(how) if how else ''}".strip(),
-            )
-            return [relax, tense] if how else [tense]
-        if verb == "press":
-            return [(sensors[what], f"press {_share(how or '0.7')}")]
-        if verb == "release" and not what:
-            return [(sensor, "press 0") for sensor in self.digits]
-        return []
-
     @staticmethod
     def _keep_baseline(finger: str, options: object, file: Path) -> None:
         import numpy as np
@@ -205,10 +174,3 @@ class EmulatedBench:
     ) -> None:
         """End them."""
         self._up.close()
-
-
-def _share(text: str) -> float:
-    share = float(text)
-    if not 0 <= share <= 1:
-        raise ValueError(text)
-    return share

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from tega.devices import Found
-from tega.doctor.bench import Looked
+from tega.doctor.bench import DriverLook
 from tega.lifecycle import require
 from tega_emulators.franka_faults import HAND_KG, on_franky_sim
 from tega_emulators.process import Emulator
@@ -97,11 +97,13 @@ class EmulatedOperator:
         return [self.headset, self.pedal, *([] if self.robot is None else [self.robot])]
 
     @property
-    def looked(self) -> dict[str, Looked]:
+    def looked(self) -> dict[str, DriverLook]:
         """What a search would have found, had they been real."""
         # A program that repeats itself is held up now and then, as no pedal is.
         options = PEDAL | {"silent_after_ms": 500}
-        return {"pedal": Looked("input", [Found(driver="pedal", label="emulated pedal", options=options)])}
+        return {
+            "pedal": DriverLook("input", [Found(driver="pedal", label="emulated pedal", options=options)])
+        }
 
     @property
     def tables(self) -> dict[str, Any]:

@@ -127,7 +127,7 @@ def _server_class(fault: _Fault) -> Any:
     return Server
 
 
-class _Emulator:
+class _FrankaEmulator:
     def __init__(self, host: str, hand_kg: float) -> None:
         self._fault = _Fault()
         self._hand_kg = hand_kg
@@ -234,7 +234,7 @@ def main() -> None:
         "--hand-kg", type=float, default=0.0, help="weight of what hangs at the flange besides its gripper"
     )
     options = parser.parse_args()
-    _Emulator(options.host, options.hand_kg).run()
+    _FrankaEmulator(options.host, options.hand_kg).run()
 
 
 if __name__ == "__main__":

@@ -97,7 +97,7 @@ class InputDevice:
         return bytes([1, 128, 128, mask])
 
 
-class _Port:
+class _Plug:
     """The device's plug: a socket that is there or not; as with the kernel's, several programs may read."""
 
     def __init__(self, path: Path) -> None:
@@ -144,8 +144,8 @@ class _Port:
                 client.send(report)
 
 
-class _Emulator:
-    def __init__(self, device: InputDevice, port: _Port, seed: int) -> None:
+class _HidEmulator:
+    def __init__(self, device: InputDevice, port: _Plug, seed: int) -> None:
         self._device, self._port, self._random = device, port, random.Random(seed)
         self._faults: set[str] = set()
         self._back_s: float | None = None
@@ -235,10 +235,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="tega-hid-") as folder:
-        port = _Port(Path(folder, "device.socket"))
+        port = _Plug(Path(folder, "device.socket"))
         port.plug()
         tell({"port": str(Path(folder, "device.socket"))})
-        _Emulator(InputDevice(options.device), port, options.seed).run()
+        _HidEmulator(InputDevice(options.device), port, options.seed).run()
         port.unplug()
 
 

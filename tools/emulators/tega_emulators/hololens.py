@@ -111,7 +111,7 @@ class Headset:
         return hand
 
 
-class _Emulator:
+class _HeadsetEmulator:
     def __init__(self, headset: Headset, rate_hz: float) -> None:
         self._headset, self._step_s = headset, 1 / rate_hz
         self._listener: socket.socket | None = None
@@ -228,7 +228,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     with contextlib.suppress(KeyboardInterrupt):
-        emulator = _Emulator(Headset(options.seed), options.rate_hz)
+        emulator = _HeadsetEmulator(Headset(options.seed), options.rate_hz)
         tell({"host": "127.0.0.1", "port": emulator.show()})
         emulator.run()
 

@@ -14,7 +14,7 @@ import numpy as np
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
-from tega.repeated import repeated
+from tega.every import every
 from tega_emulators.emulated_operator import PEDAL, write_hidapi
 from tega_emulators.franka_faults import HAND_KG, on_franky_sim
 from tega_emulators.hid_port import HidBoard, HidPort
@@ -166,7 +166,7 @@ def pressing(lab: EmulatedLab) -> Iterator[None]:
         for sensor in lab.sensors.values():
             sensor.say(f"press {firmness}")
 
-    with repeated(press, every_s=_PRESS_S, name="tega-press"):
+    with every(press, every_s=_PRESS_S, name="tega-press"):
         yield
 
 

@@ -19,10 +19,10 @@ from typing import Any
 from tega_emulators.faults import FAULTS, SIGNALS, Faults, Signal
 from tega_emulators.pipe import obey, tell
 
-__all__ = ["Board", "add_options", "serve"]
+__all__ = ["EmulatedBoard", "add_options", "serve"]
 
 
-class Board:
+class EmulatedBoard:
     """What an emulator adds to the line: its bytes.
 
     Attributes:
@@ -62,7 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def serve(board: Board, signal: Signal, faults: Faults, options: argparse.Namespace) -> None:
+def serve(board: EmulatedBoard, signal: Signal, faults: Faults, options: argparse.Namespace) -> None:
     """Run a board until its standard input closes or says ``quit``."""
     for text in options.fault:
         name, _, value = text.partition("=")
@@ -76,7 +76,7 @@ def serve(board: Board, signal: Signal, faults: Faults, options: argparse.Namesp
 
 
 class _Line:
-    def __init__(self, board: Board, signal: Signal, faults: Faults, rng: random.Random) -> None:
+    def __init__(self, board: EmulatedBoard, signal: Signal, faults: Faults, rng: random.Random) -> None:
         self._board, self._signal, self._faults, self._rng = board, signal, faults, rng
         self.port = ""
         self._ends: tuple[int, int] | None = None

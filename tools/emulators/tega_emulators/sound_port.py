@@ -60,13 +60,13 @@ class SoundPort:
         found = {"name": "emulated microphone", "max_input_channels": 1}
         return [found] if kind is None and device is None else found
 
-    def InputStream(self, **options: Any) -> _Stream:  # noqa: N802  # the package's name
+    def InputStream(self, **options: Any) -> _SoundStream:  # noqa: N802  # the package's name
         """Return a stream that records."""
-        return _Stream(self, options["callback"], hears=True)
+        return _SoundStream(self, options["callback"], hears=True)
 
-    def OutputStream(self, **options: Any) -> _Stream:  # noqa: N802
+    def OutputStream(self, **options: Any) -> _SoundStream:  # noqa: N802
         """Return a stream that plays."""
-        return _Stream(self, options["callback"], hears=False)
+        return _SoundStream(self, options["callback"], hears=False)
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
@@ -82,7 +82,7 @@ class SoundPort:
                 sys.modules["sounddevice"] = before
 
 
-class _Stream:
+class _SoundStream:
     def __init__(self, port: SoundPort, callback: Callable[..., None], *, hears: bool) -> None:
         self._port, self._callback = port, callback
         self._leave = threading.Event()

@@ -21,7 +21,7 @@ from typing import Any, ClassVar, Protocol
 from tega_emulators.motor_sound import RATE_HZ, MotorSound
 from tega_emulators.pipe import obey, tell
 
-__all__ = ["Motors", "Vest", "serve"]
+__all__ = ["EmulatedVest", "Motors", "serve"]
 
 _KEPT = 5000
 _WARM_S = 60.0
@@ -58,7 +58,7 @@ class Motors:
         self.now = values
 
 
-class Vest(Protocol):
+class EmulatedVest(Protocol):
     """An emulated vest."""
 
     motors: Motors
@@ -76,7 +76,7 @@ class Vest(Protocol):
         ...
 
 
-async def serve(vest: Vest) -> None:
+async def serve(vest: EmulatedVest) -> None:
     """Run an emulator until its standard input ends."""
     reader = asyncio.StreamReader()
     await asyncio.get_running_loop().connect_read_pipe(
@@ -133,7 +133,7 @@ class _Heard:
         return {"samples": self._sound.samples(self._n / RATE_HZ).tolist()}
 
 
-def _seen(vest: Vest) -> dict[str, Any]:
+def _seen(vest: EmulatedVest) -> dict[str, Any]:
     return {
         "motors": vest.motors.now,
         "history": vest.motors.history,

@@ -31,7 +31,7 @@ from tega.arm.sources import RecordedPoses, ScriptedPoses, Waypoint, path_throug
 
 __all__ = [
     "CASES",
-    "Case",
+    "ChainCase",
     "Followed",
     "HandPath",
     "Placed",
@@ -64,7 +64,7 @@ _LIFT = np.array([0.0, 0.0, 0.2])
 _NEAR_M, _UPRIGHT = 0.03, math.cos(math.radians(10))
 
 
-class Case(NamedTuple):
+class ChainCase(NamedTuple):
     """A way to run the chain.
 
     Attributes:
@@ -152,18 +152,18 @@ def _chain(*, ahead: bool = True, smooth: bool = True, believed_ms: float = 100.
     )
 
 
-CASES: tuple[Case, ...] = (
-    Case("no chain: every pose as it comes", None),
-    Case("default, not late", _chain()),
-    Case("without filter", _chain(smooth=False)),
-    Case("without clip", _chain(ahead=False)),
-    Case("without filter and clip", _chain(smooth=False, ahead=False)),
-    Case("a tracker that fails each second", _chain(), fails=True),
-    Case("50 ms late", _chain(), 50),
-    Case("100 ms late", _chain(), 100),
-    Case("200 ms late", _chain(), 200),
-    Case("100 ms late, `age_ms` and `hold_ms` 300", _chain(believed_ms=300), 100),
-    Case("200 ms late, `age_ms` and `hold_ms` 300", _chain(believed_ms=300), 200),
+CASES: tuple[ChainCase, ...] = (
+    ChainCase("no chain: every pose as it comes", None),
+    ChainCase("default, not late", _chain()),
+    ChainCase("without filter", _chain(smooth=False)),
+    ChainCase("without clip", _chain(ahead=False)),
+    ChainCase("without filter and clip", _chain(smooth=False, ahead=False)),
+    ChainCase("a tracker that fails each second", _chain(), fails=True),
+    ChainCase("50 ms late", _chain(), 50),
+    ChainCase("100 ms late", _chain(), 100),
+    ChainCase("200 ms late", _chain(), 200),
+    ChainCase("100 ms late, `age_ms` and `hold_ms` 300", _chain(believed_ms=300), 100),
+    ChainCase("200 ms late, `age_ms` and `hold_ms` 300", _chain(believed_ms=300), 200),
 )
 """The rows of the table."""
 
@@ -223,7 +223,7 @@ def failing(poses: Sequence[StampedPose]) -> list[StampedPose]:
     return found
 
 
-def follow_path(case: Case, poses: Sequence[StampedPose], path: HandPath) -> Followed:
+def follow_path(case: ChainCase, poses: Sequence[StampedPose], path: HandPath) -> Followed:
     """Lead the simulated arm along a path.
 
     Args:

@@ -16,7 +16,7 @@ UNIT, HEIGHT, LEFT = 26.0, 40.0, 16.0
 FINGERS: Final = ("#e07b39", "#4a90d9", "#58a55c", "#b07cc6")
 
 
-class Field(NamedTuple):
+class PacketField(NamedTuple):
     """Neighbouring cells of a packet: how many, and what they hold."""
 
     n_cells: float
@@ -24,31 +24,31 @@ class Field(NamedTuple):
     kind: str = "tega"
 
 
-ROWS: Final[dict[str, tuple[tuple[str, tuple[Field, ...]], ...]]] = {
+ROWS: Final[dict[str, tuple[tuple[str, tuple[PacketField, ...]], ...]]] = {
     "wire-can": (
-        ("CAN identifier, 11 bits", (Field(9, "message number"), Field(2, "device", "person"))),
+        ("CAN identifier, 11 bits", (PacketField(9, "message number"), PacketField(2, "device", "person"))),
         (
             "set torque, 8 bytes (each cell half a byte)",
-            tuple(Field(4, f"joint {n}, int16", "robot" if n % 2 else "tega") for n in range(4)),
+            tuple(PacketField(4, f"joint {n}, int16", "robot" if n % 2 else "tega") for n in range(4)),
         ),
     ),
     "wire-packets": (
         (
             "OpenBCI Cyton, 33 bytes",
             (
-                Field(2, "0xA0", "safe"),
-                Field(2.5, "counter", "person"),
-                Field(15, "8 channels × int24, high byte first"),
-                Field(5, "6 auxiliary", "other"), Field(3, "0xC0…C6", "safe"),
+                PacketField(2, "0xA0", "safe"),
+                PacketField(2.5, "counter", "person"),
+                PacketField(15, "8 channels × int24, high byte first"),
+                PacketField(5, "6 auxiliary", "other"), PacketField(3, "0xC0…C6", "safe"),
             ),
         ),
         (
             "Chords, N channels",
             (
-                Field(4, "0xC7 0x7C", "safe"),
-                Field(2.5, "counter", "person"),
-                Field(15, "N channels × uint16, high byte first"),
-                Field(2, "0x01", "safe"),
+                PacketField(4, "0xC7 0x7C", "safe"),
+                PacketField(2.5, "counter", "person"),
+                PacketField(15, "N channels × uint16, high byte first"),
+                PacketField(2, "0x01", "safe"),
             ),
         ),
     ),

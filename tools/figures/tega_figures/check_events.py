@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega.detect import Detector, Found
+from tega.detect import DetectedEvent, Detector
 from tega.detect.detector import Rise
 from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, Rule
 from tega.sim.plan import TrialPlan, TrialResult
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tega.records import Contact, Intent
     from tega.sim.seams import Act, Percept
 
-__all__ = ["Judged", "Kept", "compare", "fit", "judge", "main", "run"]
+__all__ = ["JudgedTrial", "KeptTrial", "compare", "fit", "judge", "main", "run"]
 
 TOLERANCE_S = 0.5
 """As for video that is stepped through: nobody has to press a key here."""
@@ -47,7 +47,7 @@ _ONSET_S = 0.5
 _HOLDS_LEVEL = 1.5
 
 
-class Kept(NamedTuple):
+class KeptTrial(NamedTuple):
     """A trial as the sensors saw it, and its truth.
 
     Attributes:
@@ -96,7 +96,7 @@ class _Keeper(Streams):
         self._level = intent.level
 
 
-def run(plan: TrialPlan) -> Kept:
+def run(plan: TrialPlan) -> KeptTrial:
     """Run a trial and keep what its sensors say."""
     from tega.sim.score import REST_M_S
     from tega.sim.trial import run_trial
@@ -108,10 +108,10 @@ def run(plan: TrialPlan) -> Kept:
         if event.kind == "slip":
             rests = (t for t, v in keeper.speed if t > event.t_s + 0.3 and v < REST_M_S)
             slipping.append((event.t_s, next(rests, result.duration_s)))
-    return Kept(result, keeper.touch, keeper.hand, slipping, keeper.narrowing)
+    return KeptTrial(result, keeper.touch, keeper.hand, slipping, keeper.narrowing)
 
 
-class Judged(NamedTuple):
+class JudgedTrial(NamedTuple):
     """A trial's truth and what was found in it.
 
     Attributes:
@@ -123,7 +123,7 @@ class Judged(NamedTuple):
     found: dict[tuple[str, str], list[float]]
 
 
-def judge(kept: Kept) -> Judged:
+def judge(kept: KeptTrial) -> JudgedTrial:
     """Find a trial's events in each of :data:`WAYS`."""
     times: dict[tuple[str, str], list[float]] = {}
     for way in WAYS:
@@ -132,10 +132,10 @@ def judge(kept: Kept) -> Judged:
             times[way, kind] = [
                 event.t_s if way == WAYS[0] else event.known_s for event in found if event.kind == kind
             ]
-    return Judged(kept.result, times)
+    return JudgedTrial(kept.result, times)
 
 
-def compare(trials: Sequence[Judged], way: str, kind: str) -> Agreement:
+def compare(trials: Sequence[JudgedTrial], way: str, kind: str) -> Agreement:
     """Compare the truth of trials with what is found."""
     truth = [[e.t_s for e in one.result.events if e.kind == kind] for one in trials]
     found = [one.found[way, kind] for one in trials]
@@ -143,7 +143,7 @@ def compare(trials: Sequence[Judged], way: str, kind: str) -> Agreement:
     return agreement(kind, ("truth", "detector"), truth, found, lengths_s, tolerance_s=TOLERANCE_S)
 
 
-def _judged(plan: TrialPlan) -> Judged:
+def _judged(plan: TrialPlan) -> JudgedTrial:
     return judge(run(plan))
 
 
@@ -154,13 +154,13 @@ class _Looks(Detector):
         super().__init__()
         self.seen: list[tuple[float, tuple[float, ...], bool]] = []
 
-    def _slip(self, t_s: float) -> list[Found]:
+    def _slip(self, t_s: float) -> list[DetectedEvent]:
         self._remember(t_s)
         self.seen.append((t_s, self.features(t_s), self._settled(t_s) and self.may_slip))
         return []
 
 
-class _Seen(NamedTuple):
+class _SlipTrial(NamedTuple):
     """A trial as the slip's rule sees it.
 
     Attributes:
@@ -178,7 +178,7 @@ class _Seen(NamedTuple):
     used: NDArray[np.bool_]
 
 
-def _looks(kept: Kept, *, hand: bool) -> _Seen:
+def _looks(kept: KeptTrial, *, hand: bool) -> _SlipTrial:
     looks = _Looks()
     events_of(kept.touch, kept.hand if hand else [], detector=looks)
     width = len(HAND_FEATURES if hand else FEATURES)
@@ -189,7 +189,7 @@ def _looks(kept: Kept, *, hand: bool) -> _Seen:
         near |= (t_s >= begin - 0.1) & (t_s <= end + 0.3)
         slips[(t_s >= begin) & (t_s <= min(end, begin + _ONSET_S))] = 1
     asked = np.array([row[2] for row in rows])
-    return _Seen(
+    return _SlipTrial(
         t_s,
         np.array([row[1] for row in rows]).reshape(-1, width),
         asked,
@@ -198,7 +198,7 @@ def _looks(kept: Kept, *, hand: bool) -> _Seen:
     )
 
 
-def fit(trials: Sequence[Kept], *, hand: bool, penalty: float = 30.0) -> Rule:
+def fit(trials: Sequence[KeptTrial], *, hand: bool, penalty: float = 30.0) -> Rule:
     """Fit the slip's rule: ridge-penalised logistic weights, then the threshold with the best F1 over these trials."""
     from scipy.optimize import minimize
 
@@ -233,8 +233,8 @@ def fit(trials: Sequence[Kept], *, hand: bool, penalty: float = 30.0) -> Rule:
 
 
 def _f1(
-    trials: Sequence[Kept],
-    seen: Sequence[_Seen],
+    trials: Sequence[KeptTrial],
+    seen: Sequence[_SlipTrial],
     shares: Sequence[NDArray[np.float64]],
     rule: Rule,
     *,
@@ -253,7 +253,7 @@ def _f1(
     return 2 * matched / max(events, 1)
 
 
-def narrowing(trials: Sequence[Kept]) -> Iterable[str]:
+def narrowing(trials: Sequence[KeptTrial]) -> Iterable[str]:
     """Say how well the signals tell how much narrower a held object is: least squares, ten looks a second."""
     looks, true_mm = [], []
     for one in trials:
@@ -311,7 +311,7 @@ def _plans(
     ]
 
 
-def _table(trials: Sequence[Judged]) -> Iterable[str]:
+def _table(trials: Sequence[JudgedTrial]) -> Iterable[str]:
     yield (
         "| event | seen | object | vest | trials | true | found | both "
         "| precision | recall | F1 | chance | delay, s | kappa |"
@@ -376,17 +376,17 @@ def main() -> None:
 
     if asked.fit is not None:
         plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction)
-        kept: list[Kept] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
+        kept: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         for name, hand in (("touch", False), ("hand", True)):
             sys.stdout.write(f"{name}: {fit(kept, hand=hand)}\n")
         return
     plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction)
     plans = [plan for plan in plans if not asked.objects or plan.object in asked.objects.split(",")]
     if asked.narrowing:
-        trials: list[Kept] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
+        trials: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         sys.stdout.writelines(line + "\n" for line in narrowing(trials))
         return
-    judged: list[Judged] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
+    judged: list[JudgedTrial] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
     for line in _table(judged):
         sys.stdout.write(line + "\n")
 

@@ -26,7 +26,16 @@ from tega.tactile import read_contact
 from tega_figures.broad import disc_table, grasp_table
 from tega_figures.closeness import TOLERANCES, Match, difference, match_press
 
-__all__ = ["GOLDEN", "SHAPES", "Presses", "Reading", "ball_press", "like_presses", "readings", "shape"]
+__all__ = [
+    "GOLDEN",
+    "SHAPES",
+    "PressReading",
+    "RecordedPresses",
+    "ball_press",
+    "like_presses",
+    "readings",
+    "shape",
+]
 
 # Depth in millimetres and force in newtons of a published test: a 15 mm ball on a GelSight Mini's 4 mm gel (feats).
 GOLDEN = ((0.5, 1.650), (1.0, 5.964), (1.5, 13.526), (2.0, 23.253))
@@ -44,7 +53,7 @@ SHAPES: dict[str, tuple[str, tuple[float, float, float], float]] = {
 }
 
 
-class Presses(NamedTuple):
+class RecordedPresses(NamedTuple):
     """Recorded ball presses."""
 
     still: NDArray[np.uint8]
@@ -52,7 +61,7 @@ class Presses(NamedTuple):
     marks: list[Mark]
 
 
-class Reading(NamedTuple):
+class PressReading(NamedTuple):
     """One simulated press: what is true and what ``live`` reads."""
 
     force_n: float
@@ -94,7 +103,7 @@ def shape(name: str, force_n: float, *, centre_xy: tuple[float, float] = (119.5,
     return Indenter(kind, size_mm, pose, force_n)  # type: ignore[arg-type]
 
 
-def readings(name: str, gel: Gel) -> list[Reading]:
+def readings(name: str, gel: Gel) -> list[PressReading]:
     """Press one of :data:`SHAPES` with rising force and read each picture."""
     still = gel.still()
     found = []
@@ -105,19 +114,21 @@ def readings(name: str, gel: Gel) -> list[Reading]:
         off = float(np.hypot(*np.subtract(dent.centroid_xy, truth.centre_xy)))
         dent_px = 16 * int((height > 0.2 * height.max()).sum())
         found.append(
-            Reading(force_n, truth.depth_mm, truth.area_px, dent_px, dent.eda, touch.eda, dent.cci, off)
+            PressReading(force_n, truth.depth_mm, truth.area_px, dent_px, dent.eda, touch.eda, dent.cci, off)
         )
     return found
 
 
-def load_presses(folder: Path) -> Presses:
+def load_presses(folder: Path) -> RecordedPresses:
     """Read the marked presses of ``digit_ball_D20641``."""
     marks = read_marks(folder / "annotate.csv")
     frames = [read_image(folder / name, driver="touch check") for name in marks]
-    return Presses(read_image(folder / "background.png", driver="touch check"), frames, list(marks.values()))
+    return RecordedPresses(
+        read_image(folder / "background.png", driver="touch check"), frames, list(marks.values())
+    )
 
 
-def like_presses(presses: Presses, gel: Gel) -> Iterator[tuple[float, float, float]]:
+def like_presses(presses: RecordedPresses, gel: Gel) -> Iterator[tuple[float, float, float]]:
     """Press where each mark is, with the force at which the mean difference is the recorded one.
 
     Yields:

@@ -22,16 +22,16 @@ from tega.touch import TouchTracker, sensor_noise, update_fingers
 from tega_figures.touch_demo import DemoScore, score_demo
 from tega_figures.touch_presses import (
     PEERS,
+    FrameReader,
     Image,
     PressScore,
-    Reading,
     calibrated_errors,
     score_press,
     unit_seeds,
 )
-from tega_figures.touch_recordings import GRIPS, Grip, grip_video, rest, soft_grips
+from tega_figures.touch_recordings import GRIPS, RecordedGrip, grip_video, rest, soft_grips
 
-__all__ = ["felt_of_slow_press"]
+__all__ = ["commit", "felt_of_slow_press"]
 
 # Most recordings begin in contact: background subtraction has nothing to learn from.
 _ON_RECORDINGS = {name: make for name, make in PEERS.items() if name != "OpenCV MOG2"}
@@ -172,7 +172,7 @@ def _recorded_table(folder: Path) -> list[str]:
     return lines
 
 
-def _together(fingers: list[NDArray[np.uint8]], grip: Grip) -> list[list[bool]]:
+def _together(fingers: list[NDArray[np.uint8]], grip: RecordedGrip) -> list[list[bool]]:
     """Read both fingers of a grip as the loop does: each is told of the other, and knows its sensor's noise."""
     still = [frames[grip.rest[0] : grip.rest[1] + 1] for frames in fingers]
     trackers = [
@@ -185,15 +185,15 @@ def _together(fingers: list[NDArray[np.uint8]], grip: Grip) -> list[list[bool]]:
     ]
 
 
-def _shown(read: Reading, frame: Image) -> bool:
+def _shown(read: FrameReader, frame: Image) -> bool:
     return [read(frame).in_contact for _ in range(32)][-1]
 
 
-def _told(read: Reading, frames: list[Image]) -> float:
+def _told(read: FrameReader, frames: list[Image]) -> float:
     return float(np.mean([read(frame).in_contact for frame in frames]))
 
 
-def _commit() -> str:
+def commit() -> str:
     """Return the hash of the commit that is checked out."""
     asked = subprocess.run(
         ["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
@@ -212,7 +212,7 @@ def main(units: int, only: str | None, seed_text: str | None) -> None:
 
     Recordings are looked for in the folder that the variable TEGA_DATA names, else in ../shared/data.
     """
-    text = seed_text or _commit()
+    text = seed_text or commit()
     click.echo(f"Seeds of the units: from {text!r}.")
     seeds = unit_seeds(units, text)
     folder = Path(os.environ.get("TEGA_DATA", "../shared/data")) / "digit"

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tega.audit import Mark
 from tega.lifecycle import require
 from tega.sim.gel import Gel, ball
-from tega_figures.check_touch import Presses, load_presses
+from tega_figures.check_touch import RecordedPresses, load_presses
 from tega_figures.closeness import difference
 
 __all__ = ["fit_light", "normals"]
@@ -126,7 +126,7 @@ def _explained(presses: list[_Press], light: Cells) -> Cells:
     return share
 
 
-def fit_light(recorded: Presses, gel: Gel) -> tuple[Cells, Cells, Cells, list[float]]:
+def fit_light(recorded: RecordedPresses, gel: Gel) -> tuple[Cells, Cells, Cells, list[float]]:
     """Fit light and presses in turn.
 
     Returns:

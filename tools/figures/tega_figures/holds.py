@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from tega.emg import GraspIntent, Preset
 from tega.sim.operator.calibrate import calibrate
 from tega.sim.operator.emg import ForearmEmg
-from tega.sim.operator.motor import Motor
-from tega.sim.operator.person import Person, stream
+from tega.sim.operator.motor import MuscleMotor
+from tega.sim.operator.person import PersonNumbers, stream
 
 __all__ = ["hold_shares", "unsteady"]
 
@@ -18,14 +18,14 @@ _HOLD_S = 4.0
 _RISE_BLOCKS = 10
 
 
-def unsteady(person: Person, *, aim_sd: float, gain_sd: float) -> Person:
+def unsteady(person: PersonNumbers, *, aim_sd: float, gain_sd: float) -> PersonNumbers:
     """Return the person with other errors of aim and of the electrodes, and without slack and artefacts."""
     motor = msgspec.structs.replace(person.motor, aim_sd=aim_sd, aim_floor=0.2 * aim_sd, slack_per_s=0.0)
     emg = msgspec.structs.replace(person.emg, gain_sd=gain_sd, artefact_hz=0.0)
     return msgspec.structs.replace(person, motor=motor, emg=emg)
 
 
-def hold_shares(person: Person, *, preset: Preset, n_holds: int, seed: int = 0) -> NDArray[np.float64]:
+def hold_shares(person: PersonNumbers, *, preset: Preset, n_holds: int, seed: int = 0) -> NDArray[np.float64]:
     """Return the share of 100 ms blocks at the intended level, of holds of three seconds after the rise.
 
     Args:
@@ -45,7 +45,7 @@ def hold_shares(person: Person, *, preset: Preset, n_holds: int, seed: int = 0) 
                 stream(seed + hold, "hold", level, "aim"),
                 stream(seed + hold, "hold", level, "sense"),
             )
-            muscles = Motor(person.motor, full_effort=full_effort, aim=aim, sense=sense)
+            muscles = MuscleMotor(person.motor, full_effort=full_effort, aim=aim, sense=sense)
             muscles.command(level)
             course = [muscles.step(tick / 100, 0.01) for tick in range(round(100 * _HOLD_S))]
             intent = GraspIntent(1000, maxima, tau=tau, preset=preset)

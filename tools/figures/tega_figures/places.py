@@ -11,12 +11,14 @@ import sys
 from pathlib import Path
 from typing import Final, NamedTuple
 
-__all__ = ["PLACES", "Place", "main", "places_table"]
+from tega.config import LOOP_KEYS
+
+__all__ = ["PLACES", "OpenPlace", "main", "places_table"]
 
 _BEGIN, _END = "<!-- places: begin -->", "<!-- places: end -->"
 
 
-class Place(NamedTuple):
+class OpenPlace(NamedTuple):
     """An unclear place of the paper and how its readings are chosen.
 
     Attributes:
@@ -45,50 +47,50 @@ _THRESHOLDS = _each(f"{_METRIC}.threshold", *(f"D{n}" for n in range(1, 9)))
 _DIFFERENCES = _each(f"{_METRIC}.difference", "signed", "rectified", "l2", "luminance")
 
 PLACES: Final = (
-    Place("A1", "σ of Eq 4 is a length, I a grey value", _THRESHOLDS, _READING),
-    Place("A1", "σ: spatial, or of the grey values", (f"{_METRIC}.spread=intensity",), _PRINTED),
-    Place("A2", "the upper 90 % of values", _each(f"{_METRIC}.threshold", "D4", "D7"), _READING),
-    Place("A3", "1.28, found or derived", (f"{_METRIC}.factor=2.0",), _READING),
-    Place("A4", "no contact", (f"{_METRIC}.min_pixels=60", f"{_METRIC}.noise_floor=3"), _READING),
-    Place("A4", "no contact, of D1 and D2", (f"{_METRIC}.gate=true",), _PRINTED),
-    Place("A5", "sign of the difference", _DIFFERENCES, _READING),
-    Place("A6", "ω of the colours", (f"{_METRIC}.weights=[0.2, 0.5, 0.3]",), _READING),
-    Place("A11", "value at the centroid", _each(f"{_METRIC}.centroid_value", "bilinear", "disc", "peak"), _READING),
-    Place("A12", "a pixel at the threshold", (f"{_METRIC}.ties=true",), _READING),
-    Place("A13", "which pixels count", ("stages.metric.name=live", f"{_METRIC}.outline=contact")),
-    Place("A14", "the largest value", _each(f"{_METRIC}.peak", "median", "percentile"), _READING),
-    Place("A15", "CCI of a deeper press", _each(f"{_METRIC}.cci", "root", "peak", "mass"), _READING),
-    Place("A20", "drift of the baseline", ("stages.metric.name=live", f"{_METRIC}.rezero=false")),
-    Place(
+    OpenPlace("A1", "σ of Eq 4 is a length, I a grey value", _THRESHOLDS, _READING),
+    OpenPlace("A1", "σ: spatial, or of the grey values", (f"{_METRIC}.spread=intensity",), _PRINTED),
+    OpenPlace("A2", "the upper 90 % of values", _each(f"{_METRIC}.threshold", "D4", "D7"), _READING),
+    OpenPlace("A3", "1.28, found or derived", (f"{_METRIC}.factor=2.0",), _READING),
+    OpenPlace("A4", "no contact", (f"{_METRIC}.min_pixels=60", f"{_METRIC}.noise_floor=3"), _READING),
+    OpenPlace("A4", "no contact, of D1 and D2", (f"{_METRIC}.gate=true",), _PRINTED),
+    OpenPlace("A5", "sign of the difference", _DIFFERENCES, _READING),
+    OpenPlace("A6", "ω of the colours", (f"{_METRIC}.weights=[0.2, 0.5, 0.3]",), _READING),
+    OpenPlace("A11", "value at the centroid", _each(f"{_METRIC}.centroid_value", "bilinear", "disc", "peak"), _READING),
+    OpenPlace("A12", "a pixel at the threshold", (f"{_METRIC}.ties=true",), _READING),
+    OpenPlace("A13", "which pixels count", ("stages.metric.name=live", f"{_METRIC}.outline=contact")),
+    OpenPlace("A14", "the largest value", _each(f"{_METRIC}.peak", "median", "percentile"), _READING),
+    OpenPlace("A15", "CCI of a deeper press", _each(f"{_METRIC}.cci", "root", "peak", "mass"), _READING),
+    OpenPlace("A20", "drift of the baseline", ("stages.metric.name=live", f"{_METRIC}.rezero=false")),
+    OpenPlace(
         "A22", "trend of the deformation",
         (f"{_METRIC}.trend=rise", f"{_METRIC}.trend=change", f"{_METRIC}.trend_s=0.2"), ("stages.metric.name=live",),
     ),
-    Place(
+    OpenPlace(
         "A22", "that trend on the vest", (f"{_MAPPING}.front=trend_mm_s",),
         ("stages.metric.name=live", f"{_METRIC}.trend=rise", f"{_MAPPING}.front_max=2.0"),
     ),
-    Place("A23", "32 motors of a vest that has 40", _each("vest.layout", "paper32", "x40", "x16")),
-    Place("A24", "left and right", _each("vest.mirror", "back", "all")),
-    Place("A24", "finger of each column", (f'{_MAPPING}.fingers=["ring", "middle", "index", "thumb"]',)),
-    Place("A25", "rows of a column", (f"{_MAPPING}.rows=bar",)),
-    Place("A26", "intensity at rest", (f"{_MAPPING}.at_rest=law",)),
-    Place("A27", "k of the front", (f"{_MAPPING}.end_value=0.05",)),
-    Place("A28", "k of the back", (f"{_MAPPING}.back_end_value=0.05",)),
-    Place("A29", "the law between 0 and the maximum", _each(f"{_MAPPING}.law", "linear", "power")),
-    Place("A29", "the power", (f"{_MAPPING}.exponent=0.7",), (f"{_MAPPING}.law=power",)),
-    Place("A31", "what counts as full", (f"{_MAPPING}.front_max=2.0", f"{_MAPPING}.back_max=9000")),
-    Place("A33", "values above the maximum", (f"{_MAPPING}.saturate=true",)),
-    Place("A35", "events instead of a steady picture", ("stages.mapping.name=pulses",)),
-    Place("–", "which value on which face", (f"{_MAPPING}.front=eda", f"{_MAPPING}.back=cci")),
-    Place("A38", "rectified or not", ("emg.kind=envelope",), ("emg.driver=synthetic-emg", "emg.kind=raw")),
-    Place("A39", "cutoff and order of the low-pass", (f"{_DECODER}.cutoff_hz=5", f"{_DECODER}.order=2")),
-    Place("A39", "band of the raw signal before that", (f"{_DECODER}.before=band",)),
-    Place("A40", "τ", _each(f"{_DECODER}.tau_s", 0.05, 0.2)),
-    Place("A44", "four or five equal intervals", (f"{_DECODER}.intervals=5",)),
-    Place("A45", "the maximum, and steadying (A51)", _each(f"{_DECODER}.preset", "paper", "live")),
-    Place("A46", "poses counted from 0 (Fig 8) or 1 (Eq 11) in pictures", _each("session.pose_base", 0, 1)),
-    Place("A49", "the vote", _each(f"{_DECODER}.fusion", "round", "median")),
-    Place("A55", "what each channel counts", (f"{_DECODER}.channel_weights=[1.0, 0.5, 1.0]",)),
+    OpenPlace("A23", "32 motors of a vest that has 40", _each("vest.layout", "paper32", "x40", "x16")),
+    OpenPlace("A24", "left and right", _each("vest.mirror", "back", "all")),
+    OpenPlace("A24", "finger of each column", (f'{_MAPPING}.fingers=["ring", "middle", "index", "thumb"]',)),
+    OpenPlace("A25", "rows of a column", (f"{_MAPPING}.rows=bar",)),
+    OpenPlace("A26", "intensity at rest", (f"{_MAPPING}.at_rest=law",)),
+    OpenPlace("A27", "k of the front", (f"{_MAPPING}.end_value=0.05",)),
+    OpenPlace("A28", "k of the back", (f"{_MAPPING}.back_end_value=0.05",)),
+    OpenPlace("A29", "the law between 0 and the maximum", _each(f"{_MAPPING}.law", "linear", "power")),
+    OpenPlace("A29", "the power", (f"{_MAPPING}.exponent=0.7",), (f"{_MAPPING}.law=power",)),
+    OpenPlace("A31", "what counts as full", (f"{_MAPPING}.front_max=2.0", f"{_MAPPING}.back_max=9000")),
+    OpenPlace("A33", "values above the maximum", (f"{_MAPPING}.saturate=true",)),
+    OpenPlace("A35", "events instead of a steady picture", ("stages.mapping.name=pulses",)),
+    OpenPlace("–", "which value on which face", (f"{_MAPPING}.front=eda", f"{_MAPPING}.back=cci")),
+    OpenPlace("A38", "rectified or not", ("emg.kind=envelope",), ("emg.driver=synthetic-emg", "emg.kind=raw")),
+    OpenPlace("A39", "cutoff and order of the low-pass", (f"{_DECODER}.cutoff_hz=5", f"{_DECODER}.order=2")),
+    OpenPlace("A39", "band of the raw signal before that", (f"{_DECODER}.before=band",)),
+    OpenPlace("A40", "τ", _each(f"{_DECODER}.tau_s", 0.05, 0.2)),
+    OpenPlace("A44", "four or five equal intervals", (f"{_DECODER}.intervals=5",)),
+    OpenPlace("A45", "the maximum, and steadying (A51)", _each(f"{_DECODER}.preset", "paper", "live")),
+    OpenPlace("A46", "poses counted from 0 (Fig 8) or 1 (Eq 11) in pictures", _each("session.pose_base", 0, 1)),
+    OpenPlace("A49", "the vote", _each(f"{_DECODER}.fusion", "round", "median")),
+    OpenPlace("A55", "what each channel counts", (f"{_DECODER}.channel_weights=[1.0, 0.5, 1.0]",)),
 )  # fmt: skip
 """The places whose reading is a setting, in the order of the list."""
 
@@ -106,12 +108,10 @@ def places_table() -> str:
     return "\n".join([_BEGIN, *rows, _END])
 
 
-def _where(place: Place) -> str:
+def _where(place: OpenPlace) -> str:
     keys = [item.partition("=")[0] for item in (*place.needs, *place.sets)]
-    if all(key.startswith("stages.") or key in {"vest.layout", "vest.mirror"} for key in keys):
+    if all(key.startswith("stages.") or key in LOOP_KEYS for key in keys):
         return "everywhere"
-    if all(key.startswith("session.") for key in keys):
-        return "`run`, `replay --picture`"
     return "`run`, `study run --lab`"
 
 

@@ -20,7 +20,7 @@ import click
 import msgspec
 
 from tega.errors import MissingExtraError
-from tega.study.lead.board import Board, board_path, write_board
+from tega.study.lead.board import SessionBoard, board_path, write_board
 from tega.study.plan import make_plan, read_plan, write_plan
 from tega.study.state import resume
 
@@ -70,7 +70,7 @@ def _of_a_session(folder: Path) -> str:
         journal.add("trial_start", t_ns=now_ns, trial=1, source="auto")
         write_board(
             board_path(folder, "p01"),
-            Board(t_ns=now_ns + 60 * S, phase="trial", trial=1, object=name, n_over=0, n_trials=12),
+            SessionBoard(t_ns=now_ns + 60 * S, phase="trial", trial=1, object=name, n_over=0, n_trials=12),
         )
 
         async def play(pilot: Any) -> None:

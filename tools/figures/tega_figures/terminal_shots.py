@@ -83,7 +83,7 @@ def _bench(folder: Path, images: Path) -> None:
         _run(
             ["tega-teleop", "run", "lab.toml", "--set", "session.duration_s=5", "--record", "monday"], folder
         )
-        words = ["tega-teleop", "inspect", "monday"]
+        words = ["tega-teleop", "recording", "inspect", "monday"]
         picture(words, _run(words, folder), images / "inspect.svg")
     finally:
         up.send_signal(signal.SIGINT)

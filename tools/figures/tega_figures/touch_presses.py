@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.lifecycle import require
-from tega.sim.gel_sequences import SHAPES, Moment, press_sequence, ramp
+from tega.sim.gel_sequences import SHAPES, GelMoment, press_sequence, ramp
 from tega.touch import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light
 
 __all__ = [
     "CALIBRATION",
     "PEERS",
+    "FrameReader",
+    "FrameReading",
     "Held",
     "Image",
     "PressScore",
-    "Reading",
-    "Seen",
     "calibrated_errors",
     "hold_press",
     "jumps",
@@ -43,7 +43,7 @@ _ENDS_S: Final = (3.0, 6.0, 8.0, 9.5, 9.6, 12.6)
 _FORCES_N: Final = (0.0, 1.5, 5.0, 5.0, 0.0, 0.0)
 
 
-class Seen(NamedTuple):
+class FrameReading(NamedTuple):
     """What a reading says of one frame."""
 
     in_contact: bool
@@ -51,53 +51,53 @@ class Seen(NamedTuple):
     peak: float
 
 
-class Reading(Protocol):
+class FrameReader(Protocol):
     """Reads frame after frame of one sensor."""
 
-    def __call__(self, frame: Image) -> Seen:
+    def __call__(self, frame: Image) -> FrameReading:
         """Return what the next frame shows."""
 
 
-def _tracker(baseline: Image, rate_hz: float) -> Reading:
+def _tracker(baseline: Image, rate_hz: float) -> FrameReader:
     tracker = TouchTracker(baseline, rate_hz=rate_hz)
 
-    def read(frame: Image) -> Seen:
+    def read(frame: Image) -> FrameReading:
         contact = tracker.update(frame)
-        return Seen(contact.in_contact, contact.eda, contact.peak)
+        return FrameReading(contact.in_contact, contact.eda, contact.peak)
 
     return read
 
 
-def _threshold(baseline: Image, rate_hz: float) -> Reading:  # noqa: ARG001
+def _threshold(baseline: Image, rate_hz: float) -> FrameReader:  # noqa: ARG001
     """Pixels whose largest difference over the colours exceeds 15 counts; a contact is 1 % of the picture."""
     still = baseline.astype(np.int16)
 
-    def read(frame: Image) -> Seen:
+    def read(frame: Image) -> FrameReading:
         difference = np.abs(frame - still).max(axis=2)
         area = int((difference > 15).sum())
-        return Seen(area > 0.01 * difference.size, area, float(np.percentile(difference, 99.5)))
+        return FrameReading(area > 0.01 * difference.size, area, float(np.percentile(difference, 99.5)))
 
     return read
 
 
-def _subtraction(baseline: Image, rate_hz: float) -> Reading:
+def _subtraction(baseline: Image, rate_hz: float) -> FrameReader:
     """OpenCV's background subtraction: learns for a second, then keeps it; a contact is 1 % of the picture."""
     cv2: Any = require("cv2", driver="touch check", extra="lab")
     model = cv2.createBackgroundSubtractorMOG2(detectShadows=False)
     model.apply(baseline)
     left = max(1, round(rate_hz))
 
-    def read(frame: Image) -> Seen:
+    def read(frame: Image) -> FrameReading:
         nonlocal left
         left -= 1
         changed = model.apply(frame, learningRate=0 if left < 0 else -1)
         area = int((changed > 0).sum()) if left < 0 else 0
-        return Seen(area > 0.01 * frame.shape[0] * frame.shape[1], area, float(area))
+        return FrameReading(area > 0.01 * frame.shape[0] * frame.shape[1], area, float(area))
 
     return read
 
 
-PEERS: Final[dict[str, Callable[[Image, float], Reading]]] = {
+PEERS: Final[dict[str, Callable[[Image, float], FrameReader]]] = {
     "live": _tracker,
     "threshold of 15 counts": _threshold,
     "OpenCV MOG2": _subtraction,
@@ -147,7 +147,7 @@ def jumps(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.abs(np.diff(values)) / np.maximum(values[1:], 1.0)
 
 
-def press_of(name: str, seed: int, *, rate_hz: float = RATE_HZ) -> Iterator[Moment]:
+def press_of(name: str, seed: int, *, rate_hz: float = RATE_HZ) -> Iterator[GelMoment]:
     """Yield the press that is scored: at rest, up to 1.5 and 5 N, held, released within 0.1 s, at rest again."""
     return press_sequence(
         name,
@@ -174,7 +174,7 @@ def score_press(
     return {one: _score(moments, [read(m.image) for m in moments]) for one, read in made.items()}
 
 
-def _score(moments: list[Moment], seen: list[Seen]) -> PressScore:
+def _score(moments: list[GelMoment], seen: list[FrameReading]) -> PressScore:
     t_s, force, true_area = (
         np.array([getattr(m, of) for m in moments]) for of in ("t_s", "force_n", "area_px")
     )
@@ -214,7 +214,7 @@ class Held(NamedTuple):
 
     contact: TrackedContact
     depth_map: NDArray[np.float32]
-    truth: Moment
+    truth: GelMoment
 
 
 def hold_press(name: str, seed: int, force_n: float, light: GelLight | None = None) -> Held:

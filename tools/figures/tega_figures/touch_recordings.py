@@ -18,7 +18,7 @@ from tega.opencv import read_image
 __all__ = [
     "GRIPS",
     "Clip",
-    "Grip",
+    "RecordedGrip",
     "best_lag",
     "disc",
     "grasps",
@@ -33,7 +33,7 @@ Image = NDArray[np.uint8]
 _DRIVER = "touch check"
 
 
-class Grip(NamedTuple):
+class RecordedGrip(NamedTuple):
     """When two fingers hold something in a video, frames counted from 0, told by eye from contact sheets."""
 
     rest: tuple[int, int]
@@ -48,12 +48,12 @@ class Grip(NamedTuple):
 
 
 GRIPS: Final = {
-    "bag_of_peanuts_2": Grip((400, 449), (10, 205), 1, 257),
-    "blue_box_3": Grip((400, 449), (10, 296), 1, 346),
-    "blue_mug_2": Grip((6, 11), (24, 196), 6, None),
-    "pattern_cotton_cloth_2": Grip((13, 25), (38, 214), 11, None),
-    "plastic_cup_1": Grip((400, 449), (2, 309), 1, 360),
-    "wallet_1": Grip((400, 449), (10, 331), 1, 381),
+    "bag_of_peanuts_2": RecordedGrip((400, 449), (10, 205), 1, 257),
+    "blue_box_3": RecordedGrip((400, 449), (10, 296), 1, 346),
+    "blue_mug_2": RecordedGrip((6, 11), (24, 196), 6, None),
+    "pattern_cotton_cloth_2": RecordedGrip((13, 25), (38, 214), 11, None),
+    "plastic_cup_1": RecordedGrip((400, 449), (2, 309), 1, 360),
+    "wallet_1": RecordedGrip((400, 449), (10, 331), 1, 381),
 }
 """Grips of ``gsmini_grips``. Four begin with the object in the hand and lose it (frames 210, 300, 313 and 335); mug
 and cloth are

@@ -7,6 +7,6 @@ needs Linux.
 
 from __future__ import annotations
 
-from tega_campaigns.faults.trials import FAULTS, Outcome, Trial, all_trials
+from tega_campaigns.faults.trials import FAULTS, DriverOutcome, FaultTrial, all_trials
 
-__all__ = ["FAULTS", "Outcome", "Trial", "all_trials"]
+__all__ = ["FAULTS", "DriverOutcome", "FaultTrial", "all_trials"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from tega_campaigns.faults.page import page
-from tega_campaigns.faults.trials import Outcome, Trial, all_trials
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial, all_trials
 from tega_campaigns.peace import in_peace
 
 __all__ = ["main"]
@@ -31,7 +31,7 @@ def main() -> int:
     if given.markdown is not None and (given.only or given.fault):
         parser.error("--markdown writes the whole page: it goes without --only and --fault")
     trials, cannot = all_trials()
-    done: list[tuple[Trial, Outcome]] = []
+    done: list[tuple[FaultTrial, DriverOutcome]] = []
     for trial in trials:
         if given.only and trial.driver.split(" ")[0] not in given.only:
             continue

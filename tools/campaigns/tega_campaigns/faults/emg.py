@@ -14,7 +14,7 @@ from tega.devices.live_emg import LiveEmg
 from tega.devices.lsl_emg import LslEmg, LslEmgOptions
 from tega.devices.serial_emg import SerialEmg, SerialEmgOptions
 from tega.errors import TegaError
-from tega_campaigns.faults.trials import Outcome, Trial
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
 from tega_emulators.process import Emulator
 
 __all__ = ["CANNOT", "trials"]
@@ -80,29 +80,29 @@ _NETWORK: Final = "the network's protocol delivers whole, checked messages or no
 CANNOT: Final = {("lsl-emg", "garbage"): _NETWORK, ("lsl-emg", "half packet"): _NETWORK}
 
 
-def trials() -> list[Trial]:
+def trials() -> list[FaultTrial]:
     """Return the trials."""
     tried = []
     for name, driver in _DRIVERS.items():
-        tried.append(Trial(name, "wrong version", driver.wrong_words, partial(_refused, driver)))
+        tried.append(FaultTrial(name, "wrong version", driver.wrong_words, partial(_refused, driver)))
         faults = _FAULTS if name != "lsl-emg" else _STREAM_FAULTS
         for fault, (what, begin, end) in faults.items():
-            tried.append(Trial(name, fault, what, partial(_met, driver, begin, end)))
+            tried.append(FaultTrial(name, fault, what, partial(_met, driver, begin, end)))
     return tried
 
 
-def _refused(driver: _Driver) -> Outcome:
+def _refused(driver: _Driver) -> DriverOutcome:
     with Emulator(driver.emulator, "--signal", "emg", *driver.wrong) as device:
         start_s = time.monotonic()
         try:
             with driver.make(device.port):
-                return Outcome(effect="goes on", said="opens, unnoticed")
+                return DriverOutcome(effect="goes on", said="opens, unnoticed")
         except TegaError as error:
             said = _words(error, device.port)
-            return Outcome(effect="refused", said=said, seen_s=time.monotonic() - start_s)
+            return DriverOutcome(effect="refused", said=said, seen_s=time.monotonic() - start_s)
 
 
-def _met(driver: _Driver, begin: tuple[str, ...], end: tuple[str, ...]) -> Outcome:
+def _met(driver: _Driver, begin: tuple[str, ...], end: tuple[str, ...]) -> DriverOutcome:
     with Emulator(driver.emulator, "--signal", "emg") as device, driver.make(device.port) as source:
         source.read(1.0)
         port = device.port
@@ -119,7 +119,7 @@ def _met(driver: _Driver, begin: tuple[str, ...], end: tuple[str, ...]) -> Outco
                     device.say(line)
                 said = _words(error, port)
                 back_s = _again(driver, device, source)
-                return Outcome(effect="ends", said=said, seen_s=passed_s, back_s=back_s)
+                return DriverOutcome(effect="ends", said=said, seen_s=passed_s, back_s=back_s)
             n += 0 if chunk is None else len(chunk.samples)
             # A machine that was busy for a moment measures the rate afresh, and has nothing to say meanwhile.
             for note in source.info.notes:
@@ -131,7 +131,7 @@ def _met(driver: _Driver, begin: tuple[str, ...], end: tuple[str, ...]) -> Outco
             share = 100 * n_missing / (n + n_missing)
             counted = [f"{share:.0f} % of the samples missing: held for 100 ms, then the channel has no vote"]
     counted += notes.values()
-    return Outcome(
+    return DriverOutcome(
         effect="goes on", said="; ".join(counted) or "nothing tells it from a stream that just goes on"
     )
 

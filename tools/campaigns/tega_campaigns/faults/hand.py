@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.errors import DeviceUnavailableError
-from tega_campaigns.faults.trials import Outcome, Trial
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
 from tega_emulators.allegro import FAULTS
 from tega_emulators.process import Emulator
 
@@ -29,19 +29,19 @@ _STARTS = {
 _NAMES = {"half": "half packet", "power-cycle": "power cycle", "silence": "freeze", "freeze": "angles stuck"}
 
 
-def trials() -> list[Trial]:
+def trials() -> list[FaultTrial]:
     """Return the trials."""
     refused = [
-        Trial("allegro", name, what, partial(_refused, words)) for name, (what, words) in _STARTS.items()
+        FaultTrial("allegro", name, what, partial(_refused, words)) for name, (what, words) in _STARTS.items()
     ]
     met = [
-        Trial("allegro", _NAMES.get(fault, fault), what, partial(_met, fault))
+        FaultTrial("allegro", _NAMES.get(fault, fault), what, partial(_met, fault))
         for fault, what in {**FAULTS, **_MORE}.items()
     ]
     return refused + met
 
 
-def _refused(arguments: tuple[str, ...]) -> Outcome:
+def _refused(arguments: tuple[str, ...]) -> DriverOutcome:
     make: Any = AllegroOptions
     with Emulator("allegro_port", *arguments) as hand:
         begin_s = time.monotonic()
@@ -49,12 +49,12 @@ def _refused(arguments: tuple[str, ...]) -> Outcome:
         try:
             driver.open()
         except DeviceUnavailableError as error:
-            return Outcome(effect="refused", said=_words(error), seen_s=time.monotonic() - begin_s)
+            return DriverOutcome(effect="refused", said=_words(error), seen_s=time.monotonic() - begin_s)
         driver.close()
-    return Outcome(effect="goes on", said="opens, unnoticed")
+    return DriverOutcome(effect="goes on", said="opens, unnoticed")
 
 
-def _met(fault: str) -> Outcome:
+def _met(fault: str) -> DriverOutcome:
     make: Any = AllegroOptions
     # A busy machine must not look like a slow hand before the fault.
     with Emulator("allegro_port") as hand, Allegro(make(**hand.address, lowest_rate_hz=200.0)) as driver:
@@ -76,12 +76,12 @@ def _met(fault: str) -> Outcome:
             if spent_s > _NUISANCE_S and driver.state().phase == "running":
                 if driver.state().counts.silences == silences:
                     said = "what is missing is bridged, what does not belong is ignored"
-                    return Outcome(effect="goes on", said=said)
+                    return DriverOutcome(effect="goes on", said=said)
                 said = "motors off; its version is checked again, then it goes where it was told"
-                return Outcome(effect="falls silent", said=said, seen_s=off_s)
+                return DriverOutcome(effect="falls silent", said=said, seen_s=off_s)
             time.sleep(0.001)
         else:
-            return Outcome(effect="goes on", said="neither told nor over within 8 s")
+            return DriverOutcome(effect="goes on", said="neither told nor over within 8 s")
         if off_s is None and fault not in _DEAF:
             time.sleep(0.05)
             off_s = told_s if _is_off(hand) else None
@@ -89,7 +89,7 @@ def _met(fault: str) -> Outcome:
         said += "; it hears nothing meanwhile and keeps its last torque: use the switch"
     elif off_s is not None and told_s - off_s > 0.1:
         said += f" (told after {told_s:.1f} s)"
-    return Outcome(
+    return DriverOutcome(
         effect="lets go" if off_s is not None else "ends",
         said=said,
         seen_s=told_s if off_s is None else off_s,

@@ -12,7 +12,7 @@ from tega.devices.hid_input import AT_REST, HidInput
 from tega.devices.pedal import Pedal, PedalOptions
 from tega.devices.spacemouse import SpaceMouse, SpaceMouseOptions
 from tega.errors import DeviceUnavailableError
-from tega_campaigns.faults.trials import Outcome, Trial, until
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial, until
 from tega_emulators.hid_input import FAULTS
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
@@ -26,7 +26,7 @@ _AWAY = frozenset({"unplug", "power-cycle"})
 _JOYSTICK = (0x05F3, 0x00FF)
 
 
-class _Device(NamedTuple):
+class _InputDevice(NamedTuple):
     emulated: str
     numbers: tuple[int, int]
     options: dict[str, Any]
@@ -34,9 +34,9 @@ class _Device(NamedTuple):
 
 _STICK: Final[dict[str, Any]] = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3}
 _DEVICES: Final = {
-    "spacemouse": _Device("spacemouse", (0x046D, 0xC626), {}),
-    "pedal": _Device("pedal-keyboard", (0x0C45, 0x7403), {}),
-    "pedal (silent_after_ms = 100)": _Device(
+    "spacemouse": _InputDevice("spacemouse", (0x046D, 0xC626), {}),
+    "pedal": _InputDevice("pedal-keyboard", (0x0C45, 0x7403), {}),
+    "pedal (silent_after_ms = 100)": _InputDevice(
         "pedal-repeating", _JOYSTICK, {**_STICK, "silent_after_ms": 100.0}
     ),
 }
@@ -62,21 +62,23 @@ CANNOT: Final = {
 }
 
 
-def trials() -> list[Trial]:
+def trials() -> list[FaultTrial]:
     """Return the trials."""
     tried = []
     for name in _DEVICES:
         tried += [
-            Trial(name, fault, FAULTS[told], partial(_met, name, told))
+            FaultTrial(name, fault, FAULTS[told], partial(_met, name, told))
             for fault, told in _NAMES.items()
             if (name, fault) not in CANNOT
         ]
-        tried.append(Trial(name, "unplug", "is taken away", partial(_met, name, "unplug")))
+        tried.append(FaultTrial(name, "unplug", "is taken away", partial(_met, name, "unplug")))
         tried.append(
-            Trial(name, "power cycle", "is away for half a second", partial(_met, name, "power-cycle"))
+            FaultTrial(name, "power cycle", "is away for half a second", partial(_met, name, "power-cycle"))
         )
-    tried.append(Trial("spacemouse", "wrong version", "is a CadMouse, with a wheel and no cap", _cad_mouse))
-    tried.append(Trial("pedal", "wrong version", "is a joystick, set as a keyboard", _joystick))
+    tried.append(
+        FaultTrial("spacemouse", "wrong version", "is a CadMouse, with a wheel and no cap", _cad_mouse)
+    )
+    tried.append(FaultTrial("pedal", "wrong version", "is a joystick, set as a keyboard", _joystick))
     return tried
 
 
@@ -104,7 +106,7 @@ def _acts(name: str, source: HidInput) -> bool:
     return state.motion != AT_REST if name == "spacemouse" else bool(state.held)
 
 
-def _met(name: str, fault: str) -> Outcome:
+def _met(name: str, fault: str) -> DriverOutcome:
     with _bench(name) as (peer, source):
         _act(name, peer)
         until(lambda: _acts(name, source), _START_S)
@@ -115,7 +117,7 @@ def _met(name: str, fault: str) -> Outcome:
         seen_s = until(lambda: not _acts(name, source), _WATCH_S)
         said = _said(name, fault, source)
         if seen_s is None:
-            return Outcome(effect="goes on", said=said)
+            return DriverOutcome(effect="goes on", said=said)
         if fault == "power-cycle":
             time.sleep(max(0.0, begin_s + _OFF_S - time.monotonic()))
         else:
@@ -129,7 +131,7 @@ def _met(name: str, fault: str) -> Outcome:
             _act(name, peer)
         came = until(lambda: _acts(name, source), _START_S)
         back_s = None if came is None else time.monotonic() - start_s
-    return Outcome(effect="falls silent", said=said, seen_s=seen_s, back_s=back_s)
+    return DriverOutcome(effect="falls silent", said=said, seen_s=seen_s, back_s=back_s)
 
 
 def _said(name: str, fault: str, source: HidInput) -> str:
@@ -155,7 +157,7 @@ def _said(name: str, fault: str, source: HidInput) -> str:
     return said
 
 
-def _cad_mouse() -> Outcome:
+def _cad_mouse() -> DriverOutcome:
     with (
         Emulator("hid_input") as peer,
         HidPort(HidBoard(peer.port, 0x256F, 0xC650)).installed(),
@@ -164,11 +166,11 @@ def _cad_mouse() -> Outcome:
         try:
             SpaceMouse(SpaceMouseOptions()).open()
         except DeviceUnavailableError as error:
-            return Outcome(effect="refused", said=error.message, seen_s=time.monotonic() - start_s)
-    return Outcome(effect="goes on", said="opens, unnoticed")
+            return DriverOutcome(effect="refused", said=error.message, seen_s=time.monotonic() - start_s)
+    return DriverOutcome(effect="goes on", said="opens, unnoticed")
 
 
-def _joystick() -> Outcome:
+def _joystick() -> DriverOutcome:
     with (
         Emulator("hid_input", "--device", "pedal-joystick") as peer,
         HidPort(HidBoard(peer.port, *_JOYSTICK)).installed(),
@@ -178,4 +180,4 @@ def _joystick() -> Outcome:
         until(lambda: source.counts.odd > 0, _START_S)
         held = source.state().held
         said = f"never counts as held; a note says so: {source.info.notes[0]}"
-    return Outcome(effect="goes on" if held else "falls silent", said=said, seen_s=0.0)
+    return DriverOutcome(effect="goes on" if held else "falls silent", said=said, seen_s=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tega_campaigns.faults.trials import FAULTS, Outcome, Trial
+from tega_campaigns.faults.trials import FAULTS, DriverOutcome, FaultTrial
 
 __all__ = ["page"]
 
@@ -32,7 +32,7 @@ from the fault's end to fresh data or the right touch. A finger is silent on the
 """
 
 
-def page(done: Sequence[tuple[Trial, Outcome]], cannot: Mapping[tuple[str, str], str]) -> str:
+def page(done: Sequence[tuple[FaultTrial, DriverOutcome]], cannot: Mapping[tuple[str, str], str]) -> str:
     """Write the page.
 
     Args:
@@ -69,13 +69,13 @@ def _header(first: str) -> list[str]:
     return [f"| {first} | the emulator | effect | after | back | the driver |", "|---|---|---|---|---|---|"]
 
 
-def _row(first: str, trial: Trial, outcome: Outcome) -> str:
+def _row(first: str, trial: FaultTrial, outcome: DriverOutcome) -> str:
     after, back = _seconds(outcome.seen_s), _seconds(outcome.back_s)
     said = outcome.said.replace("|", "\\|")
     return f"| {first} | {trial.what} | {outcome.effect} | {after} | {back} | {said} |"
 
 
-def _short(outcome: Outcome) -> str:
+def _short(outcome: DriverOutcome) -> str:
     after, back = _seconds(outcome.seen_s), _seconds(outcome.back_s)
     return outcome.effect + (f" {after}" if after else "") + (f", back {back}" if back else "")
 

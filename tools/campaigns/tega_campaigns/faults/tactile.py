@@ -10,7 +10,7 @@ import msgspec
 
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
-from tega_campaigns.faults.trials import Outcome, Trial, until
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial, until
 from tega_emulators.digit import FAULTS
 from tega_emulators.process import Emulator
 
@@ -34,18 +34,21 @@ _WORDS = {
 }
 
 
-def trials() -> list[Trial]:
+def trials() -> list[FaultTrial]:
     """Return the trials."""
-    tried = [Trial("digit", name, FAULTS[fault], partial(_met, fault)) for name, fault in _NAMES.items()]
+    tried = [FaultTrial("digit", name, FAULTS[fault], partial(_met, fault)) for name, fault in _NAMES.items()]
     # The true rate is looked at every two seconds.
-    tried.append(Trial("digit", "slow", FAULTS["slow"], partial(_met, "slow", away_s=5.0)))
-    tried.append(Trial("digit", "unplug", "breaks the connection, and every new one", partial(_met, "cut")))
+    tried.append(FaultTrial("digit", "slow", FAULTS["slow"], partial(_met, "slow", away_s=5.0)))
     tried.append(
-        Trial("digit", "power cycle", f"is away for {_OFF_S:g} s", partial(_met, "cut", away_s=_OFF_S))
+        FaultTrial("digit", "unplug", "breaks the connection, and every new one", partial(_met, "cut"))
     )
-    tried.append(Trial("digit", "wrong version", "gives pictures of another size", _refused))
+    tried.append(
+        FaultTrial("digit", "power cycle", f"is away for {_OFF_S:g} s", partial(_met, "cut", away_s=_OFF_S))
+    )
+    tried.append(FaultTrial("digit", "wrong version", "gives pictures of another size", _refused))
     return tried + [
-        Trial("digit", fault, FAULTS[fault], partial(_met, fault)) for fault in ("black", "strip", "other")
+        FaultTrial("digit", fault, FAULTS[fault], partial(_met, fault))
+        for fault in ("black", "strip", "other")
     ]
 
 
@@ -54,18 +57,18 @@ def _driver(sensor: Emulator) -> Digit:
     return Digit(make(source=sensor.address["source"], warm_up_s=0.1))
 
 
-def _refused() -> Outcome:
+def _refused() -> DriverOutcome:
     with Emulator("digit") as sensor:
         sensor.say("small")
         start_s = time.monotonic()
         try:
             _driver(sensor).open()
         except DeviceUnavailableError as error:
-            return Outcome(effect="refused", said=error.message, seen_s=time.monotonic() - start_s)
-    return Outcome(effect="goes on", said="opens, unnoticed")
+            return DriverOutcome(effect="refused", said=error.message, seen_s=time.monotonic() - start_s)
+    return DriverOutcome(effect="goes on", said="opens, unnoticed")
 
 
-def _met(fault: str, *, away_s: float = _WATCH_S) -> Outcome:
+def _met(fault: str, *, away_s: float = _WATCH_S) -> DriverOutcome:
     with Emulator("digit") as sensor, Emulator("digit", "--look", "1") as beside, _driver(sensor) as digit:
         with _driver(beside) as other:
             theirs, own = other.read(5.0), digit.read(5.0)
@@ -87,7 +90,7 @@ def _met(fault: str, *, away_s: float = _WATCH_S) -> Outcome:
         told.append("no picture comes; the camera is looked for again after 0.25 s, then at most every 4 s")
     told += notes
     if not silent:
-        return Outcome(effect="goes on", said="; ".join(told) or "nothing is lost")
-    return Outcome(
+        return DriverOutcome(effect="goes on", said="; ".join(told) or "nothing is lost")
+    return DriverOutcome(
         effect="falls silent", said="; ".join(told), seen_s=max(0.0, last_s - begin_s), back_s=back_s
     )

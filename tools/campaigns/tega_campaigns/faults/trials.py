@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple
 
 import msgspec
 
-__all__ = ["FAULTS", "Effect", "Outcome", "Trial", "all_trials", "until"]
+__all__ = ["FAULTS", "DriverOutcome", "Effect", "FaultTrial", "all_trials", "until"]
 
 FAULTS: Final = {
     "unplug": "The device is taken away, and in the end put back.",
@@ -27,7 +27,7 @@ Effect = Literal["refused", "ends", "falls silent", "lets go", "goes on"]
 device is made safe and given up; or nothing that a person notices."""
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+class DriverOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What a driver made of a fault.
 
     Attributes:
@@ -44,7 +44,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     back_s: float | None = None
 
 
-class Trial(NamedTuple):
+class FaultTrial(NamedTuple):
     """One driver and one fault.
 
     Attributes:
@@ -57,14 +57,14 @@ class Trial(NamedTuple):
     driver: str
     fault: str
     what: str
-    run: Callable[[], Outcome]
+    run: Callable[[], DriverOutcome]
 
 
-def all_trials() -> tuple[list[Trial], dict[tuple[str, str], str]]:
+def all_trials() -> tuple[list[FaultTrial], dict[tuple[str, str], str]]:
     """Return every trial, and why some drivers cannot meet some fault of :data:`FAULTS`."""
     from tega_campaigns.faults import emg, hand, inputs, tactile, vests
 
-    trials: list[Trial] = []
+    trials: list[FaultTrial] = []
     cannot: dict[tuple[str, str], str] = {}
     for group in (tactile, emg, vests, hand, inputs):
         trials += group.trials()

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
-from tega.haptics import VestFrame, vest_frame
+from tega.haptics import MotorLevels, vest_frame
 from tega.wire import vest_levels
-from tega_campaigns.faults.trials import Outcome, Trial, until
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial, until
 from tega_emulators.process import Emulator
 from tega_emulators.vest_bench import vest_bench
 from tega_emulators.vests import seen_by
@@ -81,12 +81,14 @@ class VestTrouble(NamedTuple):
     withheld: bool
 
 
-def trials() -> list[Trial]:
+def trials() -> list[FaultTrial]:
     """Return the trials."""
     tried = []
     for driver, faults in _FAULTS.items():
-        tried += [Trial(driver, name, what, partial(_met, driver, fault)) for name, what, fault in faults]
-        tried.append(Trial(driver, "wrong version", _WRONG[driver], partial(_refused, driver)))
+        tried += [
+            FaultTrial(driver, name, what, partial(_met, driver, fault)) for name, what, fault in faults
+        ]
+        tried.append(FaultTrial(driver, "wrong version", _WRONG[driver], partial(_refused, driver)))
     return tried
 
 
@@ -97,20 +99,20 @@ _WRONG: Final = {
 }
 
 
-def _refused(driver: str) -> Outcome:
+def _refused(driver: str) -> DriverOutcome:
     with vest_bench(driver, open_timeout_s=2.0) as bench:
         bench.peer.say("wrong-version")
         start_s = time.monotonic()
         try:
             with bench.vest:
-                return Outcome(effect="goes on", said="opens, unnoticed")
+                return DriverOutcome(effect="goes on", said="opens, unnoticed")
         except DeviceUnavailableError as error:
             # The emulated Player's port is another one each time.
             said = error.message.replace(f":{bench.peer.address.get('port')} ", " ")
-            return Outcome(effect="refused", said=said, seen_s=time.monotonic() - start_s)
+            return DriverOutcome(effect="refused", said=said, seen_s=time.monotonic() - start_s)
 
 
-def _met(driver: str, fault: str) -> Outcome:
+def _met(driver: str, fault: str) -> DriverOutcome:
     with vest_bench(driver) as bench, bench.vest:
         met = trouble(driver, fault, bench.vest, bench.peer)
     said = []
@@ -130,8 +132,8 @@ def _met(driver: str, fault: str) -> Outcome:
     if met.rest_s is not None and met.rest_s > 1.0:
         said.append("until then the emulated vest holds its last frame, as the real one is thought to")
     if met.rest_s is None:
-        return Outcome(effect="goes on", said="; ".join(said))
-    return Outcome(effect="falls silent", said="; ".join(said), seen_s=met.rest_s, back_s=met.back_s)
+        return DriverOutcome(effect="goes on", said="; ".join(said))
+    return DriverOutcome(effect="falls silent", said="; ".join(said), seen_s=met.rest_s, back_s=met.back_s)
 
 
 def trouble(
@@ -199,7 +201,7 @@ class _Writer(threading.Thread):
             time.sleep(1 / 30)
 
 
-def _shown(frame: VestFrame, peer: Emulator) -> list[int]:
+def _shown(frame: MotorLevels, peer: Emulator) -> list[int]:
     """Return what a frame looks like on this peer's motors: the X40's know sixteen levels only."""
     if "bus" in peer.address:
         return [round(level * 100 / 15) for level in vest_levels(frame.x40()).tolist()]

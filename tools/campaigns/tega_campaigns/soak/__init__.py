@@ -18,7 +18,7 @@ module         what it does
 
 from __future__ import annotations
 
-from tega_campaigns.soak.report import Fault, SoakReport
+from tega_campaigns.soak.report import SoakFault, SoakReport
 from tega_campaigns.soak.trial import soak
 
-__all__ = ["Fault", "SoakReport", "soak"]
+__all__ = ["SoakFault", "SoakReport", "soak"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 __all__ = ["soak"]
 
@@ -31,7 +31,6 @@ __all__ = ["soak"]
     help="For a machine that does other work: loosen the hand's limits of silence and rate.",
 )
 @json_option
-@debug_option
 def soak(
     *, seconds: float, seed: int, out: Path | None, stations: bool, patient: bool, as_json: bool
 ) -> None:

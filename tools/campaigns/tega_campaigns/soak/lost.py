@@ -9,7 +9,7 @@ import msgspec
 
 from tega.recording.mcap_reader import McapReader
 
-__all__ = ["Kept", "look"]
+__all__ = ["KeptCounts", "look"]
 
 # Ticks come 30 times a second.
 LEAST_GAP_S = 0.2
@@ -25,7 +25,7 @@ _ROUNDING = 1e-6
 _RATES_HZ = {"image": 60.0, "frames": 333.0, "bus": 333.0, "samples": 60.0}
 
 
-class Kept(msgspec.Struct, frozen=True):
+class KeptCounts(msgspec.Struct, frozen=True):
     """What a recording holds.
 
     Attributes:
@@ -47,7 +47,7 @@ class Kept(msgspec.Struct, frozen=True):
     arm_over: int
 
 
-def look(path: Path) -> Kept:
+def look(path: Path) -> KeptCounts:
     """Read a recording from its beginning to its end.
 
     Raises:
@@ -79,7 +79,7 @@ def look(path: Path) -> Kept:
     dropped_s = max(
         (n / _RATES_HZ.get(topic.rsplit("/", 1)[-1], 30.0) for topic, n in dropped.items()), default=0.0
     )
-    return Kept(path.name, newest_ns, gaps, dropped_s, reader.cut, arm.n, arm.n_over)
+    return KeptCounts(path.name, newest_ns, gaps, dropped_s, reader.cut, arm.n, arm.n_over)
 
 
 class _Led:

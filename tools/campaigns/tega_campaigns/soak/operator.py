@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from tega.errors import TegaError
-from tega.repeated import repeated
+from tega.every import every
 from tega_emulators.lab import EmulatedLab
 
 __all__ = ["SoakOperator"]
@@ -39,7 +39,7 @@ class SoakOperator:
     def at_work(self) -> Iterator[None]:
         """Be there for as long as the block lasts."""
         self._lab.headset.say(_SWING)
-        with repeated(self._look, every_s=_LOOK_S, name="tega-soak-operator"):
+        with every(self._look, every_s=_LOOK_S, name="tega-soak-operator"):
             yield
 
     def _look(self) -> None:

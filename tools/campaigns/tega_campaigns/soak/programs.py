@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self
 
-from tega_campaigns.soak.supervisor import Line, Supervisor
+from tega_campaigns.soak.supervisor import SaidLine, Supervisor
 
 __all__ = ["Programs"]
 
@@ -55,7 +55,7 @@ class Programs:
         """Return how far each has told, for :meth:`lines`."""
         return {name: len(part.lines) for name, part in self._parts.items()}
 
-    def lines(self, since: Mapping[str, int]) -> list[Line]:
+    def lines(self, since: Mapping[str, int]) -> list[SaidLine]:
         """Return what all of them have told since a mark, oldest first; all of it of one that was started since."""
         found = []
         for name, part in self._parts.items():

@@ -9,7 +9,7 @@ import msgspec
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["MOST_LOST_S", "Fault", "SoakReport", "memory_is_flat", "print_report"]
+__all__ = ["MOST_LOST_S", "SoakFault", "SoakReport", "memory_is_flat", "print_report"]
 
 MOST_LOST_S = 0.5
 LEAST_JUDGED = 0.95
@@ -21,7 +21,7 @@ _SLACK_MIB = 16.0
 _SLACK_SHARE = 0.1
 
 
-class Fault(msgspec.Struct, kw_only=True):
+class SoakFault(msgspec.Struct, kw_only=True):
     """One fault.
 
     Attributes:
@@ -86,7 +86,7 @@ class SoakReport(msgspec.Struct, kw_only=True):
     failures: list[str] = []
     seconds: float = 0.0
     seed: int = 0
-    faults: list[Fault] = []
+    faults: list[SoakFault] = []
     over_limit_commands: int = 0
     over_limit: dict[str, int] = {}
     lost_s: float = 0.0

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple, Self
 
 from tega.child_process import end_child, python_command, python_environment
 
-__all__ = ["Line", "Supervisor"]
+__all__ = ["SaidLine", "Supervisor"]
 
 _LEAVE_S = 20.0
 
 
-class Line(NamedTuple):
+class SaidLine(NamedTuple):
     """Something that the program said, with the monotonic time at which it did."""
 
     at_s: float
@@ -46,7 +46,7 @@ class Supervisor:
         self._errors = errors.open("ab")
         self._process: subprocess.Popen[str] | None = None
         self._reader: threading.Thread | None = None
-        self.lines: list[Line] = []
+        self.lines: list[SaidLine] = []
         self.memory: list[list[tuple[float, float]]] = []
 
     def __enter__(self) -> Self:
@@ -69,9 +69,9 @@ class Supervisor:
         return self._process is not None and self._process.poll() is None
 
     @property
-    def newest(self) -> Line:
+    def newest(self) -> SaidLine:
         """The newest line that tells the state and the alerts."""
-        return next((line for line in reversed(self.lines) if "alerts" in line.said), Line(0.0, {}))
+        return next((line for line in reversed(self.lines) if "alerts" in line.said), SaidLine(0.0, {}))
 
     @property
     def leads(self) -> bool:
@@ -160,7 +160,9 @@ class Supervisor:
         return code
 
     @staticmethod
-    def _hear(process: subprocess.Popen[str], lines: list[Line], memory: list[tuple[float, float]]) -> None:
+    def _hear(
+        process: subprocess.Popen[str], lines: list[SaidLine], memory: list[tuple[float, float]]
+    ) -> None:
         if process.stdout is None:
             return
         for text in process.stdout:
@@ -168,6 +170,6 @@ class Supervisor:
                 said = json.loads(text)
             except ValueError:  # the last line of a process that was killed
                 continue
-            lines.append(Line(said["at_s"], said))
+            lines.append(SaidLine(said["at_s"], said))
             if "rss_mib" in said:
                 memory.append((said["at_s"], said["rss_mib"]))

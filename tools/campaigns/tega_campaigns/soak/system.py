@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from tega.config import load_config
-from tega.safety.ctrl_c import Stop
+from tega.safety.ctrl_c import CtrlC
 from tega.safety.states import Transition
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
@@ -60,7 +60,7 @@ def _rss_mib() -> float:
         return int(file.read().split()[1]) * _PAGE_MIB
 
 
-def _listen(stop: Stop) -> None:
+def _listen(stop: CtrlC) -> None:
     true_ns, offset_ns = time.time_ns, 0
     for line in sys.stdin:
         verb, _, seconds = line.strip().partition(" ")
@@ -76,7 +76,7 @@ def main() -> None:
     """Run until the standard input ends."""
     sys.setswitchinterval(0.0005)  # as in ``run``
     said = _Said()
-    with Stop() as stop:
+    with CtrlC() as stop:
         threading.Thread(target=_listen, args=(stop,), daemon=True).start()
         try:
             summary = run_session(

@@ -16,13 +16,13 @@ from tega.recording.mcap_folder import SessionFolder
 from tega.toml_text import tree_text
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.soak.faults import Breaker, link_board
-from tega_campaigns.soak.lost import Kept, look
+from tega_campaigns.soak.lost import KeptCounts, look
 from tega_campaigns.soak.operator import SoakOperator
 from tega_campaigns.soak.plan import KINDS, STATION_KINDS, Kind, Planned, plan
 from tega_campaigns.soak.programs import Programs
-from tega_campaigns.soak.report import NOT_JUDGED, Fault, SoakReport
+from tega_campaigns.soak.report import NOT_JUDGED, SoakFault, SoakReport
 from tega_campaigns.soak.standstill import Standstills, within_ns
-from tega_campaigns.soak.supervisor import Line, Supervisor
+from tega_campaigns.soak.supervisor import SaidLine, Supervisor
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import free_port, split, write_trees
 from tega_emulators.vests import felt_now, seen_by
@@ -206,10 +206,10 @@ class _Soak:
         report.judge()
         return report
 
-    def _one(self, each: Planned) -> Fault:
+    def _one(self, each: Planned) -> SoakFault:
         """Make one fault, take it away, and wait until all is well again."""
         kind, program = each.fault, self._programs
-        fault = Fault(kind=kind.kind, device=kind.device, how=kind.how, injected_s=self._now())
+        fault = SoakFault(kind=kind.kind, device=kind.device, how=kind.how, injected_s=self._now())
         seen = program.mark()
         if kind.how == "kill" and kind.device != "arm":
             return self._kill(fault)
@@ -217,7 +217,7 @@ class _Soak:
         self.operator.waits = True
         self._breaker.make(kind)
         over_s = time.monotonic() + each.lasts_s
-        told: Line | None = None
+        told: SaidLine | None = None
         while told is None and time.monotonic() < over_s + _TELL_S:
             time.sleep(_STEP_S)
             told = self._told(kind, seen)
@@ -245,10 +245,10 @@ class _Soak:
         """Tell whether the emulated vest still shows a finger."""
         return bool(felt_now(self._lab.vest)[FINGERS.index(finger)])
 
-    def _told(self, kind: Kind, seen: Mapping[str, int]) -> Line | None:
+    def _told(self, kind: Kind, seen: Mapping[str, int]) -> SaidLine | None:
         return next((line for line in self._programs.lines(seen) if _words(line, kind)), None)
 
-    def _kill(self, fault: Fault) -> Fault:
+    def _kill(self, fault: SoakFault) -> SoakFault:
         """Kill the program, see that the devices are safe without it, and start it again."""
         victim, seen = self._programs[fault.device], self._programs.mark()
         leads_devices = victim is self._programs.main
@@ -276,7 +276,7 @@ class _Soak:
         self._recover(fault, None)
         return fault
 
-    def _look_after(self, fault: Fault, kind: Kind, at_ns: int) -> None:
+    def _look_after(self, fault: SoakFault, kind: Kind, at_ns: int) -> None:
         """After a fault that ends a run or its recording: see that all is safe, and start again."""
         program = self._programs
         if program.alive and (kind.device, kind.how) not in _GOES_ON:
@@ -289,7 +289,7 @@ class _Soak:
                 self._lose(recovered.path, at_ns)
         self._restart()
 
-    def _recover(self, fault: Fault, kind: Kind | None) -> None:
+    def _recover(self, fault: SoakFault, kind: Kind | None) -> None:
         program = self._programs
         well_s = self._well_again()
         if well_s is not None:
@@ -374,7 +374,7 @@ class _Soak:
         report = self.report
         self._looked.add(path.name)
         try:
-            kept: Kept = look(path)
+            kept: KeptCounts = look(path)
         except TegaError as error:
             report.failures.append(f"{path.name} cannot be read: {error}")
             return
@@ -413,7 +413,7 @@ class _Soak:
         return round(self._now())
 
 
-def _words(line: Line, kind: Kind) -> str:
+def _words(line: SaidLine, kind: Kind) -> str:
     """Return what of a line reports a fault of this kind."""
     said = line.said
     if "ended" in said:

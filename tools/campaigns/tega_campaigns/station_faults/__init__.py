@@ -9,8 +9,8 @@ it.
 from __future__ import annotations
 
 from tega_campaigns.station_faults.faults import FAULTS, WIRE_FAULTS
-from tega_campaigns.station_faults.scene import Scene
+from tega_campaigns.station_faults.scene import StationScene
 from tega_campaigns.station_faults.setups import Setups
-from tega_campaigns.station_faults.trials import Fault, Outcome, try_fault
+from tega_campaigns.station_faults.trials import StationFault, StationOutcome, try_fault
 
-__all__ = ["FAULTS", "WIRE_FAULTS", "Fault", "Outcome", "Scene", "Setups", "try_fault"]
+__all__ = ["FAULTS", "WIRE_FAULTS", "Setups", "StationFault", "StationOutcome", "StationScene", "try_fault"]

@@ -15,7 +15,7 @@ from tega_campaigns.peace import in_peace
 from tega_campaigns.station_faults.faults import FAULTS, WIRE_FAULTS
 from tega_campaigns.station_faults.page import put_table
 from tega_campaigns.station_faults.setups import Setups
-from tega_campaigns.station_faults.trials import Fault, Outcome, try_fault
+from tega_campaigns.station_faults.trials import StationFault, StationOutcome, try_fault
 
 __all__ = ["main"]
 
@@ -60,9 +60,9 @@ def _no_wire() -> str:
         return error.message
 
 
-def _try_all(faults: list[Fault], *, as_json: bool) -> dict[str, Outcome]:
+def _try_all(faults: list[StationFault], *, as_json: bool) -> dict[str, StationOutcome]:
     """Try faults of one setup after another, so that stations are started as seldom as can be."""
-    done: dict[str, Outcome] = {}
+    done: dict[str, StationOutcome] = {}
     setups = [(fault.wire, fault.keys, fault.net) for fault in faults]
     in_order = sorted(faults, key=lambda fault: setups.index((fault.wire, fault.keys, fault.net)))
     with Setups() as kept:
@@ -72,7 +72,7 @@ def _try_all(faults: list[Fault], *, as_json: bool) -> dict[str, Outcome]:
     return done
 
 
-def _print(fault: Fault, outcome: Outcome, *, as_json: bool) -> None:
+def _print(fault: StationFault, outcome: StationOutcome, *, as_json: bool) -> None:
     told = {"fault": fault.name, "wish": fault.wish, **msgspec.structs.asdict(outcome)}
     if as_json:
         sys.stdout.write(msgspec.json.encode(told).decode() + "\n")

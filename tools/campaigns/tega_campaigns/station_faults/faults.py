@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import Literal
 
 from tega.net.keys import make_keys
-from tega_campaigns.station_faults.scene import SECOND, Scene, Watch, until
-from tega_campaigns.station_faults.trials import Fault
+from tega_campaigns.station_faults.scene import SECOND, StationScene, WatchedStation, until
+from tega_campaigns.station_faults.trials import StationFault
 
 __all__ = ["FAULTS", "WIRE_FAULTS"]
 
 
-def _nothing(_scene: Scene) -> None:
+def _nothing(_scene: StationScene) -> None:
     pass
 
 
-def _worse(part: Literal["link", "wire"] = "link", /, **how: float) -> Callable[[Scene], None]:
-    def begin(scene: Scene) -> None:
+def _worse(part: Literal["link", "wire"] = "link", /, **how: float) -> Callable[[StationScene], None]:
+    def begin(scene: StationScene) -> None:
         for name, value in how.items():
             setattr(getattr(scene, part), name, value)
 
@@ -28,9 +28,9 @@ def _worse(part: Literal["link", "wire"] = "link", /, **how: float) -> Callable[
 _well = _worse(delay_ms=0.0, jitter_ms=0.0, loss=0.0)
 
 
-def _other_operator(scene: Scene, settings: Path, words: str) -> None:
+def _other_operator(scene: StationScene, settings: Path, words: str) -> None:
     """Have another operator ask for the lead; it has to be told no, and to end."""
-    with Watch(settings, "--cap", str(scene.lab.cap.port)) as other:
+    with WatchedStation(settings, "--cap", str(scene.lab.cap.port)) as other:
         until(lambda: other.process.poll() is not None, patience_s=30.0)
         until(lambda: other.has_said(words) is not None, patience_s=1.0)
         told_s = other.has_said(words)
@@ -40,29 +40,29 @@ def _other_operator(scene: Scene, settings: Path, words: str) -> None:
         scene.refused_s = told_s - begun_s
 
 
-def _second_operator(scene: Scene) -> None:
+def _second_operator(scene: StationScene) -> None:
     _other_operator(scene, scene.files("second-", keys=scene.keys, name=SECOND)[1], "is led by 'operator'")
 
 
-def _same_certificate(scene: Scene) -> None:
+def _same_certificate(scene: StationScene) -> None:
     _other_operator(scene, scene.files("same-", keys=scene.keys)[1], "is led by 'operator'")
 
 
-def _wrong_certificate(scene: Scene) -> None:
+def _wrong_certificate(scene: StationScene) -> None:
     keys = scene.folder / "other-keys"
     make_keys(keys, operators=["operator"], robots=["robot"])
     _other_operator(scene, scene.files("wrong-", keys=keys)[1], "answers at")
 
 
-def _restart_robot(scene: Scene) -> None:
+def _restart_robot(scene: StationScene) -> None:
     scene.robot.kill()
 
 
-def _robot_again(scene: Scene) -> None:
+def _robot_again(scene: StationScene) -> None:
     scene.robot.follow(scene.start_robot())
 
 
-def _operator_again(scene: Scene) -> None:
+def _operator_again(scene: StationScene) -> None:
     scene.operator.follow(scene.start_operator())
 
 
@@ -75,29 +75,29 @@ _LEARNT_S = 12.0
 _PATIENT = {"ttl_ms": 250.0}
 
 FAULTS = (
-    Fault("link lost for 5 s", _HOLDS, lambda s: s.link.cut(), lambda s: s.link.mend(), lasts_s=5.0),
-    Fault(
+    StationFault("link lost for 5 s", _HOLDS, lambda s: s.link.cut(), lambda s: s.link.mend(), lasts_s=5.0),
+    StationFault(
         "operator's program frozen for 3 s",
         _HOLDS,
         lambda s: s.operator.freeze(),
         lambda s: s.operator.go_on(),
         vest="its program stands still: the vest's own watchdog",
     ),
-    Fault(
+    StationFault(
         "robot's program frozen for 3 s",
         "arm's own program holds it; vest silent",
         lambda s: s.robot.freeze(),
         lambda s: s.robot.go_on(),
     ),
-    Fault("3 s stall, then all at once", _HOLDS, lambda s: s.link.stall(), lambda s: s.link.resume()),
-    Fault(
+    StationFault("3 s stall, then all at once", _HOLDS, lambda s: s.link.stall(), lambda s: s.link.resume()),
+    StationFault(
         "the same, `lease_ms` = 10 000",
         _HOLDS + "; nothing of the burst is used",
         lambda s: s.link.stall(),
         lambda s: s.link.resume(),
         net={"lease_ms": 10_000.0},
     ),
-    Fault(
+    StationFault(
         "0.25 s stall, then all at once",
         "arm holds and goes on, hand keeps its level, vest silent",
         lambda s: s.link.stall(),
@@ -105,7 +105,7 @@ FAULTS = (
         lasts_s=0.25,
     ),
     *(
-        Fault(
+        StationFault(
             f"{share} % of segments lost",
             _SHORT,
             _worse(loss=share / 100),
@@ -115,8 +115,10 @@ FAULTS = (
         )
         for share in (1, 5)
     ),
-    Fault("20 ms later each way", _ON, _worse(delay_ms=20.0), _well, lasts_s=_LEARNT_S, interrupts=False),
-    Fault(
+    StationFault(
+        "20 ms later each way", _ON, _worse(delay_ms=20.0), _well, lasts_s=_LEARNT_S, interrupts=False
+    ),
+    StationFault(
         "50 ms later each way",
         "goes on for 10 s, while the clocks are known from before; then all may be too old, as without a link",
         _worse(delay_ms=50.0),
@@ -124,7 +126,7 @@ FAULTS = (
         lasts_s=_LEARNT_S,
     ),
     *(
-        Fault(
+        StationFault(
             f"{ms} ms later each way",
             "as without a link: all is too old",
             _worse(delay_ms=float(ms)),
@@ -133,7 +135,7 @@ FAULTS = (
         )
         for ms in (100, 200)
     ),
-    Fault(
+    StationFault(
         "50 ms later each way, `ttl_ms` = 250",
         _ON,
         _worse(delay_ms=50.0),
@@ -142,7 +144,7 @@ FAULTS = (
         interrupts=False,
         net=_PATIENT,
     ),
-    Fault(
+    StationFault(
         "100 ms later each way, `ttl_ms` = 250",
         "hand goes on; arm and vest have limits of 100 ms of their own",
         _worse(delay_ms=100.0),
@@ -151,7 +153,7 @@ FAULTS = (
         interrupts=None,
         net=_PATIENT,
     ),
-    Fault(
+    StationFault(
         "wrong certificate, while somebody leads",
         _ON + "; the other is refused",
         _wrong_certificate,
@@ -161,7 +163,7 @@ FAULTS = (
         keys=True,
         refuses=True,
     ),
-    Fault(
+    StationFault(
         "two operators at once, each with a certificate",
         _ON + "; the second is told who leads",
         _second_operator,
@@ -171,7 +173,7 @@ FAULTS = (
         keys=True,
         refuses=True,
     ),
-    Fault(
+    StationFault(
         "two operators at once, with the same certificate",
         _ON + "; the second is told who leads",
         _same_certificate,
@@ -181,13 +183,13 @@ FAULTS = (
         keys=True,
         refuses=True,
     ),
-    Fault(
+    StationFault(
         "robot's program killed, started again after 3 s",
         "vest silent; then an arm that nobody holds, an open hand",
         _restart_robot,
         _robot_again,
     ),
-    Fault(
+    StationFault(
         "operator's program killed, started again after 3 s",
         _HOLDS,
         lambda s: s.operator.kill(),
@@ -200,7 +202,7 @@ FAULTS = (
 _well_wired = _worse("wire", delay_ms=0.0, loss=0.0, reorder=0.0)
 
 WIRE_FAULTS = tuple(
-    Fault(
+    StationFault(
         name,
         wish,
         _worse("wire", **how),

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
-from tega_campaigns.station_faults.trials import Fault, Outcome
+from tega_campaigns.station_faults.trials import StationFault, StationOutcome
 
 __all__ = ["put_table", "table"]
 
@@ -14,7 +14,7 @@ _HAND = {"hold": "keeps its level", "idle": "opens", "active": "steered", "armed
 _ARM = {"following": "follows", "holding": "holds", "idle": "lets go", "stopped": "stops"}
 
 
-def table(done: Sequence[tuple[Fault, Outcome]]) -> str:
+def table(done: Sequence[tuple[StationFault, StationOutcome]]) -> str:
     """Return the outcomes as a table in Markdown."""
     rows = [
         "| fault | shall | seen | hand | arm | vest | over | used | too old | oldest |",
@@ -37,7 +37,7 @@ def table(done: Sequence[tuple[Fault, Outcome]]) -> str:
     return "\n".join(rows) + "\n"
 
 
-def put_table(page: Path, done: Sequence[tuple[Fault, Outcome]], *, name: str) -> None:
+def put_table(page: Path, done: Sequence[tuple[StationFault, StationOutcome]], *, name: str) -> None:
     """Put the table between the two marks of a page that bear a name.
 
     Raises:
@@ -53,14 +53,14 @@ def _seconds(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f} s"
 
 
-def _vest(found: Outcome) -> str:
+def _vest(found: StationOutcome) -> str:
     if found.silent_s is None:
         return "felt"
     said = "" if found.no_data_s is None else f', "no data" {found.no_data_s:.2f} s'
     return f"silent {found.silent_s:.2f} s{said}"
 
 
-def _refused(found: Outcome) -> str:
+def _refused(found: StationOutcome) -> str:
     if found.refused_s is None:
         return ""
     return f"; the other is refused {found.refused_s:.2f} s after it began"

@@ -17,13 +17,13 @@ from typing import Any, Self
 
 from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError, TegaError
-from tega.repeated import repeated
+from tega.every import every
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.lossy_wire import LossyWire
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import free_port, split, write_trees
 
-__all__ = ["SECOND", "Scene", "Watch", "until"]
+__all__ = ["SECOND", "StationScene", "WatchedStation", "until"]
 
 SECOND = "bob"
 """Name of an operator besides the one who leads, who is called ``operator``."""
@@ -47,7 +47,7 @@ def until(what: Callable[[], bool], *, patience_s: float = _PATIENCE_S) -> bool:
     return True
 
 
-class Watch:
+class WatchedStation:
     """A station as a program that tells what it does, see :mod:`tega_campaigns.watched`.
 
     Args:
@@ -123,7 +123,7 @@ class Watch:
             None,
         )
 
-    def follow(self, other: Watch) -> None:
+    def follow(self, other: WatchedStation) -> None:
         """Go on as a program that was started in the place of this one; what this one has told stays."""
         before = self.told
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -147,7 +147,7 @@ class Watch:
         self.process.wait()
 
 
-class Scene:
+class StationScene:
     """An operator who leads a robot with hand and arm and feels a fingertip; ends with the block.
 
     Args:
@@ -168,8 +168,8 @@ class Scene:
 
     refused_s: float | None = None
     link: ImpairedLink
-    robot: Watch
-    operator: Watch
+    robot: WatchedStation
+    operator: WatchedStation
     lab: EmulatedLab
 
     def __init__(
@@ -199,7 +199,7 @@ class Scene:
             tree["hand"] = {"driver": "python-can", "options": {"interface": "virtual", "channel": "tega"}}
             tree["arm"]["tracker"] = {"driver": "poses-file", "options": {"file": str(_still(folder))}}
             # A button of which nothing is heard for ten seconds is not believed.
-            stack.enter_context(repeated(self._hold_on, every_s=_PRESS_S, name="tega-person"))
+            stack.enter_context(every(self._hold_on, every_s=_PRESS_S, name="tega-person"))
             self._tree, self._port = tree, port
             self._robot_file, self._operator_file = self.files("", keys=self.keys)
             self.robot = self.start_robot()
@@ -232,15 +232,15 @@ class Scene:
             trees[1]["net"]["keys"] = str(keys / name)
         return write_trees(self.folder, trees, stem)
 
-    def start_robot(self) -> Watch:
+    def start_robot(self) -> WatchedStation:
         """Start the robot's station."""
-        return Watch(self._robot_file).__enter__()
+        return WatchedStation(self._robot_file).__enter__()
 
-    def start_operator(self, settings: Path | None = None) -> Watch:
+    def start_operator(self, settings: Path | None = None) -> WatchedStation:
         """Start an operator's station, with the one SpaceMouse that is there."""
         before = () if self.wire is None else self.wire.inside
         cap = str(self.lab.cap.port)
-        return Watch(settings or self._operator_file, "--cap", cap, before=before).__enter__()
+        return WatchedStation(settings or self._operator_file, "--cap", cap, before=before).__enter__()
 
     def ready(self) -> bool:
         """Whether muscles steer the hand and touch is felt."""

@@ -12,7 +12,7 @@ from typing import Any, Self
 from tega.errors import TegaError
 from tega.net.keys import make_keys
 from tega_campaigns.lossy_wire import LossyWire
-from tega_campaigns.station_faults.scene import SECOND, Scene
+from tega_campaigns.station_faults.scene import SECOND, StationScene
 
 __all__ = ["Setups"]
 
@@ -25,7 +25,7 @@ class Setups:
 
     def __init__(self) -> None:
         self._stack = ExitStack()
-        self._scene: Scene | None = None
+        self._scene: StationScene | None = None
         self._setup: tuple[Mapping[str, Any], bool, bool] | None = None
 
     def __enter__(self) -> Self:
@@ -43,7 +43,7 @@ class Setups:
         self._scene = self._setup = None
         self._stack.close()
 
-    def scene(self, *, net: Mapping[str, Any], keys: bool, wire: bool) -> Scene:
+    def scene(self, *, net: Mapping[str, Any], keys: bool, wire: bool) -> StationScene:
         """Return stations of a setup whose operator steers hand and arm.
 
         Args:
@@ -68,6 +68,6 @@ class Setups:
         between = stack.enter_context(LossyWire()) if wire else None
         if keys:
             make_keys(folder / "keys", operators=["operator", SECOND], robots=["robot"])
-        scene = Scene(folder, net=dict(net), keys=folder / "keys" if keys else None, wire=between)
+        scene = StationScene(folder, net=dict(net), keys=folder / "keys" if keys else None, wire=between)
         self._scene, self._setup = stack.enter_context(scene), setup
         return self._scene

@@ -8,17 +8,17 @@ from typing import Any
 
 import msgspec
 
-from tega_campaigns.station_faults.scene import Scene, until
+from tega_campaigns.station_faults.scene import StationScene, until
 from tega_campaigns.station_faults.setups import Setups
 
-__all__ = ["Fault", "Outcome", "try_fault"]
+__all__ = ["StationFault", "StationOutcome", "try_fault"]
 
 _CALM_S = 1.0
 _BACK_S = 40.0
 _ATTEMPTS = 5
 
 
-class Fault(msgspec.Struct, frozen=True):
+class StationFault(msgspec.Struct, frozen=True):
     """One thing that goes wrong.
 
     Attributes:
@@ -38,8 +38,8 @@ class Fault(msgspec.Struct, frozen=True):
 
     name: str
     wish: str
-    begin: Callable[[Scene], None]
-    end: Callable[[Scene], None]
+    begin: Callable[[StationScene], None]
+    end: Callable[[StationScene], None]
     lasts_s: float = 3.0
     interrupts: bool | None = True
     comes_back: bool = True
@@ -50,7 +50,7 @@ class Fault(msgspec.Struct, frozen=True):
     vest: str = ""
 
 
-class Outcome(msgspec.Struct, frozen=True):
+class StationOutcome(msgspec.Struct, frozen=True):
     """What came of it; times are seconds after its beginning unless said otherwise.
 
     Attributes:
@@ -83,7 +83,7 @@ class Outcome(msgspec.Struct, frozen=True):
     as_wished: bool
 
 
-def try_fault(fault: Fault, setups: Setups) -> Outcome:
+def try_fault(fault: StationFault, setups: Setups) -> StationOutcome:
     """Let it happen between two stations, and look.
 
     Raises:
@@ -113,14 +113,14 @@ def try_fault(fault: Fault, setups: Setups) -> Outcome:
 
 
 def _outcome(
-    fault: Fault,
-    scene: Scene,
+    fault: StationFault,
+    scene: StationScene,
     *,
     begun_s: float,
     ended_s: float,
     over_s: float | None,
     before: dict[str, Any],
-) -> Outcome:
+) -> StationOutcome:
     def after(changes: list[tuple[float, Any]]) -> list[tuple[float, Any]]:
         return [(round(t_s - begun_s, 3), what) for t_s, what in changes]
 
@@ -146,7 +146,7 @@ def _outcome(
         for one in sorted(robot.told + operator.told, key=lambda one: one["t_s"])
         if one["t_s"] > begun_s and "said" in one
     ]
-    return Outcome(
+    return StationOutcome(
         hand=hand,
         arm=arm,
         silent_s=silent_s,

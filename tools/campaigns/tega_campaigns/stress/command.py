@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.cli.options import debug_option, json_option
+from tega.cli.options import json_option
 
 if TYPE_CHECKING:
     from tega_campaigns.stress import StressCase
@@ -19,7 +19,6 @@ __all__ = ["stress"]
 @click.option("--quick", is_flag=True, help="A million samples instead of a hundred million.")
 @click.option("--markdown", is_flag=True, help="Print the page of the documentation.")
 @json_option
-@debug_option
 @click.pass_context
 def stress(ctx: click.Context, *, quick: bool, markdown: bool, as_json: bool) -> None:
     """Try every kernel at its extremes and compare with exact arithmetic.

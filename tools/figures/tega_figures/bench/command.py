@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from tega.cli.options import NameList, debug_option, json_option
+from tega.cli.options import NameList, json_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,7 +30,6 @@ __all__ = ["bench"]
 )
 @click.option("--quick", is_flag=True, help="A tenth of the rounds, and not the largest pictures.")
 @json_option
-@debug_option
 @click.pass_context
 def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: bool) -> None:
     """Measure run time and error of the kernels, of other ways to compute the same, and of a whole tick.
@@ -76,7 +75,6 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
 @click.option("--repeats", type=click.IntRange(1, 1000), default=5, show_default=True, help="Of each lift.")
 @click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
 @json_option
-@debug_option
 def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], as_json: bool) -> None:
     """Measure where the time of simulated lifts goes, and what each skip saves.
 
@@ -120,7 +118,6 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     help="Greatest rate of the vest's link, such as 50 for Bluetooth; the Player's is 500.",
 )
 @json_option
-@debug_option
 def loop(
     *, seconds: float, record: bool, pace: Literal["by-frame", "steady"], most_hz: float | None, as_json: bool
 ) -> None:
@@ -185,7 +182,6 @@ def loop(
     help="Pictures a second of each fingertip for display.",
 )
 @json_option
-@debug_option
 def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> None:
     """Run two stations on emulated devices and measure the way between them.
 

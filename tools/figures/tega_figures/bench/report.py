@@ -22,7 +22,7 @@ from tega_figures.bench.filters import (
 )
 from tega_figures.bench.machine import Machine, describe_machine
 from tega_figures.bench.peers import contact_peers
-from tega_figures.bench.scenes import SIZE_OF_A_FINGER, SIZE_OF_A_SENSOR, SIZES, Scene, scenes
+from tega_figures.bench.scenes import SIZE_OF_A_FINGER, SIZE_OF_A_SENSOR, SIZES, BenchScene, scenes
 from tega_figures.bench.tick import TickRow, time_ticks
 from tega_figures.bench.timing import Timing, ratio, single_threaded, take_turns, timing
 from tega_figures.bench.variants import (
@@ -194,7 +194,7 @@ def preset_rows(size: tuple[int, int], *, budget_s: float) -> list[ContactRow]:
 def _measured(
     reading: str,
     size: tuple[int, int],
-    pictures: list[Scene],
+    pictures: list[BenchScene],
     kernels: Mapping[str, ContactKernel],
     truths: Mapping[str, list[Exact]],
     *,
@@ -219,7 +219,9 @@ def _measured(
     ]
 
 
-def _worst_error(kernel: ContactKernel, pictures: list[Scene], answers: list[Exact]) -> ContactError | None:
+def _worst_error(
+    kernel: ContactKernel, pictures: list[BenchScene], answers: list[Exact]
+) -> ContactError | None:
     pairs = zip(pictures, answers, strict=True)
     return worst([measure_error(kernel(*scene), truth) for scene, truth in pairs])
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tega.sim.gel import Gel, ball
 
-__all__ = ["SIZES", "SIZE_OF_A_FINGER", "SIZE_OF_A_SENSOR", "Scene", "scenes"]
+__all__ = ["SIZES", "SIZE_OF_A_FINGER", "SIZE_OF_A_SENSOR", "BenchScene", "scenes"]
 
 # Height and width: a quarter, one DIGIT (its picture upright is 320×240), four of it, a raw 8-megapixel sensor.
 SIZE_OF_A_FINGER = (240, 320)
@@ -27,7 +27,7 @@ PRESSES = ((0.3, (180.0, 240.0)), (0.5, (120.0, 160.0)), (0.8, (90.0, 100.0)))
 SPOT_COUNTS_PER_MM, SPOT_SD_PX = 300.0, 18.0
 
 
-class Scene(NamedTuple):
+class BenchScene(NamedTuple):
     """One picture and what it looked like without contact.
 
     Attributes:
@@ -39,7 +39,7 @@ class Scene(NamedTuple):
     baseline: NDArray[np.uint8]
 
 
-def scenes(size: tuple[int, int], *, seed: int = 7) -> list[Scene]:
+def scenes(size: tuple[int, int], *, seed: int = 7) -> list[BenchScene]:
     """Return one scene a press, C-contiguous.
 
     Args:
@@ -55,7 +55,7 @@ def scenes(size: tuple[int, int], *, seed: int = 7) -> list[Scene]:
     found = []
     for n, (force_n, centre_xy) in enumerate(PRESSES):
         image = gel.frame([ball(force_n=force_n, centre_xy=centre_xy)], n)
-        found.append(Scene(_sized(_brightened(image, gel.truth.depth_mm, centre_xy), size), still))
+        found.append(BenchScene(_sized(_brightened(image, gel.truth.depth_mm, centre_xy), size), still))
     return found
 
 

@@ -87,7 +87,7 @@ class SimReport(msgspec.Struct, frozen=True, kw_only=True):
     skips: list[SkipRow]
 
 
-class _Watch:
+class _StageSeconds:
     """Adds up seconds by stage, apart for the time in which something is touched."""
 
     def __init__(self) -> None:
@@ -153,7 +153,7 @@ def bench_simulation(
         for name in objects
     ]
     lab_of(1, preset)
-    watches: dict[tuple[str, _Way], list[_Watch]] = {}
+    watches: dict[tuple[str, _Way], list[_StageSeconds]] = {}
     done, total = 0, len(WAYS) * repeats * len(plans)
     for number in range(repeats):
         for plan in plans:
@@ -172,26 +172,26 @@ def bench_simulation(
 
 
 @contextmanager
-def _watched(*, stages: bool) -> Iterator[_Watch]:
+def _watched(*, stages: bool) -> Iterator[_StageSeconds]:
     """Time every trial that is run in the block; with ``stages``, its parts, too."""
     from tega.inbox.frames import FrameMeter
     from tega.inbox.sources import BlockMeter
     from tega.sim.gel import Gel
     from tega.sim.hand import SimulatedAllegro, SimulatedBus
     from tega.sim.operator import ForearmEmg, ScriptedOperator
-    from tega.sim.rig import Rig
-    from tega.sim.score import Scorer
+    from tega.sim.rig import TrialRig
+    from tega.sim.score import TrialScorer
     from tega.sim.world import World
     from tega.teleop.loop import DualLoop
     from tega.teleop.touch import TouchLoop
 
-    watch = _Watch()
+    watch = _StageSeconds()
     parts: Mapping[str, Sequence[tuple[type, str]]] = {
         "physics": [(World, "advance_to")],
         "contact reads and truth": [(World, "pads"), (World, "truth")],
         "render": [(Gel, "frame")],
         "tactile read": [(FrameMeter, "take")],
-        "mapping": [(TouchLoop, "update"), (TouchLoop, "frame"), (Rig, "write")],
+        "mapping": [(TouchLoop, "update"), (TouchLoop, "frame"), (TrialRig, "write")],
         "EMG": [(ForearmEmg, "samples")],
         "levels": [(BlockMeter, "take")],
         "operator": [(ScriptedOperator, "act"), (World, "set_forearm")],
@@ -204,9 +204,9 @@ def _watched(*, stages: bool) -> Iterator[_Watch]:
         changed.append((owner, name, getattr(owner, name)))
         setattr(owner, name, method)
 
-    score, run = Scorer.take, DualLoop.run
+    score, run = TrialScorer.take, DualLoop.run
 
-    def look(scorer: Scorer, t_s: float, truth: Any, **named: Any) -> None:
+    def look(scorer: TrialScorer, t_s: float, truth: Any, **named: Any) -> None:
         watch.look(t_s, touching=any(truth.pad_force_n))
         score(scorer, t_s, truth, **named)
 
@@ -216,7 +216,7 @@ def _watched(*, stages: bool) -> Iterator[_Watch]:
 
     try:
         replace(DualLoop, "run", start)
-        replace(Scorer, "take", look)
+        replace(TrialScorer, "take", look)
         for stage, methods in parts.items() if stages else ():
             for owner, name in methods:
                 replace(owner, name, watch.timed(stage, getattr(owner, name)))
@@ -226,7 +226,7 @@ def _watched(*, stages: bool) -> Iterator[_Watch]:
             setattr(owner, name, method)
 
 
-def _row(name: str, part: Part, timed: Sequence[_Watch], plain: Sequence[_Watch]) -> SimRow:
+def _row(name: str, part: Part, timed: Sequence[_StageSeconds], plain: Sequence[_StageSeconds]) -> SimRow:
     """Sum up one object's runs: stages of those that were timed, factors of those that were not."""
     states = (True, False) if part == "whole" else (True,)
     simulated_s = sum(timed[0].simulated[state] for state in states)

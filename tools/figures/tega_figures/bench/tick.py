@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from tega.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
-from tega.haptics import FINGERS, VestFrame
-from tega.inbox.repeats import LastFrame
+from tega.haptics import FINGERS, MotorLevels
+from tega.inbox.stuck_frames import LastFrame
 from tega.sim.gel import Gel, ball
 from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.touch import TouchLoop
@@ -118,7 +118,7 @@ class Tick:
         return (*stages, *alike), packet, data
 
     def _tell_repeats(
-        self, t_ns: int, now: int, contacts: Sequence[ContactMetrics], frame: VestFrame
+        self, t_ns: int, now: int, contacts: Sequence[ContactMetrics], frame: MotorLevels
     ) -> tuple[int, int]:
         """Time what the skips do instead of the work: four pictures and a vest frame that are the ones before."""
         clock = time.perf_counter_ns

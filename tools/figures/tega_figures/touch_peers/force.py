@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tega.touch import KnownPress, TrackedContact, calibrate_light, nominal_light
 from tega_figures.touch_peers.readings import tracker
-from tega_figures.touch_peers.sets import Presses, disc_presses, wedge_presses
+from tega_figures.touch_peers.sets import PressClip, disc_presses, wedge_presses
 
 __all__ = ["ForceError", "force_errors"]
 
@@ -36,7 +36,7 @@ class ForceError(NamedTuple):
     """Share of frames within 25 %."""
 
 
-class Felt(NamedTuple):
+class FeltFrames(NamedTuple):
     """Frames of one clip that are felt at 0.6 N and more."""
 
     name: str
@@ -45,13 +45,13 @@ class Felt(NamedTuple):
     contacts: list[TrackedContact]
 
 
-def _felt(press: Presses, first: int) -> Felt:
+def _felt(press: PressClip, first: int) -> FeltFrames:
     read = tracker(press.unit)
     seen = [
         (read(frame).contact, force) for frame, force in zip(press.frames[1:], press.force_n[1:], strict=True)
     ]
     kept = [(c, n) for c, n in seen[first:] if c is not None and c.in_contact and n >= _LEAST_N]
-    return Felt(
+    return FeltFrames(
         press.name,
         np.array([c.force_n for c, _ in kept]),
         np.array([n for _, n in kept]),
@@ -64,7 +64,7 @@ def _stiffer(known: list[KnownPress]) -> float:
     return calibrate_light(known).stiffness_n_mm3 / nominal_light().stiffness_n_mm3
 
 
-def _firmest(clip: Felt) -> KnownPress:
+def _firmest(clip: FeltFrames) -> KnownPress:
     k = int(np.argmax(clip.force_n))
     return KnownPress(clip.contacts[k], float(clip.force_n[k]))
 
@@ -93,16 +93,25 @@ def _wedge_errors(folder: Path) -> list[ForceError]:
     found = [_summary("wedge_force", "no", [np.abs(r - 1) for r in plain], plain)]
     # Every choice of three clips for the presses; the others are judged, none by itself.
     ratios: dict[str, list[NDArray[np.float64]]] = {c.name: [] for c in clips}
+    by_peak: dict[str, list[NDArray[np.float64]]] = {c.name: [] for c in clips}
     for chosen in combinations(range(len(clips)), 3):
-        gain = _stiffer([_firmest(clips[k]) for k in chosen])
+        known = [_firmest(clips[k]) for k in chosen]
+        gain = _stiffer(known)
+        n_per_count = float(np.exp(np.mean([np.log(press.force_n / press.contact.peak) for press in known])))
         for k, clip in enumerate(clips):
             if k not in chosen:
                 ratios[clip.name].append(gain * clip.told_n / clip.force_n)
-    each = [np.concatenate(r) for r in ratios.values()]
-    found.append(
-        _summary("wedge_force", "three presses of other clips", [np.abs(r - 1) for r in each], each)
-        ._replace(n_frames=sum(len(c.force_n) for c in clips))
-    )  # fmt: skip
+                peak = np.array([contact.peak for contact in clip.contacts])
+                by_peak[clip.name].append(n_per_count * peak / clip.force_n)
+    for how, of in (
+        ("three presses of other clips", ratios),
+        ("the same three, force = gain x `peak`", by_peak),
+    ):
+        each = [np.concatenate(r) for r in of.values()]
+        found.append(
+            _summary("wedge_force", how, [np.abs(r - 1) for r in each], each)
+            ._replace(n_frames=sum(len(c.force_n) for c in clips))
+        )  # fmt: skip
     own = [_own(c) for c in clips]
     return [
         *found,
@@ -110,7 +119,7 @@ def _wedge_errors(folder: Path) -> list[ForceError]:
     ]
 
 
-def _own(clip: Felt) -> NDArray[np.float64]:
+def _own(clip: FeltFrames) -> NDArray[np.float64]:
     """Return told over measured force of a clip whose own three frames calibrate it; the others are judged."""
     plain = clip.told_n / clip.force_n
     used = np.round(np.quantile(np.arange(len(plain)), (0.15, 0.5, 0.85))).astype(int)

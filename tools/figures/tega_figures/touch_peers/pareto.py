@@ -23,7 +23,7 @@ import click
 from tega.tactile import Outline
 from tega.touch import TouchTracker
 from tega_figures.touch_peers.other_build import PROJECT, Child, built
-from tega_figures.touch_peers.readings import WITH_MEMORY, Image, Makes, Seen, Unit
+from tega_figures.touch_peers.readings import WITH_MEMORY, Image, Makes, PeerReading, Unit
 
 __all__ = ["measured"]
 
@@ -46,14 +46,14 @@ def _maker(side: int, outline: Outline, every: int) -> Makes:
         followed = TouchTracker(
             unit.baseline, rate_hz=unit.rate_hz / every, noise=unit.noise or prior, outline=outline
         )
-        last: Seen | None = None
+        last: PeerReading | None = None
         k = 0
 
-        def read(frame: Image, dt_s: float | None = None) -> Seen:  # noqa: ARG001
+        def read(frame: Image, dt_s: float | None = None) -> PeerReading:  # noqa: ARG001
             nonlocal last, k
             if last is None or k % every == 0:
                 c = followed.update(frame)
-                last = Seen(c.in_contact, c.eda, c.peak, followed.mask())
+                last = PeerReading(c.in_contact, c.eda, c.peak, followed.mask())
             k += 1
             return last
 
@@ -147,10 +147,10 @@ def _default(row: dict[str, Any]) -> bool:
 
 
 def draw(rows: list[dict[str, Any]], picture: Path) -> None:
-    """Draw touched time against three errors."""
+    """Draw touched time against three errors, each variant named by its cells and left out frames."""
     import matplotlib as mpl
 
-    mpl.rcParams["svg.hashsalt"] = "tega"
+    mpl.rcParams |= {"svg.hashsalt": "tega", "svg.fonttype": "none"}  # letters, not outlines of each
     from matplotlib.figure import Figure
 
     errors = {"grasp_error": "1 − overlap with masks of grasps", "missed": "share missed, 0.6 N and more (wedge)",
@@ -161,18 +161,19 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
             marker = "*" if _default(row) else "o" if row["every"] == 1 else "s"
             colour = "tab:red" if _default(row) else "tab:blue" if row["outline"] == "dent" else "tab:orange"
             panel.plot(row["touched"], row[key], marker, color=colour, markersize=13 if _default(row) else 6)
+            skipped = "" if row["every"] == 1 else f", 1/{row['every']}"
             panel.annotate(
-                label(row),
-                (row["touched"], row[key]),
-                fontsize=7,
-                xytext=(5, 4),
+                f"{row['side']}{skipped}", (row["touched"], row[key]), fontsize=8, xytext=(6, 5),
                 textcoords="offset points",
-                rotation=40,
-            )
+            )  # fmt: skip
         panel.set_xlabel("touched frame, times NumPy's or-reduce")
         panel.set_ylabel(what)
         panel.margins(0.3)
         panel.set_ylim(bottom=0)
+    figure.suptitle(
+        "Pixels a cell; 1/2: every second frame. Blue: outline dent, orange: contact. Star: the default",
+        fontsize=9,
+    )
     figure.savefig(picture, metadata={"Date": None} if picture.suffix == ".svg" else None)
 
 

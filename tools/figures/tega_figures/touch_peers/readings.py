@@ -18,7 +18,7 @@ from tega.tactile import contact_mask, read_contact
 from tega.touch import TouchTracker, TrackedContact, sensor_noise
 from tega_figures.touch_peers.other_build import PLACE, Child
 
-__all__ = ["MOG2", "THRESHOLD", "Image", "Makes", "Reading", "Seen", "Unit", "makers", "pytouch_area"]
+__all__ = ["MOG2", "THRESHOLD", "Image", "Makes", "PeerReading", "Reading", "Unit", "makers", "pytouch_area"]
 
 # Threads of its own do not help on pictures of this size.
 cv2.setNumThreads(1)
@@ -30,7 +30,7 @@ MOG2: Final = "OpenCV MOG2"
 LEAST_SHARE: Final = 0.01
 
 
-class Seen(NamedTuple):
+class PeerReading(NamedTuple):
     """What a reading says of one frame."""
 
     on: bool
@@ -63,7 +63,7 @@ class Unit:
         return None if self.noise_frames is None else sensor_noise(self.noise_frames)
 
 
-Reading = Callable[..., Seen]
+Reading = Callable[..., PeerReading]
 """Is given the next frame and ``dt_s``, the time since the one before, seconds, or None for one period."""
 Makes = Callable[[Unit], Reading]
 
@@ -72,9 +72,9 @@ def tracker(unit: Unit) -> Reading:
     """The ``live`` tracker, with the sensor's noise where that can be measured."""
     followed = TouchTracker(unit.baseline, rate_hz=unit.rate_hz, noise=unit.noise)
 
-    def read(frame: Image, dt_s: float | None = None) -> Seen:
+    def read(frame: Image, dt_s: float | None = None) -> PeerReading:
         c = followed.update(frame, dt_s=dt_s)
-        return Seen(c.in_contact, c.eda, c.peak, followed.mask(), c.force_n, c)
+        return PeerReading(c.in_contact, c.eda, c.peak, followed.mask(), c.force_n, c)
 
     return read
 
@@ -87,9 +87,9 @@ def stateless(unit: Unit) -> Reading:
     """The ``live`` reading of one picture."""
     baseline, noise = unit.baseline, unit.noise
 
-    def read(frame: Image, dt_s: float | None = None) -> Seen:  # noqa: ARG001
+    def read(frame: Image, dt_s: float | None = None) -> PeerReading:  # noqa: ARG001
         m = read_contact(frame, baseline, noise=noise)
-        return Seen(m.in_contact, m.eda, m.peak, contact_mask(frame, baseline, noise=noise))
+        return PeerReading(m.in_contact, m.eda, m.peak, contact_mask(frame, baseline, noise=noise))
 
     return read
 
@@ -98,7 +98,7 @@ def threshold(unit: Unit) -> Reading:
     """Pixels whose largest difference over the colours exceeds 15 counts; a contact is 1 % of the picture."""
     still = unit.baseline
 
-    def read(frame: Image, dt_s: float | None = None) -> Seen:  # noqa: ARG001
+    def read(frame: Image, dt_s: float | None = None) -> PeerReading:  # noqa: ARG001
         blue, green, red = cv2.split(cv2.absdiff(frame, still))
         difference = cv2.max(cv2.max(blue, green), red)
         mask = difference > 15
@@ -106,7 +106,7 @@ def threshold(unit: Unit) -> Reading:
         strongest = int(
             np.searchsorted(counts, 0.995 * difference.size)
         )  # peak: what 0.5 % of the pixels exceed
-        return Seen(bool(mask.mean() > LEAST_SHARE), int(mask.sum()), float(strongest), mask)
+        return PeerReading(bool(mask.mean() > LEAST_SHARE), int(mask.sum()), float(strongest), mask)
 
     return read
 
@@ -125,10 +125,10 @@ def subtraction(var_threshold: float, rate: float) -> Makes:
         for frame in unit.still:
             model.apply(frame)
 
-        def read(frame: Image, dt_s: float | None = None) -> Seen:  # noqa: ARG001
+        def read(frame: Image, dt_s: float | None = None) -> PeerReading:  # noqa: ARG001
             mask = cv2.morphologyEx(model.apply(frame, learningRate=rate), cv2.MORPH_OPEN, kernel) > 0
             area = int(mask.sum())
-            return Seen(bool(mask.mean() > LEAST_SHARE), area, float(area), mask)
+            return PeerReading(bool(mask.mean() > LEAST_SHARE), area, float(area), mask)
 
         return read
 
@@ -151,8 +151,8 @@ def old(child: Child) -> Makes:
     def make(unit: Unit) -> Reading:
         baseline = unit.baseline
 
-        def read(frame: Image, dt_s: float | None = None) -> Seen:  # noqa: ARG001
-            return Seen(*child(frame, baseline))
+        def read(frame: Image, dt_s: float | None = None) -> PeerReading:  # noqa: ARG001
+            return PeerReading(*child(frame, baseline))
 
         return read
 
@@ -181,18 +181,18 @@ def pytouch_area() -> tuple[Makes | None, str]:
     def make(unit: Unit) -> Reading:
         baseline = unit.baseline
 
-        def read(frame: Image, dt_s: float | None = None) -> Seen:  # noqa: ARG001
+        def read(frame: Image, dt_s: float | None = None) -> PeerReading:  # noqa: ARG001
             mask = np.zeros(frame.shape[:2], np.uint8)
             try:
                 (a, b), (c, d) = area(frame, base=baseline)
             except UnboundLocalError:  # what it says where no contour is long enough
-                return Seen(on=False, area_px=0, peak=0.0, mask=mask > 0)
+                return PeerReading(on=False, area_px=0, peak=0.0, mask=mask > 0)
             centre, major, minor = (a + b) / 2, a - b, c - d
             axes = (float(np.hypot(*major)) / 2, float(np.hypot(*minor)) / 2)
             turn = float(np.degrees(np.arctan2(major[1], major[0])))
             cv2.ellipse(mask, (tuple(map(float, centre)), (2 * axes[0], 2 * axes[1]), turn), 1, -1)
             on = int(mask.sum())
-            return Seen(on > 0, on, float(on), mask > 0)
+            return PeerReading(on > 0, on, float(on), mask > 0)
 
         return read
 

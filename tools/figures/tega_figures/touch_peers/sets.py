@@ -18,8 +18,8 @@ from tega_figures.touch_peers.readings import (
     WITH_MEMORY,
     Image,
     Makes,
+    PeerReading,
     Reading,
-    Seen,
     Unit,
     tracker,
 )
@@ -37,7 +37,7 @@ from tega_figures.touch_recordings import (
     wedge,
 )
 
-__all__ = ["SETS", "Figure", "Presses", "disc_presses", "wedge_presses"]
+__all__ = ["SETS", "Figure", "PressClip", "disc_presses", "wedge_presses"]
 
 # A single picture is shown to a reading with a memory for about a second.
 _SHOWN = 32
@@ -57,7 +57,7 @@ class Figure(NamedTuple):
     """Frames, pictures or clips that it is of."""
 
 
-class Presses(NamedTuple):
+class PressClip(NamedTuple):
     """One clip with its force, ready to be read."""
 
     name: str
@@ -70,21 +70,21 @@ class Presses(NamedTuple):
     """End of the frames surely before, and first of those from 1.5 s after."""
 
 
-def shown(make: Makes, unit: Unit, frame: Image) -> Seen:
+def shown(make: Makes, unit: Unit, frame: Image) -> PeerReading:
     """Return what a reading made anew says of a picture that it is shown for a second."""
     read = make(unit)
     return [read(frame) for _ in range(_SHOWN if make in WITH_MEMORY else 1)][-1]
 
 
 @cache
-def wedge_presses(folder: Path) -> list[Presses]:
+def wedge_presses(folder: Path) -> list[PressClip]:
     """Return the clips of ``wedge_force``; each day's noise is measured where that day's sensor is untouched."""
     clips = wedge(folder)
     first_day = next(clip for clip in clips if clip.kind == "golf").frames[:12]
     return [_pressed(clip, first_day) for clip in clips]
 
 
-def _pressed(clip: Clip, first_day: NDArray[np.uint8]) -> Presses:
+def _pressed(clip: Clip, first_day: NDArray[np.uint8]) -> PressClip:
     # Three clips begin while the object closes in: of those the first frame alone is untouched.
     untouched = "t=" in clip.name
     unit = Unit(clip.frames[: 10 if untouched else 1], 30.0, clip.frames[:30] if untouched else first_day)
@@ -96,7 +96,7 @@ def _pressed(clip: Clip, first_day: NDArray[np.uint8]) -> Presses:
     lag = best_lag(run, np.r_[difference[0], difference])
     at = places - lag
     force = np.where((at >= 0) & (at < len(at)), run[np.clip(at, 0, len(at) - 1)], 0.0)
-    return Presses(
+    return PressClip(
         clip.name,
         clip.kind,
         unit,
@@ -107,12 +107,12 @@ def _pressed(clip: Clip, first_day: NDArray[np.uint8]) -> Presses:
 
 
 @cache
-def disc_presses(folder: Path) -> Presses:
+def disc_presses(folder: Path) -> PressClip:
     """Return ``digit_disc_force``: one closing, the first picture is the baseline at 1.1 N."""
     pressed = disc(folder)
     frames = np.array([frame for _, frame in pressed])
     forces = np.array([force for force, _ in pressed])
-    return Presses("disc", "disc", Unit(frames[:1], 30.0), frames, forces, (0, len(frames)))
+    return PressClip("disc", "disc", Unit(frames[:1], 30.0), frames, forces, (0, len(frames)))
 
 
 def _soft_grips(folder: Path, make: Makes) -> Iterator[Figure]:
@@ -143,7 +143,7 @@ def _wedge(folder: Path, make: Makes) -> Iterator[Figure]:
     areas: list[float] = []
     for press in wedge_presses(folder):
         read = make(press.unit)
-        seen = [Seen(on=False, area_px=0, peak=0.0, mask=np.zeros((0, 0), bool))] + [
+        seen = [PeerReading(on=False, area_px=0, peak=0.0, mask=np.zeros((0, 0), bool))] + [
             read(f) for f in press.frames[1:]
         ]
         on = np.array([s.on for s in seen])

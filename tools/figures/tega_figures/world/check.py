@@ -14,7 +14,7 @@ import numpy as np
 from tega.sim.world.objects import OBJECTS
 from tega.sim.world.scene import Physics, physics_for
 from tega_figures.world.effects import effects, levels, slip_forces
-from tega_figures.world.lift import Lift, lift
+from tega_figures.world.lift import LiftResult, lift
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
 from tega_figures.world.study import REFERENCE, Error, bounds, compare, stiff_walls
 
@@ -33,7 +33,7 @@ __all__ = ["main"]
 )
 def main(*, long_s: float, jobs: int, pictures: Path | None, only: str | None) -> None:
     """Check the simulated world and print what was found."""
-    lifts: dict[str, list[Lift]] = {}
+    lifts: dict[str, list[LiftResult]] = {}
     errors: dict[str, Error] = {}
     if only in (None, "forces"):
         _forces()
@@ -68,7 +68,7 @@ def _forces() -> None:
         )
 
 
-def _levels() -> dict[str, list[Lift]]:
+def _levels() -> dict[str, list[LiftResult]]:
     click.echo(
         "Lifts at each level: forces on the pads (thumb, index, middle, ring) and on the whole hand, newtons"
     )
@@ -129,7 +129,7 @@ def _repeat() -> None:
     click.echo(f"Two runs of one seed have the same bits: {np.array_equal(first, second)}")
 
 
-def _flat(one: Lift) -> list[tuple[float, ...]]:
+def _flat(one: LiftResult) -> list[tuple[float, ...]]:
     return [(t.t_s, t.object_height_m, t.slip_m, sum(t.pad_force_n)) for t in one.trace]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from tega.sim.world.objects import OBJECTS, ObjectSpec
-from tega_figures.world.lift import Lift, lift
+from tega_figures.world.lift import LiftResult, lift
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
 
 __all__ = ["CHANGES", "Effect", "SlipForce", "effects", "levels", "slip_forces"]
@@ -59,7 +59,7 @@ class SlipForce(NamedTuple):
     found_n: float
 
 
-def levels(name: str) -> list[Lift]:
+def levels(name: str) -> list[LiftResult]:
     """Return lifts of an object at levels 2 to 5."""
     return [lift(name, level) for level in range(2, 6)]
 

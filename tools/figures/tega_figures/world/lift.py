@@ -6,14 +6,14 @@ import time
 from typing import Final, NamedTuple
 
 from tega.hand_mjcf import FULL_DUTY_NM
-from tega.sim.score import Scorer
-from tega.sim.seams import Truth
+from tega.sim.score import TrialScorer
+from tega.sim.seams import WorldTruth
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
 from tega.sim.world.world import World
 
-__all__ = ["LIFT_M", "Lift", "lift"]
+__all__ = ["LIFT_M", "LiftResult", "lift"]
 
 LIFT_M: Final = 0.2
 _TICK_S: Final = 3e-3
@@ -21,14 +21,14 @@ _TICK_S: Final = 3e-3
 _PLAN: Final = ((1.6, 1, 0.0, 0.0), (4.0, 0, 0.0, 0.0), (5.6, 0, LIFT_M, 0.0))
 
 
-class Lift(NamedTuple):
+class LiftResult(NamedTuple):
     """What came of a lift.
 
     Attributes:
         held: Whether the object was up and not dropped at the end.
         height_m: Of the object over where it stood, at the end.
         slip_m: At the end.
-        slips: How many there were, as a trial's score counts them (:class:`tega.sim.score.Scorer`).
+        slips: How many there were, as a trial's score counts them (:class:`tega.sim.score.TrialScorer`).
         peak_force_n: Highest sum of normal forces on the four pads.
         grip_force_n: Normal forces on pads, links and palm together at the end.
         narrowing_m: Largest deformation.
@@ -48,12 +48,12 @@ class Lift(NamedTuple):
     damage_m: float
     lift_off_s: float | None
     cpu_us: float
-    trace: tuple[Truth, ...]
+    trace: tuple[WorldTruth, ...]
 
 
 def lift(
     spec: ObjectSpec | str, level: int, *, seed: int = 0, physics: Physics | None = None, hold_s: float = 2.0
-) -> Lift:
+) -> LiftResult:
     """Lift an object at one closure level.
 
     Args:
@@ -64,8 +64,8 @@ def lift(
         hold_s: How long to hold after the hand is up.
     """
     world, controller = World(spec, seed=seed, physics=physics, start_m=(0.0, 0.12)), hand_controller()
-    trace: list[Truth] = []
-    scorer = Scorer(world.spec.harm_m)
+    trace: list[WorldTruth] = []
+    scorer = TrialScorer(world.spec.harm_m)
     tick, cpu_s, started_s = 0, 0.0, 0.0
     for until_s, wanted, height_m, back_m in (*_PLAN, (_PLAN[-1][0] + hold_s, 0, LIFT_M, 0.0)):
         world.set_forearm((height_m, back_m))
@@ -84,7 +84,7 @@ def lift(
     end = trace[-1]
     pads, rest = world.hand_forces_n()
     lift_off = next((truth.t_s for truth in trace if truth.lift_off), None)
-    return Lift(
+    return LiftResult(
         held=end.lift_off and not end.dropped and end.object_height_m > LIFT_M / 2,
         height_m=end.object_height_m,
         slip_m=end.slip_m,

@@ -13,7 +13,7 @@ from tega.sim.world.objects import OBJECTS
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
 from tega.sim.world.world import World
-from tega_figures.world.lift import LIFT_M, Lift
+from tega_figures.world.lift import LIFT_M, LiftResult
 from tega_figures.world.solids import add_solids
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _LEVELS: Final = {"bottle": 4, "container": 3, "bag": 3}
 _N_PER_M: Final = 80.0
 
 
-def draw_all(folder: Path, lifts: dict[str, list[Lift]], errors: dict[str, Error]) -> list[Path]:
+def draw_all(folder: Path, lifts: dict[str, list[LiftResult]], errors: dict[str, Error]) -> list[Path]:
     """Draw what there is, and the scene.
 
     Args:
@@ -88,7 +88,7 @@ def _scene(figure: Any) -> Any:
     return figure
 
 
-def _levels(figure: Any, lifts: dict[str, list[Lift]]) -> Any:
+def _levels(figure: Any, lifts: dict[str, list[LiftResult]]) -> Any:
     force, slip, narrow = figure.subplots(1, 3)
     for name, rows in lifts.items():
         levels, colour = np.arange(2, 6), _COLOURS[name]
@@ -116,11 +116,11 @@ def _levels(figure: Any, lifts: dict[str, list[Lift]]) -> Any:
     return figure
 
 
-def _gripped(one: Lift) -> Any:
+def _gripped(one: LiftResult) -> Any:
     return max((truth for truth in one.trace if truth.t_s <= 4.0), key=lambda truth: truth.t_s)
 
 
-def _traces(figure: Any, lifts: dict[str, list[Lift]]) -> Any:
+def _traces(figure: Any, lifts: dict[str, list[LiftResult]]) -> Any:
     grid = figure.subplots(2, 3, sharex=True)
     for column, (name, rows) in enumerate(lifts.items()):
         trace = rows[_LEVELS[name] - 2].trace

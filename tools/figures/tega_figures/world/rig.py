@@ -11,10 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from tega.hand_mjcf import FINGERS, PAD_HALF_LENGTH_M, PAD_RADIUS_M
+from tega.hand_mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M
 from tega.sim.world.body import body_of
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.scene import Physics, import_mujoco, object_parts, physics_for, preamble
+from tega.wire import HAND_FINGERS
 
 __all__ = ["GRAVITY_M_S2", "slip_force_n"]
 
@@ -36,7 +37,7 @@ def slip_force_n(spec: ObjectSpec, physics: Physics | None = None) -> float:
     thing, tendons = object_parts(spec, settings)
     reach = spec.diameter_m / 2 + PAD_RADIUS_M
     pads, motors = "", ""
-    for number, finger in enumerate(FINGERS):
+    for number, finger in enumerate(HAND_FINGERS):
         angle = number * np.pi / 2
         x, y = np.cos(angle), np.sin(angle)
         # The pad lies across the upright object, as in the hand: one point of contact.

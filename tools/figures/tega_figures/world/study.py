@@ -14,7 +14,7 @@ from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
 from tega.sim.world.shells import wall_rad_s
 from tega.sim.world.world import World
-from tega_figures.world.lift import LIFT_M, Lift, lift
+from tega_figures.world.lift import LIFT_M, LiftResult, lift
 
 __all__ = ["CASES", "REFERENCE", "SETTINGS", "Bounds", "Error", "Stiff", "bounds", "compare", "stiff_walls"]
 
@@ -83,7 +83,7 @@ def compare(settings: dict[str, Physics] | None = None, *, jobs: int = 1) -> dic
     return {name: _error(row, rows[0]) for name, row in zip(chosen, rows[1:], strict=True)}
 
 
-def _run(tasks: list[tuple[tuple[str, int], Physics]], jobs: int) -> Iterable[Lift]:
+def _run(tasks: list[tuple[tuple[str, int], Physics]], jobs: int) -> Iterable[LiftResult]:
     if jobs == 1:
         return map(_one, tasks)
     from concurrent.futures import ProcessPoolExecutor
@@ -93,12 +93,12 @@ def _run(tasks: list[tuple[tuple[str, int], Physics]], jobs: int) -> Iterable[Li
         return list(pool.map(_one, tasks))
 
 
-def _one(task: tuple[tuple[str, int], Physics]) -> Lift:
+def _one(task: tuple[tuple[str, int], Physics]) -> LiftResult:
     (name, level), physics = task
     return lift(name, level, physics=physics)
 
 
-def _error(lifts: list[Lift], reference: list[Lift]) -> Error:
+def _error(lifts: list[LiftResult], reference: list[LiftResult]) -> Error:
     pairs = list(zip(lifts, reference, strict=True))
     return Error(
         slip_m=max(abs(a.slip_m - b.slip_m) for a, b in pairs),
@@ -113,13 +113,13 @@ def _error(lifts: list[Lift], reference: list[Lift]) -> Error:
     )
 
 
-def _creep_m_s(one: Lift) -> float:
+def _creep_m_s(one: LiftResult) -> float:
     end = one.trace[-1]
     before = next(truth for truth in one.trace if truth.t_s >= end.t_s - 0.5)
     return (end.slip_m - before.slip_m) / (end.t_s - before.t_s)
 
 
-def _chatter_n(one: Lift) -> float:
+def _chatter_n(one: LiftResult) -> float:
     forces = np.array([truth.pad_force_n for truth in one.trace if truth.t_s > _TOUCHES_S])
     return float(np.abs(np.diff(forces, axis=0)).mean(axis=0).max())
 
