@@ -9,7 +9,7 @@ import numpy as np
 
 from tega.devices import DeviceInfo, Opened, Options
 from tega.errors import DeviceUnavailableError
-from tega.haptics import VestFrame
+from tega.haptics import MotorLevels
 
 
 class OwnVestOptions(Options, frozen=True):
@@ -48,7 +48,7 @@ class OwnVest(Opened):
         """Silence every motor, then disconnect. A person wears this: no way out may skip it."""
         self._motors = None  # YOUR DEVICE: send zeros, disconnect
 
-    def write(self, t_ns: int, frame: VestFrame) -> VestFrame:  # noqa: ARG002  # the time is for recorders
+    def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:  # noqa: ARG002  # the time is for recorders
         """Send a frame, 0 to 100 a motor, and return the one really sent; it must not wait for the device.
 
         A frame comes 30 times a second, a silent one at least every 0.1 s. Let the device fall silent by itself after
@@ -56,6 +56,6 @@ class OwnVest(Opened):
         """
         if self._motors is None:
             raise DeviceUnavailableError("own-vest is not open", "open it first")
-        sent = VestFrame(frame.layout, np.minimum(frame.intensities, self._options.limit).astype(np.uint8))
+        sent = MotorLevels(frame.layout, np.minimum(frame.intensities, self._options.limit).astype(np.uint8))
         self._motors[:] = sent.x40()  # YOUR DEVICE: send them
         return sent
