@@ -38,6 +38,8 @@ _KEPT = [
 os.environ["PYTHONPATH"] = os.pathsep.join([*_KEPT, *TOOLS])
 # The addopts of pyproject.toml leave out what has these marks.
 LEFT_OUT: Final = "not slow and not deep"
+# What builds and libraries leave in the working folder; the folders of tools begin with a dot.
+LEFT_BY_TOOLS: Final = {"MUJOCO_LOG.TXT", "target"}
 MOST_ASKED_AGAIN: Final = 20
 MOST_RERUNS_IN_CI: Final = 2
 # One worker runs a file. The workers begin with those that take longest, so that they end together.
@@ -148,6 +150,22 @@ def _recordings_are_valid(_recordings_watched: list[str]) -> Generator[None]:
     troubles = list(_recordings_watched)
     _recordings_watched.clear()
     assert not troubles, "\n".join(troubles)
+
+
+@pytest.fixture(scope="session")
+def _working_folder() -> tuple[Path, set[str]]:
+    folder = Path.cwd()
+    return folder, {path.name for path in folder.iterdir()}
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_left_in_the_working_folder(_working_folder: tuple[Path, set[str]]) -> Generator[None]:
+    """Fail a test that leaves something in the folder the tests run in; two workers run in the same one."""
+    yield
+    folder, known = _working_folder
+    left = {path.name for path in folder.iterdir() if path.name[0] != "."} - known - LEFT_BY_TOOLS
+    known |= left
+    assert not left, f"left in {folder} by this test, or by one beside it: {', '.join(sorted(left))}"
 
 
 @pytest.fixture(scope="session")

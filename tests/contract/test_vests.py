@@ -24,7 +24,7 @@ from tega.devices import driver_class
 from tega.devices.vest_player import PlayerVest
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
-from tega.haptics import VestFrame, vest_frame
+from tega.haptics import MotorLevels, vest_frame
 from tega.teleop import run_session
 from tega.wire import vest_levels
 from tega_campaigns.faults.vests import trouble
@@ -50,11 +50,11 @@ class Bench(NamedTuple):
     peer: Emulator
     port: HidPort | None = None
 
-    def shows(self, frame: VestFrame) -> bool:
+    def shows(self, frame: MotorLevels) -> bool:
         """Tell whether the motors do what a frame says, to the level."""
         return bool(np.array_equal(vest_levels(seen_by(self.peer).motors), vest_levels(frame.x40())))
 
-    def feed(self, condition: Callable[[], bool], frame: VestFrame = TOUCH) -> None:
+    def feed(self, condition: Callable[[], bool], frame: MotorLevels = TOUCH) -> None:
         """Write a frame again and again, as the loop does, until something holds."""
         self.wait(lambda: bool(self.vest.write(0, frame)) and condition())
 
@@ -140,7 +140,7 @@ def test_a_touch_reaches_the_right_motors_and_an_open_vest_begins_silent(any_ben
         any_bench.feed(lambda: any_bench.shows(OTHER), OTHER)
         one = np.zeros(40, np.uint8)
         one[3], one[36] = 100, 47
-        any_bench.feed(lambda: any_bench.shows(VestFrame("x40", one)), VestFrame("x40", one))
+        any_bench.feed(lambda: any_bench.shows(MotorLevels("x40", one)), MotorLevels("x40", one))
     report = seen_by(any_bench.peer)
     assert report.errors == []
     assert report.motors == SILENT
@@ -413,7 +413,7 @@ def test_the_fault_table_tells_rest_and_recovery() -> None:
     assert row.back_s is not None
 
 
-def test_a_session_in_real_time_is_felt_and_ends_silent() -> None:
+def test_a_session_in_real_time_is_felt_and_ends_silent(tmp_path: Path) -> None:
     with bench("bhaptics-player") as made:
         settings = {
             "session": {"duration_s": 1.2},
@@ -424,7 +424,7 @@ def test_a_session_in_real_time_is_felt_and_ends_silent() -> None:
                 "threshold": 20,
             },
         }
-        summary = run_session(check_tree(settings, {}, base=Path.cwd()).config)
+        summary = run_session(check_tree(settings, {}, base=tmp_path).config)
         report = seen_by(made.peer)
     assert summary["ended"] == "complete" or summary["ended"] == "duration"
     assert report.errors == []

@@ -15,7 +15,7 @@ from tega.recording.mcap_reader import McapReader
 from tega.replay import replay_file
 from tega.stages import list_stages
 from tega.teleop import run_session
-from tega_figures.places import PLACES, Place, places_table
+from tega_figures.places import PLACES, OpenPlace, places_table
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / "docs" / "readings.md"
@@ -47,7 +47,7 @@ def test_the_table_is_the_generated_one() -> None:
 
 
 @pytest.mark.parametrize(("place", "item"), CHOICES, ids=lambda one: getattr(one, "number", one))
-def test_a_setting_of_the_table_is_taken_and_told(place: Place, item: str) -> None:
+def test_a_setting_of_the_table_is_taken_and_told(place: OpenPlace, item: str) -> None:
     from tega.sim.plan import loop_settings
 
     loaded = load_config(None, environ={}, sets=[*place.needs, item])
@@ -56,8 +56,30 @@ def test_a_setting_of_the_table_is_taken_and_told(place: Place, item: str) -> No
     assert origin == "--set"
     plain = said.replace("[", "(").replace("]", ")").lower()
     assert str(value).lower().replace("'", '"') == plain or float(said) == value
-    if "everywhere" in next(row for row in places_table().splitlines() if place.what in row):
+    if _is_everywhere(place):
         assert loop_settings("live", [*place.needs, item]).stages == loaded.config.stages
+
+
+def _is_everywhere(place: OpenPlace) -> bool:
+    return "everywhere" in next(row for row in places_table().splitlines() if place.what in row)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("place", "item"),
+    [choice for choice in CHOICES if _is_everywhere(choice[0])],
+    ids=lambda one: getattr(one, "number", one),
+)
+def test_a_setting_of_the_table_steers_a_simulated_lift(place: OpenPlace, item: str) -> None:
+    """Demo, study and sim trials make their lifts this way; one for each choice, which takes long."""
+    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    from tega.sim.trials import plan_trials, run_trials
+
+    sets = (*place.needs, item)
+    (lift,) = run_trials(plan_trials(["bottle"], ["haptic"], [1], settings=sets), jobs=1)
+    assert lift.settings == sets
+    assert lift.duration_s > 1.0
+    assert lift.peak_force_n > 0.0
 
 
 # One of each group at every turn; the others, a minute and more of them, by make slow.
@@ -70,7 +92,9 @@ RUN_WITH = [
 
 
 @pytest.mark.parametrize(("place", "item"), RUN_WITH, ids=lambda one: getattr(one, "number", one))
-def test_a_setting_of_the_table_is_run_recorded_and_replayed(place: Place, item: str, tmp_path: Path) -> None:
+def test_a_setting_of_the_table_is_run_recorded_and_replayed(
+    place: OpenPlace, item: str, tmp_path: Path
+) -> None:
     (tmp_path / "lab.toml").write_text(SHORT)
     sets = [*place.needs, item]
     config = load_config(tmp_path / "lab.toml", environ={}, sets=sets).config
@@ -115,10 +139,10 @@ def test_every_option_of_a_shipped_stage_is_in_the_table_or_no_reading() -> None
 LAB = "[stages.metric]\nname = 'reading'\n[stages.metric.options]\nfactr = 1.0\n"
 VERBS = [
     ("config show FILE", "FILE"), ("config check FILE", "FILE"), ("run FILE", "FILE"),
-    ("demo --config FILE --fast", "FILE"), ("sim-trials --config FILE", "FILE"),
+    ("demo --config FILE --fast", "FILE"), ("sim trials --config FILE", "FILE"),
     ("study simulate --operators 1 --out OUT --config FILE", "FILE"),
     ("replay --emg EMG --emg-rate-hz 250 --emg-kind raw --out OUT", "set"), ("demo --fast --out OUT", "set"),
-    ("sim-trials --seeds 1", "set"), ("study simulate --operators 1 --out OUT", "set"),
+    ("sim trials --seeds 1", "set"), ("study simulate --operators 1 --out OUT", "set"),
     ("study run STUDY p01 --simulated", "set"), ("study run STUDY p01 --simulated --config FILE", "FILE"),
     ("study run STUDY p01 --emulated", "set"), ("audit PICTURES", "set"),
 ]  # fmt: skip
@@ -132,7 +156,7 @@ def test_every_verb_refuses_an_unknown_option_with_its_place_and_the_nearest_nam
 
     from tega.study.plan import make_plan, write_plan
 
-    if "study" in words or "demo" in words or "sim-trials" in words:
+    if "study" in words or "demo" in words or "sim" in words:
         pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     (tmp_path / "lab.toml").write_text(LAB)
     np.save(tmp_path / "squeeze.npy", np.random.default_rng(1).standard_normal((500, 3)))

@@ -19,8 +19,8 @@ from tega_figures.touch_peers.pareto import table
 from tega_figures.touch_peers.readings import (
     Image,
     Makes,
+    PeerReading,
     Reading,
-    Seen,
     Unit,
     subtraction,
     threshold,
@@ -59,9 +59,9 @@ def test_a_grip_s_shares_are_those_of_the_fingers(monkeypatch: pytest.MonkeyPatc
     def make(_unit: Unit) -> Reading:
         calls: Iterator[int] = iter(range(1000))
 
-        def read(_frame: Image, dt_s: float | None = None) -> Seen:  # noqa: ARG001
+        def read(_frame: Image, dt_s: float | None = None) -> PeerReading:  # noqa: ARG001
             # Told in the first forty of the frames that it is asked for.
-            return Seen(next(calls) < 40, 0, 0.0, np.zeros((2, 2), bool))
+            return PeerReading(next(calls) < 40, 0, 0.0, np.zeros((2, 2), bool))
 
         return read
 

@@ -282,7 +282,7 @@ GUARDS: Final = (
     ),
     Guard(
         "a torn picture keeps its vote",
-        "        if of_one_colour or any(one == other for one, other in zip(now, before, strict=False)):",
+        "        if of_one_colour or any(map(operator.eq, now, before)):",
         "        if False:",
         f"{_PICTURES}a_torn_picture_is_left_out_and_a_camera_that_tears_them_has_no_vote",
     ),

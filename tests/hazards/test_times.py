@@ -31,7 +31,7 @@ from tega.hand_link import HandLink, Received
 from tega.haptics import vest_frame
 from tega.inbox.sources import SourceReport
 from tega.net.clock import Offset
-from tega.net.gate import Gate
+from tega.net.gate import StampGate
 from tega.net.messages import Stamped
 from tega.net.settings import NetSection
 from tega.safety.guard import Guard, Watched
@@ -309,7 +309,7 @@ def test_a_message_older_than_100_ms_is_not_used() -> None:
     ttl_ns = round(NetSection(station="robot").ttl_ms * MS)
     assert ttl_ns == 100 * MS
     for age_ms, refused in ((80, ""), (100, ""), (101, "old")):
-        gate = Gate(ttl_ns=ttl_ns)
+        gate = StampGate(ttl_ns=ttl_ns)
         gate.begin(1)
         stamp = Stamped(session=1, sequence=0, sent_ns=0)
         assert gate.refusal(stamp, age_ms * MS, Offset(0, 0)) == refused

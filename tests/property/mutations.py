@@ -2,8 +2,9 @@
 
 ``python tests/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only recording`` one
 format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables, attachments and messages are
-changed, and it goes through one verb of the command line after another. Exit code 1 if anything else than an error of
-TEGA came of a file.
+changed, and it goes through one verb of the command line after another. Of a study's folder and of pictures with their
+marks and forces one file is changed, and the verbs get the folder. Exit code 1 if anything else than an error of TEGA
+came of a file.
 """
 
 from __future__ import annotations
@@ -12,23 +13,31 @@ import argparse
 import contextlib
 import io
 import random
+import shutil
 import sys
 import tempfile
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from property.test_foreign_files import _READERS, mutated
+from reference.recordings import pressed
 from tega.cli.main import main as tega
 from tega.config import check_tree
 from tega.errors import TegaError
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.detecting import detected_path
+from tega.study.observe import Observing
+from tega.study.state import events_path, resume
 from tega.teleop import run_session
 
 _KINDS = ("attachment", "table", "message", "topic", "schema", "type", "no table", "no attachment", "bytes")
@@ -149,16 +158,71 @@ def _verbs(path: Path, out: Path) -> list[list[str]]:
     """Return every verb that reads a recording."""
     sink = ["--set", "vest.driver=vest-recorder", "--set", f"vest.options.file={out / 'v.csv'}"]
     return [
-        ["inspect", str(path)],
-        ["replay", str(path)],
+        ["recording", "inspect", str(path)],
+        ["verify", str(path)],
         *(
-            ["export", str(path), "--format", name, "--out", str(out / "export")]
+            ["recording", "export", str(path), "--format", name, "--out", str(out / "export")]
             for name in ("csv", "parquet", "lerobot")
         ),
-        ["trim", str(path), "--from", "0.05", "--out", str(out / "trimmed")],
-        ["merge", str(path), "--out", str(out / "merged")],
+        ["recording", "trim", str(path), "--from", "0.05", "--out", str(out / "trimmed")],
+        ["recording", "merge", str(path), "--out", str(out / "merged")],
         ["play", str(path), "--speed", "20", *sink],
+        ["audit", str(path)],
+        ["audit", str(path), "--sweep", "stages.metric.name=live,paper"],
     ]
+
+
+def _make_study(folder: Path) -> None:
+    write_plan(make_plan(participants=1, seed=5, objects=["bag"], trials=2, simulated=True), folder)
+    journal, _ = resume(folder, read_plan(folder), "p01", t_ns=0, where="simulated")
+    second_ns = 1_000_000_000
+    with journal, Observing(folder, "p01", "r1", t_ns=0) as rater:
+        for trial in (1, 2, 3, 4):
+            begin_ns = 100 * trial * second_ns
+            journal.add("trial_start", t_ns=begin_ns, trial=trial, source="auto")
+            journal.add("lift_off", t_ns=begin_ns + 2 * second_ns, trial=trial, source="auto")
+            rater.press("lift_off", begin_ns + 3 * second_ns)
+            end_ns = begin_ns + 12 * second_ns
+            journal.add("trial_end", t_ns=end_ns, trial=trial, status="done", success=True, source="auto")
+            rater.look(end_ns)
+            journal.add("rating", t_ns=end_ns, trial=trial, item="tlx.effort", value=10.0 * trial)
+    shutil.copy(events_path(folder, "p01"), detected_path(folder, "p01"))
+
+
+def _make_pictures(folder: Path) -> None:
+    (folder / "presses").mkdir(parents=True)
+    for name, force in (("still", 0.0), ("presses/0", 0.3), ("presses/1", 0.6)):
+        (folder / f"{name}.png").write_bytes(cv2.imencode(".png", pressed(force, noise=1))[1].tobytes())
+    (folder / "marks.csv").write_text("img_name,center_x,center_y,radius\n0.png,10,20,5\n1.png,11,21,6\n")
+    (folder / "forces.csv").write_text("img_name,force_n\n0.png,1.5\n1.png,2.5\n")
+
+
+def _verbs_of_study(folder: Path) -> list[list[str]]:
+    score = ["study", "score", str(folder)]
+    boris = [*score, "--boris", str(folder / "out.boris")]
+    return [score, boris, [*score, "--json"], ["study", "report", str(folder)]]
+
+
+def _verbs_of_pictures(folder: Path) -> list[list[str]]:
+    audit = ["audit", str(folder / "presses"), "--baseline", str(folder / "still.png")]
+    marks, forces = ["--marks", str(folder / "marks.csv")], ["--forces", str(folder / "forces.csv")]
+    return [
+        [*audit, *marks],
+        [*audit, *forces],
+        ["audit", str(folder / "presses"), "--json", *marks, *forces],
+    ]
+
+
+def _made_folder(make: Callable[[Path], None], folder: Path) -> bytes:
+    make(folder / "made")
+    return b""
+
+
+# What is made as a folder of files, of which one is changed, and which verbs read it.
+_FOLDERS: dict[str, tuple[Callable[[Path], None], Callable[[Path], list[list[str]]]]] = {
+    "study's folder": (_make_study, _verbs_of_study),
+    "audited pictures": (_make_pictures, _verbs_of_pictures),
+}
 
 
 def _run(words: list[str]) -> str:
@@ -171,11 +235,20 @@ def _run(words: list[str]) -> str:
         pass
     except BaseException as error:  # a panic of native code as well
         return f"{type(error).__name__}: {error}"
-    return next((line for line in said.getvalue().splitlines() if "unexpected " in line), "")
+    return next((line for line in said.getvalue().splitlines() if line.startswith("error: unexpected ")), "")
 
 
 def _one(kind: str, content: bytes, rng: random.Random, folder: Path, k: int) -> tuple[str, str]:
     """Read one mutated file; return what read it, and what is wrong with that."""
+    if kind in _FOLDERS:
+        changed = folder / "changed"
+        shutil.rmtree(changed, ignore_errors=True)
+        shutil.copytree(folder / "made", changed)
+        verbs = _FOLDERS[kind][1](changed)
+        victim = rng.choice(sorted(path for path in changed.rglob("*") if path.is_file()))
+        victim.write_bytes(mutated(victim.read_bytes(), changes(rng)))
+        chosen = verbs[k % len(verbs)]
+        return f"{' '.join(w for w in chosen if str(folder) not in w)} ({victim.name})", _run(chosen)
     if kind == "recording":
         path = folder / "odd.mcap"
         path.write_bytes(odd(content, rng))
@@ -207,6 +280,7 @@ def main() -> int:
     asked = parser.parse_args()
     makers: dict[str, Callable[[Path], bytes]] = {kind: made for kind, (_, made, _) in _READERS.items()}
     makers["recording"] = _recording
+    makers |= {kind: partial(_made_folder, make) for kind, (make, _) in _FOLDERS.items()}
     wrong = 0
     for kind, make in makers.items():
         if asked.only not in {"", kind}:

@@ -25,7 +25,7 @@ from tega.arm import (
 )
 from tega.arm import rotation as so3
 from tega.arm.frames import ToBase
-from tega.arm.gate import Gate
+from tega.arm.gate import PoseGate
 from tega.arm.motion import Follower, closing_speed
 from tega.arm.one_euro import OneEuro, TurnOneEuro
 from tega.arm.workspace import Workspace
@@ -461,7 +461,7 @@ def test_the_target_stays_near_an_arm_that_is_stuck(v, w, ahead_m, ahead_rad) ->
 
 @given(speed=st.floats(0, 1.4), n=st.integers(2, 30), hz=st.sampled_from([30, 60, 90]))
 def test_the_gate_lets_pass_what_a_hand_can_do(speed, n, hz) -> None:
-    gate = Gate(GateSettings())
+    gate = PoseGate(GateSettings())
     for i in range(n):
         t_ns = round(i * 1e9 / hz) + 1
         place = np.array([speed * i / hz, 0, 0])

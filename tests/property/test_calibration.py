@@ -15,7 +15,7 @@ from tega.calibration.maxima import touch_maxima
 from tega.calibration.person import felt_by
 from tega.calibration.practice import Curve, score
 from tega.calibration.presses import PRESSES, PressMeter
-from tega.calibration.records import EmgRecord, VestRecord, read_record, write_record
+from tega.calibration.records import EmgRecord, VestCalibration, read_record, write_record
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
 from tega.calibration.wearing import SITES, judge_wearing
 from tega.haptics import FeltMap, vest_frame
@@ -157,7 +157,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 def test_a_vest_record_is_read_as_written_and_makes_a_map(
     threshold: list[float], step: list[float], note: str
 ) -> None:
-    record = VestRecord(
+    record = VestCalibration(
         person="p01",
         device="v",
         driver="d",
@@ -175,7 +175,7 @@ def test_a_vest_record_is_read_as_written_and_makes_a_map(
     with TemporaryDirectory() as folder:
         path = Path(folder) / "vest.toml"
         write_record(record, path)
-        assert read_record(path, VestRecord) == record
+        assert read_record(path, VestCalibration) == record
         assert list(Path(folder).iterdir()) == [path]
     if max(threshold) < 0:
         return

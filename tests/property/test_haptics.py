@@ -17,7 +17,7 @@ from tega.haptics import (
     FeltMap,
     Layout,
     Mirror,
-    VestFrame,
+    MotorLevels,
     contact_type,
     intensity,
     vest_frame,
@@ -132,7 +132,7 @@ def test_every_motor_is_as_many_noticeable_steps_above_its_threshold(
     threshold: list[int], step: list[float], intensities: list[int]
 ) -> None:
     n = min((100 - t) / Fraction(s) for t, s in zip(threshold, step, strict=True))
-    frame = VestFrame("x40", np.array(intensities, np.uint8))
+    frame = MotorLevels("x40", np.array(intensities, np.uint8))
     felt = FeltMap(threshold=threshold, step=step).apply(frame).intensities.tolist()
     for got, i, t, s in zip(felt, intensities, threshold, step, strict=True):
         exact = t + Fraction(i, 100) * n * Fraction(s) if i else Fraction(0)

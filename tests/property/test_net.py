@@ -18,11 +18,11 @@ from tega.inbox.sources import metrics_of, samples_of
 from tega.net.clock import ClockEstimate, Offset
 from tega.net.commands import Commands
 from tega.net.ends import FarMuscles, FarTracker
-from tega.net.gate import REFUSALS, Gate
+from tega.net.gate import REFUSALS, StampGate
 from tega.net.messages import (
-    ArmCommand,
+    ArmMessage,
     Feature,
-    HandCommand,
+    HandMessage,
     Join,
     Ping,
     Pong,
@@ -45,7 +45,7 @@ _stamp = st.builds(Stamped, session=st.integers(1, 3), sequence=st.integers(-5, 
 
 @given(st.lists(st.tuples(_stamp, _ns, _clock), max_size=60), st.integers(1, 3))
 def test_whatever_comes_only_the_session_s_own_messages_pass_in_order_and_young(arrivals, session) -> None:
-    gate = Gate(ttl_ns=TTL_NS)
+    gate = StampGate(ttl_ns=TTL_NS)
     gate.begin(session)
     newest = -1
     for stamp, now_ns, clock in arrivals:
@@ -65,7 +65,7 @@ def test_whatever_comes_only_the_session_s_own_messages_pass_in_order_and_young(
 
 @given(st.permutations(range(12)), st.lists(st.integers(0, 11), max_size=12))
 def test_reordered_and_repeated_messages_are_used_at_most_once_and_never_backwards(order, again) -> None:
-    gate = Gate(ttl_ns=TTL_NS)
+    gate = StampGate(ttl_ns=TTL_NS)
     gate.begin(7)
     used = [
         n
@@ -78,7 +78,7 @@ def test_reordered_and_repeated_messages_are_used_at_most_once_and_never_backwar
 
 
 def test_without_a_session_nothing_passes() -> None:
-    gate = Gate(ttl_ns=TTL_NS)
+    gate = StampGate(ttl_ns=TTL_NS)
     stamp = Stamped(session=1, sequence=0, sent_ns=0)
     assert gate.refusal(stamp, 0, Offset(0, 0)) == "foreign"
     gate.begin(1)
@@ -155,11 +155,11 @@ class _Machines:
         level = 1 + self.sequence % 5
         pose = PoseNumbers(stamp["sent_ns"], (float(self.sequence), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         if (
-            self.robot.hand(encode(HandCommand(**stamp, intent=Intent(t_ns=stamp["sent_ns"], level=level))))
+            self.robot.hand(encode(HandMessage(**stamp, intent=Intent(t_ns=stamp["sent_ns"], level=level))))
             is not None
         ):
             self.levels[level] = self.sequence
-        if self.robot.arm(encode(ArmCommand(**stamp, pose=pose, dead_man=True, recover=True))) is not None:
+        if self.robot.arm(encode(ArmMessage(**stamp, pose=pose, dead_man=True, recover=True))) is not None:
             self.held = self.sequence
 
     def uses(self) -> list[int]:
@@ -269,13 +269,13 @@ _place = st.tuples(_real, _real, _real)
 _intent = st.builds(Intent, t_ns=_number, level=st.integers(-9, 9), closure=st.none() | _real)
 _message = st.one_of(
     st.builds(
-        HandCommand,
+        HandMessage,
         session=st.just(5) | _number,
         sequence=_number,
         sent_ns=_number,
         intent=st.none() | _intent,
     ),
-    st.builds(ArmCommand, session=st.just(5) | _number, sequence=_number, sent_ns=_number),
+    st.builds(ArmMessage, session=st.just(5) | _number, sequence=_number, sent_ns=_number),
     st.builds(Ping, session=st.just(5) | _number, t0_ns=_number),
     st.builds(Pong, session=st.just(5) | _number, t0_ns=_number, t1_ns=_number, t2_ns=_number),
 ).map(encode)
@@ -349,7 +349,7 @@ def test_a_contact_comes_over_the_link_as_it_was_or_not_at_all(contact) -> None:
     ],
 )
 def test_a_closure_between_two_levels_goes_over_the_link_as_it_is(asked: Intent | None, said: str) -> None:
-    told = decode(HandCommand, encode(HandCommand(session=1, sequence=0, sent_ns=0, intent=asked)))
+    told = decode(HandMessage, encode(HandMessage(session=1, sequence=0, sent_ns=0, intent=asked)))
     assert said in told.malformed()
     assert bool(told.malformed()) == bool(said)
     if not said:
@@ -360,4 +360,4 @@ def test_a_closure_between_two_levels_goes_over_the_link_as_it_is(asked: Intent 
     "numbers", [((0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), ((0.0, 0.0, math.inf), (0.0, 0.0, 0.0, 1.0))]
 )
 def test_a_damaged_pose_is_refused(numbers: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
-    assert ArmCommand(session=1, sequence=0, sent_ns=0, pose=PoseNumbers(0, *numbers)).malformed()
+    assert ArmMessage(session=1, sequence=0, sent_ns=0, pose=PoseNumbers(0, *numbers)).malformed()

@@ -15,7 +15,7 @@ from reference.vests import KeptVest
 from tega.devices.vest_stream import VestOptions
 from tega.hand import TORQUE_LIMITS, HandController
 from tega.hand_link import HandLink, Received
-from tega.haptics import LAYOUTS, VestFrame
+from tega.haptics import LAYOUTS, MotorLevels
 from tega.safety.guard import Guard
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.safety.states import RunStates, Transition
@@ -147,14 +147,14 @@ _MOTORS = {"paper32": 32, "x40": 40, "x16": 16}
     frames=st.lists(
         st.sampled_from(LAYOUTS).flatmap(
             lambda layout: hnp.arrays(np.uint8, _MOTORS[layout], elements=st.integers(0, 100)).map(
-                lambda values: VestFrame(layout, values)
+                lambda values: MotorLevels(layout, values)
             )
         ),
         max_size=8,
     ),
     limit=st.integers(1, 100),
 )
-def test_a_driver_s_link_is_never_told_more_than_the_limit(frames: list[VestFrame], limit: int) -> None:
+def test_a_driver_s_link_is_never_told_more_than_the_limit(frames: list[MotorLevels], limit: int) -> None:
     vest = KeptVest(VestOptions(limit=limit))
     with vest:
         for frame in frames:

@@ -59,7 +59,7 @@ def test_torque_frames_are_the_exact_counts_rounded(tau: list[float], device: in
         decoded = wire.allegro_decode(frame, device_id=device)
         assert isinstance(decoded, wire.AllegroTorque)
         assert frame == (
-            *reference.torque_frame(wire.FINGERS.index(decoded.finger), decoded.counts, device),
+            *reference.torque_frame(wire.HAND_FINGERS.index(decoded.finger), decoded.counts, device),
             False,
         )
         sent += decoded.counts

@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from tega.haptics import VestFrame, intensity, vest_frame
-from tega.sim.seams import Act, Percept, Truth
+from tega.haptics import MotorLevels, intensity, vest_frame
+from tega.sim.seams import Act, Percept, WorldTruth
 
 __all__ = ["Grasp", "Outcome", "grasp"]
 
@@ -46,7 +46,7 @@ class Actor(Protocol):
 
 def grasp(
     actor: Actor,
-    vest: Callable[[float, VestFrame], VestFrame | None] | None,
+    vest: Callable[[float, MotorLevels], MotorLevels | None] | None,
     *,
     item: Grasp | None = None,
     trial: int = 0,
@@ -68,7 +68,9 @@ def grasp(
             percent = intensity(grip / 3, 1.0)
             made = vest_frame([percent] * 4, [percent] * 4)
         force = (grip,) * 4
-        scene = Truth(t_s, height_m, lifted, force, slip_m, slip_m_s, narrower_m, 0.0, dropped, left_behind_m)
+        scene = WorldTruth(
+            t_s, height_m, lifted, force, slip_m, slip_m_s, narrower_m, 0.0, dropped, left_behind_m
+        )
         act = actor.act(Percept(t_s, scene, None if vest is None else vest(t_s, made), closure))
         acts.append(act)
         if act.phase == "done":

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tega.sim.seams import Truth
+from tega.sim.seams import WorldTruth
 from tega.sim.world import FULL_DUTY_NM, ObjectSpec, World, hand_controller
 
 __all__ = ["TICK_S", "Grip"]
@@ -18,7 +18,7 @@ class Grip:
         self.controller = hand_controller()
         self.ticks = 0
 
-    def hold(self, level: int, seconds: float, forearm_m: tuple[float, float] | None = None) -> Truth:
+    def hold(self, level: int, seconds: float, forearm_m: tuple[float, float] | None = None) -> WorldTruth:
         """Ask for a level for so long, and return what is true then."""
         if forearm_m is not None:
             self.world.set_forearm(forearm_m)

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from tega.haptics import FINGERS, intensity, vest_frame
-from tega.inbox.sources import Block
+from tega.inbox.sources import EmgBlock
 from tega.sim.gel import Gel, ball
 from tega.stages.choose import preset_metric
 from tega.stages.metrics import contact_metrics_of
 from tega.teleop.moment import LoopView
-from tega.teleop.touch import Felt
+from tega.teleop.touch import TouchMoment
 from tega.view.state import EmgTail, Shape, TouchImage, ViewState
 
 RATE_HZ = 1000.0
@@ -53,7 +53,7 @@ class Moments:
                 if metrics.in_contact
                 else (0.0, 0.0)
             )
-            felts.append(Felt(cci, eda, intensity(cci, 1.0), intensity(eda, 1.0)))
+            felts.append(TouchMoment(cci, eda, intensity(cci, 1.0), intensity(eda, 1.0)))
             contacts[finger] = (round(t_s * 1e9), metrics)
             pictures[finger] = picture
         n = round(t_s * RATE_HZ)
@@ -63,7 +63,7 @@ class Moments:
             contacts=contacts,
             felt=felts,
             vest=vest_frame([f.front for f in felts], [f.back for f in felts], layout="x40"),
-            block=Block(round(t_s * 1e9), (level, level, max(level - 1, 1)), level),
+            block=EmgBlock(round(t_s * 1e9), (level, level, max(level - 1, 1)), level),
             angles_rad=None,
             counts={
                 "touch": round(60 * t_s),

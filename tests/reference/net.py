@@ -10,8 +10,8 @@ import msgspec
 from reference.waiting import until
 from tega.net.link import Channel, Link
 from tega.net.messages import (
-    ArmCommand,
-    HandCommand,
+    ArmMessage,
+    HandMessage,
     Join,
     Ping,
     Pong,
@@ -86,7 +86,7 @@ class Leader:
     def say(self, sequence: int, *, age_ms: float = 0.0, session: int | None = None, level: int = 3) -> None:
         """Send a command for the hand."""
         sent_ns = time.monotonic_ns() - round(age_ms * 1e6)
-        command = HandCommand(
+        command = HandMessage(
             session=self.session if session is None else session,
             sequence=sequence,
             sent_ns=sent_ns,
@@ -97,7 +97,7 @@ class Leader:
     def say_arm(self, *, dead_man: bool = False, clutch: bool = False, recover: bool = False) -> None:
         """Send where the forearm is, which stands still, and what is held."""
         now_ns = time.monotonic_ns()
-        command = ArmCommand(
+        command = ArmMessage(
             session=self.session,
             sequence=now_ns,
             sent_ns=now_ns,

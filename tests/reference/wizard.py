@@ -19,11 +19,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
-from tega.calibration.wearing import SITES, site_motors
-from tega_emulators.process import Emulator
-from tega_emulators.vests import seen_by
-
-__all__ = ["OnScreen", "Wearer", "Wizard", "presses", "records"]
+__all__ = ["OnScreen", "Wizard", "presses", "records"]
 
 Answer = Callable[[str], str | None]
 
@@ -190,62 +186,3 @@ def presses(command: Callable[[str], object], firmness: list[float], *, hold_s: 
 def records(folder: Path) -> Iterator[str]:
     """Name every file under a folder."""
     yield from sorted(f.relative_to(folder).as_posix() for f in folder.rglob("*") if f.is_file())
-
-
-class Wearer:
-    """Answers the vest's questions from what the emulated motors really did.
-
-    Args:
-        peer: The emulated vest.
-        threshold: The lowest percent that is felt, by column.
-        step: The smallest increase in percent that is noticed.
-        mirrored: Whether the back is felt mirrored.
-    """
-
-    def __init__(
-        self, peer: Emulator, threshold: dict[str, int], *, step: int = 13, mirrored: bool = False
-    ) -> None:
-        self._peer = peer
-        self._threshold = threshold
-        self._step = step
-        self._mirrored = mirrored
-        self._n_seen = len(seen_by(peer).history)
-        self._n_again = 0
-        self.asked: list[str] = []
-        self.loudest = 0
-
-    def __call__(self, prompt: str) -> str | None:
-        """Answer one prompt."""
-        if prompt.startswith(">"):
-            return ""
-        bursts = self._bursts()
-        self.asked += [site for site, _ in bursts[:1]]
-        n_due, self._n_again = (2 if "stronger" in prompt else 1), self._n_again + 1
-        # What a busy machine swallowed is asked for once more, as a person would; a silent trial stays silent.
-        if len(bursts) != n_due and self._n_again < 3:
-            return "r"
-        self._n_again = 0
-        if "Where" in prompt:
-            ((site, _),) = bursts
-            return f"b{5 - int(site[1])}" if self._mirrored and site[0] == "b" else site
-        if "Felt" in prompt:
-            return "y" if bursts and bursts[0][1] >= self._threshold[bursts[0][0]] else "n"
-        if "stronger" in prompt:
-            (_, first), (_, second) = bursts
-            return "s" if abs(first - second) < self._step else "12"[second > first]
-        return "q"
-
-    def _bursts(self) -> list[tuple[str, int]]:
-        """What vibrated since the last question: column and percent, one each."""
-        history = seen_by(self._peer).history
-        new, self._n_seen = history[self._n_seen :], len(history)
-        bursts: list[tuple[str, int]] = []
-        dark = True
-        for _, motors in new:
-            lit = {k for k, v in enumerate(motors) if v}
-            self.loudest = max(self.loudest, *motors)
-            if lit and dark:
-                (site,) = [s for s in SITES if lit == set(site_motors(s))]
-                bursts.append((site, max(motors)))
-            dark = not lit
-        return bursts

@@ -22,7 +22,7 @@ from tega.arm import (
     WatchdogSettings,
 )
 from tega.arm import rotation as so3
-from tega.arm.gate import Gate
+from tega.arm.gate import PoseGate
 from tega.arm.workspace import Workspace
 from tega.errors import InvalidValueError
 
@@ -92,7 +92,7 @@ def test_at_a_wall_it_slides_and_comes_back_at_once() -> None:
     ],
 )
 def test_the_gate_says_why(change: dict[str, Any], says: str) -> None:
-    gate = Gate(GateSettings())
+    gate = PoseGate(GateSettings())
     first_ns = 40 * MS if change.get("t_ns") == 50 * MS else 100 * MS
     assert gate.refusal(StampedPose(first_ns, [0, 0, 0], [0, 0, 0, 1]), first_ns) == ""
     pose = StampedPose(190 * MS, [0, 0, 0], [0, 0, 0, 1])._replace(**change)

@@ -1,4 +1,4 @@
-"""``tega-teleop forward`` on an emulated headset whose wrist goes one way or another."""
+"""``tega-teleop arm forward`` on an emulated headset whose wrist goes one way or another."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from reference.trackers import wrist_goes
 from tega.arm import StampedPose
-from tega.arm.sweep import Sweep
+from tega.arm.sweep import ForearmSweep
 from tega.cli.forward import forward
 from tega_emulators.process import Emulator
 
@@ -67,7 +67,7 @@ def test_a_tracker_that_sees_nothing_is_told(tmp_path: Path) -> None:
 
 
 def test_a_movement_is_over_when_it_rests_and_begins_anew_after_a_gap() -> None:
-    sweep = Sweep("openxr")
+    sweep = ForearmSweep("openxr")
     for k in range(60):
         sweep.take(StampedPose(k * 10_000_000, (0, 0, -0.005 * k), _TURN))
     assert not sweep.done

@@ -17,8 +17,8 @@ from reference import panda_stand_in
 from tega.arm.robot import panda_body
 from tega.arm.robot.leash import Leash
 from tega.arm.robot.panda_body import PandaBody
-from tega.arm.robot.process import Loop, Settings
-from tega.arm.robot.words import Asked, Recover, Told
+from tega.arm.robot.process import Loop, ProcessSettings
+from tega.arm.robot.words import ArmStatusWords, ArmTargetWords, Recover
 from tega.devices.panda_arm import PandaArm, PandaArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega_emulators.process import Emulator
@@ -42,22 +42,22 @@ class Robot:
 
     def __init__(self, body: PandaBody) -> None:
         body.open()
-        settings = Settings(0, 7, "", {}, 200.0, 0.5, 1.5)
+        settings = ProcessSettings(0, 7, "", {}, 200.0, 0.5, 1.5)
         self.body, self.loop, self.n, self.hold = body, Loop(settings, body, Leash(7)), 0, 1
         self.panda = panda_stand_in.Panda.newest
 
-    def go(self, turns: int, place: tuple[float, float, float] | None) -> Told:
+    def go(self, turns: int, place: tuple[float, float, float] | None) -> ArmStatusWords:
         for _ in range(turns):
             now_ns = time.monotonic_ns()
             self.n += 1
             turn, state = (None, "idle") if place is None else (_TURN, "following")
-            asked = Asked(7, self.n, now_ns, state, self.hold, place, turn)  # type: ignore[arg-type]
+            asked = ArmTargetWords(7, self.n, now_ns, state, self.hold, place, turn)  # type: ignore[arg-type]
             self.loop.take(asked, now_ns)
             told = self.loop.tick(time.monotonic_ns())
             time.sleep(0.005)
         return told
 
-    def until(self, enough: Callable[[], object], place: tuple[float, float, float] | None) -> Told:
+    def until(self, enough: Callable[[], object], place: tuple[float, float, float] | None) -> ArmStatusWords:
         for _ in range(1000):
             told = self.go(1, place)
             if enough():

@@ -21,7 +21,7 @@ from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, Pose, S
 from tega.arm.robot import fci
 from tega.arm.robot.leash import Leash
 from tega.arm.robot.slew import Slew
-from tega.arm.robot.words import Asked, decode, encode
+from tega.arm.robot.words import ArmTargetWords, decode, encode
 from tega.arm.rotation import between
 from tega.devices.franky_arm import FrankyArm, FrankyArmOptions
 from tega.devices.simulated_arm import SimulatedArm, SimulatedArmOptions
@@ -35,9 +35,9 @@ _MOST_TURNS = 1500
 _TURN = (0.0, 0.0, 0.0, 1.0)
 
 
-def asked(n: int, t_ms: float, **other: object) -> Asked:
+def asked(n: int, t_ms: float, **other: object) -> ArmTargetWords:
     given = {"session": 7, "state": "following", "engagements": 1, "place": (0.5, 0.0, 0.3), "turn": _TURN}
-    return Asked(sequence=n, t_ns=round(t_ms * _MS), **{**given, **other})  # type: ignore[arg-type]
+    return ArmTargetWords(sequence=n, t_ns=round(t_ms * _MS), **{**given, **other})  # type: ignore[arg-type]
 
 
 def test_a_message_comes_out_as_it_went_in() -> None:
@@ -81,7 +81,7 @@ def test_after_too_long_a_pause_the_operator_takes_hold_anew(pause_ms: int, agai
         (asked(2, 95, turn=None), "a place or a turn"),
     ],
 )
-def test_a_command_that_is_not_obeyed(command: Asked, said: str) -> None:
+def test_a_command_that_is_not_obeyed(command: ArmTargetWords, said: str) -> None:
     leash = Leash(7)
     leash.take(asked(1, 90), 90 * _MS)
     assert said in leash.take(command, 100 * _MS)

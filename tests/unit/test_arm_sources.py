@@ -21,7 +21,7 @@ from tega.arm.sources import (
     read_poses,
     write_poses,
 )
-from tega.devices.base import InputState
+from tega.devices.base import InputReading
 from tega.errors import InvalidValueError, RecordingError
 
 MS = 1_000_000
@@ -119,8 +119,8 @@ def test_a_scripted_tracker_is_the_same_for_one_seed() -> None:
     assert list(runs[0]) == list(runs[1]) != list(runs[2])
 
 
-def held(motion: tuple[float, ...], *, live: bool = True) -> Callable[[], InputState]:
-    return lambda: InputState(0, live, motion, frozenset())  # type: ignore[arg-type]
+def held(motion: tuple[float, ...], *, live: bool = True) -> Callable[[], InputReading]:
+    return lambda: InputReading(0, live, motion, frozenset())  # type: ignore[arg-type]
 
 
 def test_a_deflected_cap_moves_the_arm_at_the_speed_of_its_deflection() -> None:

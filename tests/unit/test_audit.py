@@ -11,7 +11,7 @@ import pytest
 
 from tega.audit import (
     READINGS,
-    Asked,
+    AuditRequest,
     Mark,
     audit_recording,
     mean_difference,
@@ -77,7 +77,7 @@ def test_every_reading_measures_every_picture(presses: Path, capsys: Any) -> Non
 
 
 def test_the_numbers_are_those_of_the_stage_that_a_run_uses(presses: Path) -> None:
-    (found,) = audit_recording(presses, Asked(names=("live",)), baseline=presses.parent / "still.png")
+    (found,) = audit_recording(presses, AuditRequest(names=("live",)), baseline=presses.parent / "still.png")
     metric = preset_metric("live", BASELINE, "index")
     want = [metric.update(frame, round(k * 1e9 / 60)) for k, frame in enumerate(FRAMES)]
     assert found.report.touch[0].eda == [contact.eda for contact in want]
@@ -95,7 +95,7 @@ def test_a_sequence_goes_through_the_tracker_in_order_unless_its_pictures_are_se
         on = [ball(force_n=4.0, centre_xy=(120.0, 150.0))] if 8 <= k < 20 else []
         cv2.imwrite(str(folder / f"{k:02d}.png"), gel.frame(on, k))
     cv2.imwrite(str(tmp_path / "still.png"), gel.still())
-    asked = Asked(names=("live",))
+    asked = AuditRequest(names=("live",))
     (whole,) = audit_recording(folder, asked, baseline=tmp_path / "still.png")
     (apart,) = audit_recording(folder, asked._replace(separate=True), baseline=tmp_path / "still.png")
     metric = preset_metric("live", gel.still(), "index")
@@ -395,7 +395,7 @@ def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None
     (file,) = session.glob("*.mcap")
     recorded = read_recorded(file)
     for path in (session, file):
-        (found,) = audit_recording(path, Asked(names=("print", "live", "paper (D3)")))
+        (found,) = audit_recording(path, AuditRequest(names=("print", "live", "paper (D3)")))
         report = found.report
         assert report.recording == file.name
         assert {score.finger for score in report.touch} == {"thumb", "index"}

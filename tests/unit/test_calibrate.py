@@ -18,12 +18,13 @@ import msgspec
 import pytest
 
 from reference.waiting import until
-from reference.wizard import OnScreen, Wearer, Wizard, presses, records
+from reference.wizard import OnScreen, Wizard, presses, records
 from tega.calibration.folder import CalibrationFolder
 from tega.calibration.records import EmgRecord, utc_now, write_record
 from tega.cli.main import main
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
+from tega_emulators.wearer import Wearer
 
 pytestmark = pytest.mark.slow
 
@@ -214,7 +215,7 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
 ) -> None:
     with Emulator("bhaptics_player", "--port", "0") as peer:
         file = lab(tmp_path, vest(peer))
-        wearer = Wearer(peer, THRESHOLD)
+        wearer = Wearer(lambda: seen_by(peer).history, THRESHOLD)
         words = [
             "calibrate",
             str(file),
@@ -270,7 +271,7 @@ def test_the_vest_stays_below_its_ceiling_goes_on_where_it_was_and_ends_at_zero(
 def test_single_keys_on_a_terminal_answer_every_question_once(tmp_path: Path) -> None:
     with Emulator("bhaptics_player", "--port", "0") as peer:
         file = lab(tmp_path, vest(peer))
-        wearer = Wearer(peer, dict.fromkeys(THRESHOLD, 9))
+        wearer = Wearer(lambda: seen_by(peer).history, dict.fromkeys(THRESHOLD, 9))
         words = ["calibrate", str(file), "--person", "p01", "--time-scale", "0.1", "--ceiling", "24"]
         person = OnScreen(words, wearer)
         assert person.run(limit_s=10.0) == 0, person.screen[-3000:]
@@ -289,7 +290,7 @@ def test_single_keys_on_a_terminal_answer_every_question_once(tmp_path: Path) ->
 def test_a_mirrored_back_is_told_and_the_vest_rests_after_sigterm(tmp_path: Path) -> None:
     with Emulator("bhaptics_player", "--port", "0") as peer:
         file = lab(tmp_path, vest(peer))
-        wizard = calibrate(file, Wearer(peer, THRESHOLD, mirrored=True))
+        wizard = calibrate(file, Wearer(lambda: seen_by(peer).history, THRESHOLD, mirrored=True))
         assert wizard.code == 130
         assert 'back felt mirrored: set vest.mirror = "back"' in wizard.said
 
@@ -305,7 +306,7 @@ def test_a_mirrored_back_is_told_and_the_vest_rests_after_sigterm(tmp_path: Path
         again = Wizard(["calibrate", str(file), "--person", "p02", "--time-scale", "4"], begins)
         assert again.run() == 128 + signal.SIGTERM
         assert not any(seen_by(peer).motors)
-        wizard = calibrate(file, Wearer(peer, THRESHOLD), "--yes")
+        wizard = calibrate(file, Wearer(lambda: seen_by(peer).history, THRESHOLD), "--yes")
         assert wizard.code == 1
         assert "its questions need a person to answer them" in wizard.said
 

@@ -12,7 +12,7 @@ from tega.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squ
 from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.calibration.gel import judge_rest, suspect_contact
 from tega.calibration.presses import PressMeter
-from tega.calibration.records import TouchRecord, VestRecord, read_record
+from tega.calibration.records import TouchRecord, VestCalibration, read_record
 from tega.calibration.store import TouchMaxima
 from tega.calibration.times import Times
 from tega.calibration.wizard import Calibrating, parts_of
@@ -132,7 +132,7 @@ def test_records_that_must_not_be_used(tmp_path: Path) -> None:
             folder.record("p01", TouchRecord, "D1")
     path.write_text(good)
     with pytest.raises(CalibrationError):
-        read_record(path, VestRecord)
+        read_record(path, VestCalibration)
     assert folder.record("p01", TouchRecord, "D2") is None
     assert folder.others("p03", "touch", "D1") == "there is one of p01, p02"
 
@@ -159,7 +159,7 @@ def test_an_interrupted_calibration_is_too_old_after_four_hours(tmp_path: Path) 
 
 def test_a_person_s_thresholds_are_no_part_of_the_paper_preset(tmp_path: Path) -> None:
     sets = ["vest.driver=bhaptics-player", "calibration.person=p01", f"calibration.folder={tmp_path}"]
-    record = VestRecord(
+    record = VestCalibration(
         person="p01",
         device="127.0.0.1_15881",
         driver="bhaptics-player",

@@ -69,8 +69,8 @@ def test_the_bare_program_greets_and_says_what_to_type_first(capsys: pytest.Capt
 
 def test_help_lists_every_verb_by_life_cycle(capsys: pytest.CaptureFixture[str]) -> None:
     out, _ = call(capsys, "--help")
-    assert out.index("Run:") < out.index("replay") < out.index("Hardware:") < out.index("devices  ")
-    assert out.index("Tooling:") < out.index("config  ")
+    assert out.index("Start:") < out.index("replay") < out.index("Prepare:") < out.index("devices  ")
+    assert out.index("Groups:") < out.index("config  ")
 
 
 @pytest.mark.parametrize("verb", _verbs(cli, ""))

@@ -26,7 +26,7 @@ WIRING = (
     "replay",
     "view",
     "net",
-    "markers",
+    "lsl_events",
 )
 
 

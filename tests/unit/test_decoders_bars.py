@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.decoders import fit
-from tega.decoders.compare import Log, Told, compare, two_halves
+from tega.decoders.compare import DecoderTold, Log, compare, two_halves
 from tega.decoders.judge import judge
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,7 +44,7 @@ def squeezes(name: str) -> Log:
 
 
 @cache
-def told(name: str, swapped: bool = False) -> dict[str, Told]:
+def told(name: str, swapped: bool = False) -> dict[str, DecoderTold]:
     train, judged = two_halves(squeezes(name), swapped=swapped)
     return {one.decoder: one for one in compare(train, judged, ["rules-paper", "rules", "learned"])}
 

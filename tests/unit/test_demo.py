@@ -22,16 +22,16 @@ from tega.devices.synthetic import (
     effort_at,
 )
 from tega.haptics import vest_frame
-from tega.inbox.sources import Block
+from tega.inbox.sources import EmgBlock
 from tega.recording import prepare_folder
 from tega.sim import demo as demo_module
 from tega.sim.demo import DemoReport, demo_heading
 from tega.sim.gel import Gel, ball
 from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.score import Event
+from tega.sim.score import TrialEvent
 from tega.tactile import ContactMetrics, read_contact
 from tega.teleop.moment import LoopView
-from tega.teleop.touch import Felt
+from tega.teleop.touch import TouchMoment
 from tega.view.terminal import TerminalView, render
 
 
@@ -123,7 +123,7 @@ def dropped() -> TrialResult:
         slid_m=0.03,
         deformation_m=0.01,
         mean_level=2.0,
-        events=(Event("slip", 4.0, 0.012), Event("drop", 4.5)),
+        events=(TrialEvent("slip", 4.0, 0.012), TrialEvent("drop", 4.5)),
         simulated_s=5.0,
     )
 
@@ -158,15 +158,15 @@ def test_a_choice_in_the_page_takes_the_place_of_what_is_being_lifted() -> None:
 def view(t_ns: int = 2_500_000_000) -> LoopView:
     contact = ContactMetrics(1.0, (9.0, 9.0), 3.0, 1.0, 700, 0.5, 40.0, (9, 9), in_contact=True)
     felt = [
-        Felt(0.9, 0.2, 97.0, 6.0),
-        Felt(0.1, 0.8, 3.0, 94.0),
-        Felt(0.0, 0.0, 0.0, 0.0),
-        Felt(0.0, 0.0, 0.0, 0.0),
+        TouchMoment(0.9, 0.2, 97.0, 6.0),
+        TouchMoment(0.1, 0.8, 3.0, 94.0),
+        TouchMoment(0.0, 0.0, 0.0, 0.0),
+        TouchMoment(0.0, 0.0, 0.0, 0.0),
     ]
     vest = vest_frame([f.front for f in felt], [f.back for f in felt], layout="x40")
     contacts = {"thumb": (t_ns, contact), "index": (t_ns, contact)}
     counts = {"touch": 150, "vest": 75}
-    return LoopView(t_ns, contacts, felt, vest, Block(t_ns, (2, 3, 3), 3), [0.5] * 16, counts)
+    return LoopView(t_ns, contacts, felt, vest, EmgBlock(t_ns, (2, 3, 3), 3), [0.5] * 16, counts)
 
 
 def text_of(shown: object) -> str:
@@ -200,7 +200,7 @@ def test_the_screen_tells_what_is_lifted() -> None:
 
 
 def test_a_screen_without_input_says_so() -> None:
-    nothing = [Felt(0.0, 0.0, 0.0, 0.0)] * 4
+    nothing = [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4
     screen = text_of(render(LoopView(0, {}, nothing, None, None, None, {}), title="test", rates_hz={}))
     assert "no EMG yet" in screen
     assert "no vest frame" in screen

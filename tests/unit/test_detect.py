@@ -9,17 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from tega.detect import Detector, Found, Touch
-from tega.detect.tracks import Course, Low
+from tega.detect import DetectedEvent, Detector, TouchFrame
+from tega.detect.tracks import Low, TwoMeans
 
 HZ = 60.0
-NOTHING = Touch(False, 0, 0.0, 0.0, math.nan, math.nan)
-FIRM = Touch(True, 3000, 60_000.0, 30.0, 120.0, 100.0)
+NOTHING = TouchFrame(False, 0, 0.0, 0.0, math.nan, math.nan)
+FIRM = TouchFrame(True, 3000, 60_000.0, 30.0, 120.0, 100.0)
 
 
 def play(
-    detector: Detector, touches: list[Touch], *, finger: str = "index", begin_s: float = 0.0
-) -> list[Found]:
+    detector: Detector, touches: list[TouchFrame], *, finger: str = "index", begin_s: float = 0.0
+) -> list[DetectedEvent]:
     """Give a finger's frames, sixty a second."""
     found = []
     for n, touch in enumerate(touches):
@@ -27,13 +27,13 @@ def play(
     return found
 
 
-def kinds(found: list[Found]) -> list[tuple[str, float]]:
+def kinds(found: list[DetectedEvent]) -> list[tuple[str, float]]:
     return [(one.kind, round(one.t_s, 3)) for one in found]
 
 
 def test_a_course_says_what_has_changed_whatever_the_rate() -> None:
     for rate_hz in (30.0, 60.0, 200.0):
-        course = Course(0.08, 0.35)
+        course = TwoMeans(0.08, 0.35)
         for n in range(round(4 * rate_hz)):
             course.add(n / rate_hz, 5.0 * n / rate_hz)
         # A ramp lags a mean by its time constant.
@@ -54,7 +54,7 @@ def test_what_happened_while_nothing_was_seen_is_no_event() -> None:
 
 
 def test_lift_off_is_the_height_that_a_grasp_gains() -> None:
-    detector, found = Detector(), list[Found]()
+    detector, found = Detector(), list[DetectedEvent]()
     for n in range(400):
         t_s = n / 100
         found += detector.touch(t_s, "thumb", FIRM if t_s >= 1 else NOTHING)
@@ -67,7 +67,7 @@ def test_lift_off_is_the_height_that_a_grasp_gains() -> None:
 
 
 def test_what_is_taken_hold_of_again_in_the_air_does_not_lift_off_twice() -> None:
-    detector, found = Detector(), list[Found]()
+    detector, found = Detector(), list[DetectedEvent]()
     for n in range(1000):
         t_s = n / 100
         felt = 0.5 < t_s < 2.5 or 5.0 < t_s < 7.0 or t_s > 8.0  # lost in the air, and put down from 7 to 8 s
@@ -94,8 +94,8 @@ def test_a_grip_is_weaker_than_before_only_where_it_never_was_so_weak() -> None:
 
 
 def test_a_deformation_is_closure_gained_since_contact_once_until_it_eases() -> None:
-    def squeezed(*closures: float) -> list[Found]:
-        detector, found = Detector(), list[Found]()
+    def squeezed(*closures: float) -> list[DetectedEvent]:
+        detector, found = Detector(), list[DetectedEvent]()
         for n in range(50 * len(closures)):
             detector.touch(n / 50, "thumb", FIRM)
             found += detector.hand(n / 50, level=5, closure=closures[n // 50], height_m=0.0)
@@ -107,17 +107,17 @@ def test_a_deformation_is_closure_gained_since_contact_once_until_it_eases() -> 
     assert len(squeezed(1.8, 3.25, 2.5, 3.25)) == 2
 
 
-def slide(hold_s: float) -> list[Touch]:
+def slide(hold_s: float) -> list[TouchFrame]:
     """A firm hold whose pressure then drops to an eighth in a second, for a while."""
     weak = [
-        Touch(True, 3000 - 1500 * f, 60_000 * math.exp(-2 * f), 30 - 14 * f, 120.0, 100 + 25 * f)
+        TouchFrame(True, 3000 - 1500 * f, 60_000 * math.exp(-2 * f), 30 - 14 * f, 120.0, 100 + 25 * f)
         for f in (n / HZ for n in range(60))
     ]
     return [NOTHING] * 6 + [FIRM] * round(hold_s * HZ) + weak + [weak[-1]] * 120
 
 
 def test_a_record_and_the_run_agree_on_a_slip_and_steady_holds_have_none() -> None:
-    def slips(look_ahead_s: float, touches: list[Touch]) -> list[Found]:
+    def slips(look_ahead_s: float, touches: list[TouchFrame]) -> list[DetectedEvent]:
         detector = Detector(look_ahead_s=look_ahead_s)
         found = play(detector, touches)
         found += detector.close(len(touches) / HZ)

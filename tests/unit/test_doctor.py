@@ -17,7 +17,7 @@ from reference.command import call
 from tega.config import load_config
 from tega.doctor import look_for
 from tega.doctor.bench import LOOK_S, ROLES, TRY_S, look_around, try_all
-from tega.doctor.case import Case, holders
+from tega.doctor.case import DriverCase, holders
 from tega.doctor.in_time import in_time
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.vests import seen_by
@@ -141,7 +141,7 @@ def test_packages_that_drivers_need_to_look_are_told_once(monkeypatch: pytest.Mo
 
 
 def test_an_unexpected_error_of_one_driver_is_one_finding() -> None:
-    findings = try_all([Case("emg", "emg", "emg-file", object())], 5.0)
+    findings = try_all([DriverCase("emg", "emg", "emg-file", object())], 5.0)
     assert findings[0].status == "wrong"
     assert "unexpected AttributeError" in findings[0].finding
 

@@ -10,7 +10,7 @@ import pytest
 
 from tega.calibration import Calibration, EmgMaxima, save_calibration
 from tega.calibration.folder import CalibrationFolder
-from tega.calibration.records import EmgRecord, TouchRecord, VestRecord, write_record
+from tega.calibration.records import EmgRecord, TouchRecord, VestCalibration, write_record
 from tega.calibration.store import TouchMaxima
 from tega.cli.main import main
 from tega.config import load_config
@@ -62,8 +62,8 @@ def muscles(settings: str, kind: str = "raw", made: datetime = NOW) -> EmgRecord
     )  # fmt: skip
 
 
-def worn(made: datetime = NOW) -> VestRecord:
-    return VestRecord(
+def worn(made: datetime = NOW) -> VestCalibration:
+    return VestCalibration(
         device=VEST, driver="bhaptics-player", made=made, person="p01", layout="x40", ceiling_percent=60,
         sites=("f1",), threshold_percent=(10.0,), step_percent=(5.0,), named_right=8, named=8, false_alarms=0,
     )  # fmt: skip

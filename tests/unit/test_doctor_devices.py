@@ -12,7 +12,7 @@ import pytest
 from reference.doctor import only, told
 from tega.doctor import Finding
 from tega.doctor.bench import look_around
-from tega.doctor.tactile import Camera, crowded
+from tega.doctor.tactile import FoundCamera, crowded
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 
@@ -153,7 +153,7 @@ def test_four_sensors_on_one_bus_are_too_many() -> None:
     from tega.devices.video_nodes import VideoNode
 
     def bench_of(rate_hz: float, buses: str) -> list[Finding]:
-        cameras = [Camera("tactile", f"D{n}", rate_hz, 320 * 240) for n in range(4)]
+        cameras = [FoundCamera("tactile", f"D{n}", rate_hz, 320 * 240) for n in range(4)]
         nodes = [
             VideoNode(f"/dev/video{n}", "DIGIT", f"D{n}", 0x0200, "2833:0209", bus)
             for n, bus in enumerate(buses)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tega.calibration.records import GelRecord, write_record
-from tega.doctor.case import Case
+from tega.doctor.case import DriverCase
 from tega.doctor.gel import look_at_gel
 from tega.sim.gel import Gel, ball
 
@@ -26,11 +26,11 @@ def pictures(gel: Gel, *, first: int = 0, noisier: float = 1.0, indenters: Any =
     return [np.clip(np.rint(still + noisier * (frame - still)), 0, 255).astype(np.uint8) for frame in frames]
 
 
-def case(path: Path, baseline: Any) -> Case:
+def case(path: Path, baseline: Any) -> DriverCase:
     """Return a sensor whose baseline is a picture."""
     file = path / "thumb.npy"
     np.save(file, np.rint(np.mean(baseline, axis=0)).astype(np.uint8))
-    return Case("tactile.thumb", "tactile", "digit", None, file)
+    return DriverCase("tactile.thumb", "tactile", "digit", None, file)
 
 
 @pytest.mark.parametrize("noisier", [1.0, 2.5])
@@ -103,11 +103,11 @@ def test_dirt_wear_and_old_lights_are_named(tmp_path: Path) -> None:
 def test_lights_that_are_off_are_told_with_and_without_a_baseline(tmp_path: Path) -> None:
     gel = Gel(3)
     off = [np.clip((p.astype(float) - gel.still()) + 6, 0, 255).astype(np.uint8) for p in pictures(gel)]
-    for told in (case(tmp_path, pictures(gel)), Case("tactile.thumb", "tactile", "digit", None)):
+    for told in (case(tmp_path, pictures(gel)), DriverCase("tactile.thumb", "tactile", "digit", None)):
         first = look_at_gel(told, "D1", off)[0]
         assert first.status == "wrong"
         assert "the picture is dark" in first.finding
-    assert look_at_gel(Case("tactile.thumb", "tactile", "digit", None), "D1", pictures(gel)) == []
+    assert look_at_gel(DriverCase("tactile.thumb", "tactile", "digit", None), "D1", pictures(gel)) == []
 
 
 def test_a_few_pictures_say_nothing_and_another_size_is_named(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from reference.command import call
 from tega.config import load_config
-from tega.doctor.bench import Looked
+from tega.doctor.bench import DriverLook
 
 
 def test_init_never_overwrites_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -47,11 +47,11 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     )
     path = tmp_path / "lab.toml"
     looked: dict[str, Any] = {
-        "digit": Looked("tactile", digits),
-        "serial-emg": Looked("emg", [board]),
-        "lsl-emg": Looked("emg", [stream]),
-        "bhaptics-ble": Looked("vest", [vest]),
-        "allegro": Looked("hand", [hand]),
+        "digit": DriverLook("tactile", digits),
+        "serial-emg": DriverLook("emg", [board]),
+        "lsl-emg": DriverLook("emg", [stream]),
+        "bhaptics-ble": DriverLook("vest", [vest]),
+        "allegro": DriverLook("hand", [hand]),
     }
     path.write_text(lab_settings(looked, name=path.name))
     config = load_config(path, environ={}).config

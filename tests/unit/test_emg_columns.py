@@ -43,7 +43,7 @@ def test_emg_score_asks_which_columns_are_emg(tmp_path: Path, capsys: pytest.Cap
     file = tmp_path / "squeeze.csv"
     np.savetxt(file, np.random.default_rng(1).normal(size=(4000, 4)), delimiter=",")
     with pytest.raises(SystemExit) as left:
-        main(["emg-score", str(file), "--force", "1", "--rate-hz", "200"])
+        main(["emg", "score", str(file), "--force", "1", "--rate-hz", "200"])
     assert left.value.code == 2
     assert "--force 1 is a column beside the EMG: name that with --channels" in capsys.readouterr().err
 

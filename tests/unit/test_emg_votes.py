@@ -16,7 +16,7 @@ from tega.devices.base import EmgChunk
 from tega.emg import InputKind, channel_maxima
 from tega.emg_votes import ChannelVotes
 from tega.errors import ShapeError
-from tega.inbox.sources import Block, BlockMeter, SourceReport
+from tega.inbox.sources import BlockMeter, EmgBlock, SourceReport
 from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
 
@@ -37,14 +37,14 @@ def hum(n: int, *, size: float = 400.0, line_hz: float = 50.0) -> NDArray[np.flo
 
 def levels(
     samples: NDArray[np.float64], *, preset: str = "live", cut: Sequence[int] = (4,)
-) -> tuple[list[Block], SourceReport]:
+) -> tuple[list[EmgBlock], SourceReport]:
     """Decode samples as a run does."""
     maximum = float(channel_maxima(squeeze(2000)[:, :1], RATE_HZ, tau=TAU)[0])
     maxima = EmgMaxima(kind="raw", rate_hz=RATE_HZ, tau=TAU, channels=("a", "b", "c"), maxima=(maximum,) * 3)
     setup = MuscleSetup("raw", RATE_HZ, TAU, maxima.channels, maxima.maxima, preset)  # type: ignore[arg-type]
     report = SourceReport()
     meter = BlockMeter(RulesDecoder(setup, RulesOptions()), report, maxima=maxima, live=False)
-    blocks, at, k = list[Block](), 0, 0
+    blocks, at, k = list[EmgBlock](), 0, 0
     while at < len(samples):
         n = cut[k % len(cut)]
         blocks += meter.take(EmgChunk(0, at, samples[at : at + n]))
@@ -149,3 +149,25 @@ def test_no_channel_of_a_person_loses_its_vote(recordings: Path) -> None:
             assert votes.faults == {}, f"{name} at {at / rate_hz:.1f} s"
         n_channels += len(names)
     assert n_channels == 6 * 8 + 2 * 4 + 8 + 8 + 1
+
+
+@given(
+    st.sampled_from([250.0, 500.0, 1000.0, 2000.0]),
+    st.sampled_from([50.0, 60.0, 100.0, 180.0]),
+    st.floats(0.85, 0.99),
+    st.floats(2, 60),
+    st.integers(0, 2**32 - 1),
+)
+def test_mains_are_found_just_where_the_whole_sum_finds_them(
+    rate_hz: float, line_hz: float, share: float, amplitude: float, seed: int
+) -> None:
+    """Looking at the halves first leaves nothing out."""
+    random, n = np.random.default_rng(seed), round(rate_hz)
+    wave = np.sin(2 * np.pi * line_hz * np.arange(n) / rate_hz + random.uniform(0, 6))[:, None]
+    samples = amplitude * (np.sqrt(2 * share) * wave + np.sqrt(1 - share) * random.normal(size=(n, 2)))
+    quick, whole = (ChannelVotes(rate_hz, n // 10, "raw", ["a", "b"], [40.0, 40.0]) for _ in range(2))
+    whole._returns = False
+    for at in range(0, n, 17):
+        quick.take(samples[at : at + 17])
+        whole.take(samples[at : at + 17])
+        assert quick.faults == whole.faults

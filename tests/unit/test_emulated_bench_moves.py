@@ -19,7 +19,7 @@ def test_a_line_that_is_no_move_is_refused_with_the_moves() -> None:
     bench = emulated_bench.EmulatedBench()
     for line in ("dance", "squeeze 2", "squeeze hard", "press", "press elbow", "rest 1"):
         with pytest.raises(InvalidValueError, match="is no move") as found:
-            bench.act(line)
+            bench.moves.act(line)
         assert "squeeze" in found.value.hint
 
 
@@ -39,9 +39,9 @@ def test_muscles_squeeze_one_by_one_and_a_fingertip_is_pressed() -> None:
                 more = [chunk.samples, *(c.samples for _ in range(20) if (c := source.read(0.2)) is not None)]
                 return np.asarray(np.concatenate(more).std(axis=0))
 
-            bench.act("rest")
+            bench.moves.act("rest")
             at_rest = strengths()
-            bench.act("squeeze 0.5 2")
+            bench.moves.act("squeeze 0.5 2")
             alone = strengths()
         assert alone[1] > 5 * at_rest[1]
         assert alone[0] < 2 * at_rest[0] + 1.0
@@ -56,8 +56,8 @@ def test_muscles_squeeze_one_by_one_and_a_fingertip_is_pressed() -> None:
                 return newest.image.astype(float)
 
             untouched = picture()
-            bench.act("press thumb 0.9")
+            bench.moves.act("press thumb 0.9")
             pressed = picture()
-            bench.act("release")
+            bench.moves.act("release")
             again = picture()
         assert np.abs(pressed - untouched).max() > 2 * np.abs(again - untouched).max()

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tega.devices import driver_class
-from tega_campaigns.faults import FAULTS, Outcome, all_trials
+from tega_campaigns.faults import FAULTS, DriverOutcome, all_trials
 from tega_campaigns.faults.page import page
 from tega_emulators.benches import BENCHES
 
@@ -66,7 +66,7 @@ def test_a_cell_is_made_by_running_into_the_fault(driver: str, fault: str, effec
 
 def test_the_page_has_a_row_for_every_cell() -> None:
     trials, cannot = all_trials()
-    made = page([(t, Outcome(effect="goes on", said="told | so")) for t in trials], cannot)
+    made = page([(t, DriverOutcome(effect="goes on", said="told | so")) for t in trials], cannot)
     assert made.count("told \\| so") == len(trials)
     for reason in cannot.values():
         assert reason in made

@@ -76,9 +76,9 @@ def test_bad_input_is_refused() -> None:
     gel = Gel(1)
     with pytest.raises(InvalidValueError, match="'pear' is not known"):
         gel.press([Indenter("pear", (1.0, 1.0, 1.0), STRAIGHT, 1.0)])  # type: ignore[arg-type]
-    with pytest.raises(InvalidValueError, match=r"radius of indenter 0 is -1 mm"):
+    with pytest.raises(InvalidValueError, match=r"radius of indenter 0 = -1 mm"):
         gel.press([ball(force_n=1.0, radius_mm=-1.0)])
-    with pytest.raises(InvalidValueError, match=r"force_n of indenter 1 is NaN N"):
+    with pytest.raises(InvalidValueError, match=r"force_n of indenter 1 = NaN N"):
         gel.press([ball(force_n=1.0), ball(force_n=float("nan"))])
     with pytest.raises(InvalidValueError, match="no rotation"):
         gel.press([Indenter("sphere", (1.0, 0.0, 0.0), 2 * STRAIGHT, 1.0)])

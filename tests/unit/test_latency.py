@@ -14,7 +14,7 @@ import pytest
 
 from tega.bus import Bus
 from tega.config import check_tree
-from tega.inbox.spread import Spread
+from tega.inbox.histogram import Histogram
 from tega.records import Latency
 from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, LatencyTrace
 from tega.teleop.session import run_session
@@ -26,13 +26,13 @@ MS = 1_000_000
 def test_a_spread_is_right_within_two_percent() -> None:
     rng = random.Random(4)
     taken = [round(MS * rng.lognormvariate(0, 1)) for _ in range(5000)]
-    spread = Spread()
+    spread = Histogram()
     for ns in taken:
         spread.add(ns)
     for share in (0.5, 0.95, 0.99):
         assert spread.at(share) == pytest.approx(np.quantile(taken, share, method="inverted_cdf"), rel=0.021)
     assert spread.at(1.0) == spread.worst_ns == max(taken)
-    assert Spread().summary_ms() == {"n": 0, "worst": 0.0}
+    assert Histogram().summary_ms() == {"n": 0, "worst": 0.0}
 
 
 class _Now:

@@ -17,10 +17,10 @@ from tega.calibration import TouchMaxima
 from tega.clock import ManualClock, SystemClock
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.haptics import VestFrame, intensity
+from tega.haptics import MotorLevels, intensity
 from tega.inbox.frames import measured_contacts
 from tega.inbox.reader import ReadAhead, Reader
-from tega.inbox.sources import Block, SourceReport
+from tega.inbox.sources import EmgBlock, SourceReport
 from tega.inbox.stream import LiveStream, PulledStream
 from tega.records import Contact
 from tega.stages.choose import preset_metric
@@ -62,14 +62,14 @@ def run_loop(
     return loop
 
 
-def is_silent(frame: VestFrame) -> bool:
+def is_silent(frame: MotorLevels) -> bool:
     return not frame.intensities.any()
 
 
 def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
     vest, hand = Sink(), Sink()
     thumb = PulledStream([(0, touching(50)), (50 * MS, touching(50))], end_ns=100 * MS)
-    levels = PulledStream([Block(10 * MS, (1, 1, 1), 1)], end_ns=40 * MS)
+    levels = PulledStream([EmgBlock(10 * MS, (1, 1, 1), 1)], end_ns=40 * MS)
     report = run_loop(contacts={"thumb": thumb}, levels=levels, vest=vest, hand=hand).report
     assert [t for t, _ in vest.sent] == [0, 33_333_333, 66_666_667, 100 * MS]
     assert [t for t, _ in hand.sent] == [*range(0, 100 * MS, 3 * MS), 100 * MS]
@@ -85,7 +85,7 @@ def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
 
 def test_a_level_steers_from_its_stamp_on() -> None:
     hand = Sink()
-    levels = PulledStream([Block(30 * MS, (4,), 4)], end_ns=600 * MS)
+    levels = PulledStream([EmgBlock(30 * MS, (4,), 4)], end_ns=600 * MS)
     views: list[LoopView] = []
     report = run_loop(levels=levels, vest=Sink(), hand=hand, observer=views.append).report
     assert report.level_ticks == {1: 10, 2: 0, 3: 0, 4: 190, 5: 0}
@@ -144,7 +144,7 @@ def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
 def test_when_one_sink_fails_the_others_are_still_left_silent() -> None:
     broken, hand = Sink(fail_at_ns=50 * MS), Sink()
     thumb = PulledStream([(k * 10 * MS, touching(100)) for k in range(30)])
-    levels = PulledStream([Block(k * 10 * MS, (3,), 3) for k in range(30)])
+    levels = PulledStream([EmgBlock(k * 10 * MS, (3,), 3) for k in range(30)])
     with pytest.raises(DeviceUnavailableError, match="cable") as caught:
         run_loop(contacts={"thumb": thumb}, levels=levels, vest=broken, hand=hand)
     assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
@@ -178,7 +178,7 @@ def test_what_is_no_exception_on_the_way_out_keeps_nobody_from_it(error: type[Ba
 
     vest = Sink()
     thumb = PulledStream([(k * 10 * MS, touching(100)) for k in range(10)])
-    levels = PulledStream([Block(0, (3,), 3)], end_ns=100 * MS)
+    levels = PulledStream([EmgBlock(0, (3,), 3)], end_ns=100 * MS)
     with pytest.raises(error, match="on purpose"):
         run_loop(contacts={"thumb": thumb}, levels=levels, vest=vest, hand=Panics())
     assert not is_silent(vest.sent[-2][1])
@@ -223,7 +223,7 @@ def test_a_late_tick_is_made_up_for_and_counted() -> None:
     hand = Sink()
     clock = Jumpy({9 * MS: 20 * MS})
     loop = run_loop(
-        levels=PulledStream([Block(0, (1,), 1)], end_ns=60 * MS), vest=Sink(), hand=hand, clock=clock
+        levels=PulledStream([EmgBlock(0, (1,), 1)], end_ns=60 * MS), vest=Sink(), hand=hand, clock=clock
     )
     assert loop.report.n_hand_ticks == 20
     pacing = loop._pacer.report()
@@ -235,7 +235,7 @@ def test_after_a_long_stall_old_commands_are_left_out() -> None:
     hand = Sink()
     clock = Jumpy({30 * MS: 500 * MS})
     loop = run_loop(
-        levels=PulledStream([Block(0, (1,), 1)], end_ns=900 * MS), vest=Sink(), hand=hand, clock=clock
+        levels=PulledStream([EmgBlock(0, (1,), 1)], end_ns=900 * MS), vest=Sink(), hand=hand, clock=clock
     )
     times = [t // MS for t, _ in hand.sent]
     assert times[:11] == [*range(0, 30, 3), 432]

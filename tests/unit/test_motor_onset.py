@@ -21,13 +21,13 @@ from tega.clock import SystemClock
 from tega.config import check_tree
 from tega.devices import driver_class
 from tega.errors import CalibrationError, DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.onset.clock import Block, by_blocks, by_clicks
-from tega.onset.detect import Onsets, find_onsets
-from tega.onset.log import OnsetLog, read_log, read_wav, write_log
-from tega.onset.measure import found_in, play_bursts, record_of
-from tega.onset.microphone import Microphone
 from tega.recording.inspection import inspect_file
 from tega.teleop.session import run_session
+from tega.vest_latency.clock import SoundBlock, by_blocks, by_clicks
+from tega.vest_latency.detect import Onsets, find_onsets
+from tega.vest_latency.log import OnsetLog, read_log, read_wav, write_log
+from tega.vest_latency.measure import found_in, play_bursts, record_of
+from tega.vest_latency.microphone import Microphone
 from tega.worn_vest import NAMELESS
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
 from tega_emulators.motor_sound import RATE_HZ
@@ -151,7 +151,7 @@ def test_stamps_of_the_sound_system_and_its_drift_are_taken() -> None:
     for k in range(1500):
         heard_s = 7.0 + 480 * k / true_hz
         came_s = heard_s + 0.03 + random.expovariate(1 / 0.004)
-        blocks.append(Block(480 * k, 480, came_s, came_s - heard_s + random.uniform(-2e-4, 2e-4)))
+        blocks.append(SoundBlock(480 * k, 480, came_s, came_s - heard_s + random.uniform(-2e-4, 2e-4)))
     clock = by_blocks(blocks, 48_000, latency_s=0.02)
     assert clock.how == "stamps"
     assert clock.began_s == pytest.approx(7.0, abs=5e-4)
@@ -196,10 +196,10 @@ LOG = OnsetLog(
 
 
 def _found(onsets: Onsets) -> Any:
-    from tega.onset.clock import ClockMap
-    from tega.onset.measure import Found
+    from tega.vest_latency.clock import ClockMap
+    from tega.vest_latency.measure import OnsetFound
 
-    return Found(ClockMap(began_s=0, rate_hz=RATE_HZ, uncertainty_ms=8.0, how="clicks"), onsets)
+    return OnsetFound(ClockMap(began_s=0, rate_hz=RATE_HZ, uncertainty_ms=8.0, how="clicks"), onsets)
 
 
 def test_a_phone_s_recording_with_its_log(

@@ -13,10 +13,10 @@ import pytest
 pytest.importorskip("zenoh", reason="needs the extra net")
 
 from tega_campaigns.impaired import ImpairedLink
-from tega_campaigns.station_faults import FAULTS, Scene
+from tega_campaigns.station_faults import FAULTS, StationScene
 from tega_campaigns.station_faults.page import put_table, table
 from tega_campaigns.station_faults.scene import until
-from tega_campaigns.station_faults.trials import Outcome
+from tega_campaigns.station_faults.trials import StationOutcome
 
 pytestmark = pytest.mark.slow
 
@@ -27,9 +27,9 @@ _HOLD_S, _NO_DATA_S = 1.0, 5.0
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StationScene]:
     # So long a lease that a link outlives its silence, and all that waited in it comes at once.
-    with Scene(tmp_path_factory.mktemp("stations"), net={"lease_ms": 10_000.0}) as scene:
+    with StationScene(tmp_path_factory.mktemp("stations"), net={"lease_ms": 10_000.0}) as scene:
         yield scene
 
 
@@ -39,7 +39,7 @@ def _first(changes: list[tuple[float, object]], begun_s: float, *wanted: object)
 
 
 @needs_posix
-def test_nothing_of_what_waited_in_a_stall_is_used(scene: Scene) -> None:
+def test_nothing_of_what_waited_in_a_stall_is_used(scene: StationScene) -> None:
     begun_s = time.monotonic()
     old = scene.robot.now["refused"].get("old", 0)
     scene.link.stall()
@@ -53,7 +53,7 @@ def test_nothing_of_what_waited_in_a_stall_is_used(scene: Scene) -> None:
 
 
 @needs_posix
-def test_a_frozen_operator_leaves_hand_and_arm_held(scene: Scene) -> None:
+def test_a_frozen_operator_leaves_hand_and_arm_held(scene: StationScene) -> None:
     scene.take_hold()
     begun_s = time.monotonic()
     scene.operator.freeze()
@@ -69,7 +69,7 @@ def test_a_frozen_operator_leaves_hand_and_arm_held(scene: Scene) -> None:
 
 
 @needs_posix
-def test_a_cut_link_silences_the_vest_and_says_so(scene: Scene) -> None:
+def test_a_cut_link_silences_the_vest_and_says_so(scene: StationScene) -> None:
     scene.take_hold()
     begun_s = time.monotonic()
     scene.link.cut()
@@ -113,7 +113,7 @@ def test_what_a_link_keeps_back_comes_whole_and_in_order() -> None:
 
 
 def test_the_table_says_where_a_fault_did_not_go_as_it_should(tmp_path) -> None:
-    found = Outcome(
+    found = StationOutcome(
         hand=[(0.0, "active"), (0.1, "hold"), (2.1, "idle")],
         arm=[(0.0, "following")],
         silent_s=0.1,

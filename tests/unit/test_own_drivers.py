@@ -112,7 +112,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
         own[name] = EntryPoint(name, f"{__name__}:{value}", registry.GROUP)
 
     def with_own(group: str) -> dict[str, EntryPoint]:
-        return found(group) | (own if group == registry.GROUP else {})
+        return dict(found(group)) | (own if group == registry.GROUP else {})
 
     monkeypatch.setattr(plugins, "plugins", with_own)
     monkeypatch.setattr(registry, "plugins", with_own)

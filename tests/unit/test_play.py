@@ -23,7 +23,7 @@ from tega.calibration.folder import CalibrationFolder
 from tega.cli.main import main
 from tega.config import SessionConfig, check_tree
 from tega.errors import ConfigError
-from tega.haptics import VestFrame
+from tega.haptics import MotorLevels
 from tega.replay.play import LEAD_S, play_file
 from tega.replay.play_clock import PlayClock
 from tega.replay.recorded import read_recorded
@@ -143,7 +143,7 @@ def told(file: Path) -> list[list[int]]:
     """The frames of a recording, in the wearer's order, without those that are equal to the one before."""
     frames: list[list[int]] = [[0] * 40]
     for _, layout, levels in read_recorded(file).vest:
-        frame = VestFrame(layout, np.frombuffer(levels, np.uint8)).x40().tolist()
+        frame = MotorLevels(layout, np.frombuffer(levels, np.uint8)).x40().tolist()
         if frame != frames[-1]:
             frames.append(frame)
     return frames[1:]
@@ -285,7 +285,7 @@ def test_a_motor_that_is_identified_counts_to_the_day_too(session: Session, tmp_
     tree = {"vest": session.to["vest"], "calibration": {"folder": str(tmp_path)}}
     settings.write_text(tree_text(tree))
     with pytest.raises(SystemExit) as ended:
-        main(["identify", str(settings), "--person", "p01", "--motor", "3", "--seconds", "0.5"])
+        main(["vest", "identify", str(settings), "--person", "p01", "--motor", "3", "--seconds", "0.5"])
     assert ended.value.code == 0
     (run,) = json.loads(file.read_bytes())
     assert run["dose_s"][3] > 0.05

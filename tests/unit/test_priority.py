@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from tega import priority
+from tega import threads as priority
 from tega.config import check_tree
-from tega.priority import ahead_of_others, all_along, bring_along, realtime
-from tega.teleop.collector import settle, settled
+from tega.teleop.gc_pause import settle, settled
 from tega.teleop.moment import LoopView
 from tega.teleop.session import run_session
+from tega.threads import all_along, promote, realtime, run_realtime
 from tega_emulators.lab import emulated_lab
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time threads are asked for on Linux only")
@@ -40,9 +40,9 @@ def _until(what: Callable[[], bool]) -> bool:
 def test_who_acts_goes_before_who_decodes_and_all_before_the_recorder() -> None:
     before, found = _policy(), []
     for rank in ("act", "measure", "take", "beside"):
-        with ahead_of_others(rank) as granted:
+        with run_realtime(rank) as granted:
             found.append(_policy()[1])
-            with ahead_of_others("beside") as still:  # nobody loses what it has
+            with run_realtime("beside") as still:  # nobody loses what it has
                 assert still == granted
                 assert _policy()[1] == found[-1]
         assert _policy() == before
@@ -57,11 +57,11 @@ def test_who_acts_goes_before_who_decodes_and_all_before_the_recorder() -> None:
 def test_a_run_without_real_time_asks_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
     monkeypatch.setattr(os, "sched_setscheduler", lambda tid, *_how: asked.append(tid))
-    with realtime(allowed=False), ahead_of_others("act") as granted, all_along():
+    with realtime(allowed=False), run_realtime("act") as granted, all_along():
         assert not granted
-        assert not bring_along(threading.current_thread(), "act")
+        assert not promote(threading.current_thread(), "act")
     assert asked == []
-    with ahead_of_others("act"):
+    with run_realtime("act"):
         assert asked == [0]
 
 
@@ -71,7 +71,7 @@ def test_threads_that_were_there_and_that_begin_are_brought_along_and_let_go(
 ) -> None:
     monkeypatch.setattr(priority, "_SWEEP_S", 0.02)
     over = threading.Event()
-    with ahead_of_others("beside") as granted:
+    with run_realtime("beside") as granted:
         wanted = _policy() if granted else (os.SCHED_OTHER, 0)
     threads = [threading.Thread(target=over.wait, daemon=True) for _ in range(2)]
     try:
@@ -118,5 +118,5 @@ def test_a_run_that_is_told_to_takes_no_real_time(tmp_path: Path) -> None:
 
 
 def _granted() -> bool:
-    with ahead_of_others("act") as granted:
+    with run_realtime("act") as granted:
         return granted

@@ -18,7 +18,7 @@ from tega.calibration import TouchMaxima
 from tega.clock import ManualClock
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError, DeviceUnavailableError
-from tega.haptics import FeltMap, VestFrame
+from tega.haptics import FeltMap, MotorLevels
 from tega.inbox.stream import PulledStream
 from tega.replay import replay_file
 from tega.stages.pulses import PulsesMapping, PulsesOptions
@@ -65,7 +65,7 @@ def told(
     fail_at_ns: int | None = None,
     felt: FeltMap | None = None,
     **pulses: float,
-) -> tuple[list[tuple[float, int, int]], list[tuple[int, VestFrame]], PulsesMapping]:
+) -> tuple[list[tuple[float, int, int]], list[tuple[int, MotorLevels]], PulsesMapping]:
     """Run the loop over an index finger's frames; return changes of (time, front, back), all frames, and the loop."""
     vest = Sink(fail_at_ns)
     loop = pulsing(TouchMaxima(cci_max=1.0, eda_max=3000.0), felt=felt, **pulses)

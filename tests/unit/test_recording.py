@@ -43,7 +43,7 @@ def test_the_public_reader_finds_well_known_schemas_times_and_files(lossless: Pa
 def test_inspect_prints_what_is_there(lossless: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words in (["--json"], []):
         with pytest.raises(SystemExit) as ended:
-            main(["inspect", str(lossless.parent), *words])
+            main(["recording", "inspect", str(lossless.parent), *words])
         assert ended.value.code == 0
         out = capsys.readouterr().out
         if words:

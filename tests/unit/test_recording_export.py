@@ -18,7 +18,7 @@ from tega.stages.choose import preset_metric
 
 def test_tables_and_pictures_say_what_was_recorded(lossless: Path, tmp_path: Path) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["export", str(lossless), "--out", str(tmp_path / "out"), "--pictures"])
+        main(["recording", "export", str(lossless), "--out", str(tmp_path / "out"), "--pictures"])
     assert ended.value.code == 0
     with (tmp_path / "out" / "tactile.thumb.contact.csv").open(newline="") as file:
         contacts = list(csv.DictReader(file))

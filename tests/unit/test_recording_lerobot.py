@@ -18,7 +18,7 @@ from tega.errors import ConfigError, RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.lerobot import export_lerobot
-from tega.recording.lerobot.video import Camera
+from tega.recording.lerobot.video import EpisodeCamera
 from tega.recording.trim import trim_session
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
@@ -162,7 +162,7 @@ def test_the_figures_are_those_of_the_frames(dataset: Path) -> None:
 
 
 def test_an_episode_may_end_before_the_encoder_has_let_a_picture_go(tmp_path: Path) -> None:
-    camera = Camera(tmp_path, "observation.images.thumb", FPS, (64, 64))
+    camera = EpisodeCamera(tmp_path, "observation.images.thumb", FPS, (64, 64))
     for grey in (50, 200):
         camera.begin()
         camera.add(np.full((64, 64, 3), grey, np.uint8), 1)
@@ -180,7 +180,7 @@ def test_the_encoder_does_not_put_this_program_before_all_others(tmp_path: Path)
         return {os.sched_getscheduler(int(task.name)) for task in Path("/proc/self/task").iterdir()}
 
     before = policies()
-    camera = Camera(tmp_path, "observation.images.thumb", FPS, (64, 64))
+    camera = EpisodeCamera(tmp_path, "observation.images.thumb", FPS, (64, 64))
     camera.begin()
     for _ in range(40):
         camera.add(np.zeros((64, 64, 3), np.uint8), 1)
@@ -208,7 +208,7 @@ def test_other_inputs_and_full_folders_are_refused(
         export_lerobot([lossless, other], tmp_path / "mixed")
     for words in (["--format", "lerobot", "--pictures"], ["--fps", "10"]):
         with pytest.raises(SystemExit) as ended:
-            main(["export", str(lossless), "--out", str(tmp_path / "new"), *words])
+            main(["recording", "export", str(lossless), "--out", str(tmp_path / "new"), *words])
         assert ended.value.code == 2
     assert "--fps is for --format lerobot" in capsys.readouterr().err
 

@@ -78,14 +78,14 @@ def test_without_what_came_before_a_replay_says_why_it_cannot(
     lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "part"
-    words = ["trim", str(lossless), "--from", "0.5", "--no-lead-in", "--out", str(out)]
+    words = ["recording", "trim", str(lossless), "--from", "0.5", "--no-lead-in", "--out", str(out)]
     with pytest.raises(SystemExit) as ended:
         main([*words, "--json"])
     assert ended.value.code == 0
     assert json.loads(capsys.readouterr().out) == [str(out / "trial-001.mcap")]
     assert LEAD_IN not in attached(out / "trial-001.mcap")
     with pytest.raises(SystemExit) as ended:
-        main(["replay", str(out)])
+        main(["verify", str(out)])
     assert ended.value.code == 1
     assert "trimmed from 0.5 s on without its lead-in" in capsys.readouterr().err
     # What is cut out of it later does not compute either.
@@ -147,7 +147,7 @@ def test_nothing_is_overwritten_and_a_wrong_span_is_told(lossless: Path, tmp_pat
 def test_sessions_are_merged_in_order_of_time_as_they_are(lossless: Path, tmp_path: Path) -> None:
     late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
     early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")
-    words = ["merge", str(tmp_path / "late"), str(early), "--out", str(tmp_path / "both")]
+    words = ["recording", "merge", str(tmp_path / "late"), str(early), "--out", str(tmp_path / "both")]
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == 0

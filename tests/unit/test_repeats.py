@@ -23,9 +23,9 @@ from tega.clock import ManualClock
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
 from tega.inbox.frames import measured_contacts
-from tega.inbox.repeats import STUCK_FRAMES, LastFrame
 from tega.inbox.sources import Contact, SourceReport
 from tega.inbox.stream import PulledStream
+from tega.inbox.stuck_frames import STUCK_FRAMES, LastFrame
 from tega.stages.choose import preset_metric
 from tega.stages.metrics import LiveMetric, contact_metrics_of
 from tega.teleop.hand import ModelledAllegro

@@ -90,7 +90,7 @@ def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: An
     assert next(s for s in replay["streams"] if s["stream"] == "/tactile/index/contact")["differ"] > 0
     assert next(s for s in replay["streams"] if s["stream"] == "/emg/levels")["differ"] == 0
     with pytest.raises(SystemExit):
-        main(["replay", str(recording), "--set", "stages.metric.options.outlin=dent"])
+        main(["verify", str(recording), "--set", "stages.metric.options.outlin=dent"])
     assert "did you mean 'outline'" in capsys.readouterr().err
 
 

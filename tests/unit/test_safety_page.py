@@ -8,10 +8,10 @@ import numpy as np
 from rich.console import Console
 
 from reference.scripted import MS, touching
-from tega.haptics import VestFrame
+from tega.haptics import MotorLevels
 from tega.safety.states import STATES
 from tega.teleop.moment import LoopView
-from tega.teleop.touch import Felt
+from tega.teleop.touch import TouchMoment
 from tega.view.run_state import MEANINGS
 from tega.view.terminal import _STATE_STYLES, TerminalView, render
 
@@ -25,12 +25,12 @@ def screen(view: LoopView, *, age_s: float = 0.0) -> str:
     return file.getvalue()
 
 
-NOTHING = [Felt(0.0, 0.0, 0.0, 0.0)] * 4
+NOTHING = [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4
 VIEW = LoopView(
     200 * MS,
     {"thumb": (50 * MS, touching(50)), "index": (190 * MS, touching(50))},
     NOTHING,
-    VestFrame("x40", np.zeros(40, np.uint8)),
+    MotorLevels("x40", np.zeros(40, np.uint8)),
     None,
     None,
     {},

@@ -77,7 +77,7 @@ def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(lossless: Pat
     for name in ("/tactile/ring/contact", "/emg/levels", "/hand/frames"):
         assert stream(replay, name).differ == 0
     with pytest.raises(SystemExit) as ended:
-        main(["replay", str(path)])
+        main(["verify", str(path)])
     assert ended.value.code == 1
 
 
@@ -87,7 +87,7 @@ def test_other_settings_say_what_differs(
     other = tmp_path / "other.toml"
     other.write_text('[vest]\nmirror = "all"\nthreshold = 20.0\n')
     with pytest.raises(SystemExit) as ended:
-        main(["replay", str(lossless.parent), "--config", str(other), "--json"])
+        main(["verify", str(lossless.parent), "--config", str(other), "--json"])
     assert ended.value.code == 1
     (replay,) = json.loads(capsys.readouterr().out)
     assert replay["changed"] == ["vest.mirror: none -> all", "vest.threshold: 0.0 -> 20.0"]
@@ -133,7 +133,7 @@ def test_what_is_no_recording_is_refused_in_one_sentence(
     path = tmp_path / "other.mcap"
     path.write_bytes(content)
     with pytest.raises(SystemExit) as ended:
-        main(["replay", str(path)])
+        main(["verify", str(path)])
     assert ended.value.code == 1
     assert "error: other.mcap: " in capsys.readouterr().err
 

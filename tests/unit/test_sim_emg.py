@@ -16,7 +16,7 @@ from scipy import signal
 
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent
 from tega.errors import InvalidValueError, ShapeError
-from tega.sim.operator import ForearmEmg, Person, calibrate, draw_person, typical_person
+from tega.sim.operator import ForearmEmg, PersonNumbers, calibrate, draw_person, typical_person
 from tega.sim.seams import Act
 from tega_figures.holds import hold_shares, unsteady
 
@@ -24,12 +24,12 @@ CLEAN = {"white_uv": 0, "mains_uv": 0, "artefact_hz": 0, "drift_uv": 0, "drive_s
 FRESH = {"fatigue_per_s": 0.0}
 
 
-def person(**emg: float) -> Person:
+def person(**emg: float) -> PersonNumbers:
     typical = typical_person()
     return msgspec.structs.replace(typical, emg=msgspec.structs.replace(typical.emg, **emg))
 
 
-def squeeze(who: Person, excitation: float, seconds: float, **options: Any) -> NDArray[np.float64]:
+def squeeze(who: PersonNumbers, excitation: float, seconds: float, **options: Any) -> NDArray[np.float64]:
     forearm = ForearmEmg(who, seed=3, settled=True, **options)
     return forearm.course(np.full(round(seconds * 100), excitation))
 

@@ -14,16 +14,24 @@ from scipy import integrate, stats
 
 from reference.grasp_plant import Grasp, grasp
 from tega.errors import ConfigError, InvalidValueError
-from tega.sim.operator import Operator, Person, Rules, draw_person, load_parameters, sham_vest, typical_person
+from tega.sim.operator import (
+    Operator,
+    PersonNumbers,
+    Rules,
+    draw_person,
+    load_parameters,
+    sham_vest,
+    typical_person,
+)
 from tega.sim.operator.belief import Closure, ObjectBelief, above, below
 from tega.sim.operator.person import stream
-from tega.sim.seams import Percept, Truth
+from tega.sim.seams import Percept, WorldTruth
 
-STILL = Truth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
+STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 FILE = Path(__file__).parents[2] / "python/tega/sim/operator/parameters.toml"
 
 
-def with_(who: Person, section: str, **values: float) -> Person:
+def with_(who: PersonNumbers, section: str, **values: float) -> PersonNumbers:
     return msgspec.structs.replace(who, **{section: msgspec.structs.replace(getattr(who, section), **values)})
 
 

@@ -9,24 +9,24 @@ import numpy as np
 import pytest
 
 from tega.clock import ManualClock, PausableClock
-from tega.inbox.repeats import LastFrame
 from tega.inbox.stream import NEVER_NS, LiveStream
-from tega.sim.arms import CONDITIONS, feels, worn
+from tega.inbox.stuck_frames import LastFrame
+from tega.sim.conditions import CONDITIONS, feels, worn
 from tega.sim.hand import SimulatedBus
 from tega.sim.pacing import SimulatedPacer
-from tega.sim.score import Scorer
-from tega.sim.seams import Truth
+from tega.sim.score import TrialScorer
+from tega.sim.seams import WorldTruth
 from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
 
 Course = Sequence[tuple[float, Mapping[str, object]]]
 """Times, and what is so from then on."""
 
-NOTHING = Truth(0.0, 0.0, False, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, False, 0.1)
+NOTHING = WorldTruth(0.0, 0.0, False, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, False, 0.1)
 
 
-def score(course: Course, *, placing_from_s: float = np.inf) -> Scorer:
+def score(course: Course, *, placing_from_s: float = np.inf) -> TrialScorer:
     """Score what is so from each time on, a hundred times a second for a second after the last."""
-    scorer = Scorer(harm_m=0.01)
+    scorer = TrialScorer(harm_m=0.01)
     truth, left = NOTHING, deque(course)
     for tick in range(round((course[-1][0] + 1.0) * 100) + 1):
         t_s = tick / 100

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tega.haptics import VestFrame, vest_frame
-from tega.sim.operator import Person, typical_person
-from tega.sim.operator.motor import Motor
+from tega.haptics import MotorLevels, vest_frame
+from tega.sim.operator import PersonNumbers, typical_person
+from tega.sim.operator.motor import MuscleMotor
 from tega.sim.operator.person import stream
 from tega.sim.operator.vest_sense import Skin
 from tega.sim.operator.vision import Eyes, reaction_s
-from tega.sim.seams import Truth
+from tega.sim.seams import WorldTruth
 
-STILL = Truth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
+STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 
 
-def with_(who: Person, section: str, **values: float) -> Person:
+def with_(who: PersonNumbers, section: str, **values: float) -> PersonNumbers:
     return msgspec.structs.replace(who, **{section: msgspec.structs.replace(getattr(who, section), **values)})
 
 
@@ -36,7 +36,7 @@ def test_reaction_times_are_skewed_about_the_mean_and_never_immediate() -> None:
     assert drawn.min() >= 0.1
 
 
-def eyes(who: Person, seed: int = 0) -> Eyes:
+def eyes(who: PersonNumbers, seed: int = 0) -> Eyes:
     def process(name: str) -> np.random.Generator:
         return stream(seed, name)
 
@@ -66,7 +66,7 @@ def test_slip_is_seen_after_the_time_of_the_published_law(speed_m_s: float, seco
 
 
 def test_nothing_is_seen_below_the_threshold_of_motion_or_while_looking_away() -> None:
-    def slips(who: Person, speed_m_s: float) -> int:
+    def slips(who: PersonNumbers, speed_m_s: float) -> int:
         sight, scene = eyes(who), STILL._replace(slip_m_s=speed_m_s, lift_off=True)
         seen = [sight.see(t / 100, 0.01, scene, carried=False, lifting=False) for t in range(1, 1000)]
         return sum(event.kind == "slip" for events in seen for event in events)
@@ -104,14 +104,14 @@ def test_contact_takes_two_fingers_and_an_object_left_behind_counts_as_slip() ->
 # --- vest ---
 
 
-def skin(who: Person | None = None, seed: int = 0) -> Skin:
+def skin(who: PersonNumbers | None = None, seed: int = 0) -> Skin:
     who = who or typical_person()
     felt = Skin(who.vest, who.vision)
     felt.begin(rest_s=0, noise=stream(seed, "noise"), reaction=stream(seed, "rt"), link=stream(seed, "link"))
     return felt
 
 
-def frame(level: int) -> VestFrame:
+def frame(level: int) -> MotorLevels:
     """A frame whose motors are all on one of the sixteen levels."""
     percent = next(p for p in range(101) if (15 * p + 50) // 100 == level)
     return vest_frame([percent] * 4, [percent] * 4, layout="x40")
@@ -204,8 +204,8 @@ def test_a_constant_vest_gives_less_than_one_false_alarm_a_minute() -> None:
 # --- muscles ---
 
 
-def motor(who: Person, level: int) -> Motor:
-    arm = Motor(who.motor, full_effort=0.7, aim=stream(1, "aim"), sense=stream(1, "sense"))
+def motor(who: PersonNumbers, level: int) -> MuscleMotor:
+    arm = MuscleMotor(who.motor, full_effort=0.7, aim=stream(1, "aim"), sense=stream(1, "sense"))
     arm.command(level)
     return arm
 

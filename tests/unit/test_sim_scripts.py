@@ -12,13 +12,13 @@ import pytest
 
 from reference.grasp_plant import grasp
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega.haptics import VestFrame, vest_frame
+from tega.haptics import MotorLevels, vest_frame
 from tega.sim.operator import SHAMS, KeyboardOperator, Keys, ScriptedOperator, sham_vest
 from tega.sim.operator.keys import split_keys
 from tega.sim.operator.scripted import Step
-from tega.sim.seams import Percept, Truth
+from tega.sim.seams import Percept, WorldTruth
 
-STILL = Truth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
+STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 MADE = vest_frame([80, 60, 40, 20], [10, 0, 100, 55], layout="x40")
 
 
@@ -108,13 +108,13 @@ def test_each_sham_does_what_it_says() -> None:
     assert vests["informative"](1.0, MADE) is MADE
     assert vests["off"](1.0, MADE) is None
     silent, constant = vests["silent"](1.0, MADE), vests["constant"](1.0, MADE)
-    assert isinstance(silent, VestFrame)
-    assert isinstance(constant, VestFrame)
+    assert isinstance(silent, MotorLevels)
+    assert isinstance(constant, MotorLevels)
     assert not silent.intensities.any()
     assert set(constant.intensities.tolist()) == {50}
     permuted, inverted = vests["permuted"](1.0, MADE), vests["inverted"](1.0, MADE)
-    assert isinstance(permuted, VestFrame)
-    assert isinstance(inverted, VestFrame)
+    assert isinstance(permuted, MotorLevels)
+    assert isinstance(inverted, MotorLevels)
     rows, mixed = MADE.intensities.reshape(-1, 4), permuted.intensities.reshape(-1, 4)
     assert np.array_equal(np.sort(rows, axis=1), np.sort(mixed, axis=1))
     assert np.all(np.any(rows != mixed, axis=1))
@@ -129,7 +129,7 @@ def test_the_unrelated_vest_covers_its_range_and_ignores_the_grip() -> None:
     for n in range(18_000):
         a, b = first(n / 30, MADE), second(n / 30, still)
         assert a == b
-        assert isinstance(a, VestFrame)
+        assert isinstance(a, MotorLevels)
         shown.append(a.intensities[[0, 20]])
     front, back = np.array(shown, float).T
     assert np.quantile(front, [0.1, 0.5, 0.9]) == pytest.approx([10, 50, 90], abs=8)

@@ -15,7 +15,7 @@ from tega_figures import check_touch
 from tega_figures.check_touch import (
     GOLDEN,
     GOLDEN_RADIUS_MM,
-    Presses,
+    RecordedPresses,
     ball_press,
     like_presses,
     load_presses,
@@ -25,7 +25,7 @@ from tega_figures.closeness import TOLERANCES, match_press, statistics
 
 
 @pytest.fixture(scope="module")
-def presses(recordings: Path) -> Presses:
+def presses(recordings: Path) -> RecordedPresses:
     return load_presses(recordings / "digit" / "digit_ball_D20641")
 
 
@@ -110,7 +110,7 @@ def test_statistics_are_off_by_nothing_for_the_same_kind_of_press() -> None:
     assert all(one[name] == pytest.approx(two[name], rel=0.1, abs=0.05) for name in one)
 
 
-def test_simulated_presses_are_close_to_recorded_ones(presses: Presses) -> None:
+def test_simulated_presses_are_close_to_recorded_ones(presses: RecordedPresses) -> None:
     gel = Gel(0, spread=0.0)
     picked = range(0, len(presses.frames), 6)
     found = [
@@ -123,8 +123,8 @@ def test_simulated_presses_are_close_to_recorded_ones(presses: Presses) -> None:
     assert np.median([m.correlation for m in found]) >= 0.9
 
 
-def test_a_ball_pressed_to_a_like_difference_covers_what_was_marked(presses: Presses) -> None:
-    some = Presses(presses.still, presses.frames[::3], presses.marks[::3])
+def test_a_ball_pressed_to_a_like_difference_covers_what_was_marked(presses: RecordedPresses) -> None:
+    some = RecordedPresses(presses.still, presses.frames[::3], presses.marks[::3])
     areas, touching, _ = zip(*like_presses(some, Gel(0, spread=0.0)), strict=True)
     assert 0.85 < np.median(areas) < 1.15
     # The marks are where the dent ends; the gel touches on some 0.53 to 0.70 of their area.

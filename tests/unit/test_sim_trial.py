@@ -206,7 +206,8 @@ def run_verb(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str,
 
 def test_the_verb_prints_trials_and_means(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words = [
-        "sim-trials",
+        "sim",
+        "trials",
         "--objects",
         "bag",
         "--conditions",
@@ -224,7 +225,7 @@ def test_the_verb_prints_trials_and_means(capsys: pytest.CaptureFixture[str], tm
     code, out, err = run_verb(capsys, *words, "--out", str(tmp_path / "a.jsonl"))
     assert code == 0, err
     assert "1 trials with 1 simulated persons" in out
-    code, _, err = run_verb(capsys, "sim-trials", "--objects", "brick", "--seeds", "1")
+    code, _, err = run_verb(capsys, "sim", "trials", "--objects", "brick", "--seeds", "1")
     assert code == 1
     assert "brick" in err
 

@@ -90,7 +90,8 @@ def test_sim_trials_take_a_labs_settings_and_keep_them(tmp_path: Path, capsys: A
     lab, out = tmp_path / "lab.toml", tmp_path / "trials.jsonl"
     lab.write_text(LAB)
     words = (
-        "sim-trials",
+        "sim",
+        "trials",
         "--objects",
         "bottle",
         "--conditions",

@@ -9,7 +9,7 @@ import pytest
 
 from tega.cli.main import main
 from tega_campaigns.soak.plan import KINDS, plan
-from tega_campaigns.soak.report import Fault, SoakReport
+from tega_campaigns.soak.report import SoakFault, SoakReport
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="emulated devices need pseudo-terminals, limits Linux"
@@ -47,7 +47,7 @@ def test_a_plan_has_every_fault_once_before_any_comes_again() -> None:
 
 def good() -> SoakReport:
     """A report that passes."""
-    fault = Fault(kind="unplug", device="emg", how="unplug", injected_s=1.0, outcome="recovered")
+    fault = SoakFault(kind="unplug", device="emg", how="unplug", injected_s=1.0, outcome="recovered")
     return SoakReport(
         faults=[fault] * 20,
         rss_mib_start=100.0,
@@ -58,10 +58,10 @@ def good() -> SoakReport:
     )
 
 
-def unjudged(n: int, how: str = "unplug") -> list[Fault]:
+def unjudged(n: int, how: str = "unplug") -> list[SoakFault]:
     """So many faults of which nothing can be said."""
     said = "not judged: the machine stood still for 0.3 s"
-    return [Fault(kind="unplug", device="emg", how=how, injected_s=1.0, outcome=said)] * n
+    return [SoakFault(kind="unplug", device="emg", how=how, injected_s=1.0, outcome=said)] * n
 
 
 def test_a_good_report_passes() -> None:
@@ -86,7 +86,11 @@ def test_a_good_report_passes() -> None:
         ("commands", {"vest": 10, "hand": 10}, "the arm was commanded nothing"),
         ("recordings", 0, "nothing was recorded"),
         ("rss_mib_end", 0.0, "memory was not measured"),
-        ("faults", [Fault(kind="a", device="b", how="c", injected_s=0.0, outcome="not told")], "not told"),
+        (
+            "faults",
+            [SoakFault(kind="a", device="b", how="c", injected_s=0.0, outcome="not told")],
+            "not told",
+        ),
     ],
 )
 def test_each_thing_that_is_wrong_fails_a_soak(name: str, value: object, word: str) -> None:

@@ -11,12 +11,12 @@ from tega.config import check_tree
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
 from tega.records import ArmTarget, Joints, Record, Skip
-from tega_campaigns.soak.lost import Kept, look
+from tega_campaigns.soak.lost import KeptCounts, look
 
 _MS = 1_000_000
 
 
-def recorded(folder: Path, records: Sequence[Record]) -> Kept:
+def recorded(folder: Path, records: Sequence[Record]) -> KeptCounts:
     """Record these, and look."""
     tree = {"recording": {"dir": str(folder / "session"), "stop_free_mib": 0.0}}
     settings = check_tree(tree, {}, base=folder).config.recording

@@ -15,7 +15,7 @@ from tega.cli.main import main
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
 from tega.contract import check_stage
 from tega.errors import ConfigError, InvalidValueError
-from tega.haptics import FeltMap, VestFrame, intensity, vest_frame
+from tega.haptics import FeltMap, MotorLevels, intensity, vest_frame
 from tega.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
 from tega.stages import FingerSetup, MuscleSetup, NamedValue, VestSetup, list_stages, stage_names
 from tega.stages.choose import Chosen
@@ -303,7 +303,7 @@ def test_a_contact_goes_through_the_loop_with_all_its_values() -> None:
     metrics = contact(more=(NamedValue("pc1", 3.0, "1"),))
     record = contact_record("index", 5, metrics)
     assert repr(contact_metrics_of(record)) == repr(metrics)
-    assert FeltMap(threshold=20).apply(VestFrame("x16", np.full(16, 50, np.uint8))).intensities[0] == 60
+    assert FeltMap(threshold=20).apply(MotorLevels("x16", np.full(16, 50, np.uint8))).intensities[0] == 60
 
 
 # Beside the connected stages.

@@ -23,7 +23,7 @@ from tega.study import make_plan, read_plan, write_plan
 from tega.study.analyse import analyse_study
 from tega.study.coupling import read_course
 from tega.study.finger_rows import finger_rows
-from tega.study.journal import Event, Journal, read_events
+from tega.study.journal import Journal, JournalEvent, read_events
 from tega.study.lead import lead_session
 from tega.study.lead.benches import LabBench, SimulatedBench
 from tega.study.lead.board import board_path, read_board
@@ -34,7 +34,7 @@ from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
 from tega.study.lead.trial import LedTrial
 from tega.study.observe.recorded import recorded_trials
 from tega.study.observe.reel import read_reel
-from tega.study.page import _flow
+from tega.study.page import report_html
 from tega.study.plan import PlannedTrial
 from tega.study.state import Where, derive, events_path, rehearsed, resume
 from tega.study.touch_picture import pictures_of
@@ -129,11 +129,11 @@ def study(folder: Path, **settings: Any) -> Path:
     return folder / "study"
 
 
-def events_of(folder: Path) -> list[Event]:
+def events_of(folder: Path) -> list[JournalEvent]:
     return read_events(events_path(folder, "p01"))
 
 
-def kinds(events: Sequence[Event]) -> list[str]:
+def kinds(events: Sequence[JournalEvent]) -> list[str]:
     return [event.kind for event in events]
 
 
@@ -305,7 +305,7 @@ def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool,
     assert analysis.flow.redone == {trials[number - 1].id: "the gel came off"}
     assert (
         f"Done again, so that the first attempt does not count: {trials[number - 1].id}: the gel came off."
-        in _flow(analysis)
+        in report_html(analysis, {})
     )
 
 
@@ -355,7 +355,7 @@ with LineDesk() as desk:
 """
 
 
-def run_and_kill(folder: Path, when: Callable[[list[Event], float], bool]) -> bool:
+def run_and_kill(folder: Path, when: Callable[[list[JournalEvent], float], bool]) -> bool:
     """Run a session in a process of its own and kill it; whether it was killed before its end."""
     words = [sys.executable, "-c", KILLED, str(folder)]
     began_s = time.monotonic()
@@ -392,7 +392,7 @@ def test_a_session_that_is_killed_in_a_trial_goes_on(tmp_path: Path) -> None:
 def test_a_session_killed_ten_times_loses_nothing(tmp_path: Path) -> None:
     folder = study(tmp_path, trials=6)
     rng = random.Random(8)
-    kept: list[Event] = []
+    kept: list[JournalEvent] = []
     for _ in range(10):
         limit_s = rng.uniform(1.0, 9.0)
         run_and_kill(folder, lambda _events, s, limit_s=limit_s: s > limit_s)  # type: ignore[misc]

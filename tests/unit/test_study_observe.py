@@ -16,7 +16,7 @@ import pytest
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.journal import Journal, read_events
-from tega.study.lead.board import Board, board_path, write_board
+from tega.study.lead.board import SessionBoard, board_path, write_board
 from tega.study.observe import Observing
 from tega.study.observers import observer_path, read_observers, saw_whole
 from tega.study.privacy import export, withdraw
@@ -202,7 +202,7 @@ def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Pat
 
     main = begin(folder, time.monotonic_ns())
     now_ns = time.monotonic_ns()
-    board = Board(
+    board = SessionBoard(
         t_ns=now_ns, phase="rest", trial=2, object="bag", n_over=1, n_trials=4, until_ns=now_ns + 60 * S
     )
     write_board(board_path(folder, "p01"), board)
@@ -213,7 +213,7 @@ def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Pat
         assert "REST, then trial 2 · bag" in str(app.query_one("#phase", Static).render())
         main.add("trial_start", t_ns=time.monotonic_ns(), trial=2, source="auto")
         health = ("thumb: no pictures",)
-        running = Board(t_ns=time.monotonic_ns(), phase="trial", trial=2, object="bag", health=health)
+        running = SessionBoard(t_ns=time.monotonic_ns(), phase="trial", trial=2, object="bag", health=health)
         write_board(board_path(folder, "p01"), running)
         await made.pause(0.3)
         assert "TRIAL 2" in str(app.query_one("#phase", Static).render())

@@ -25,7 +25,7 @@ from tega.cli.main import cli
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.replay.recorded import read_recorded
 from tega.study import make_plan, read_plan, write_plan
-from tega.study.journal import Event, read_events
+from tega.study.journal import JournalEvent, read_events
 from tega.study.observe import Observing
 from tega.study.observe.play_head import PlayHead
 from tega.study.observe.playback_console import PlaybackConsole
@@ -39,7 +39,7 @@ from tega.study.score.boris import export_boris
 from tega.study.state import resume
 from tega.study.trials import study_trials
 from tega.teleop.moment import LoopView
-from tega.teleop.touch import Felt
+from tega.teleop.touch import TouchMoment
 from tega.view.browser import BrowserView
 from tega.view.state import EmgTail, ViewState
 
@@ -137,7 +137,7 @@ def score(folder: Path, play: Callable[[Rater], Awaitable[None]], rater: str = "
     return someone
 
 
-def of(folder: Path, trial: int, rater: str = "r3") -> list[Event]:
+def of(folder: Path, trial: int, rater: str = "r3") -> list[JournalEvent]:
     return [event for event in read_events(observer_path(folder, "p01", rater)) if event.trial == trial]
 
 
@@ -441,7 +441,7 @@ def test_the_order_is_the_rater_s_own_and_not_the_plan_s(tmp_path: Path, recordi
 
 def test_the_page_for_raters_has_nothing_but_pictures_scene_and_text() -> None:
     pytest.importorskip("viser")
-    felt = (Felt(0.5, 0.5, 40.0, 60.0),) * 4
+    felt = (TouchMoment(0.5, 0.5, 40.0, 60.0),) * 4
     loop = LoopView(S, {}, felt, None, None, None, {"vest": 30}, state="hold", reason="vest: lost")
     emg = EmgTail(np.ones((400, 3)), 100.0, np.ones(3), "raw")
     with BrowserView(port=0, blind=True) as view:

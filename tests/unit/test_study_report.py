@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -20,10 +21,12 @@ from tega.errors import InvalidValueError, RecordingError
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.analyse import analyse_study
 from tega.study.coupling import TouchCourse, write_course
+from tega.study.figures import _violins, new_figure
 from tega.study.journal import Journal, read_events
 from tega.study.page import report_html
 from tega.study.report import Report, write_report
 from tega.study.state import events_path
+from tega.study.tables import PAPER_LABELS
 from tega.study.trials import course_path
 
 
@@ -223,6 +226,14 @@ def test_p_values_wait_until_the_plan_is_done(tmp_path: Path) -> None:
     assert "p-values are withheld" in report_html(early, {})
 
 
+def test_what_a_study_calls_its_parts_is_text_in_the_page(report: Report) -> None:
+    named = '<b>"R&D"</b>'
+    flow = msgspec.structs.replace(report.analysis.flow, redone={"p01-1": named})
+    page = report_html(msgspec.structs.replace(report.analysis, flow=flow, rehearsed=(named,)), {})
+    assert named not in page
+    assert page.count("&lt;b&gt;&#34;R&amp;D&#34;&lt;/b&gt;") == 2
+
+
 def test_few_people_get_no_p_over_people(tmp_path: Path) -> None:
     fill(tmp_path / "study", people=2, layout="period", courses=False)
     analysis, _ = analyse_study(tmp_path / "study")
@@ -288,3 +299,64 @@ def test_the_verbs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert Path(told["page"]).is_file()
     assert told["table1"][0] == ["Condition", "Metric", "bottle", "bag"]
     assert "Table I, simulated" in call("report", full)
+
+
+def opening(page: str) -> str:
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", "", page[page.index("<h1>") : page.index("<h2>")]))
+
+
+def test_the_page_opens_with_what_was_compared_and_what_came_out(report: Report) -> None:
+    said = opening(report.page.read_text())
+    assert "compared haptic with non-haptic in lifting bottle, bag. 6 simulated people did 72 trials" in said
+    for one in report.analysis.outcomes:
+        if one.metric == "slips" and one.low is not None and one.high is not None:
+            text = f"{one.object} {one.difference:.2f} ({one.low:.2f} to {one.high:.2f})".replace("-", "−")
+            assert text in said
+    told = [one for one in report.analysis.outcomes if one.apart]
+    assert told
+    assert all(
+        f"{PAPER_LABELS[one.metric].lower()} of {one.object} (less with haptic)" in said for one in told
+    )
+    assert "Nothing here is about people" in said
+    early = msgspec.structs.replace(report.analysis, interim=True, p_shown=False)
+    assert "The interval leaves 0 out" not in opening(report_html(early, {}))
+
+
+def test_what_two_people_cannot_tell_is_not_given_as_numbers(tmp_path: Path) -> None:
+    fill(tmp_path / "study", people=2, courses=False, simulated=False)
+    analysis, _ = analyse_study(tmp_path / "study")
+    said = opening(report_html(analysis, {}))
+    assert said.count("interval not estimable") == len(analysis.outcomes)
+    assert "No difference can be told from none" in said
+    assert "inf" not in " ".join(test.note for test in analysis.tests)
+    wide = [test for test in analysis.tests if test.low and test.high and test.effect_name == "ratio"]
+    assert all(test.high / test.low <= 1000 for test in wide if test.high and test.low)
+
+
+def test_the_papers_numbers_stand_beside_ours_with_what_differs(report: Report) -> None:
+    page = report.page.read_text()
+    assert page.index("What differs from the paper's set-up") > page.index("paper 152.8")
+    assert "ten trials for each object and condition" in page
+    strange = {"bottle": "cup", "bag": "box"}
+    cells = [msgspec.structs.replace(one, object=strange[one.object]) for one in report.analysis.cells]
+    other = msgspec.structs.replace(
+        report.analysis, objects=("cup", "box"), cells=tuple(cells), directions=(), outcomes=()
+    )
+    assert "paper 152.8" not in report_html(other, {})
+    assert "set-up" not in report_html(other, {})
+
+
+@pytest.mark.parametrize(("n", "violins"), [(5, 0), (6, 1)])
+def test_few_values_are_dots_without_a_violin(n: int, violins: int) -> None:
+    axes = new_figure(2, 2).subplots()
+    _violins(axes, [[float(k % 4) for k in range(n)]], ["haptic"])
+    assert len(axes.collections) == violins
+    assert max(np.size(line.get_xdata()) for line in axes.lines) == n
+
+
+def test_on_a_phone_only_tables_and_pictures_scroll(report: Report) -> None:
+    page = report.page.read_text()
+    assert '<meta name="viewport" content="width=device-width, initial-scale=1">' in page
+    for what in ("<table>", "<img "):
+        assert page.count(what) == page.count(f'<div class="wide">{what}') > 0
+    assert "<caption" not in page, "a note as wide as its table cannot be read on a phone"

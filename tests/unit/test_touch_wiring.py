@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -40,9 +40,10 @@ from tega.stages.choose import finger_metric, vest_mapping
 from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
 from tega.study.touch_picture import recorded_picture
 from tega.teleop import run, run_session
-from tega.teleop.flows import Touching, contact_stream
+from tega.teleop.open_streams import contact_stream
 from tega.teleop.pacing import Pacer
-from tega.teleop.touch import Felt
+from tega.teleop.touch import TouchMoment
+from tega.teleop.touching import RecordedFingers, Touching
 from tega.touch import DEPTH_LAW
 from tega.view.labels import ContactLabels
 
@@ -107,6 +108,7 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
             metric=Listening(FingerSetup("thumb", frames[0].image), LiveOptions()),
             fed=False,
             touching=touched,
+            recorded=RecordedFingers(),
             start_ns=STARTED_NS,
             trace=None,
             bell=None,
@@ -142,6 +144,86 @@ class _Sensor:
         due_ns = self._began_ns + k * PERIOD_NS
         time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
         return TactileFrame(due_ns, k, self._frames[k], f"frame {k}")
+
+
+class _Recording(_Sensor):
+    """A recording of the same frames."""
+
+    def __init__(self, frames: list[Any]) -> None:
+        super().__init__(frames)
+        self.info = msgspec.structs.replace(self.info, live=False)
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        del timeout_s
+        k, self._next = self._next, self._next + 1
+        return TactileFrame(k * PERIOD_NS, k, self._frames[k], f"frame {k}")
+
+
+def recorded_fingers() -> dict[str, Finger]:
+    """Return a thumb that holds on and a ring finger that is let go."""
+    fingers = {}
+    for name, seed in (("thumb", 1), ("ring", 3)):
+        frames, baseline = gel_frames(seed, held=name == "thumb")
+        source: Any = _Recording(frames)
+        fingers[name] = Finger(source, baseline, "given", SourceReport())
+    return fingers
+
+
+def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
+    beforehand = RecordedFingers()
+    flags: dict[str, list[bool]] = {}
+    found: dict[str, list[Any]] = {"thumb": [], "ring": []}
+    with closing(beforehand):
+        for name, finger in recorded_fingers().items():
+            metric = LiveMetric(FingerSetup(name, finger.baseline), LiveOptions())
+            flags[name] = list[bool]()
+
+            def see(_frame: TactileFrame, to: list[bool] = flags[name], of: LiveMetric = metric) -> None:
+                to.append(of.loaded)
+
+            beforehand.add(name, finger, metric, see=see)
+        for one in beforehand.measured(lambda: False):
+            if one.contact is not None:
+                found[one.finger].append(repr(one.contact[1]))
+            else:
+                assert one.end_ns == round(N_FRAMES * 1e9 / 60)
+    first = flags["ring"].index(True)
+    assert 20 <= first < 30
+    assert all(flags["ring"][first:])
+    # Told of the ring finger as long as that one is pressed.
+    assert 35 < sum(flags["thumb"]) < 60
+    assert found["ring"] == [repr(contact_metrics_of(contact)) for contact in measured(flags["ring"])]
+    assert found["ring"] != [repr(contact_metrics_of(contact)) for contact in measured([False] * N_FRAMES)]
+
+    # In a run, whichever finger is asked for first.
+    bus, told_in_run = Bus(), list[Picture]()
+    bus.subscribe(Picture, told_in_run.append, vital=True)
+    with ExitStack() as stack:
+        recorded = RecordedFingers()
+        stack.callback(recorded.close)
+        streams = {
+            name: contact_stream(
+                stack,
+                name,
+                finger,
+                metric=LiveMetric(FingerSetup(name, finger.baseline), LiveOptions()),
+                fed=False,
+                touching=Touching(),
+                recorded=recorded,
+                start_ns=0,
+                trace=None,
+                bell=None,
+                bus=bus,
+            )
+            for name, finger in recorded_fingers().items()
+        }
+        for name in ("ring", "thumb"):
+            again = []
+            while (contact := streams[name].next_until(10**12)) is not None:
+                again.append(repr(contact[1]))
+            assert again == found[name]
+    for name, told in flags.items():
+        assert [picture.loaded for picture in told_in_run if picture.finger == name] == told
 
 
 @pytest.mark.slow
@@ -223,6 +305,7 @@ def test_nothing_is_drawn_where_nobody_looks() -> None:
                 metric=Asked(FingerSetup("thumb", frames[0].image), LiveOptions()),
                 fed=False,
                 touching=Touching(),
+                recorded=RecordedFingers(),
                 start_ns=STARTED_NS,
                 trace=None,
                 bell=None,
@@ -280,18 +363,18 @@ def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
     names, plain = [], []
     for k in range(2000):
         noise = rng.normal(0, 0.01, 2)
-        felt = Felt(0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000), 0.0, 0.0)
+        felt = TouchMoment(0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000), 0.0, 0.0)
         names.append(labels.name("thumb", felt, in_contact=True))
         plain.append(contact_type(felt.cci_norm, felt.eda_norm))
     flips = [sum(a != b for a, b in pairwise(said)) for said in (names, plain)]
     assert flips[1] > 500
     assert flips[0] <= 1
     # What changes clearly is told at once, and a contact that ends forgets.
-    assert labels.name("thumb", Felt(0.2, 0.9, 0.0, 0.0), in_contact=True) == "broad"
-    assert labels.name("thumb", Felt(0.52, 0.9, 0.0, 0.0), in_contact=True) == "broad"
-    assert labels.name("thumb", Felt(0.2, 0.9, 0.0, 0.0), in_contact=False) == "none"
-    assert labels.name("thumb", Felt(0.52, 0.48, 0.0, 0.0), in_contact=True) == "focal"
-    assert labels.name("index", Felt(0.52, 0.0, 0.0, 0.0), in_contact=True) == "none"
+    assert labels.name("thumb", TouchMoment(0.2, 0.9, 0.0, 0.0), in_contact=True) == "broad"
+    assert labels.name("thumb", TouchMoment(0.52, 0.9, 0.0, 0.0), in_contact=True) == "broad"
+    assert labels.name("thumb", TouchMoment(0.2, 0.9, 0.0, 0.0), in_contact=False) == "none"
+    assert labels.name("thumb", TouchMoment(0.52, 0.48, 0.0, 0.0), in_contact=True) == "focal"
+    assert labels.name("index", TouchMoment(0.52, 0.0, 0.0, 0.0), in_contact=True) == "none"
 
 
 def _pressed_with(gel: Gel, indenter: Any, metric: LiveMetric, first: int) -> list[Any]:

@@ -19,10 +19,10 @@ from tega.clock import ManualClock, SystemClock
 from tega.config import VestConfig, check_tree
 from tega.devices.vest_stream import VestOptions
 from tega.haptics import vest_frame
-from tega.inbox.bell import Bell
 from tega.inbox.reader import Reader
 from tega.inbox.sources import Contact
 from tega.inbox.stream import LiveStream, PulledStream
+from tega.inbox.wake import Bell
 from tega.records import Latency
 from tega.replay import replay_file
 from tega.replay.recorded import read_recorded

@@ -89,6 +89,7 @@ def test_the_verb_names_the_place_of_every_motor_it_lights(
 ) -> None:
     out = tmp_path / "v.csv"
     words = [
+        "vest",
         "identify",
         "--set",
         "vest.driver=vest-recorder",
@@ -107,6 +108,6 @@ def test_the_verb_names_the_place_of_every_motor_it_lights(
     ]
     assert out.read_text().count("\n") == 9
     with pytest.raises(SystemExit) as done:
-        main(["identify"])
+        main(["vest", "identify"])
     assert done.value.code == 1
     assert "hint: for example --set vest.driver=bhaptics-player" in capsys.readouterr().err

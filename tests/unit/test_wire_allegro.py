@@ -7,7 +7,7 @@ import pytest
 
 from tega import wire
 
-ALL_FINGERS = wire.FINGERS
+ALL_FINGERS = wire.HAND_FINGERS
 
 
 def counts_of(can_id: int, data: str) -> tuple[int, ...]:

@@ -97,7 +97,7 @@ Call = Callable[[], Any]
         (
             lambda: wire.CytonDecoder(5),
             InvalidValueError,
-            "gain = 5 is not possible: 1, 2, 4, 6, 8, 12 or 24",
+            "gain = 5 is out of range: 1, 2, 4, 6, 8, 12 or 24",
         ),
         (lambda: wire.CytonDecoder(280), InvalidValueError, "gain = 280"),
         (lambda: wire.ChordsDecoder(0), InvalidValueError, "channels = 0"),

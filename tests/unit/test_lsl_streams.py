@@ -1,0 +1,110 @@
+"""Numbers of a run as LSL streams: heard by liblsl, written as XDF, read by pyxdf, equal to the recording."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.xdf_file import Received, write_xdf
+from tega.config import check_tree
+from tega.recording.mcap_reader import McapReader
+from tega.teleop import run_session
+
+pylsl = pytest.importorskip("pylsl")
+pyxdf = pytest.importorskip("pyxdf")
+pytestmark = pytest.mark.slow
+
+NAMES = ("/emg/samples", "/emg/levels", "/tactile/thumb/contact", "/vest/frame")
+
+
+class Listener:
+    """Hears some streams until told to stop."""
+
+    def __init__(self, names: list[str]) -> None:
+        self.heard: dict[str, Received] = {}
+        self._over = threading.Event()
+        self._threads = [threading.Thread(target=self._hear, args=(name,)) for name in names]
+        for thread in self._threads:
+            thread.start()
+
+    def _hear(self, name: str) -> None:
+        found = pylsl.resolve_byprop("name", name, timeout=20.0)
+        inlet = pylsl.StreamInlet(found[0], recover=False)
+        inlet.open_stream(timeout=5.0)
+        header = inlet.info().as_xml()
+        samples: list[Any] = []
+        times_s: list[float] = []
+        while not self._over.is_set():
+            try:
+                more, at_s = inlet.pull_chunk(timeout=0.1)
+            except pylsl.util.LostError:  # the run is over
+                break
+            samples += more
+            times_s += at_s
+        self.heard[name] = Received(header, samples, times_s)
+
+    def close(self) -> None:
+        self._over.set()
+        for thread in self._threads:
+            thread.join(10.0)
+
+
+def test_what_liblsl_hears_is_what_is_recorded(tmp_path: Path) -> None:
+    tree: dict[str, Any] = {
+        "session": {"duration_s": 6.0},
+        "tactile": {"thumb": {"driver": "synthetic-touch"}},
+        "emg": {"driver": "synthetic-emg", "kind": "raw"},
+        "recording": {"dir": str(tmp_path), "stop_free_mib": 0.0},
+        "markers": {"lsl_out": "tega-streams-test", "lsl_streams": ["emg", "closure", "touch", "vest"]},
+    }
+    listener = Listener([f"tega-streams-test{name}" for name in NAMES])
+    try:
+        summary = run_session(check_tree(tree, {}, base=tmp_path).config)
+    finally:
+        listener.close()
+    file = tmp_path / "heard.xdf"
+    write_xdf(file, listener.heard.values())
+    streams, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
+    by_name = {s["info"]["name"][0]: s for s in streams}
+    assert set(by_name) == {f"tega-streams-test{name}" for name in NAMES}
+    assert all(n > 0 for n in summary["markers"]["streams"].values())
+    reader = McapReader(tmp_path / summary["recording"]["file"])
+    records: dict[str, list[Any]] = {name: [] for name in NAMES}
+    for message in reader.messages():
+        if message.topic in records:
+            records[message.topic].append(message.value)
+    start_s = int(reader.metadata["tega"]["start_ns"]) / 1e9
+
+    emg = by_name["tega-streams-test/emg/samples"]
+    assert [c["label"][0] for c in emg["info"]["desc"][0]["channels"][0]["channel"]] == ["ch1", "ch2", "ch3"]
+    assert float(emg["info"]["nominal_srate"][0]) > 0
+    recorded = np.concatenate([np.reshape(list(m.samples), (-1, 3)) for m in records["/emg/samples"]])
+    heard = np.asarray(emg["time_series"])
+    assert len(heard) > 500
+    # Streams find each other in about a second; from then on every sample is there, in order.
+    (at,) = np.flatnonzero((recorded == heard[0]).all(axis=1))[:1]
+    np.testing.assert_array_equal(recorded[at : at + len(heard)], heard)
+
+    levels = by_name["tega-streams-test/emg/levels"]
+    labels = [c["label"][0] for c in levels["info"]["desc"][0]["channels"][0]["channel"]]
+    told = {round(m.t_ns): m.fused for m in records["/emg/levels"]}
+    for t_s, row in zip(levels["time_stamps"], levels["time_series"], strict=True):
+        nearest = min(told, key=lambda t_ns: abs(t_ns / 1e9 + start_s - t_s))
+        assert abs(nearest / 1e9 + start_s - t_s) < 0.001
+        assert row[labels.index("fused")] == told[nearest]
+
+    touch = by_name["tega-streams-test/tactile/thumb/contact"]
+    units = {
+        c["label"][0]: (c["unit"] or [""])[0] for c in touch["info"]["desc"][0]["channels"][0]["channel"]
+    }
+    assert units["force_n"] == "N"
+    assert units["depth_mm"] == "mm"
+    column = list(units).index("cci")
+    measured = {m.cci for m in records["/tactile/thumb/contact"]}
+    assert {row[column] for row in touch["time_series"]} <= measured
+    assert max(row[column] for row in touch["time_series"]) > 0
+    assert len(by_name["tega-streams-test/vest/frame"]["time_series"][0]) == 40

@@ -1,0 +1,105 @@
+"""The verbs of ``tega-teleop``: their list, their examples, their earlier names, and one ``--debug``."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+
+import click
+import pytest
+
+pytest.importorskip("tega_figures")
+pytest.importorskip("tega_campaigns")
+
+from tega.cli.main import cli, main
+
+LISTED = (
+    "demo run replay verify play init doctor calibrate practice stages devices audit bench soak robot operator "
+    "study recording sim emg vest hand arm net config"
+)
+
+
+def verbs(command: click.Command = cli, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
+    """Return every verb and group by the words that call it."""
+    yield " ".join(path), command
+    if isinstance(command, click.Group):
+        context = click.Context(command)
+        for name in command.list_commands(context):
+            inner = command.get_command(context, name)
+            assert inner is not None
+            yield from verbs(inner, (*path, name))
+
+
+VERBS = dict(verbs())
+
+
+def test_the_list_of_verbs() -> None:
+    assert cli.list_commands(click.Context(cli)) == LISTED.split()
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_the_example_of_a_verb_is_one_of_its_own_calls(name: str) -> None:
+    said = VERBS[name].epilog or ""
+    assert said.startswith("Example: tega-teleop ")
+    words = shlex.split(said.removeprefix("Example: tega-teleop ").partition(", or ")[0].partition("; ")[0])
+    command: click.Command = cli
+    called: list[str] = []
+    while (
+        isinstance(command, click.Group)
+        and words
+        and words[0] in command.list_commands(click.Context(command))
+    ):
+        called.append(words.pop(0))
+        command = VERBS[" ".join(called)]
+    assert [*called, ""][: len(name.split())] == name.split()
+    if isinstance(command, click.Group):
+        assert command.invoke_without_command, "the example calls a verb, not a group"
+    # The parser refuses options that are not there and values that are missing; values are not looked at.
+    _, rest, _ = command.make_parser(click.Context(command)).parse_args(words)
+    assert rest == []
+
+
+@pytest.mark.parametrize(
+    ("earlier", "now"),
+    [
+        ("inspect", "recording inspect"),
+        ("export", "recording export"),
+        ("trim", "recording trim"),
+        ("merge", "recording merge"),
+        ("sim-trials", "sim trials"),
+        ("emg-score", "emg score"),
+        ("identify", "vest identify"),
+        ("forward", "arm forward"),
+    ],
+)
+def test_an_earlier_name_runs_and_says_the_new_one(
+    earlier: str, now: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([earlier, "--help"])
+    out, err = capsys.readouterr()
+    assert ended.value.code == 0
+    assert out.startswith(f"Usage: tega-teleop {now} ")
+    assert err == f"note: {earlier} is now: tega-teleop {now}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "now", "error"),
+    [
+        (["replay", "none.mcap"], "tega-teleop verify none.mcap", "none.mcap"),
+        (["arm", "127.0.0.1", "--no-such"], "tega-teleop arm check 127.0.0.1", "--no-such"),
+    ],
+)
+def test_an_argument_that_belongs_to_another_verb_now_is_passed_on(
+    words: list[str], now: str, error: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    note, _, rest = capsys.readouterr().err.partition("\n")
+    assert ended.value.code in {1, 2}
+    assert note.endswith(f" is now: {now}")
+    assert error in rest
+
+
+def test_debug_is_one_option_of_all_verbs() -> None:
+    assert [name for name, verb in VERBS.items() if any("--debug" in p.opts for p in verb.params)] == [""]

@@ -1,0 +1,121 @@
+"""The page tells the state as it is, has lights, delays, sides of the wearer, and a name of its own."""
+
+from __future__ import annotations
+
+import urllib.error
+import urllib.request
+import xml.etree.ElementTree as ET
+
+import click
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("viser", reason="needs the extra view")
+
+from reference.moments import Moments
+from reference.waiting import until
+from tega.cli.page import browser_observer, view_options
+from tega.haptics import vest_frame
+from tega.view.browser import BrowserView, Controls
+from tega.view.browser.delays import BUDGET_MS, Delays
+from tega.view.browser.page import _lights, _run_state
+from tega.view.browser.vest import vest_svg
+
+
+def test_a_paused_run_is_not_called_active_and_haptics_off_is_said() -> None:
+    loop = Moments().at(2.0).loop._replace(state="active", reason="all is there")
+    assert ">ACTIVE<" in _run_state(loop)
+    paused = _run_state(loop, paused=True)
+    assert ">PAUSED<" in paused
+    assert "ACTIVE" not in paused
+    assert ">HAPTICS OFF<" in _run_state(loop, haptics=False)
+    stopped = loop._replace(state="stopped", reason="the page's button")
+    said = _run_state(stopped, paused=True, haptics=False)
+    assert ">STOPPED<" in said
+    assert "the page&#x27;s button" in said
+    assert "PAUSED" not in said
+    assert "HAPTICS" not in said
+
+
+def test_the_page_itself_says_that_the_run_is_paused_at_the_next_moment() -> None:
+    controls = Controls(can_pause=True, can_mute=True)
+    moments = Moments()
+    with BrowserView("a run", port=0, controls=controls) as view:
+        controls.paused, controls.haptics = True, False
+        moment = moments.at(2.0)
+        loop = moment.loop._replace(state="active")
+        view.offer(moment._replace(loop=loop))
+        until(lambda: "PAUSED" in view.page.run_state.content)
+        assert "HAPTICS OFF" in view.page.run_state.content
+        until(lambda: "thumb" in view.page.lights.content)
+
+
+def test_a_light_tells_a_silent_finger_from_an_absent_one() -> None:
+    moment = Moments().at(2.0)
+    time_ns, metrics = moment.loop.contacts["thumb"]
+    contacts = dict(moment.loop.contacts) | {"thumb": (time_ns - 10**9, metrics)}
+    del contacts["ring"]
+    lights = _lights(moment._replace(loop=moment.loop._replace(contacts=contacts)))
+    assert 'title="thumb: silent"' in lights
+    assert 'title="index: well"' in lights
+    assert 'title="ring: absent"' in lights
+
+
+def test_a_phone_is_given_touch_and_vest_beside_the_state() -> None:
+    with BrowserView("a run", port=0) as view:
+        view.offer(Moments().at(2.0))
+        until(lambda: 'src="data:image/jpeg' in view.page._phone.content)
+        assert view.page._phone.content.startswith('<div class="tega-phone">')
+        assert view.page._phone.content.count("<circle") == 40
+
+
+def test_the_wearers_left_is_on_the_right_of_the_front_and_on_the_left_of_the_back() -> None:
+    drawing = vest_svg(vest_frame([80, 0, 0, 0], [0, 0, 0, 55], layout="x40"))
+    root = ET.fromstring(drawing)
+    texts = [(node.text, float(node.attrib["x"])) for node in root.iter("text")]
+    (thumb_front, thumb_back) = [x for text, x in texts if text == "thumb"]
+    lefts = [x for text, x in texts if text == "L"]
+    rights = [x for text, x in texts if text == "R"]
+    assert rights[0] < lefts[0] < lefts[1] < rights[1]
+    assert abs(thumb_front - lefts[0]) < abs(thumb_front - rights[0])
+    assert abs(thumb_back - lefts[1]) < abs(thumb_back - rights[1])
+    # The column that vibrates is below its finger's name.
+    assert {x for text, x in texts if text == "80"} == {thumb_front}
+    assert len([node for node in root.iter("rect") if node.attrib.get("height") == "7"]) == 16
+
+
+def test_delays_have_their_percentile_and_the_budget() -> None:
+    delays = Delays()
+    for k in range(1, 101):
+        delays.note({"picture to vest": float(k), "to the page": 500.0})
+    assert delays.p99_ms("picture to vest") == 99.0
+    svg = delays.svg()
+    assert f"p99 99 of {BUDGET_MS:.0f}" in svg
+    assert "p99 500</text>" in svg
+    ET.fromstring(svg)
+
+
+def test_the_page_has_a_title_and_an_icon_of_its_own() -> None:
+    with BrowserView("a run <1>", port=0) as view:
+        text = urllib.request.urlopen(view.url, timeout=10).read().decode()
+    assert "<title>a run &lt;1&gt;</title>" in text
+    assert "Viser</title>" not in text
+    assert "%231f5fbf" in text
+
+
+def test_an_address_for_a_second_screen_is_asked_for_with_its_token() -> None:
+    urls: list[str] = []
+
+    @click.command()
+    @view_options
+    def show(**_options: object) -> None:
+        with browser_observer("a run", port=0) as page:
+            urls.append(page.url)
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                urllib.request.urlopen(page.url.rsplit("/", 2)[0] + "/", timeout=10)
+            assert urllib.request.urlopen(page.url, timeout=10).status == 200
+
+    assert CliRunner().invoke(show, ["--view-address", "0.0.0.0"], catch_exceptions=False).exit_code == 0
+    assert CliRunner().invoke(show, [], catch_exceptions=False).exit_code == 0
+    assert urls[0].startswith("http://0.0.0.0:")
+    assert urls[1].startswith("http://127.0.0.1:")
