@@ -11,6 +11,7 @@ from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+from lift_player import lift_page
 from reference_pages import commands_page, drivers_page, public_modules, settings_page, stages_page
 
 MOVED = ("devices", "emg-decoders", "loop", "sim-operator", "sim-touch", "sim-world", "skips", "study-silico")
@@ -55,7 +56,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_post_build(config: MkDocsConfig) -> None:
-    """Lead from the old address of a page that moved under evidence to its new one."""
+    """Write the page of a recorded lift, and lead from old addresses of pages under evidence to their new ones."""
+    Path(config.site_dir, "lift.html").write_text(
+        lift_page(Path(config.docs_dir, "lift.viser")), encoding="utf-8"
+    )
     for name in MOVED:
         link = f"evidence/{name}.html"
         Path(config.site_dir, f"{name}.html").write_text(
