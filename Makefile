@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards deep lint fmt fuzz bench counts figures licences arm64 wheel site pictures clean
+.PHONY: help setup build test slow guards deep lint fmt fuzz bench counts figures msrv licences arm64 wheel site pictures clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -34,7 +34,7 @@ deep: ## what computes for long: all tests marked deep, and each property with 2
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/property
 
-lint: ## formatting, clippy, ruff, mypy, stub against extension, import cycles, words of the pages
+lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of files, words of the pages
 	cargo fmt --all --check
 	cargo fmt --check --manifest-path fuzz/Cargo.toml
 	cargo fmt --check --manifest-path benches/Cargo.toml
@@ -46,7 +46,8 @@ lint: ## formatting, clippy, ruff, mypy, stub against extension, import cycles, 
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest tega._native
-	$(BIN)/python -m pytest -q tests/unit/test_packages.py tests/docs/test_words.py
+	$(BIN)/python -m pytest -q tests/unit/test_packages.py tests/unit/test_crate_files.py \
+		tests/docs/test_words.py
 
 fmt: ## rustfmt, ruff format, ruff --fix
 	cargo fmt --all
@@ -67,6 +68,9 @@ figures: ## measure on an idle machine, and write benches/results.json and docs/
 
 counts: ## instruction counts against the committed ones (needs valgrind; UPDATE=1 rewrites them)
 	$(BIN)/python benches/counts.py $(if $(UPDATE),--update)
+
+msrv: ## the crates on the oldest compiler that Cargo.toml names (needs rustup)
+	cargo +$(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml).0 check --workspace --all-targets --locked
 
 licences: ## of every crate and package; known faults where cargo-deny and pip-audit are installed
 	$(BIN)/python .ci/licences
