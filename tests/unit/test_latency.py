@@ -116,6 +116,53 @@ def test_beyond_the_budget_it_names_the_stage() -> None:
     assert "camera to vest" in trace.line
 
 
+def test_the_hand_s_own_clock_is_not_ours() -> None:
+    now, bus, told = _Now(), Bus(), list[Latency]()
+    bus.subscribe(Latency, told.append)
+    answers: list[tuple[int, int]] = []
+
+    def answered(since_ns: int) -> tuple[int, int] | None:
+        return next((a for a in answers if a[1] >= since_ns), None)
+
+    trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=4.0, answered_ns=answered, bus=bus)
+    measured = trace.source("emg")
+    for at, answer in ((10, (1016, 1017)), (110, (1111, 1115))):
+        now.ns = (at + 1) * MS
+        measured(at * MS, (1000 + at) * MS)
+        trace.taken("emg", at * MS)
+        now.ns = (at + 3) * MS
+        trace.commanded()
+        answers.append((answer[0] * MS, answer[1] * MS))
+        now.ns = (at + 9) * MS
+        trace.commanded()
+    stages = [{name: ns / MS for name, ns in block.stages_ns().items()} for block in told]
+    # The first is told at 13 ms, and the hand reports at 16. The second is told at 113, after a report at 111.
+    assert stages[0] == {
+        "sample": 0,
+        "levels": 1,
+        "wait": 2,
+        "report": 3,
+        "hand-over": 1,
+        "own": 2,
+        "whole": 7,
+    }
+    assert stages[1] == {
+        "sample": 0,
+        "levels": 1,
+        "wait": 2,
+        "report": 0,
+        "hand-over": 2,
+        "own": 3,
+        "whole": 5,
+    }
+
+
+def test_a_recording_of_before_reports_were_told_apart_is_read() -> None:
+    old = Latency(path="intent", source="emg", stamps_ns=(0, 1, 3, 6, 10))
+    said = {"sample": 1, "levels": 2, "wait": 3, "report": 0, "hand-over": 4, "own": 6, "whole": 10}
+    assert old.stages_ns() == said
+
+
 def test_memory_stays_the_same_however_long_it_runs() -> None:
     trace, now, link, _ = _made()
     measured = trace.source("thumb")

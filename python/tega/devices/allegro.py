@@ -325,14 +325,17 @@ class Allegro(Opened):
         """Of the last 16,384 cycles, when its torques were sent and how long after their frames, both in ns."""
         return list(self._cycles)
 
-    def answered_ns(self, since_ns: int) -> int | None:
-        """Return when torques first left at or after a monotonic time; ``None`` if none have yet."""
+    def answered_ns(self, since_ns: int) -> tuple[int, int] | None:
+        """Return when a hand's report was in and when the torques that answer it left, at or after a monotonic time.
+
+        ``None`` if none have left since.
+        """
         found = None
         for k in range(1, len(self._cycles) + 1):
-            sent_ns = self._cycles[-k][0]
+            sent_ns, took_ns = self._cycles[-k]
             if sent_ns < since_ns:
                 break
-            found = sent_ns
+            found = (sent_ns - took_ns, sent_ns)
         return found
 
     @property

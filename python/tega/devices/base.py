@@ -336,8 +336,11 @@ class SteeredHand(Device, Protocol):
 class AnsweringHand(SteeredHand, Protocol):
     """A hand that tells when torques first left; without it no latency is counted to it."""
 
-    def answered_ns(self, since_ns: int) -> int | None:
-        """Return when torques first left at or after a monotonic time; ``None`` if none have yet."""
+    def answered_ns(self, since_ns: int) -> tuple[int, int] | None:
+        """Return when a hand's report was in and when the torques that answer it left, at or after a monotonic time.
+
+        ``None`` if none have left since.
+        """
         ...
 
 

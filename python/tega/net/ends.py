@@ -136,12 +136,12 @@ class FarHand(Opened):
 
     Args:
         robot: Whose.
-        answered: Tells when a command was first handed to the link at or after a monotonic time.
+        answered: Tells when a command was first handed to the link at or after a monotonic time, after that time.
     """
 
     label: ClassVar[str] = "at the robot's station: angles as it tells them"
 
-    def __init__(self, robot: str, *, answered: Callable[[int], int | None]) -> None:
+    def __init__(self, robot: str, *, answered: Callable[[int], tuple[int, int] | None]) -> None:
         self._info = DeviceInfo(driver="net", kind="hand", label=f"hand of {robot!r}", live=True)
         self.asked: tuple[int, float | None] | None = None
         self.angles: tuple[float, ...] = ()

@@ -83,11 +83,11 @@ class IntentSender:
         self.say_hand()
         self._send_arm(encode(ArmMessage(**self._stamp("arm"))))
 
-    def _answered_ns(self, since_ns: int) -> int | None:
-        """Return when a command was first handed to the link at or after a time."""
+    def _answered_ns(self, since_ns: int) -> tuple[int, int] | None:
+        """Return a time, and when a command was first handed to the link at or after it: no report is waited for."""
         found = None
         for sent_ns in reversed(self._sent):
             if sent_ns < since_ns:
                 break
-            found = sent_ns
+            found = (since_ns, sent_ns)
         return found

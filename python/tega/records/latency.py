@@ -10,10 +10,12 @@ from tega.records.base import Ns, Record
 __all__ = ["INTENT_STAGES", "TOUCH_STAGES", "Latency"]
 
 TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", "own", "in-hand", "whole")
-INTENT_STAGES: Final = ("sample", "levels", "wait", "hand-over", "own", "whole")
+INTENT_STAGES: Final = ("sample", "levels", "wait", "report", "hand-over", "own", "whole")
 
 # Recordings of before there was a greatest rate do not tell when it let a frame go.
 _STAMPS_WITHOUT_HELD: Final = 6
+# Older recordings do not tell when the hand reported, either.
+_STAMPS_WITHOUT_REPORT: Final = 5
 
 
 class Latency(Record, frozen=True, kw_only=True):
@@ -22,8 +24,8 @@ class Latency(Record, frozen=True, kw_only=True):
     Attributes:
         path: ``touch`` or ``intent``.
         source: The finger, or ``emg``.
-        stamps_ns: Times since the start of the session: captured, received, measured, taken up, (made, let go,) handed
-            over.
+        stamps_ns: Times since the start of the session: captured, received, measured, taken up, then of touch made and
+            let go, of intent when the hand's report was in that the torques answer, and handed over.
     """
 
     topic: ClassVar[str] = "/latency/{path}"
@@ -42,9 +44,11 @@ class Latency(Record, frozen=True, kw_only=True):
         stamps = self.stamps_ns
         if self.path == "touch" and len(stamps) == _STAMPS_WITHOUT_HELD:
             stamps = (*stamps[:5], stamps[4], stamps[5])
+        elif self.path != "touch" and len(stamps) == _STAMPS_WITHOUT_REPORT:
+            stamps = (*stamps[:4], stamps[3], stamps[4])
         steps = [later - sooner for sooner, later in pairwise(stamps)]
         whole = stamps[-1] - stamps[0]
         if self.path == "touch":
             own = steps[1] + steps[3] + steps[5]
             return dict(zip(TOUCH_STAGES, (*steps, own, whole - steps[0], whole), strict=True))
-        return dict(zip(INTENT_STAGES, (*steps, steps[1] + sum(steps[3:]), whole), strict=True))
+        return dict(zip(INTENT_STAGES, (*steps, steps[1] + steps[4], whole), strict=True))

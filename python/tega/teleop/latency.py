@@ -18,6 +18,7 @@ intent, of each block of EMG when it first steers the hand
 sample    the newest sample's stamp - our program has it
 levels    - the block's levels are known
 wait      - the loop tells the hand
+report    - the hand reports its joints, every 3 ms on its own clock; torques answer a report
 hand-over - its first torques are handed to the transport
 own       levels and hand-over together
 whole     sample to hand-over
@@ -59,7 +60,8 @@ class LatencyTrace:
             is refreshed at a steady pace, whose waits are wanted.
         steady: Whether it is.
         vests: Those that tell what they hand over.
-        answered_ns: Tells when a hand's torques first left at or after a monotonic time; ``None`` without such a hand.
+        answered_ns: Tells when a hand's torques first left at or after a monotonic time, and first when the report that
+            they answer was in; ``None`` without such a hand.
         motor: What comes after the hand-over, as it was measured; ``None`` where it was not.
         bus: Told of every frame and block that has arrived.
 
@@ -79,7 +81,7 @@ class LatencyTrace:
         budget_ms: float,
         steady: bool = False,
         vests: Sequence[StampingVest] = (),
-        answered_ns: Callable[[int], int | None] | None = None,
+        answered_ns: Callable[[int], tuple[int, int] | None] | None = None,
         motor: MotorOnset | None = None,
         bus: Bus | None = None,
     ) -> None:
@@ -163,9 +165,11 @@ class LatencyTrace:
         if self._answered_ns is None:
             return
         if self._block is not None:
-            handed_ns = self._answered_ns(self._block[-1] + self._start_ns)
-            if handed_ns is not None:
-                self._arrived("intent", "emg", (*self._block, handed_ns - self._start_ns))
+            told_ns = self._block[-1] + self._start_ns
+            if (answer := self._answered_ns(told_ns)) is not None:
+                # A report that was in already when the hand was told was not waited for.
+                stamps_ns = (max(answer[0], told_ns) - self._start_ns, answer[1] - self._start_ns)
+                self._arrived("intent", "emg", (*self._block, *stamps_ns))
                 self._block = None
         if self._block is None and (block := self._fresh.pop("emg", None)) is not None:
             self._block = (*block, self.now_ns())
