@@ -10,19 +10,19 @@ __all__ = ["every"]
 
 
 @contextmanager
-def every(do: Callable[[], object], *, every_s: float, name: str) -> Iterator[None]:
-    """Do something at once, and again after each rest, in a thread of its own; the block's end waits for the last.
+def every(action: Callable[[], object], *, every_s: float, name: str) -> Iterator[None]:
+    """Call a function at once, and again after each rest, in a thread of its own; the block ends after the last call.
 
     Args:
-        do: It.
-        every_s: The rest between its end and its next beginning.
+        action: Called again and again.
+        every_s: The rest between the end of a call and the next call.
         name: Of the thread.
     """
     over = threading.Event()
 
     def run() -> None:
         while True:
-            do()
+            action()
             if over.wait(every_s):
                 return
 

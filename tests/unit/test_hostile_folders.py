@@ -18,7 +18,7 @@ from tega.safety.motor_budget import MotorBudget
 from tega.study.coupling import read_course
 from tega.study.hand_rows import read_hand
 from tega.study.lead.board import read_board
-from tega.study.privacy import withdrawn
+from tega.study.privacy import withdrawn_ids
 from tega.study.touch_picture import read_touch_picture
 from tega.study.touch_rows import read_touch
 from tega.whole_file import new_file, write_whole
@@ -128,7 +128,7 @@ def test_a_pipe_is_neither_board_nor_list_nor_dose(tmp_path: Path) -> None:
         os.mkfifo(tmp_path / name)
     assert read_board(tmp_path / "now.json") is None
     for refused in (
-        lambda: withdrawn(tmp_path),
+        lambda: withdrawn_ids(tmp_path),
         lambda: KeptDose(tmp_path / "vest-dose.json", MotorBudget()),
         lambda: prepare_folder(tmp_path),
     ):

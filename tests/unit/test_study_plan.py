@@ -15,7 +15,7 @@ import pytest
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.journal import Journal, read_events
-from tega.study.privacy import export, note_elsewhere, withdraw, withdrawn
+from tega.study.privacy import export, note_elsewhere, withdraw, withdrawn_ids
 from tega.study.score.boris import export_boris
 from tega.study.state import derive, events_path, resume
 from tega.study.trials import study_trials, trials_of_events
@@ -173,7 +173,7 @@ def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> N
     }
     assert not list(folder.rglob("p01"))
     assert events_path(folder, "p02").read_bytes() == other
-    assert withdrawn(folder) == {"p01"}
+    assert withdrawn_ids(folder) == {"p01"}
     assert {trial.participant for trial in study_trials(folder)[1]} == {"p02"}
     with pytest.raises(RecordingError, match="has withdrawn"):
         resume(folder, read_plan(folder), "p01", t_ns=0)

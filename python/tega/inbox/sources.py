@@ -192,7 +192,7 @@ class BlockMeter:
         second, and after that the channels are bad until samples come again.
 
         Args:
-            chunk: They.
+            chunk: The next samples, (n, channels), in the unit of the source.
 
         Returns:
             The blocks that they complete: none, one or more.

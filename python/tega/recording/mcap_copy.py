@@ -16,7 +16,7 @@ class McapItem(NamedTuple):
 
     Attributes:
         kind: ``Message``, ``Attachment`` or ``Metadata``.
-        record: It.
+        record: As it was read, not yet decoded.
         channel: Of a message, its channel.
         schema: Of a message, its schema; ``None`` where it has none.
     """

@@ -123,7 +123,7 @@ class McapFile:
         """Encode a record and add it.
 
         Args:
-            record: It.
+            record: What is to be written.
             t_ns: When it came, nanoseconds since the start of the session.
         """
         log_ns = self.epoch_ns + t_ns

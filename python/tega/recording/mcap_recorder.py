@@ -117,7 +117,7 @@ class McapRecorder:
         """Hand a record over.
 
         Args:
-            record: It.
+            record: What is to be written; it is not encoded yet.
             t_ns: When it came, since the start of the session, where its own stamp is on another clock.
         """
         self._queue.put(Item(record, record.log_ns if t_ns is None else t_ns, record.n_bytes + _ITEM_BYTES))

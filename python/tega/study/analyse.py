@@ -19,7 +19,7 @@ from tega.study.finger_rows import FingerRow, finger_rows
 from tega.study.journal import read_events
 from tega.study.plan import default_family
 from tega.study.power import SPREADS, count_power, people_for
-from tega.study.privacy import withdrawn
+from tega.study.privacy import withdrawn_ids
 from tega.study.ratings import RatingUse, ratings
 from tega.study.score.accounts import agreements
 from tega.study.score.agree import Agreement
@@ -172,7 +172,7 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Fig
         RecordingError: The folder is damaged, or has no trial that counts.
     """
     plan, trials = study_trials(folder)
-    settings, gone = plan.settings, withdrawn(folder)
+    settings, gone = plan.settings, withdrawn_ids(folder)
     stay = [person for person in plan.participants if person not in gone]
     complete = sum(
         derive(plan.of(person), read_events(events_path(folder, person))).next is None for person in stay

@@ -18,7 +18,7 @@ from tega.errors import RecordingError
 from tega.study.hand_rows import HandRow, hand_path, read_hand
 from tega.study.journal import Journal, JournalEvent, Kind, read_events
 from tega.study.plan import read_plan
-from tega.study.privacy import withdrawn
+from tega.study.privacy import withdrawn_ids
 from tega.study.state import events_path
 from tega.study.touch_rows import TouchRow, read_touch, touch_path
 
@@ -115,7 +115,7 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
         InvalidValueError: Nobody has that id.
         RecordingError: The study is damaged, or no attempt has frames of its fingertips.
     """
-    plan, gone = read_plan(folder), withdrawn(folder)
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
     found: list[TrialEvents] = []
     for person in participants or plan.participants:
         mine = {trial.trial: trial for trial in plan.of(person)}

@@ -26,7 +26,7 @@ from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
 from tega.whole_file import write_whole
 
-__all__ = ["Withdrawal", "export", "note_elsewhere", "withdraw", "withdrawn"]
+__all__ = ["Withdrawal", "export", "note_elsewhere", "withdraw", "withdrawn_ids"]
 
 _LOG = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ class Withdrawal(NamedTuple):
     left: list[Path]
 
 
-def withdrawn(folder: Path) -> set[str]:
+def withdrawn_ids(folder: Path) -> set[str]:
     """Return the ids of those who have withdrawn; nothing is deleted by asking.
 
     Args:
@@ -125,7 +125,7 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
         DeviceUnavailableError: The session is open in another program.
     """
     read_plan(folder).of(participant)
-    if participant not in withdrawn(folder):
+    if participant not in withdrawn_ids(folder):
         own = [events_path(folder, participant)]
         raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
         for path in (*own, *raters):
@@ -207,7 +207,7 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
 
     if not key:
         raise InvalidValueError("key is empty", "give a long random word")
-    plan, gone = read_plan(folder), withdrawn(folder)
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
 
     def rank(person: str) -> str:
         return hashlib.sha256(f"tega-export|{key}|{person}".encode()).hexdigest()

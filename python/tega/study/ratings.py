@@ -10,7 +10,7 @@ import msgspec
 from tega.study.journal import read_events
 from tega.study.lead.questions import QUESTIONS, raw_tlx
 from tega.study.plan import read_plan
-from tega.study.privacy import withdrawn
+from tega.study.privacy import withdrawn_ids
 from tega.study.state import events_path
 
 __all__ = ["RAW_TLX", "RatingUse", "ratings"]
@@ -49,7 +49,7 @@ def ratings(folder: Path) -> tuple[RatingUse, ...]:
     Raises:
         RecordingError: The study is damaged.
     """
-    plan, gone = read_plan(folder), withdrawn(folder)
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
     said: dict[tuple[str, str], dict[str, list[float]]] = {}
     for person in plan.participants:
         if person in gone:

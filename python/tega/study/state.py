@@ -137,10 +137,10 @@ def resume(
         RecordingError: The events are damaged, belong to another plan, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open.
     """
-    from tega.study.privacy import withdrawn
+    from tega.study.privacy import withdrawn_ids
 
     trials = plan.of(participant)
-    if participant in withdrawn(folder):
+    if participant in withdrawn_ids(folder):
         raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
     check_where(plan, where)
     journal = Journal(events_path(folder, participant))

@@ -11,7 +11,7 @@ from tega.errors import RecordingError
 from tega.study.journal import JournalEvent, Status, counting, read_events
 from tega.study.observers import read_observers, saw_whole
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
-from tega.study.privacy import withdrawn
+from tega.study.privacy import withdrawn_ids
 from tega.study.state import events_path
 
 __all__ = ["Trial", "bench_trials", "course_path", "study_trials", "trials_of_events"]
@@ -83,7 +83,7 @@ def study_trials(folder: Path) -> tuple[StudyPlan, list[Trial]]:
     Raises:
         RecordingError: Plan or events are damaged.
     """
-    plan, gone = read_plan(folder), withdrawn(folder)
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
     trials: list[Trial] = []
     for person in plan.participants:
         if person not in gone:

@@ -185,7 +185,7 @@ class DualLoop:
                 if duration_ns is not None and t_ns >= duration_ns:
                     self._wait(duration_ns)
                     last_ns = duration_ns
-                    last_ns, report.ended = self._last_look(duration_ns)
+                    last_ns, report.ended = self._drain_final(duration_ns)
                     break
                 if self._by_frame and (woken_ns := self._pacer.doze(t_ns)) < t_ns:
                     last_ns = woken_ns if self._take_in(woken_ns) else last_ns
@@ -199,9 +199,11 @@ class DualLoop:
                 if t_ns >= self._end_ns:
                     last_ns, report.ended = self._end_ns, "complete"
                     break
-                self._look(t_ns)
-                k_step += step_at_ns == t_ns
-                k_vest += vest_at_ns == t_ns
+                self._update_guard(t_ns)
+                if step_at_ns == t_ns:
+                    k_step += 1
+                if vest_at_ns == t_ns:
+                    k_vest += 1
                 if in_time:
                     self._tick(t_ns, hand=with_hand and step_at_ns == t_ns, vest=vest_at_ns == t_ns)
         except BaseException as error:
@@ -221,7 +223,7 @@ class DualLoop:
             self._bus.publish(Skip(t_ns=t_ns))
         return in_time
 
-    def _look(self, t_ns: int) -> None:
+    def _update_guard(self, t_ns: int) -> None:
         """Have the guard look at what came in."""
         guard, late_ns = self._guard, self._pacer.late_ns
         if guard is None or not guard.due(t_ns, late_ns):
@@ -237,7 +239,7 @@ class DualLoop:
             released = f"dead-man: {dead_man.words('dead_man')}"
         guard.look(t_ns, late_ns=late_ns, stamps=stamps, counts=counts, unvoted=unvoted, released=released)
 
-    def _last_look(self, duration_ns: int) -> tuple[int, str]:
+    def _drain_final(self, duration_ns: int) -> tuple[int, str]:
         """Take in what came before a set time was over, and tell when and how the run ended."""
         if self._due_ns < duration_ns:
             self._take_in(duration_ns - 1)
@@ -280,10 +282,10 @@ class DualLoop:
                             confidence=block.confidence,
                         )
                     )
-        self._look_ahead()
+        self._note_next_due()
         return taken
 
-    def _look_ahead(self) -> None:
+    def _note_next_due(self) -> None:
         """Note when there is something to take in again, and when the last source ended once all have."""
         due_ns, ended = NEVER_NS, True
         for stream in self._streams:

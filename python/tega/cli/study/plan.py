@@ -105,10 +105,10 @@ def status(*, folder: Path, as_json: bool) -> None:
     """Show how far everybody is, and which trial comes next. What comes next is not shown to who recruits."""
     from tega.study import read_plan
     from tega.study.journal import read_events
-    from tega.study.privacy import withdrawn
+    from tega.study.privacy import withdrawn_ids
     from tega.study.state import derive, events_path
 
-    made, gone = read_plan(folder), withdrawn(folder)
+    made, gone = read_plan(folder), withdrawn_ids(folder)
     rows: list[dict[str, Any]] = []
     for person in made.participants:
         mine = made.of(person)

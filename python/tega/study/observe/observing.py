@@ -74,12 +74,12 @@ class Observing:
     """
 
     def __init__(self, folder: Path, participant: str, rater: str, *, t_ns: int) -> None:
-        from tega.study.privacy import withdrawn
+        from tega.study.privacy import withdrawn_ids
 
         self.rater = checked_rater(rater)
         plan = read_plan(folder)
         self._trials = {trial.trial: trial for trial in plan.of(participant)}
-        if participant in withdrawn(folder):
+        if participant in withdrawn_ids(folder):
             raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
         self._main, self._board = events_path(folder, participant), board_path(folder, participant)
         self._size, self._events = -1, list[JournalEvent]()

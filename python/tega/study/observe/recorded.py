@@ -78,11 +78,11 @@ def recorded_trials(folder: Path, participant: str, rater: str) -> tuple[list[Re
         RecordingError: The study is damaged, or the person has withdrawn.
         DeviceUnavailableError: No trial can be shown.
     """
-    from tega.study.privacy import withdrawn
+    from tega.study.privacy import withdrawn_ids
 
     plan = read_plan(folder)
     planned = plan.of(participant)
-    if participant in withdrawn(folder):
+    if participant in withdrawn_ids(folder):
         raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
     ended = {
         start.trial: (start, end)

@@ -11,7 +11,7 @@ from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import JournalEvent, Kind, counting, read_events
 from tega.study.observers import read_observers, saw_whole
 from tega.study.plan import read_plan
-from tega.study.privacy import withdrawn
+from tega.study.privacy import withdrawn_ids
 from tega.study.score.agree import Agreement, agreement
 from tega.study.score.boris import attempts
 from tega.study.state import events_path
@@ -49,7 +49,7 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
     Raises:
         RecordingError: The study is damaged.
     """
-    plan, gone = read_plan(folder), withdrawn(folder)
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
     accounts: dict[str, list[Scored]] = {}
     for person in plan.participants:
         if person in gone:
