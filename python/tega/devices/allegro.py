@@ -1,4 +1,4 @@
-"""An Allegro Hand v4 on any CAN adapter that python-can knows, steered on the angles it reports."""
+"""Steer an Allegro Hand v4 on the angles that it reports, over any CAN adapter that python-can knows."""
 
 from __future__ import annotations
 

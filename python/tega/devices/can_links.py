@@ -1,4 +1,4 @@
-"""CAN buses of this machine: which there are, whether they are up, and at what rate."""
+"""List the CAN buses of this machine, whether they are up, and at what rate."""
 
 from __future__ import annotations
 

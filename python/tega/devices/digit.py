@@ -1,4 +1,4 @@
-"""A DIGIT, or any camera or stream that OpenCV opens, as a tactile source."""
+"""Read pictures from a DIGIT, or from any camera or stream that OpenCV opens."""
 
 from __future__ import annotations
 

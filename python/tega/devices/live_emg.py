@@ -1,4 +1,4 @@
-"""What all live EMG sources share: the rate is proven when one opens, time and health are kept, silence is told."""
+"""Open and read live EMG sources: prove their rate, stamp their samples, keep their health, tell their silence."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LiveEmgOptions(Options, frozen=True, kw_only=True):
 
 
 class Arrived(NamedTuple):
-    """What came in at once.
+    """Samples that came in at once.
 
     Attributes:
         samples: float64 (n, channels), at least one; all channels of the device.

@@ -1,4 +1,4 @@
-"""What trackers have in common whose poses come from a thread of their own."""
+"""Read the poses of a tracker that come from a thread of its own."""
 
 from __future__ import annotations
 
