@@ -1,4 +1,4 @@
-"""Records of the arm: what leads it, where it is to go, and how it is."""
+"""Define the records of the arm: its turns, its poses, its targets and its health."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class PoseNumbers(msgspec.Struct, frozen=True):
 
 
 class ArmTurn(Record, frozen=True, kw_only=True):
-    """All that one turn of what leads an arm took in, and the command that came of it.
+    """Inputs of one turn of what leads an arm, and the command that came of it.
 
     Attributes:
         t_ns: When, since the start of the session.

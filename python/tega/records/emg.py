@@ -1,4 +1,4 @@
-"""Records of the muscles: EMG samples, and what they ask of the hand."""
+"""Define the records of the muscles: EMG samples, and the intents decoded from them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class EmgSamples(Record, frozen=True, kw_only=True):
 
 
 class Intent(Record, frozen=True, kw_only=True):
-    """What the muscles ask of the hand.
+    """Intent of the operator: the level or closure that the muscles ask of the hand.
 
     Attributes:
         t_ns: When the block of samples was complete, since the start of the session.

@@ -1,4 +1,4 @@
-"""The record of a delay: the way of one camera frame to the vest, or of one block of EMG to the hand."""
+"""Define the record of a delay: of one camera frame to the vest, or of one block of EMG to the hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fields of a record as a file or a link spells them, read off the struct itself."""
+"""Read off a record's struct how a file or a link spells its fields."""
 
 from __future__ import annotations
 

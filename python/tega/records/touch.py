@@ -1,4 +1,4 @@
-"""Records of touch: a fingertip camera's picture, and what was measured in it."""
+"""Define the records of touch: a fingertip camera's picture, the contact measured in it, and the events."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class NamedValue(msgspec.Struct, frozen=True):
 
 
 class Contact(Record, frozen=True, kw_only=True):
-    """What one picture of a fingertip says about the contact, and what of it the wearer is to feel.
+    """Contact in one picture of a fingertip, and what of it the wearer is to feel.
 
     A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds when it took the contact
     in and what it means to the wearer. Without contact, places and lengths are NaN, and ``eda`` and ``cci`` 0.

@@ -1,4 +1,4 @@
-"""A recording as the input of a run: every item comes at the tick at which it came then."""
+"""Make a recording the input of a run: every item comes at the tick at which it came then."""
 
 from __future__ import annotations
 

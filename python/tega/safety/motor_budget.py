@@ -1,4 +1,4 @@
-"""How much a vest's motors may vibrate: a ceiling on each, the heat of each, and the dose at its place on the skin.
+"""Limit how much a vest's motors vibrate: a ceiling on each, the heat of each, the dose at its place on the skin.
 
 For a motor at share d of full drive (0 to 1):
 
