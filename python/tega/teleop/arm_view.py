@@ -1,4 +1,4 @@
-"""What a display shows of an arm."""
+"""Tell a display what an arm does, where its hand is, and what the operator holds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["ArmView", "look"]
 
 
 class ArmView(NamedTuple):
-    """One moment of an arm.
+    """View of an arm at one moment.
 
     Attributes:
         state: Of the chain.
@@ -65,7 +65,7 @@ class ArmView(NamedTuple):
 
 
 def look(turn: Turn, command: ArmCommand, arm: ArmDriver) -> ArmView:
-    """Return what there is to show of a turn."""
+    """Return the view of an arm's turn."""
     hand_m = behind_mm = None
     if turn.measured is not None:
         x, y, z = map(float, turn.measured.position_m)

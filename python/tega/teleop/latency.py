@@ -1,4 +1,4 @@
-"""How old what is felt and done is: every vest frame with its camera frames, every hand command with its EMG sample.
+"""Measure how old each vest frame's camera frames and each hand command's EMG sample are, stage by stage.
 
 ========  ==============================================================================================
 stage     from - to

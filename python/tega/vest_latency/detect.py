@@ -1,4 +1,4 @@
-"""When a vest's motor begins to vibrate, found in the sound of many bursts.
+"""Find when a vest's motor begins to vibrate, in the sound of many bursts.
 
 The rule, for each burst that was commanded at time c and lasted T:
 
@@ -44,7 +44,7 @@ _TOO_SOFT = "not four times as loud as the background before it"
 
 
 class BurstOnset(NamedTuple):
-    """What was found of one burst.
+    """Onset of one burst.
 
     Attributes:
         delay_s: From the command to the beginning of the vibration; NaN where ``why`` is not empty.
@@ -60,7 +60,7 @@ class BurstOnset(NamedTuple):
 
 
 class Onsets(NamedTuple):
-    """What was found in a recording.
+    """Onsets in a recording.
 
     Attributes:
         spin_hz: The motor's frequency; NaN where none stands out.

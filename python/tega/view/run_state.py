@@ -1,4 +1,4 @@
-"""The run's state as displays tell it: what each state means, and what is to be read beside it."""
+"""Tell the run's state as displays do: what each state means, and what is to be read beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CAN frames from the bus to records."""
+"""Decode an Allegro Hand's CAN frames from the bus to records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an Allegro Hand's CAN frames say, as small frozen records.
+"""Define the messages of an Allegro Hand's CAN frames, as small frozen records.
 
 Fingers go by name; counts and temperatures are those of the finger's joints 0 to 3.
 """
@@ -90,7 +90,7 @@ class AllegroTemperature:
 
 @dataclass(frozen=True, slots=True)
 class AllegroInfo:
-    """What the hand says about itself.
+    """Versions, side, temperature and status of a hand, from the hand.
 
     Sources agree about status bits 0 and 1 only. Bits 2 to 4 have two readings, by firmware: a communication
     fault or thermal throttling (2), a communication fault (3), a palm too hot (4). ``must_stop`` and

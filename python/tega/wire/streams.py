@@ -1,6 +1,6 @@
-"""Decoders of the muscle sensors' serial streams.
+"""Decode the muscle sensors' serial streams.
 
-Each is fed with bytes as they arrive, in chunks of any size, and gives what they complete. None of them keeps
+Each decoder is fed with bytes as they arrive, in chunks of any size, and gives what they complete. None of them keeps
 more than a few packets' worth of bytes, and none raises on what a port delivers. A decoder belongs to one
 thread at a time.
 """

@@ -1,4 +1,4 @@
-"""The hand alone, from its joint angles: for runs that have no simulated world to show.
+"""Draw the hand alone, from its joint angles: for runs that have no simulated world to show.
 
 The figure is the simulated hand's own description, with its joints turned as the angles say. Drawn this way it needs no
 physics engine; where the angles are modelled, so is the figure.
