@@ -1,4 +1,4 @@
-"""Where settings come from: every value of a session, by its dotted key, with its origin."""
+"""Keep the origin of every value of a session's settings, by its dotted key."""
 
 from __future__ import annotations
 
