@@ -93,7 +93,7 @@ class Bus:
                 backlog.start()
 
     def wants(self, topic: type[msgspec.Struct]) -> bool:
-        """Whether anybody would be told of a record of exactly this kind."""
+        """Tell whether anybody would be told of a record of exactly this kind."""
         return bool(self._found(topic))
 
     def publish(self, record: msgspec.Struct) -> None:

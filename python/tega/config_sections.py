@@ -123,7 +123,7 @@ class CalibrationConfig(_Section, frozen=True):
 
 
 class TactileConfig(_Section, frozen=True):
-    """One fingertip.
+    """One fingertip's sensor.
 
     Attributes:
         driver: Name of a tactile driver.
@@ -341,7 +341,7 @@ class MarkersSection(_Section, frozen=True):
 
 
 class StageConfig(_Section, frozen=True):
-    """One stage.
+    """One stage and its options.
 
     Attributes:
         name: Its name, as ``tega-teleop stages`` lists it; none means the preset's own.

@@ -184,7 +184,7 @@ class HandLink:
 
     @property
     def fault(self) -> HandFault | None:
-        """Why the hand was let go for good."""
+        """Fault for which the hand was let go for good."""
         fault = self._link.fault
         return None if fault is None else HandFault(*fault)
 
@@ -204,7 +204,7 @@ class HandLink:
         return self._link.torques
 
     def state(self, t_ns: int) -> HandState:
-        """Return where the conversation stands at a time."""
+        """Return the state of the conversation at a time."""
         info, link = self._link.info, self._link
         hardware, firmware, _, palm_c, status = info or (0, 0, 0, None, 0)
         return HandState(

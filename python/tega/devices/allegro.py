@@ -164,7 +164,7 @@ class Allegro(Opened):
 
     @property
     def problem(self) -> str:
-        """What the hand suffers from now, while it can still be steered or may come back; ``""`` for nothing."""
+        """Trouble of the hand now, while it can still be steered or may come back; ``""`` for none."""
         return self._alert()
 
     def open(self) -> None:

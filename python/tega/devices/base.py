@@ -226,7 +226,7 @@ class StampingVest(Protocol):
     """A vest that tells when a frame leaves; without it no latency is counted to it."""
 
     def handed_over(self) -> Sequence[tuple[int, int, int]]:
-        """Return what left since the last call.
+        """Return the frames that left since the last call.
 
         Returns:
             Of each frame that brought something new the ``t_ns`` it was written with, and the monotonic times, ns,
@@ -267,9 +267,9 @@ many it did not send because it showed them already; ``in_steps``, whether it sh
 
 
 def optional(device: object, name: str) -> Any:
-    """Return what a driver has under a name of :data:`OPTIONAL`, or what is taken where it has not.
+    """Return a driver's attribute of a name of :data:`OPTIONAL`, or the default where it has none.
 
-    It is asked for by name, since a source that is recorded or shown stands behind another object.
+    The attribute is asked for by name, since a source that is recorded or shown stands behind another object.
     """
     return getattr(device, name, OPTIONAL[name])
 
@@ -377,7 +377,7 @@ class Tracker(Device, Protocol):
 
     @property
     def problem(self) -> str:
-        """What is wrong with it now, for the operator; ``""`` for nothing."""
+        """Trouble with the tracker now, for the operator; ``""`` for none."""
         ...
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
@@ -400,7 +400,7 @@ class ArmDriver(Device, Protocol):
 
     @property
     def problem(self) -> str:
-        """What is wrong with it now, for the operator; ``""`` for nothing."""
+        """Trouble with the arm now, for the operator; ``""`` for none."""
         ...
 
     @property
@@ -436,7 +436,7 @@ class PreflightedArm(Protocol):
 
     @classmethod
     def preflight(cls, options: Any) -> Sequence[tuple[bool, str, str]]:
-        """Return what was looked at: whether it is well, what it is, and what to do where it is not.
+        """Return the findings: whether each is well, what it is, and what to do where it is not.
 
         Raises:
             TegaError: The arm does not answer, or is none.

@@ -19,7 +19,7 @@ _IP_TIMEOUT_S = 2.0
 
 
 class CanLink(NamedTuple):
-    """One bus.
+    """One CAN bus of this machine.
 
     Attributes:
         name: Such as ``can0``.

@@ -183,7 +183,7 @@ class Digit(Opened):
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Why the newest picture was not given; nothing while good ones come, or none."""
+        """Reason why the newest picture was not given; nothing while good ones come, or none."""
         wrong = WORDS.get(self._check.newest)
         return (f"those that come are {wrong}",) if wrong else ()
 

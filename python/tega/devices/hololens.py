@@ -138,7 +138,7 @@ class HoloLens(ThreadedTracker):
 
     @property
     def problem(self) -> str:
-        """What is wrong with the connection now, for the operator; ``""`` for nothing."""
+        """Trouble with the connection now, for the operator; ``""`` for none."""
         with self._lock:
             if self._trouble:
                 return f"hololens: {self._trouble}"

@@ -179,12 +179,12 @@ class LiveEmg(Opened):
 
     @property
     def health(self) -> EmgHealth | None:
-        """What the signal looks like; ``None`` before the source was opened."""
+        """Health of the signal; ``None`` before the source was opened."""
         return self._health
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with the newest second of the signal, one sentence each."""
+        """Faults of the newest second of the signal, one sentence each."""
         health = self._health
         return () if health is None else health.now
 

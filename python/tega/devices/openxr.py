@@ -143,7 +143,7 @@ class OpenXr(ThreadedTracker):
 
     @property
     def problem(self) -> str:
-        """What is wrong now, for the operator; ``""`` for nothing."""
+        """Trouble with the tracker now, for the operator; ``""`` for none."""
         with self._lock:
             if self._trouble:
                 return f"openxr: {self._trouble}"

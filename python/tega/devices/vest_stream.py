@@ -274,14 +274,14 @@ class StreamedVest(Opened):
         return MotorLevels(frame.layout, shown[frame.motors])
 
     def shows_alike(self, one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
-        """Whether the vest looks the same with two frames, uint8 (40,), percent; told by what it can show."""
+        """Tell whether the vest looks the same with two frames, uint8 (40,), percent, by what it can show."""
         if not self.in_steps:
             return np.array_equal(one, other)
         # Nobody knows how others round: a motor that is to rest is told at once.
         return np.array_equal(vest_levels(one), vest_levels(other)) and np.array_equal(one == 0, other == 0)
 
     def handed_over(self) -> list[tuple[int, int, int]]:
-        """Return what left since the last call.
+        """Return the frames that left since the last call.
 
         Returns:
             Of each frame that brought something new the ``t_ns`` it was written with, and the monotonic times, ns,

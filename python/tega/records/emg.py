@@ -36,12 +36,12 @@ class EmgSamples(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When the program had them."""
+        """Time at which the program had the samples."""
         return self.received_ns
 
     @property
     def n_bytes(self) -> int:
-        """All numbers."""
+        """Memory of the samples, bytes."""
         return self.samples.nbytes
 
 
@@ -73,5 +73,5 @@ class Intent(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When the loop took it in."""
+        """Time at which the loop took the intent in."""
         return self.taken_ns

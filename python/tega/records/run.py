@@ -83,7 +83,7 @@ class HeardMarker(Marker, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When it was heard."""
+        """Time at which the marker was heard."""
         return self.received_ns
 
 
@@ -144,7 +144,7 @@ class End(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When it ended."""
+        """Time at which the loop ended."""
         return self.end_ns
 
 
@@ -168,7 +168,7 @@ class LogLine(Record, frozen=True, kw_only=True):
 
     @property
     def n_bytes(self) -> int:
-        """Its letters."""
+        """Memory of the line's letters, bytes."""
         return len(self.text)
 
 

@@ -61,12 +61,12 @@ class Picture(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When the program had it."""
+        """Time at which the program had the picture."""
         return self.received_ns
 
     @property
     def n_bytes(self) -> int:
-        """Its pixels."""
+        """Memory of the pixels, bytes."""
         return self.image.nbytes
 
 
@@ -158,7 +158,7 @@ class Contact(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When the loop took it in."""
+        """Time at which the loop took the contact in."""
         return self.taken_ns
 
 
@@ -186,10 +186,10 @@ class Event(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When it was found."""
+        """Time at which the event was found."""
         return self.taken_ns
 
     @property
     def words(self) -> str:
-        """What happened, and to which finger."""
+        """Words for the event: what happened, and to which finger."""
         return f"{self.kind}: {self.finger}" if self.finger else self.kind

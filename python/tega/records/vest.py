@@ -35,6 +35,6 @@ class VestFrame(VestRecord, frozen=True, kw_only=True):
 
 
 class SentFrame(VestRecord, frozen=True, kw_only=True):
-    """What a real vest was sent, after its own limits."""
+    """Frame that a real vest was sent, after its own limits."""
 
     topic: ClassVar[str] = "/vest/sent"

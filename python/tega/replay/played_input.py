@@ -26,7 +26,7 @@ __all__ = ["Switched", "played_input"]
 
 @tells_damage
 def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: str) -> Prepared:
-    """Make of a recording what a run starts with.
+    """Make the prepared sources of a run from a recording.
 
     Args:
         recorded: The recording.

@@ -111,7 +111,7 @@ class Guard:
 
     @property
     def reason(self) -> str:
-        """Why it is so."""
+        """Reason of the state."""
         return self._states.reason
 
     @property

@@ -73,7 +73,7 @@ class MotorBudget:
         self.heat = np.maximum(self.heat, heat)
 
     def allow(self, t_ns: int, wanted: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return what may be shown from now on.
+        """Return the intensities that may be shown from now on.
 
         Args:
             t_ns: Now, on a clock that never goes back.

@@ -255,7 +255,7 @@ class Mapping(_Stage, ABC):
     wants_events: ClassVar[bool] = False
 
     def columns(self, finger: str, contact: Contact) -> tuple[float, float]:  # noqa: ARG002
-        """Return what a finger's own columns show for a contact, percent (front, back), for display and tables.
+        """Return the values of a finger's own columns for a contact, percent (front, back), for display and tables.
 
         (0, 0) where the mapping does not show touch as a column a finger.
         """

@@ -91,7 +91,7 @@ class Steering:
 
     @property
     def problem(self) -> str:
-        """What is wrong with arm, tracker or what leads them; ``""`` for nothing."""
+        """Trouble with arm, tracker or what leads them; ``""`` for none."""
         doubt = f"arm: {self._chain.doubt}" if self._chain.doubt else ""
         said = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem, doubt]
         if not any(said) and self._command is not None and self._command.state == "stopped":

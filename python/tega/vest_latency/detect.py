@@ -81,11 +81,11 @@ class Onsets(NamedTuple):
 
     @property
     def halves_s(self) -> NDArray[np.float64]:
-        """Likewise, to half of the strength; float64 (n,), seconds."""
+        """Delays to half of the strength, of the same bursts; float64 (n,), seconds."""
         return np.array([b.half_s for b in self.bursts if not b.why])
 
     def left_out(self) -> dict[str, int]:
-        """Return how many bursts were left out, by reason."""
+        """Return the number of bursts left out, by reason."""
         return dict(Counter(b.why for b in self.bursts if b.why))
 
 

@@ -64,7 +64,7 @@ class EmgTail(NamedTuple):
 
 
 class ViewState(NamedTuple):
-    """One moment of a run.
+    """View of a run at one moment.
 
     Attributes:
         t_ns: Time since the run began, nanoseconds.

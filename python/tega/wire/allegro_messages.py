@@ -185,7 +185,7 @@ class AllegroTorque:
 
 @dataclass(frozen=True, slots=True)
 class AllegroPeriod:
-    """How often the hand is to report by itself, from a host; 0 is never.
+    """Period at which the hand is to report by itself, from a host; 0 is never.
 
     Attributes:
         position_ms: Joint positions.
@@ -239,7 +239,7 @@ class AllegroRejected:
 
 @dataclass(frozen=True, slots=True)
 class AllegroRequest:
-    """What a remote frame asks a hand for.
+    """Request to a hand in a remote frame.
 
     Attributes:
         wants: Kind of report.

@@ -147,7 +147,7 @@ def player_v2_ping() -> str:
 
 @dataclass(frozen=True, slots=True)
 class PlayerStatus:
-    """What the Player says of itself. It is no acknowledgement that anything moved.
+    """Status of the Player. It is no acknowledgement that anything moved.
 
     Attributes:
         connected_devices: How many devices it is connected to.

@@ -161,7 +161,7 @@ class ChordsDecoder(_NumberedPackets):
 
 
 def chords_channels(data: bytes | bytearray | memoryview) -> int | None:
-    """Return how many channels the packets in a stretch of a Chords stream have, or None.
+    """Return the number of channels of the packets in a stretch of a Chords stream, or None.
 
     It is the number that makes most packets in unbroken order, at least three; the first 4096 bytes are
     looked at. A board's name does not always tell: the same one is sent with three channels and with six.

@@ -37,7 +37,7 @@ class RobotBody(Protocol):
         ...
 
     def see(self) -> HandSeen:
-        """Return where the hand is."""
+        """Return place and turn of the hand."""
         ...
 
     def begin(self) -> None:
@@ -58,7 +58,7 @@ class RobotBody(Protocol):
         ...
 
     def fault(self) -> str:
-        """Return what has ended its motion or keeps it from moving, ``""`` for nothing."""
+        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
         ...
 
     def recover(self) -> str:

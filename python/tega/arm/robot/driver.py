@@ -116,7 +116,7 @@ class ProcessArm(Opened):
 
     @property
     def problem(self) -> str:
-        """What is wrong with the arm now, for the operator; ``""`` for nothing."""
+        """Trouble with the arm now, for the operator; ``""`` for none."""
         if self._process is None:
             return ""
         if (code := self._process.poll()) is not None:

@@ -194,7 +194,7 @@ class FrankyBody:
         return self._tracker is not None and bool(self._robot.is_in_control)
 
     def fault(self) -> str:
-        """Return what has ended its motion or keeps it from moving, ``""`` for nothing."""
+        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
         if self._fault or self._robot.is_in_control:
             return self._fault
         if self._tracker is None:

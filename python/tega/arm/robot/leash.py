@@ -78,7 +78,7 @@ class Leash:
         self._lost_at, self._rests = self._engagements, True
 
     def order(self, now_ns: int) -> Order:
-        """Return what the arm does now."""
+        """Return the order to the arm now: follow, hold or rest."""
         age_ms = self._age(now_ns)
         last = self._last
         if last is None:

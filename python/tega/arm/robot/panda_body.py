@@ -187,7 +187,7 @@ class PandaBody:
         return self._controller is not None
 
     def fault(self) -> str:
-        """Return what has ended its motion or keeps it from moving, ``""`` for nothing."""
+        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
         if self._stopping is not None and not self._stopping.is_alive():
             self._stopping = None
         try:

@@ -54,7 +54,7 @@ class ArmTargetWords(msgspec.Struct, frozen=True, tag="Asked"):
     velocity_rad_s: Triple = (0.0, 0.0, 0.0)
 
     def malformed(self) -> str:
-        """Return why it cannot be followed, ``""`` if it can."""
+        """Return why the target cannot be followed, ``""`` if it can."""
         if (self.place is None) != (self.turn is None):
             return "it has a place or a turn, but not both"
         numbers = (*(self.place or ()), *(self.turn or ()), *self.velocity_m_s, *self.velocity_rad_s)

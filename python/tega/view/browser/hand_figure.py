@@ -66,7 +66,7 @@ class HandFigure:
         self._add(root, -1)
 
     def poses(self, angles_rad: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where each shape is, float64 (n, 7): position in metres, then the quaternion w, x, y, z.
+        """Return the pose of each shape, float64 (n, 7): position in metres, then the quaternion w, x, y, z.
 
         Args:
             angles_rad: The 16 joint angles, in the order of :data:`tega.hand.JOINT_NAMES`.
