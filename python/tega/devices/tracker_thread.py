@@ -1,4 +1,4 @@
-"""Read the poses of a tracker that come from a thread of its own."""
+"""Collect a tracker's poses from a thread of its own, and end the thread."""
 
 from __future__ import annotations
 

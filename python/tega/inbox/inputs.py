@@ -1,4 +1,4 @@
-"""Read the operator's input devices in a run: what they say now, and what was pressed."""
+"""Read the operator's input devices in a run: their state now, and what was pressed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run the dual loop over an open rig, and write down what there is to write at its end."""
+"""Run the dual loop over an open rig, and write the run's summary at its end."""
 
 from __future__ import annotations
 

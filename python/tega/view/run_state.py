@@ -1,4 +1,4 @@
-"""Tell the run's state as displays do: what each state means, and what is to be read beside it."""
+"""Describe the run's states for displays: what each means, and what is to be read beside it."""
 
 from __future__ import annotations
 
