@@ -26,7 +26,7 @@ __all__ = ["EmgScore", "emg_scores"]
 
 
 class EmgScore(msgspec.Struct, frozen=True, kw_only=True):
-    """How one reading behaves on EMG.
+    """Score of one reading on EMG.
 
     Attributes:
         reading: Its name, or the swept setting's value.

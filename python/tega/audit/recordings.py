@@ -1,4 +1,4 @@
-"""Read what an audit compares readings on: loose pictures, a video, loose EMG, or a recorded session."""
+"""Read the material of an audit: loose pictures, a video, loose EMG, or a recorded session."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ LOOSE_FINGER = "index"
 
 
 class EmgColumns(NamedTuple):
-    """What a file of EMG samples does not say itself.
+    """Rate, kind and channels of EMG samples, which their file does not say.
 
     Attributes:
         rate_hz: Samples per second.
@@ -55,7 +55,7 @@ class EmgColumns(NamedTuple):
 
 
 class AuditMaterial(NamedTuple):
-    """What is known before the first picture or sample.
+    """Settings, baselines and calibration, known before the first picture or sample.
 
     Attributes:
         tree: Settings of the run that made it; of loose files the preset's own.
@@ -75,7 +75,7 @@ class AuditMaterial(NamedTuple):
 
 
 class Listener(Protocol):
-    """Is told what a recording holds."""
+    """Takes the contents of a recording, one after the other."""
 
     def begin(self, material: AuditMaterial) -> bool:
         """Take what is known before the first picture; return whether pictures are wanted."""

@@ -30,7 +30,7 @@ __all__ = ["AuditReport", "AuditRequest", "Audited", "audit_recording"]
 
 
 class AuditRequest(NamedTuple):
-    """What is to be compared, and against what.
+    """Readings to compare, and what they are judged by.
 
     Attributes:
         of: Touch, EMG, vest; empty means what the sweep is of, else what the recording holds.
@@ -56,7 +56,7 @@ class AuditRequest(NamedTuple):
 
 
 class AuditReport(msgspec.Struct, frozen=True, kw_only=True):
-    """How readings behave on one recording.
+    """Scores of the readings on one recording.
 
     Attributes:
         recording: Its name.

@@ -28,7 +28,7 @@ __all__ = ["FingerAudit", "FingerReading", "TouchScore", "mean_difference"]
 
 
 class TouchScore(msgspec.Struct, frozen=True, kw_only=True):
-    """How one reading behaves on the pictures of one finger.
+    """Score of one reading on the pictures of one finger.
 
     Attributes:
         reading: Its name, or the swept setting's value.
@@ -142,7 +142,7 @@ class FingerReading:
         return None if drawn is None else drawn.mask
 
     def score(self, at_rest: NDArray[np.uint8] | None = None) -> TouchScore:
-        """Return how it behaved.
+        """Return the reading's score.
 
         Args:
             at_rest: A picture without contact, which a new metric is shown.
@@ -218,7 +218,7 @@ class FingerAudit:
 
     @property
     def readings(self) -> Sequence[FingerReading]:
-        """One a variant."""
+        """Readings of the finger, one a variant."""
         return self._readings
 
     @property
@@ -247,7 +247,7 @@ class FingerAudit:
             self._marks += 1
 
     def scores(self) -> list[TouchScore]:
-        """Return how each reading behaved."""
+        """Return each reading's score."""
         return [reading.score(self._far.picture if self._marks else None) for reading in self._readings]
 
 

@@ -1,4 +1,4 @@
-"""Read what is known of a recording besides its readings: marked circles, drawn masks, measured forces."""
+"""Read the truth about a recording besides its readings: marked circles, drawn masks, measured forces."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Mark:
 
 
 class PictureTruth(NamedTuple):
-    """What is known of one picture.
+    """Touched pixels and force of one picture, where these are known.
 
     Attributes:
         drawn: The touched pixels, bool (H, W); ``None`` where nobody drew them.

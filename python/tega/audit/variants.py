@@ -115,7 +115,7 @@ class SettingSweep(NamedTuple):
 
 
 def kind_of(key: str) -> Kind:
-    """Return what a setting has an effect on first.
+    """Return the kind of stage that a setting has an effect on first.
 
     Raises:
         ConfigError: It has none on what an audit compares.

@@ -28,7 +28,7 @@ FULL, FLIP = 95, 40
 
 
 class VestScore(msgspec.Struct, frozen=True, kw_only=True):
-    """How one reading behaves on the vest.
+    """Score of one reading on the vest.
 
     Attributes:
         reading: Its name, or the swept setting's value.

@@ -1,4 +1,4 @@
-"""Calibration: the maxima that turn measurements into 0 to 1, and the file that keeps them."""
+"""Calibrate fingertips, muscles and vest for a person; keep the maxima that turn measurements into 0 to 1."""
 
 from __future__ import annotations
 

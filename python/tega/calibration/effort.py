@@ -1,4 +1,4 @@
-"""Muscles at rest and at work: offset, rest and maxima of each channel, and whether each electrode is on its muscle.
+"""Measure muscles at rest and at work: offset, rest and maxima by channel, and each electrode's muscle.
 
 Every number goes through the chain that a run uses (:func:`tega.emg.channel_maxima`), so that a maximum means in a
 run what it meant here. Values are in the source's unit.
@@ -50,7 +50,7 @@ _Findings = Counter[str]
 
 
 class Chain(NamedTuple):
-    """What turns samples into block means.
+    """Turns samples into block means.
 
     Attributes:
         rate_hz: Samples per second.
@@ -147,7 +147,7 @@ def judge_quiet(
 
 
 class Squeezes(NamedTuple):
-    """What strong contractions gave.
+    """Maxima of strong contractions, and what is wrong with them.
 
     Attributes:
         paper: Largest block mean, (channels,).

@@ -1,4 +1,4 @@
-"""The folder of calibrations: what lies where.
+"""Keep calibrations in one folder: a file for each person and device, and every baseline of a sensor.
 
 ::
 
@@ -72,7 +72,7 @@ def checked_person(person: str) -> str:
 
 
 def device_name(info: DeviceInfo) -> str:
-    """Return what tells a device from its like: its serial number, or what stands for one, fit for a file's name."""
+    """Return a device's serial number, or what stands for one, fit for a file's name."""
     return re.sub(r"[^A-Za-z0-9._-]+", "_", info.label).strip("._") or info.driver
 
 
@@ -234,7 +234,7 @@ class CalibrationFolder:
         )
 
     def forget_unfinished(self, person: str) -> None:
-        """Nothing is left to go on with."""
+        """Delete what was kept of an interrupted calibration."""
         self._unfinished(person).unlink(missing_ok=True)
 
     def _unfinished(self, person: str) -> Path:

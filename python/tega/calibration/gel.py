@@ -1,4 +1,4 @@
-"""A fingertip at rest: what makes a baseline good, and what has become of the gel since earlier ones.
+"""Judge a fingertip's gel at rest: whether its baseline is good, and how it changed since earlier ones.
 
 A baseline is the mean of pictures of the untouched gel. It is worth nothing if the pictures differ among each other or
 if something touches the gel, so both are looked for. Numbers are counts of 0 to 255 unless the name says otherwise.
@@ -180,7 +180,7 @@ def _surface(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 class GelChange(NamedTuple):
-    """What has become of a gel between two baselines of one sensor.
+    """Change of a gel between two baselines of one sensor.
 
     Attributes:
         shift: Change of the whole picture, counts, blue, green, red.

@@ -9,7 +9,7 @@ __all__ = ["Bar", "Guide", "Undecided"]
 
 
 class Bar(NamedTuple):
-    """Something that rises and falls while a step goes on.
+    """Bar that rises and falls while a step goes on.
 
     Attributes:
         name: What it is.
@@ -23,7 +23,7 @@ class Bar(NamedTuple):
 
 
 class Undecided(Exception):  # noqa: N818  # no error: nobody is there to answer
-    """A question was asked, and there is nobody to answer."""
+    """Raised where a question was asked and there is nobody to answer."""
 
 
 class Guide(Protocol):

@@ -1,4 +1,4 @@
-"""Lights one motor of a vest at a time, so that its wearer can say where it is."""
+"""Light one motor of a vest at a time, so that its wearer can say where it is."""
 
 from __future__ import annotations
 

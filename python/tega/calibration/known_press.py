@@ -34,7 +34,7 @@ class Ball(NamedTuple):
 
 
 class GelFit(NamedTuple):
-    """What presses with a known ball say of a sensor.
+    """Depth gain, stiffness and scale of a sensor, from presses with a known ball.
 
     Attributes:
         depth_gain: Depth by depth as a gel's nominal light has it.

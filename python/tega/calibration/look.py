@@ -1,4 +1,4 @@
-"""Looking at a person's calibration without a run, and without opening anything."""
+"""Check a person's calibration without a run, and without opening a device."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = ["CalibrationLook", "look_at", "people_with_calibrations"]
 
 
 class CalibrationLook(NamedTuple):
-    """What was seen of a part of a person's calibration.
+    """State of one part of a person's calibration.
 
     Attributes:
         what: The part: a finger, ``EMG``, ``vest``.

@@ -1,4 +1,4 @@
-"""Maxima out of the recording itself: what a run falls back on where no calibration is given.
+"""Derive maxima from the recording itself: what a run falls back on where no calibration is given.
 
 They know the whole recording before its first moment, so a self-calibrated run is not causal and says so.
 """

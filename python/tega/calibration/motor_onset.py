@@ -1,4 +1,4 @@
-"""What is known of how long the motors of a run's vest take to start."""
+"""Look up how long the motors of a run's vest take to start, where that was measured."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STAGE: Final = "motor onset"
 
 
 class MotorOnset(NamedTuple):
-    """How long a vest's motors take from the hand-over of a frame to the first vibration, as it was measured.
+    """Measured time from the hand-over of a frame to a vest's first vibration.
 
     Attributes:
         ms: Middle of the motors that were measured.
@@ -37,12 +37,12 @@ class MotorOnset(NamedTuple):
 
     @property
     def stage(self) -> str:
-        """What it is called in a table of stages."""
+        """Name of the onset in a table of stages."""
         return f"{STAGE}, measured {self.made}"
 
     @property
     def words(self) -> str:
-        """Say it in a line."""
+        """The onset in one line of words."""
         which = "motor" if len(self.motors) == 1 else "motors"
         return (
             f"{self.stage}: {self.ms:.0f} ms ± {self.uncertainty_ms:.0f} "
@@ -55,7 +55,7 @@ class MotorOnset(NamedTuple):
 
 
 def motor_onset(config: SessionConfig) -> MotorOnset | None:
-    """Return what ``tega-teleop vest onset`` has found of the vest of some settings; ``None`` where it has not.
+    """Return the measured onset of the vest of some settings; ``None`` where there is no measurement.
 
     Args:
         config: The settings; ``calibration.folder`` is where it is kept.

@@ -1,4 +1,4 @@
-"""How a run uses a person's calibration: what it takes from it, what it refuses, what it warns of."""
+"""Apply a person's calibration to a run: what is used, what is refused, and what is warned of."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _FRAME_S = 1.0
 
 
 class Personal(NamedTuple):
-    """What a person's records say for a run.
+    """Calibration of a run from a person's records, with warnings.
 
     Attributes:
         calibration: The maxima.
@@ -333,14 +333,14 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
 
 
 def live_vest(config: SessionConfig) -> DeviceInfo | None:
-    """Return what the vest of some settings says of itself, if it is a real one."""
+    """Return the description of the vest of some settings, if it is a real one."""
     vest = config.vest
     info = None if vest.driver is None else closed_info(vest.driver, "vest", vest.options)
     return info if info is not None and info.live else None
 
 
 def closed_info(driver: str, kind: Literal["tactile", "emg", "vest"], options: Any) -> DeviceInfo | None:
-    """Return what a device says of itself while it is closed."""
+    """Return the description that a device gives while it is closed."""
     from tega.devices.registry import driver_class
 
     try:

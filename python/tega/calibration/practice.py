@@ -1,4 +1,4 @@
-"""Force tracking: a curve of levels to follow, and how well it was followed (no force is measured: it is the level)."""
+"""Score how well a person follows a curve of levels (force tracking; no force is measured)."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Curve:
 
 
 class Score(NamedTuple):
-    """How well a curve was followed.
+    """Score of a followed curve.
 
     Attributes:
         in_target: Share of the time on the level asked for (the nearest one, during a ramp).

@@ -1,4 +1,4 @@
-"""Guided presses: which of them count, and what is full on that finger."""
+"""Judge guided presses on a fingertip: which of them count, and which frames give its maxima."""
 
 from __future__ import annotations
 

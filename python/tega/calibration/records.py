@@ -1,4 +1,4 @@
-"""What a calibration leaves behind, as TOML that people read: one record a file, dated, units in the keys' names.
+"""Define a calibration's records, as TOML that people read: one a file, dated, units in the keys' names.
 
 A record is written whole or not at all, and refused where its format or version is not known. Times are UTC.
 """
@@ -34,7 +34,7 @@ __all__ = [
 
 
 class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What every record begins with.
+    """Fields that every record begins with.
 
     Attributes:
         version: Of the format.
@@ -81,7 +81,7 @@ class GelRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
 
 
 class TouchRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-touch"):
-    """What is full on one fingertip, as one person presses it.
+    """Maxima of one fingertip, as one person presses it.
 
     Attributes:
         person: Who pressed.
@@ -112,7 +112,7 @@ class TouchRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
 
 
 class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-emg"):
-    """What rest and full effort are on each channel, and under which conditions.
+    """Rest and full effort of each channel, and the conditions under which they hold.
 
     Attributes:
         person: Whose muscles.
@@ -161,7 +161,7 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
 
 
 class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-vest"):
-    """What one person feels of a vest.
+    """Thresholds and steps that one person feels on a vest.
 
     Attributes:
         person: Who wore it.
@@ -197,7 +197,7 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
 
 
 class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
-    """How well a person followed a level.
+    """Score of a person who followed a curve of levels.
 
     Attributes:
         person: Who.
@@ -230,7 +230,7 @@ class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="fo
 
 
 class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):
-    """How long one motor of a vest takes to start, measured with a microphone, whoever wears it.
+    """Time that one motor of a vest takes to start, measured with a microphone, whoever wears it.
 
     Attributes:
         layout: Which motors the vest has.

@@ -1,4 +1,4 @@
-"""Twenty seconds after the electrodes or the sensors were put on again: are they as they were?"""
+"""Refresh a calibration in twenty seconds, after electrodes or sensors were put on again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lowest level a person feels, found by going up and down: a state machine that asks and is answered.
+"""Find the lowest level a person feels by going up and down: a state machine that asks and is answered.
 
 A vest's motor has 16 levels, of which 0 is off; finer numbers do not reach it. The same machine finds the smallest
 noticeable increase, where the level is the increase.
@@ -37,7 +37,7 @@ def highest_level(percent: float) -> int:
 
 
 class Limen(NamedTuple):
-    """What was found.
+    """Lowest level that a person feels, and the false alarms on the way.
 
     Attributes:
         level: The lowest level that is felt; ``None`` where none up to the ceiling is.
@@ -77,7 +77,7 @@ class Ladder:
 
     @property
     def share(self) -> float:
-        """How much of it is done, 0 to 1."""
+        """Share of the search that is done, 0 to 1."""
         return 1.0 if self.level is None else self._series / (_SERIES + 1)
 
     def answer(self, *, felt: bool) -> None:
@@ -100,7 +100,7 @@ class Ladder:
             self._down(level, felt=felt)
 
     def result(self) -> Limen:
-        """Return what was found.
+        """Return the lowest level that is felt.
 
         Raises:
             InvalidValueError: It has not ended yet.

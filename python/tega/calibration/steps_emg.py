@@ -1,4 +1,4 @@
-"""The steps of the muscles: at rest, in strong squeezes, and one by one."""
+"""Calibrate the muscles in steps: at rest, in strong squeezes, and one by one."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ _NOT_SETTINGS = {"port", "baud", "measure_s", "silence_s", "start_s", "channels"
 
 
 class Quiet(msgspec.Struct, frozen=True, kw_only=True):
-    """What the muscles have at rest, by channel, and what was kept in spite of."""
+    """Offset and rest of the muscles by channel, and what was kept in spite of."""
 
     offset: tuple[float, ...]
     rest: tuple[float, ...]
@@ -72,7 +72,7 @@ class Quiet(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Maxima(msgspec.Struct, frozen=True, kw_only=True):
-    """What they have in strong squeezes."""
+    """Maxima of the muscles in strong squeezes, by channel."""
 
     live: tuple[float, ...]
     paper: tuple[float, ...]
@@ -80,13 +80,13 @@ class Maxima(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def chain_of(source: EmgSource, config: EmgConfig, *, block_s: float = TAU_S) -> Chain:
-    """Return what turns an open source's samples into block means of a length."""
+    """Return the chain that turns an open source's samples into block means of a length."""
     conditions = emg_conditions(source, config.kind, block_s=block_s)
     return Chain(conditions.rate_hz, conditions.tau, config.kind, conditions.channels)
 
 
 def muscle_names(config: EmgConfig, channels: Sequence[str]) -> tuple[str, ...]:
-    """Return what each channel sits on.
+    """Return the name of the muscle that each channel sits on.
 
     Raises:
         CalibrationError: As many muscles as channels were not named.

@@ -1,4 +1,4 @@
-"""The steps of a fingertip: its baseline, and the presses that say what is full."""
+"""Calibrate a fingertip in steps: its baseline, and the presses that give its maxima."""
 
 from __future__ import annotations
 

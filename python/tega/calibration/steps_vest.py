@@ -1,4 +1,4 @@
-"""The steps of the vest: where its columns are felt, from which level on, and which increase is noticed.
+"""Calibrate the vest in steps: where its columns are felt, from which level on, which increase is noticed.
 
 Nothing is shown above the ceiling, and after every vibration, answer, error or interruption the vest is at zero.
 """
@@ -30,7 +30,7 @@ __all__ = ["FeltSite", "Pulses", "take_steps", "take_thresholds", "take_wearing"
 
 
 class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found at one site: a level, 0 for none, and how often nothing was felt to be something."""
+    """Answers at one site: the level found, 0 for none, and how often nothing was felt to be something."""
 
     level: int
     n_false: int

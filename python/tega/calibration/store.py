@@ -1,4 +1,4 @@
-"""Calibration files: TOML, readable by people, refused where they do not fit.
+"""Read and write calibration files: TOML, readable by people, refused where they do not fit.
 
 Example of a file::
 
@@ -52,7 +52,7 @@ _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
 
 
 class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What counts as full on one finger.
+    """Maxima of one finger, and what was fitted to its gel.
 
     Attributes:
         cci_max: Largest CCI; ``None`` where no press was seen, which keeps the front column still.
@@ -80,7 +80,7 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         return fitted and self.depth_law != DEPTH_LAW
 
     def of_this_law(self) -> TouchMaxima:
-        """Return them without gain and stiffness where those belong to another law; all else is kept."""
+        """Return the maxima without gain and stiffness where those belong to another law."""
         if not self.other_law:
             return self
         return msgspec.structs.replace(self, depth_gain=None, stiffness_n_mm3=None, depth_law=None)
@@ -113,7 +113,7 @@ class FingerMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
 
 class EmgMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What counts as full on each EMG channel, and the conditions under which that holds.
+    """Maxima of the EMG channels, and the conditions under which they hold.
 
     Attributes:
         kind: ``raw``, ``rectified`` or ``envelope``.
@@ -155,7 +155,7 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         return maxima
 
     def check_fits(self, *, preset: str, fingers: Iterable[str], emg: EmgMaxima | None, name: str) -> None:
-        """Refuse to be used for a run it was not made for.
+        """Refuse a calibration for a run it was not made for.
 
         Args:
             preset: The run's preset.
@@ -247,7 +247,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """Return what :func:`save_calibration` writes."""
+    """Return the text that :func:`save_calibration` writes."""
     first = ("format", "version", "preset", "origin")
     fields = msgspec.to_builtins(calibration)
     text = tree_item({name: fields[name] for name in (*first, *fields)})

@@ -1,4 +1,4 @@
-"""How long things take in a calibration, and how long what it gives stays good."""
+"""Set how long the steps of a calibration take."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Times(NamedTuple):
     gap_s: float = 0.3
 
     def scaled(self, by: float) -> Times:
-        """Return them all times a factor; noise and muscles do not hurry, so baseline and pauses stay."""
+        """Return the durations times a factor; noise and muscles do not hurry, so baseline and pauses stay."""
         times = Times(*(value * by for value in self))
         return times._replace(
             baseline_s=self.baseline_s, pause_s=self.pause_s, presses_s=max(3.0, times.presses_s)

@@ -1,4 +1,4 @@
-"""Keep the EMG of a tracked curve beside what was asked for: what a decoder is fitted to."""
+"""Keep the EMG of a tracked curve beside the closure asked for, to fit a decoder to."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def tracked_samples(
 
 
 def keep_tracked(data: NDArray[np.float64], record: Path) -> Path:
-    """Write them beside a practice record, as ``.npy``."""
+    """Write the samples and the closure beside a practice record, as ``.npy``."""
     file = io.BytesIO()
     np.save(file, data, allow_pickle=False)
     path = record.with_suffix(".npy")

@@ -1,4 +1,4 @@
-"""A practice run: the person's level beside the curve, through the chain that a run uses."""
+"""Run a practice: a person follows a curve of levels through the chain that a run uses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a person says that columns of a vest are felt, and what that says about how it is worn or driven."""
+"""Judge how a vest is worn or driven, by where a person says that its columns are felt."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def middle_sites(levels: Mapping[str, int]) -> tuple[str, ...]:
 
 
 class Wearing(NamedTuple):
-    """How well the places were named.
+    """Share of the places that were named right, and what is wrong.
 
     Attributes:
         n_right: Places named right.

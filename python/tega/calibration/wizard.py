@@ -1,4 +1,4 @@
-"""A whole calibration: which steps there are, which are done, and what they leave behind."""
+"""Run a whole calibration: choose its steps, leave out those that are done, and write the records."""
 
 from __future__ import annotations
 

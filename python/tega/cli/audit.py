@@ -1,4 +1,4 @@
-"""``tega-teleop audit``: readings of touch, EMG and vest compared on recordings."""
+"""Compare readings of touch, EMG and vest on recordings: ``tega-teleop audit``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of an audit on the terminal."""
+"""Print the tables of an audit on the terminal."""
 
 from __future__ import annotations
 

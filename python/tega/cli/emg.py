@@ -1,4 +1,4 @@
-"""``tega-teleop emg``: fit a decoder to a person, and compare decoders on logs."""
+"""Fit a decoder to a person, and compare decoders on logs: ``tega-teleop emg``."""
 
 from __future__ import annotations
 

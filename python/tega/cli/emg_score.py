@@ -1,4 +1,4 @@
-"""``tega-teleop emg score``: how well the closure levels follow a measured force."""
+"""Score how well the closure levels follow a measured force: ``tega-teleop emg score``."""
 
 from __future__ import annotations
 

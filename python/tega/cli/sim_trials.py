@@ -1,4 +1,4 @@
-"""``tega-teleop sim trials``: many simulated trials over all cores."""
+"""Run many simulated trials over all cores: ``tega-teleop sim trials``."""
 
 from __future__ import annotations
 

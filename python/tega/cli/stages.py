@@ -1,4 +1,4 @@
-"""``tega-teleop stages``: which metrics, decoders, mappings and layouts are installed, and their options."""
+"""List the installed metrics, decoders, mappings and layouts, with their options: ``tega-teleop stages``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a bench, why, and what to do about it.
+"""Find out what is wrong with a bench, why, and what to do about it.
 
 Without settings the four devices of the paper are looked for; with settings exactly what they name is opened through
 the drivers themselves, read for a moment and closed. Nothing here moves a hand or lets a vest vibrate.

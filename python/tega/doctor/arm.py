@@ -1,4 +1,4 @@
-"""The arm and what sees the forearm: does it answer, do its versions fit, does it say where it is. Nothing moves."""
+"""Check arm and forearm tracker: whether they answer, versions fit and poses come. Nothing moves."""
 
 from __future__ import annotations
 

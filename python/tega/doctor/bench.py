@@ -1,4 +1,4 @@
-"""Looking around without settings: what is on this machine for the four devices of the paper."""
+"""Look on this machine for the four devices of the paper, without settings."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ _ABSENT: Final = {
 
 
 class DriverLook(NamedTuple):
-    """What looking for one driver's devices gave.
+    """Result of looking for one driver's devices.
 
     Attributes:
         kind: The driver's kind.

@@ -1,4 +1,4 @@
-"""The calibration: is there one for these settings, is it this person's on these devices, and is it fresh enough.
+"""Check a run's calibration: whether it is there, of this person and these devices, and fresh enough.
 
 Nothing is opened: devices are told apart by what they are called while closed. What only an open device knows, such
 as its true rate, a run checks when it starts.

@@ -1,4 +1,4 @@
-"""One device to try, and how a failure to open it is told."""
+"""Describe one device to try, and tell how opening it failed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The amplifier: does it answer, is it fast enough for the filter, what does its signal look like."""
+"""Check the amplifier: whether it answers, how fast it is for the filter, and how its signal looks."""
 
 from __future__ import annotations
 

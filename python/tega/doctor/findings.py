@@ -1,4 +1,4 @@
-"""What an examination says: one record per finding, in the order of the loop."""
+"""Define what an examination says: one record per finding, in the order of the loop."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MISSING = 3
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that was found out.
+    """Finding about one device, or one part of the settings.
 
     Attributes:
         check: What was examined: ``packages``, ``digit``, ``emg``, ``vest``, ``allegro``, ``calibration``, or a
@@ -41,7 +41,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Examination(msgspec.Struct, frozen=True, kw_only=True):
-    """All findings.
+    """Findings of an examination, all of them.
 
     Attributes:
         settings: Base name of the settings file; ``""`` where none was given.

@@ -1,4 +1,4 @@
-"""A fingertip's gel: is it dark, dirty or worn, and is its baseline still what the untouched gel looks like.
+"""Judge a fingertip's gel: whether it is dark, dirty or worn, and whether its baseline still fits.
 
 Everything is judged in the sensor's own noise, which is measured in the pictures that it sends now.
 """

@@ -1,4 +1,4 @@
-"""The hand: is its bus up, is it the right one, does it report. Its motors stay off."""
+"""Check the hand: whether its bus is up, it is the right one, and it reports. Its motors stay off."""
 
 from __future__ import annotations
 

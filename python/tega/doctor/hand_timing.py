@@ -1,4 +1,4 @@
-"""How evenly the hand's loop runs, and what it costs."""
+"""Measure how evenly the hand's loop runs, and what it costs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PERCENTILES = (50, 99, 99.9, 100)
 
 
 class LoopTiming(msgspec.Struct, frozen=True, kw_only=True):
-    """One measurement.
+    """Timing of the hand's loop, as measured once.
 
     Attributes:
         seconds: How long it took.

@@ -1,4 +1,4 @@
-"""Jobs side by side, each in a thread, none waited for longer than its time."""
+"""Run jobs side by side, each in a thread, and wait for none longer than its time."""
 
 from __future__ import annotations
 

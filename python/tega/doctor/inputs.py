@@ -1,4 +1,4 @@
-"""What the operator holds or steps on: is it there, does it open, does it say what is true of one nobody touches."""
+"""Check pedals, switches and other inputs: whether they are there, open, and read as untouched."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STEP_S = 0.02
 
 
 def try_input(case: DriverCase) -> list[Finding]:
-    """Open an input device, listen for a moment, close it. It cannot be told from one that hangs at rest."""
+    """Open an input device, listen for a moment, close it. A device that hangs at rest is not told apart."""
     source: Any = driver_class(case.driver, "input")(case.options)
     try:
         with source:

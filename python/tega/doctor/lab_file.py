@@ -1,4 +1,4 @@
-"""A settings file with what is plugged in filled in, and what is not as comments that say what to set."""
+"""Write a settings file, filled in for devices that are plugged in, with comments on what else to set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trying exactly what a settings file names."""
+"""Try exactly the devices that a settings file names."""
 
 from __future__ import annotations
 

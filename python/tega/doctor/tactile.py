@@ -1,4 +1,4 @@
-"""A fingertip's camera: does it open, is every picture good, do they come as fast as was agreed."""
+"""Check a fingertip's camera: whether it opens, every picture is good, and they come as fast as agreed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rules that let people use the devices on Linux; they ship with the package."""
+"""Read the udev rules that let people use the devices on Linux; they ship with the package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The vest: can it be reached, and what does it say of itself. It is never sent anything but zeros."""
+"""Check the vest: whether it can be reached, and what it says of itself. Only zeros are ever sent to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far apart two machines' monotonic clocks are, from what they ask each other."""
+"""Estimate the offset of two machines' monotonic clocks, from what they ask each other."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WINDOW_NS = 10_000_000_000
 
 
 class Offset(NamedTuple):
-    """How far apart two clocks are.
+    """Offset of the other machine's clock from ours.
 
     Attributes:
         offset_ns: Their clock minus ours.
@@ -98,7 +98,7 @@ class PeerClock:
         self._send_ping, self._send_pong = send_ping, send_pong
 
     def ask(self, session: int, now_ns: int) -> None:
-        """Ask, if it is time to."""
+        """Ask for the other station's time, if it is time to."""
         if now_ns < self._next_ns:
             return
         self._next_ns = now_ns + _PERIOD_NS
@@ -143,14 +143,14 @@ class PeerClock:
 
     @property
     def words(self) -> str:
-        """How far apart they are, and by how much that may be wrong."""
+        """The clocks' offset, and by how much that may be wrong, in words."""
         offset = self.offset(time.monotonic_ns())
         if offset is None:
             return "clock not known"
         return f"clock {offset.offset_ns / 1e6:+.1f} ms ± {offset.round_trip_ns / 2e6:.1f}"
 
     def summary(self) -> dict[str, float] | None:
-        """Return the same for a run's summary; ``None`` where it was never known."""
+        """Return the offset for a run's summary; ``None`` where it was never known."""
         if (offset := self.last) is None:
             return None
         return {

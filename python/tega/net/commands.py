@@ -1,4 +1,4 @@
-"""What the leader commands: looked at when it comes, and again when it is used."""
+"""Check the leader's commands for hand and arm: when they come, and again when they are used."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _RATE_NS = 1_000_000_000
 
 
 class Commands:
-    """Levels for the hand, poses and switches for the arm; the station holds its lock around each call.
+    """Checks levels for the hand, poses and switches for the arm; the station holds its lock around each call.
 
     Nothing is used of which it is not sure that it was sent no longer ago than the time-to-live: what has come may lie
     here while this program stands still, so each item lapses by itself.
@@ -193,7 +193,7 @@ class Commands:
         return f"link: no command from {name!r} for {(now_ns - heard_ns) / 1e9:.1f} s{why}"
 
     def count_rate(self, now_ns: int) -> None:
-        """Count how many come a second."""
+        """Count how many commands come a second."""
         then_ns, n = self._counted
         if now_ns - then_ns >= _RATE_NS:
             self.rate_hz = (self.n - n) * 1e9 / (now_ns - then_ns)
@@ -206,7 +206,7 @@ class Commands:
 
     @property
     def refused_in_all(self) -> dict[str, int]:
-        """The same of all sessions that are over."""
+        """Commands of all sessions that are over that were not obeyed, by why."""
         return dict(self._refused_before)
 
     def keep_counts(self) -> None:

@@ -51,14 +51,14 @@ class FarFinger(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the fingertip."""
         return self._info
 
     def open(self) -> None:
-        """Nothing is to be opened here."""
+        """Do nothing: the fingertip is open at the robot's station."""
 
     def close(self) -> None:
-        """Nothing is to be closed here."""
+        """Do nothing: the robot's station closes the fingertip."""
 
     def show(self, t_ns: int, number: int, jpeg: bytes) -> None:
         """Take the newest picture; one that nobody has looked at goes, and who looks unpacks it."""
@@ -96,14 +96,14 @@ class FarMuscles(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the EMG source."""
         return self._info
 
     def open(self) -> None:
-        """Nothing is to be opened here."""
+        """Do nothing: the amplifier is open at the operator's station."""
 
     def close(self) -> None:
-        """Nothing is to be closed here."""
+        """Do nothing: the operator's station closes the amplifier."""
 
     def give(self, chunk: EmgChunk) -> None:
         """Take in samples, in a thread of the link's; what nobody reads in time is lost."""
@@ -149,7 +149,7 @@ class FarHand(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the hand."""
         return self._info
 
     @property
@@ -159,10 +159,10 @@ class FarHand(Opened):
         return np.array(angles, np.float64) if len(angles) == _JOINTS else np.full(_JOINTS, np.nan)
 
     def open(self) -> None:
-        """Nothing is to be opened here."""
+        """Do nothing: the hand is open at the robot's station."""
 
     def close(self) -> None:
-        """Nothing is to be closed here."""
+        """Do nothing: the robot's station closes the hand."""
 
     def step(self, level: float) -> Sequence[CanFrame]:
         """Ask for a closure level, or a closure between two; the frames are made at the other station."""
@@ -190,17 +190,17 @@ class FarSwitch(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the switch."""
         return self._info
 
     def open(self) -> None:
-        """Nothing is to be opened here."""
+        """Do nothing: the switch is open at the operator's station."""
 
     def close(self) -> None:
-        """Nothing is to be closed here."""
+        """Do nothing: the operator's station closes the switch."""
 
     def state(self) -> InputReading:
-        """Return what it says now."""
+        """Return the state of the switch now."""
         t_ns, live, held = self._look()
         return InputReading(t_ns, live, _STILL, frozenset({self._name}) if held else frozenset())
 
@@ -232,14 +232,14 @@ class FarTracker(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the tracker."""
         return self._info
 
     def open(self) -> None:
-        """Nothing is to be opened here."""
+        """Do nothing: the tracker is open at the operator's station."""
 
     def close(self) -> None:
-        """Nothing is to be closed here."""
+        """Do nothing: the operator's station closes the tracker."""
 
     def see(self, pose: StampedPose, *, use_by_ns: int) -> None:
         """Take in a pose that may be used until some time of our clock; in a thread of the link's."""

@@ -1,4 +1,4 @@
-"""What leads the arm at the operator's station: the forearm's poses and the switches, put into commands."""
+"""Read forearm poses and switches at the operator's station, and put them into commands for the arm."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class ForearmReader:
             self._source = RatePoses(motion.source.state)
 
     def facts(self, *, may_move: bool) -> dict[str, Any]:
-        """Return what a command says besides its stamp.
+        """Return the fields of a command besides its stamp.
 
         Args:
             may_move: Whether this station's run is active; without it the dead-man does not count.

@@ -17,7 +17,7 @@ _AHEAD_NS = 20_000_000
 
 
 class StampGate:
-    """Looks at the stamp of every message of a stream.
+    """Checks the stamp of every message of a stream.
 
     A message is refused as ``foreign`` (of another session, or while there is none), ``repeated`` or ``reordered`` (its
     number is the newest one's, or smaller), ``no clock`` (how old it is cannot be told yet), ``old`` (it may be older

@@ -46,7 +46,7 @@ class IntentSender:
         self._send_hand, self._send_arm = send_hand, send_arm
 
     def give_hand(self, robot: str) -> FarHand:
-        """Return what the loop steers in the place of a robot's hand."""
+        """Return the hand that the loop steers in the place of a robot's."""
         self.hand = FarHand(robot, answered=self._answered_ns)
         return self.hand
 

@@ -1,4 +1,4 @@
-"""A private authority, and one certificate for each station."""
+"""Make a private certificate authority, and one certificate for each station."""
 
 from __future__ import annotations
 

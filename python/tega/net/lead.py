@@ -1,4 +1,4 @@
-"""How an operator's station gets the robot's lead, and gets it again."""
+"""Ask for the robot's lead from an operator's station, and ask again whenever it was lost."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Lead:
         self.n = 0
 
     def ask(self, now_ns: int) -> None:
-        """Ask, if it is time to."""
+        """Ask for the lead, if it is time to."""
         if now_ns < self._next_ns:
             return
         refused = self.refusal is not None and self.refusal.final

@@ -1,4 +1,4 @@
-"""Who leads the robot: one operator at a time, the first."""
+"""Choose who leads the robot: one operator at a time, the first."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Leadership:
         self._alive: set[tuple[str, int]] = set()
 
     def ask(self, join: Join, now_ns: int) -> Refused | None:
-        """Take in that somebody wants to lead; return why not, ``None`` if it is so."""
+        """Take in that somebody asks for the lead; return why it is refused, ``None`` if it is given."""
         self.look(now_ns)
         if (refused := self._refusal(join)) is not None:
             return refused

@@ -1,4 +1,4 @@
-"""One Zenoh session with the settings that were measured for it, and what passes through it.
+"""Open one Zenoh session with the settings that were measured for it, and send and hear messages through it.
 
 Whatever is sent is handed to a thread of its own, so that nobody who steers waits for a network. What is heard is
 given to a function in one of Zenoh's threads, which must not send or wait.
@@ -34,7 +34,7 @@ _TOLD_S = 1.0
 
 
 class Channel(Enum):
-    """How something is sent: priority, and whether at once instead of in batches. Nothing ever blocks the sender."""
+    """Priority of a message, and whether it goes at once instead of in batches. Nothing ever blocks the sender."""
 
     COMMAND = ("REAL_TIME", True)  # and the questions for the clock
     FEATURES = ("INTERACTIVE_HIGH", True)
@@ -45,7 +45,7 @@ class Channel(Enum):
 
 
 def root_key(robot: str) -> str:
-    """Return what all keys of a robot begin with."""
+    """Return the part that all keys of a robot begin with."""
     return f"tega/v1/{robot}"
 
 
@@ -73,7 +73,7 @@ class Link(Opened):
         self._refused, self._refused_s = "", 0.0
 
     def open(self) -> None:
-        """Open it; the other station need not be there.
+        """Open the session; the other station need not be there.
 
         Raises:
             ConfigError: The settings do not fit, or keys are missing.
@@ -99,7 +99,7 @@ class Link(Opened):
         self._sender.start()
 
     def close(self) -> None:
-        """Close it; a session that is left open keeps the program from ending."""
+        """Close the session; one that is left open keeps the program from ending."""
         session, self._session = self._session, None
         if session is None:
             return
@@ -113,7 +113,7 @@ class Link(Opened):
         session.close()
 
     def sends(self, key: str, channel: Channel) -> Callable[[bytes], None]:
-        """Return what sends a message under a key; it never waits."""
+        """Return the function that sends a message under a key; it never waits."""
         zenoh = self._zenoh
         priority, express = channel.value
         publisher = self._session.declare_publisher(

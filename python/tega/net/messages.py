@@ -1,4 +1,4 @@
-"""What the stations say to each other; msgpack, one message a sample."""
+"""Define the messages between the stations; msgpack, one message a sample."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MOST_PIXELS = 4096 * 4096
 
 
 class Stamped(msgspec.Struct, frozen=True, kw_only=True):
-    """What every message of a stream begins with.
+    """Fields that every message of a stream begins with.
 
     Attributes:
         session: Who sends it: the operator's session, or the robot station's.
@@ -51,7 +51,7 @@ class Stamped(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
-    """What the hand shall do.
+    """Command for the hand.
 
     Attributes:
         intent: The newest block of EMG with the level or closure that the hand is asked for, its times on the sender's
@@ -61,7 +61,7 @@ class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
     intent: Intent | None = None
 
     def malformed(self) -> str:
-        """Return why it cannot be used, ``""`` if it can."""
+        """Return why the command cannot be used, ``""`` if it can."""
         asked = self.intent
         if asked is None:
             return ""
@@ -71,7 +71,7 @@ class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
 
 
 class ArmMessage(Stamped, frozen=True, tag="ArmCommand", kw_only=True):
-    """Where the forearm is, and what the operator holds.
+    """Command for the arm: where the forearm is, and what the operator holds.
 
     Attributes:
         pose: The newest pose, sender's clock and tracker's axes; ``None`` before there is one.
@@ -86,7 +86,7 @@ class ArmMessage(Stamped, frozen=True, tag="ArmCommand", kw_only=True):
     recover: bool = False
 
     def malformed(self) -> str:
-        """Return why it cannot be used, ``""`` if it can."""
+        """Return why the command cannot be used, ``""`` if it can."""
         if (pose := self.pose) is None:
             return ""
         if (len(pose.position), len(pose.quaternion)) != (3, 4):
@@ -96,7 +96,7 @@ class ArmMessage(Stamped, frozen=True, tag="ArmCommand", kw_only=True):
 
 
 class Feature(Stamped, frozen=True, tag=True, kw_only=True):
-    """What one picture of a fingertip says.
+    """Contact in one picture of a fingertip.
 
     Attributes:
         t_ns: When the picture was taken, sender's clock.
@@ -107,7 +107,7 @@ class Feature(Stamped, frozen=True, tag=True, kw_only=True):
     contact: Contact
 
     def malformed(self) -> str:
-        """Return why it cannot be used, ``""`` if it can."""
+        """Return why the contact cannot be used, ``""`` if it can."""
         felt = self.contact
         if not all(map(math.isfinite, (felt.mass, felt.cci, felt.peak))):
             return "a number of the contact is not finite"
@@ -138,13 +138,13 @@ class Samples(Stamped, frozen=True, tag=True, kw_only=True):
     samples: bytes
 
     def malformed(self) -> str:
-        """Return why they cannot be used, ``""`` if they can."""
+        """Return why the samples cannot be used, ``""`` if they can."""
         whole = 1 <= self.n_channels <= 64 and len(self.samples) % (8 * self.n_channels) == 0
         return "" if whole and self.samples and self.first_index >= 0 else "not a whole number of samples"
 
 
 class State(Stamped, frozen=True, tag=True, kw_only=True):
-    """How the robot's station is; ten a second, and the sign that it is there.
+    """State of the robot's station; ten a second, and the sign that it is there.
 
     Attributes:
         leader: Session of the operator who leads; 0 for none.
@@ -170,7 +170,7 @@ class State(Stamped, frozen=True, tag=True, kw_only=True):
 
 
 class Change(Stamped, frozen=True, tag="Event", kw_only=True):
-    """Something happened: the run's state changed; its time is the sender's session's."""
+    """Change of the run's state; its time is that of the sender's session."""
 
     change: RunState
 
@@ -183,7 +183,7 @@ class Ping(msgspec.Struct, frozen=True, tag=True):
 
 
 class Pong(msgspec.Struct, frozen=True, tag=True):
-    """Answers it: when the question came and when this left, on the answerer's clock."""
+    """Answers a ping: when the question came and when this left, on the answerer's clock."""
 
     session: int
     t0_ns: int
@@ -192,7 +192,7 @@ class Pong(msgspec.Struct, frozen=True, tag=True):
 
 
 class Join(msgspec.Struct, frozen=True, tag=True):
-    """An operator asks to lead.
+    """Asks for the lead, for an operator.
 
     Attributes:
         session: A number drawn for this.
@@ -214,7 +214,7 @@ class Join(msgspec.Struct, frozen=True, tag=True):
 
 
 class Welcome(msgspec.Struct, frozen=True, tag=True):
-    """The operator leads now.
+    """Gives the operator the lead.
 
     Attributes:
         station: Session of the robot's station: another one after it was started again.
@@ -242,7 +242,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
 
 
 class Refused(msgspec.Struct, frozen=True, tag=True):
-    """The operator does not lead.
+    """Refuses the operator the lead.
 
     Attributes:
         why: In words.

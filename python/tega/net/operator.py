@@ -1,4 +1,4 @@
-"""The operator's station: muscles, forearm, switches, vest and page; touch and the robot's state come over the link."""
+"""Run the operator's station: muscles, switches, vest, page; touch and robot state come over the link."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ class OperatorStation(Station):
 
     @property
     def words(self) -> str:
-        """Which robot is led, how it is, and how the link is."""
+        """The led robot, its state and the link's, in one line."""
         state, robot = self._state, self.net.robot
         if not self._lead.has:
             return f"robot {robot} does not answer"
@@ -214,7 +214,7 @@ class OperatorStation(Station):
         return f"{said}, {self._clock.words}"
 
     def summary(self) -> dict[str, Any]:
-        """Return what a run says of the link."""
+        """Return the link's part of a run's summary."""
         return self._link_summary() | {
             "robot": self.net.robot,
             "joined": self._lead.n,

@@ -1,4 +1,4 @@
-"""Pictures of the fingertips for the operator's display: JPEG, at their own rate, behind everything else."""
+"""Send fingertip pictures for the operator's display: JPEG, at their own rate, behind everything else."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class PictureSender:
         self._thread.start()
 
     def close(self) -> None:
-        """End."""
+        """End sending."""
         self._leaving.set()
         if self._thread is not None:
             self._thread.join(_LEAVE_S)

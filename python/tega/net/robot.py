@@ -1,7 +1,7 @@
-"""The robot's station: hand, arm, fingertips, recorder, and everything that keeps them safe.
+"""Run the robot's station: hand, arm, fingertips, recorder, and everything that keeps them safe.
 
-It trusts nothing that comes: whatever is not of the operator who leads, in order and young, is not used, and the
-session's own guard, the arm's chain and the arm's process each hold whatever the link does.
+The station trusts nothing that comes: whatever is not of the operator who leads, in order and young, is not used, and
+the session's own guard, the arm's chain and the arm's process each hold whatever the link does.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ class RobotStation(Station):
 
     @property
     def words(self) -> str:
-        """Who leads, and how commands and clock are."""
+        """The leader, the commands and the clock, in one line."""
         if not self._leader.session:
             return "waits for an operator"
         commands = self._commands
@@ -217,7 +217,7 @@ class RobotStation(Station):
         return said
 
     def summary(self) -> dict[str, Any]:
-        """Return what a run says of the link."""
+        """Return the link's part of a run's summary."""
         commands = self._commands
         with self._lock:
             commands.keep_counts()

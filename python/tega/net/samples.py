@@ -1,4 +1,4 @@
-"""The operator's EMG samples for the robot's recording: behind all commands, and left out where the link is slow."""
+"""Send the operator's EMG for the robot's recording: behind all commands, left out where the link is slow."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class SampleSender:
 
 
 class SampleReceiver:
-    """Takes in what comes of them.
+    """Takes in the EMG samples that come over the link.
 
     Args:
         muscles: Where they are read for the recording.

@@ -1,4 +1,4 @@
-"""The table ``[net]`` of a station's settings."""
+"""Define the table ``[net]`` of a station's settings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$"
 
 
 class NetTracker(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What sees the operator's forearm.
+    """Tracker that sees the operator's forearm.
 
     Attributes:
         driver: Name of a tracker's driver.
@@ -94,7 +94,7 @@ class Endpoint(NamedTuple):
 
     @classmethod
     def read(cls, key: str, text: str) -> Endpoint:
-        """Read one.
+        """Read an endpoint, such as ``tls/192.168.1.20:7447``.
 
         Raises:
             ConfigError: It is none.

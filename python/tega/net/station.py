@@ -1,4 +1,4 @@
-"""What both stations are, and how a session gets one."""
+"""Define what both stations share as an end of the link, and make the one that a session asks for."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Station(Opened):
 
     @property
     def tracker(self) -> Tracker | None:
-        """What leads the arm, where that comes over the link."""
+        """Tracker that leads the arm, where that comes over the link."""
         return None
 
     def missing(self) -> str:
@@ -115,11 +115,11 @@ class Station(Opened):
 
     @property
     def words(self) -> str:
-        """How the link is, in one line."""
+        """State of the link, in one line."""
         raise NotImplementedError
 
     def summary(self) -> dict[str, Any]:
-        """Return what a run says of the link."""
+        """Return the link's part of a run's summary."""
         raise NotImplementedError
 
     def end(self) -> None:

@@ -1,4 +1,4 @@
-"""The robot's fingertips at the operator's station: what they feel, and their pictures for display."""
+"""Show the robot's fingertips at the operator's station: what they feel, and their pictures for display."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ class FarTouch:
             far.mind(lost=lost)
 
     def feature(self, name: str, data: bytes, now_ns: int, offset: Offset | None) -> None:
-        """Take in what one picture says."""
+        """Take in the contact in one picture."""
         far, gate, start_ns = self._fingers.get(name), self._gates.get(name), self._start_ns
         if far is None or gate is None or start_ns is None:
             return

@@ -1,4 +1,4 @@
-"""What a run leaves behind: tables, a summary, and the folder they go to."""
+"""Record a run: a session's MCAP files, and an output folder with tables and a summary."""
 
 from __future__ import annotations
 

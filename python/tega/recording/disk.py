@@ -1,4 +1,4 @@
-"""The bytes of a recording on their way to the disk.
+"""Write a recording's bytes to disk by way of memory that outlives a killed program.
 
 A disk stands still at times: while it brings an earlier part of the file down, or since another program keeps it busy,
 a write may take seconds, whatever thread does it. What waits meanwhile in a program's own memory is lost when that is
@@ -39,7 +39,7 @@ _KEPT_S = 86_400.0
 
 
 def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | SpooledFile:
-    """Return what a recording is written through: by way of memory where the system has such a folder.
+    """Return the file to write a recording through: by way of memory where the system has such a folder.
 
     Args:
         raw: The file, opened for writing without a buffer.

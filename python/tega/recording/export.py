@@ -1,4 +1,4 @@
-"""A recording as tables and pictures, for programs that do not read MCAP."""
+"""Export a recording as tables and pictures, for programs that do not read MCAP."""
 
 from __future__ import annotations
 

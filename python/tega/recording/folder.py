@@ -1,4 +1,4 @@
-"""The output folder: never somebody else's."""
+"""Prepare a run's output folder, and refuse one that holds anything but an earlier run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is in a recording: streams, their true rates, gaps, losses, latency."""
+"""Inspect a recording: its streams, their true rates, gaps, losses, latency."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PATHS = {"touch": "camera to vest", "intent": "muscle to hand"}
 
 
 class StreamFacts(msgspec.Struct, frozen=True):
-    """One stream.
+    """Facts about one stream of a recording.
 
     Attributes:
         topic: Its name.
@@ -52,7 +52,7 @@ class StreamFacts(msgspec.Struct, frozen=True):
 
 
 class StageLatency(msgspec.Struct, frozen=True):
-    """How long one stage takes, milliseconds."""
+    """Latency of one stage, milliseconds."""
 
     stage: str
     n: int
@@ -70,7 +70,7 @@ class Marked(msgspec.Struct, frozen=True):
 
 
 class Inspection(msgspec.Struct, frozen=True):
-    """What is in a recording.
+    """Contents of a recording.
 
     Attributes:
         file: Its name.

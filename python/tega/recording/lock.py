@@ -1,4 +1,4 @@
-"""Marks a file as being written, so that no other program takes it for one that was left behind."""
+"""Mark a file as being written, so that no other program takes it for one that was left behind."""
 
 from __future__ import annotations
 

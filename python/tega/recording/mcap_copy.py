@@ -1,4 +1,4 @@
-"""Copies records from one MCAP file into another as they are."""
+"""Copy records from one MCAP file into another as they are."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class McapItem(NamedTuple):
 
 
 class McapRecords:
-    """What is in a file, in the order in which it was written, as far as it can be read.
+    """Records of a file, in the order in which they were written, as far as the file can be read.
 
     Args:
         file: Opened for reading; needs no index.

@@ -1,4 +1,4 @@
-"""One MCAP file, written through foxglove-sdk by one thread."""
+"""Write one MCAP file through foxglove-sdk, by one thread."""
 
 from __future__ import annotations
 

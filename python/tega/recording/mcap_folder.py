@@ -1,4 +1,4 @@
-"""A session's folder: one MCAP file per run, an index of them, and what to do with one that was never finished."""
+"""Keep a session's folder: an MCAP file per run, an index, and recovery of files that were never finished."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NUMBER = re.compile(r"trial-([0-9]{3,12})\.mcap")
 
 
 class Recovered(NamedTuple):
-    """What became of an unfinished file.
+    """Result of recovering an unfinished file.
 
     Attributes:
         path: The finished one.

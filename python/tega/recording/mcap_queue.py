@@ -1,4 +1,4 @@
-"""What stands between those who record and the thread that writes: bounded, and honest about what did not fit."""
+"""Queue records from those who record to the thread that writes: bounded; what does not fit is counted."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class BoundedQueue:
 
     @property
     def n_bytes(self) -> int:
-        """What is here takes so much in memory."""
+        """Memory that the items take, bytes."""
         return self._given_bytes - self._done_bytes
 
     def put(self, item: Item) -> bool:

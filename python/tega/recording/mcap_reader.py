@@ -1,4 +1,4 @@
-"""Reads a recording from its beginning to its end, or to where it was cut."""
+"""Read a recording from its beginning to its end, or to where it was cut."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records a session: takes what others hand over, at once; one thread encodes and writes it."""
+"""Record a session: take records from others at once, while one thread encodes and writes them."""
 
 from __future__ import annotations
 

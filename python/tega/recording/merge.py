@@ -1,4 +1,4 @@
-"""Recordings of several sessions as one session, in order of time, each as it is."""
+"""Merge the recordings of several sessions into one session, in order of time, each as it is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording that was made out of others says of them, and where it goes.
+"""Note in a recording which others it was made out of, and make the folder that it goes to.
 
 Two tables of names and texts in the file tell it: ``span``, the part of the session that is in it, and ``origin-1``,
 ``origin-2`` and so on, one for every step from the run's own file to this one.
@@ -35,7 +35,7 @@ class Span(NamedTuple):
     to_ns: int | None = None
 
     def table(self) -> dict[str, str]:
-        """Return it as texts."""
+        """Return the span as texts."""
         return {"from_ns": str(self.from_ns), "to_ns": "" if self.to_ns is None else str(self.to_ns)}
 
     def __str__(self) -> str:

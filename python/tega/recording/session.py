@@ -1,4 +1,4 @@
-"""The recording of one run: a subscriber to the run's bus, with a folder and a recorder of its own."""
+"""Record one run, as a subscriber to its bus, with a folder and a recorder of the run's own."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class Recording:
         sources: Mapping[str, DeviceInfo],
         facts: Mapping[str, str],
     ) -> None:
-        """Write the same from its parts.
+        """Write the head of the file from its parts.
 
         Args:
             config: The settings.

@@ -1,4 +1,4 @@
-"""The tables of a run's output folder, one for each kind of record."""
+"""Write the tables of a run's output folder, one for each kind of record."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A part of a recording as a recording of its own, which still computes to the same bits.
+"""Trim a recording to a part that is a recording of its own, and still computes to the same bits.
 
 Filters and limits carry what came before. So that a replay of the part can bring them to where they were, the new file
 has, attached and apart from its own messages, the *lead-in*: EMG samples, levels, contacts, the turns of an arm and the

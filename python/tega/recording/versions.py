@@ -1,4 +1,4 @@
-"""What the results of a run may depend on besides its settings."""
+"""List the versions that the results of a run may depend on besides its settings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PACKAGES = ("tega", "numpy", "msgspec", "foxglove-sdk", "protobuf", "mcap", "op
 
 
 def versions() -> dict[str, str]:
-    """Return what the results may depend on."""
+    """Return the versions of Python, machine, system and packages, by name."""
     known = {"python": sys.version.split()[0], "machine": platform.machine(), "system": platform.system()}
     for package in _PACKAGES:
         try:

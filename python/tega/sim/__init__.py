@@ -1,1 +1,1 @@
-"""Simulated input: what TEGA generates for itself where no device is attached. Simulated, and labelled so."""
+"""Simulate the lab where no device is attached: hand, objects, touch, muscles, person. Labelled as simulated."""

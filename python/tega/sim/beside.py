@@ -17,7 +17,7 @@ __all__ = ["BesideNotes", "BesideResult"]
 
 
 class BesideResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What a stage beside the connected one said in a lift.
+    """Answers of a stage beside the connected one in a lift, and how far the two agree.
 
     Attributes:
         stage: Its name in the recording.
@@ -35,7 +35,7 @@ class BesideResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BesideNotes:
-    """Takes note of what the stages say, connected and beside.
+    """Notes what the stages answer, connected and beside.
 
     Args:
         bus: Tells it.
@@ -50,7 +50,7 @@ class BesideNotes:
         bus.subscribe(BesideIntent, lambda i: self._beside[i.stage, ""].append((i.t_ns, i.level)))
 
     def results(self) -> tuple[BesideResult, ...]:
-        """Return what each stage said."""
+        """Return the answers of each stage beside the connected one."""
         found = []
         for stage in dict.fromkeys(stage for stage, _ in self._beside):
             own = {finger: rows for (name, finger), rows in self._beside.items() if name == stage}

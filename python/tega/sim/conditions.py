@@ -1,4 +1,4 @@
-"""The conditions of a comparison: what the vest that the person wears does, and whether it is felt.
+"""Choose what the worn vest does under each condition of a comparison, and whether it is felt.
 
 ``haptic`` shows the loop's frames, ``non-haptic`` nothing, ``event-gated`` pulses at contact, slip and release, which
 the person is told. The others are sham arms. Their person is told what the
@@ -50,7 +50,7 @@ _SHAMS: dict[Condition, ShamName] = {
 
 
 def worn(condition: Condition, *, layout: Layout, seed: int) -> Sham:
-    """Return what turns the loop's vest frames into those that are worn."""
+    """Return the function that turns the loop's vest frames into those that are worn."""
     from tega.sim.operator import sham_vest
 
     return sham_vest(_SHAMS[condition], seed=seed, layout=layout)

@@ -1,4 +1,4 @@
-"""The demo: one object after the other is lifted, looked at while it happens, with tables and a picture afterwards."""
+"""Run the demo: lift one object after the other, looked at meanwhile, with tables and a picture afterwards."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DEMO_FORMAT = "tega-demo"
 
 
 class DemoReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What a demo did. Everything in it is simulated.
+    """Result of a demo. Everything in it is simulated.
 
     Attributes:
         simulated_s: Time simulated, seconds.
@@ -171,7 +171,7 @@ def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> Non
 
 
 def demo_heading(plans: Sequence[TrialPlan]) -> str:
-    """Return what stands above the picture of some trials: who steered, and what of the vest reached them."""
+    """Return the heading of a picture of trials: who steered, and what of the vest reached them."""
     return f"TEGA demo, simulated: {'; '.join(dict.fromkeys(_who(plan) for plan in plans))}"
 
 

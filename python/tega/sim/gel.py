@@ -1,6 +1,6 @@
-"""A simulated fingertip camera: what presses the gel, to the picture and to what is true of the contact.
+"""Simulate a fingertip camera: from what presses the gel to the picture and the true contact.
 
-Simulated. Rigid shapes go into a skin on springs until the springs carry their forces; slopes become colours by a
+Rigid shapes go into a skin on springs until the springs carry their forces; slopes become colours by a
 light field that was fitted to one real sensor, and noise has the statistics of its pictures.
 ``docs/evidence/sim-touch.md`` says how close that comes to real pictures and what is not modelled. Seed,
 settings, indenters and frame number decide what a frame shows, to the last bit; with ``memory`` also what
@@ -57,7 +57,7 @@ CAMERA_HZ: Final = 60.0
 
 
 class GelTruth(NamedTuple):
-    """What is true of a contact, whatever the picture shows; of the part of the gel that is in the picture."""
+    """True contact, whatever the picture shows; of the part of the gel that is in the picture."""
 
     touches: bool
     """Whether anything lies against the gel, in the picture or beside it."""
@@ -155,7 +155,7 @@ class Gel:
 
     @property
     def truth(self) -> GelTruth:
-        """What is true of the latest press, measured when asked for."""
+        """True contact of the latest press, measured when asked for."""
         return GelTruth._make(self._gel.touch())
 
     def still(self, index: int = 0) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Labelled touch sequences: a simulated fingertip pressed over time, frame by frame with what is true.
+"""Press a simulated fingertip over time, as touch sequences labelled frame by frame with what is true.
 
 For judging a reading: each sequence is one unit of the simulated gel, with leftovers, creep and drift on, pressed by
 one shape with a force that follows a curve. Simulated; ``docs/evidence/sim-touch.md`` says how close it comes to a

@@ -1,4 +1,4 @@
-"""Both ends of the simulated hand's cable: the controller that knows its angles, and the bus that takes its frames."""
+"""Simulate both ends of the hand's cable: the controller that knows its angles, and the bus for its frames."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class SimulatedAllegro:
 
 
 class SimulatedBus:
-    """What the hand's firmware does with the frames on its bus: torques move the joints, SERVO OFF lets go.
+    """Stands in for the firmware on the hand's bus: torques move the joints, SERVO OFF lets go.
 
     Args:
         apply_torques: Takes torques, float64 (16,).

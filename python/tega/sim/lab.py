@@ -1,4 +1,4 @@
-"""A person in the lab: gels, electrodes and calibration, made once for a seed and kept over trials.
+"""Make a person's lab, once for a seed and kept over trials: gels, electrodes and calibration.
 
 Calibration is that of people. EMG maxima come from three strong squeezes through the real chain; touch maxima from
 five presses on each fingertip, by the rule that a recording of presses is calibrated with.
@@ -53,7 +53,7 @@ BASELINE_FRAMES = 30
 
 
 class Lab:
-    """What belongs to one person and lasts longer than a trial.
+    """Gels, electrodes and calibration of one person, which last longer than a trial.
 
     Args:
         seed: Who.

@@ -1,4 +1,4 @@
-"""One lift: a rig with a fresh world, the dual loop around it, and the result."""
+"""Run one lift: a rig with a fresh world, the dual loop around it, and the result."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class Lift:
 
     @property
     def end_s(self) -> float:
-        """How much time has passed in it, seconds."""
+        """Time that has passed in the lift, seconds."""
         return self.rig.t_ns / 1e9
 
     @cached_property
@@ -191,7 +191,7 @@ class Lift:
             self._recorder.end(loop.report, pacer.n_waits)
 
     def result(self, simulated_s: float) -> TrialResult:
-        """Return what became of the plan, this lift being the one that counts."""
+        """Return the outcome of the plan, this lift being the one that counts."""
         scorer = self.scorer
         lifted_s, drops = scorer.time_of("lifted"), scorer.count("drop")
         return TrialResult(

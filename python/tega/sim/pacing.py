@@ -1,4 +1,4 @@
-"""The loop's deadlines where the world is simulated: waiting for one makes the world go on until then."""
+"""Advance the simulated world to each deadline that the loop waits for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a trial is to be, and what became of it: two records that go to files and between processes."""
+"""Define a trial's plan and its result: two records that go to files and between processes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["TrialPlan", "TrialResult", "loop_settings"]
 
 
 class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a trial is to be; equal plans give equal results, bit for bit.
+    """Plan of a trial; equal plans give equal results, bit for bit.
 
     Attributes:
         object: Name in :data:`tega.sim.world.OBJECTS`.
@@ -91,7 +91,7 @@ def loop_settings(preset: Literal["paper", "live"], settings: Sequence[str]) -> 
 
 
 class TrialResult(TrialPlan, frozen=True, kw_only=True):
-    """What became of a plan, which it repeats.
+    """Outcome of a trial, with its plan repeated.
 
     Attributes:
         success: Lifted to 0.2 m and held there for 1 s within 15 s, and not dropped.

@@ -1,4 +1,4 @@
-"""The simulated lab on one clock: hand, object, fingertip cameras, muscles and the person, around the loop's streams.
+"""Run the simulated lab on one clock: hand, object, cameras, muscles and person, around the loop's streams.
 
 Time passes when the loop waits for it. Until the loop's next deadline the rig does, in the order of their times, what
 happens in between: every 10 ms the amplifier delivers a block of EMG, the truth is scored and the person perceives and
@@ -54,14 +54,14 @@ _PLACING = frozenset({"place", "release", "done"})
 
 
 class TrialSteering(Protocol):
-    """Whoever steers: a simulated person, a script, a hand on a keyboard."""
+    """Operator of a lift: a simulated person, a script, a hand on a keyboard."""
 
     def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
         """Start a lift of an object of a name and width, the how many-th of it, after so much rest."""
         ...
 
     def act(self, percept: Percept) -> Act:
-        """Take in what there is to perceive now and return what the person does."""
+        """Take in a percept and return what the person does."""
         ...
 
 

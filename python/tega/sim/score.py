@@ -1,4 +1,4 @@
-"""What a trial is worth: lifted or not, slips, deformations and drops, counted from the truth by fixed rules.
+"""Score a trial from the truth by fixed rules: lifted or not, slips, deformations and drops.
 
 The rules stand for an observer who sees the whole scene: a slip counts when it can be seen clearly, a deformation
 when it goes beyond what holding that object takes. They were set before the first comparison of conditions.
@@ -34,7 +34,7 @@ EASED_SHARE = 0.8
 
 
 class TrialEvent(msgspec.Struct, frozen=True):
-    """Something that happened in a trial.
+    """Lift-off, slip, deformation or drop in a trial.
 
     Attributes:
         kind: What: ``lift_off``, ``lifted`` (stable at the height), ``slip``, ``deformation`` or ``drop``.

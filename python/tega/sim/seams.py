@@ -39,7 +39,7 @@ class Indenter(NamedTuple):
 
 
 class WorldTruth(NamedTuple):
-    """What is so in the simulated world, whatever a sensor says.
+    """True state of the simulated world, whatever a sensor says.
 
     Attributes:
         t_s: Simulated time since the trial began, seconds.
@@ -67,7 +67,7 @@ class WorldTruth(NamedTuple):
 
 
 class Percept(NamedTuple):
-    """What reaches the person now; delays and thresholds are the person's own.
+    """Sights and vibrations that reach the person now; delays and thresholds are the person's own.
 
     Attributes:
         t_s: Simulated time since the trial began, seconds.
@@ -83,7 +83,7 @@ class Percept(NamedTuple):
 
 
 class Act(NamedTuple):
-    """What the person does until asked again.
+    """Act of the person, which lasts until the next one.
 
     Attributes:
         excitation: Drive of the grip muscles as a share of the strongest, 0 to 1.15; EMG follows it.

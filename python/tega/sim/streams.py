@@ -1,4 +1,4 @@
-"""The course of a trial: the truth beside what the sensors said, as arrays and as tables."""
+"""Keep the course of a trial, the truth beside what the sensors said, as arrays and as tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trials side by side: the means of every object under every condition."""
+"""Average simulated trials by object and condition, to stand side by side."""
 
 from __future__ import annotations
 

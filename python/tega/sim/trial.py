@@ -1,4 +1,4 @@
-"""One trial on the simulated bench: a person lifts an object with the real loop in between.
+"""Run one trial on the simulated bench: a person lifts an object with the real loop in between.
 
 Everything in it is simulated but the loop: filters, levels, controller, contact metrics, vest frames and CAN frames
 are those of a run with devices. Example::

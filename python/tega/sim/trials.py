@@ -1,4 +1,4 @@
-"""Many trials over all cores: resumable, and the same results however many workers there are.
+"""Run many simulated trials over all cores: resumable, with the same results for any number of workers.
 
 A trial is a function of its plan, so workers share nothing. Results are written one JSON object a line as they come
 and read again by the next run; when all are there the file is put into the order of the plans.

@@ -1,4 +1,4 @@
-"""Worker processes that end when the one that started them does, however that ended."""
+"""Run jobs in worker processes that end when the one that started them does, however that ended."""
 
 from __future__ import annotations
 

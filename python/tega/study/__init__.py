@@ -1,4 +1,4 @@
-"""The user study: plan it, keep what happens, analyse it, report it.
+"""Plan a user study, lead its trials, keep what happens, analyse it and report it.
 
 ::
 
@@ -14,10 +14,10 @@
     touch_rows.py what each fingertip said, frame by frame
     privacy.py   withdrawal and the anonymised copy
     trials.py    one row a trial, with the events it comes from
-    rank.py people.py counts.py shares.py coupling.py power.py    the statistics, each with its source
+    rank.py people.py counts.py coupling.py power.py    the statistics, each with its source
     analyse.py   all numbers of a report in one record
     figures.py tables.py page.py report.py    the record as pictures, CSV and one HTML file
-    simulate.py  the whole study with simulated people
+    silico/      the whole study with simulated people
 
 Example::
 

@@ -1,4 +1,4 @@
-"""A study's whole analysis as one record: everything a report shows is in it, and nothing else is."""
+"""Analyse a study into one record that holds every number its report shows, and nothing else."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FORMAT = "tega-study-analysis"
 
 
 class Flow(msgspec.Struct, frozen=True, kw_only=True):
-    """Who and what took part.
+    """Counts of the people and trials that took part.
 
     Attributes:
         planned_people: As planned; ``None`` where there is no plan.
@@ -57,7 +57,7 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Planner(msgspec.Struct, frozen=True, kw_only=True):
-    """What the next study needs to find an effect on slips or deformations as large as this one's.
+    """Number of people a next study needs to find an effect on slips or deformations as large as this one's.
 
     Attributes:
         metric: ``slips`` or ``deformations``.
@@ -147,7 +147,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FigureMaterial(NamedTuple):
-    """What the figures need besides the numbers.
+    """Courses and pictures that the figures are drawn from, besides the numbers.
 
     Attributes:
         courses: Touch and pose, by trial id.

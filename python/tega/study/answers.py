@@ -1,4 +1,4 @@
-"""All trials' courses together: correlation of pose and touch, its nulls, and how the pose was used."""
+"""Correlate pose with touch over a study's trials, compare with nulls, and measure how poses were used."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class Contrast(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PoseUse(msgspec.Struct, frozen=True, kw_only=True):
-    """How the poses were used with one object under one condition.
+    """Use of the poses with one object under one condition.
 
     Attributes:
         object: Its name.
@@ -148,7 +148,7 @@ def answers(
     objects: Sequence[str],
     conditions: Sequence[str],
 ) -> tuple[list[TrialCoupling], list[ArmCoupling], list[Contrast], list[PoseUse]]:
-    """Work out everything about courses.
+    """Correlate pose with touch in all trials, compare the conditions, and measure the use of the poses.
 
     Args:
         trials: All; those that do not count or have no course are passed over.

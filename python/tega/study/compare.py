@@ -1,4 +1,4 @@
-"""All tests of a study: every metric of every object, at every level that can say something."""
+"""Test every metric of every object between a study's conditions, over its trials and over people."""
 
 from __future__ import annotations
 

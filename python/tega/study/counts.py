@@ -1,4 +1,4 @@
-"""Counts and shares: exact intervals, dispersion, and the regression that takes learning out."""
+"""Compare counts and success rates: exact intervals, dispersion, a regression that takes learning out."""
 
 from __future__ import annotations
 

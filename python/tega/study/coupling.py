@@ -1,4 +1,4 @@
-"""Touch and chosen pose over a trial: do they go together, and does that say that anybody answered what was felt?
+"""Correlate touch with the chosen pose over a trial, to tell an answer to touch from mere mechanics.
 
 A hand that closes raises touch by itself. So a correlation is shown beside what it is without any answer: with
 the touch of another trial, in the arm that felt nothing, and at other lags. Lag ``l > 0``: touch follows the

@@ -1,8 +1,8 @@
-"""What the signals of a study's trials say of lift-off, slip and deformation: the detector as one more account.
+"""Find lift-off, slip and deformation in the signals of a study's trials: the detector as one more account.
 
-It sees what was kept of the fingertips, the hand and the arm, and nothing that a person or the simulation says. Its
-events stand beside the session's in ``detected.jsonl``, with their confidence, and are compared like a rater's; they
-are never counted instead of a rater's.
+The detector sees what was kept of the fingertips, the hand and the arm, and nothing that a person or the simulation
+says. Its events stand beside the session's in ``detected.jsonl``, with their confidence, and are compared like a
+rater's; they are never counted instead of a rater's.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ DETECTED: dict[str, Kind] = {"lift_off": "lift_off", "slip": "slip", "deformatio
 
 
 class TrialEvents(msgspec.Struct, frozen=True):
-    """What was found in an attempt.
+    """Events that the detector found in one attempt.
 
     Attributes:
         participant: Whose.

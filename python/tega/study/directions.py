@@ -1,4 +1,4 @@
-"""Which way the paper's differences go, and whether a study's go the same way."""
+"""Compare the direction of each difference that the paper prints with a study's."""
 
 from __future__ import annotations
 

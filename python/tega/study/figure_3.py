@@ -1,4 +1,4 @@
-"""Fig 3: from a fingertip's picture to CCI and EDA, a row an object."""
+"""Draw Fig 3: from a fingertip's picture to CCI and EDA, a row an object."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's figures from an analysis, and those it lacks, as SVG; equal analyses give equal bytes."""
+"""Draw the paper's figures from an analysis, and those it lacks, as SVG; equal analyses give equal bytes."""
 
 from __future__ import annotations
 

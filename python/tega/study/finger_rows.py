@@ -1,4 +1,4 @@
-"""The contacts of Fig 3 as numbers."""
+"""Measure the contacts in the fingertip pictures of Fig 3."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def finger_rows(pictures: Mapping[str, FingerPicture], trials: Sequence[Trial]) -> tuple[FingerRow, ...]:
-    """Return what the loop measured in the pictures, by trial id."""
+    """Return the contacts that the loop measured in the pictures, by trial id."""
     of = {trial.id: trial for trial in trials}
     rows = []
     for trial, picture in pictures.items():

@@ -1,4 +1,4 @@
-"""What the hand and the arm did in a trial: ``hand.csv`` in the folder of an attempt's recording."""
+"""Write and read what hand and arm did in a trial: ``hand.csv`` in the folder of an attempt's recording."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["HandRow", "hand_path", "read_hand", "write_hand"]
 
 
 class HandRow(NamedTuple):
-    """A look at hand and arm.
+    """State of hand and arm at one moment.
 
     Attributes:
         t_s: Since the trial's start, seconds.

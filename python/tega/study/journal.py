@@ -1,4 +1,4 @@
-"""A session's events on disk: one JSON object a line, appended and synced one by one, never changed.
+"""Keep a session's events on disk: one JSON object a line, appended and synced one by one, never changed.
 
 An event is kept once :meth:`Journal.add` has returned, whatever happens to the program or the machine then. A line that
 a crash has cut off was never promised, and goes when the file is opened again.
@@ -40,7 +40,7 @@ Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "
 
 
 class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """Something that happened.
+    """One event of a session.
 
     Attributes:
         n: Its number in the file, from 1 without a gap.

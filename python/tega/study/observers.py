@@ -1,4 +1,4 @@
-"""The raters' own files of a session: where they are, and which trials a rater saw from start to end."""
+"""Read the raters' own files of a session, and tell which trials a rater saw from start to end."""
 
 from __future__ import annotations
 

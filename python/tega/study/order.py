@@ -1,4 +1,4 @@
-"""Orders: which condition and which object comes when, balanced over people, drawn from a seed.
+"""Draw the order of conditions and objects from a seed, balanced over people.
 
 Nothing here uses a random number generator: items are sorted by a hash of the seed and their own name, so that a seed
 gives the same order under every version of every library.

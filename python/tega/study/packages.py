@@ -1,4 +1,4 @@
-"""The packages of the extra ``study``, imported when they are first needed: SciPy's statistics take two seconds."""
+"""Import the packages of the extra ``study`` when first needed: SciPy's statistics take two seconds."""
 
 from __future__ import annotations
 

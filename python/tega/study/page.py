@@ -130,7 +130,7 @@ def _effect(test: Test) -> str:
 
 
 def people(n: int, analysis: Analysis) -> str:
-    """Return what the study's people are called, one or many."""
+    """Return the noun for the study's people, one or many."""
     return ("simulated " if analysis.simulated else "") + ("person" if n == 1 else "people")
 
 

@@ -1,4 +1,4 @@
-"""What the paper's Table I and text print, for comparison; its objects 1 to 3 are bottle, container and bag here."""
+"""List the numbers of the paper's Table I and text; its objects 1 to 3 are bottle, container and bag here."""
 
 from __future__ import annotations
 

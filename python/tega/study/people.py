@@ -1,4 +1,4 @@
-"""Conditions compared person by person: what can be said about other people, and what only about these trials.
+"""Compare conditions person by person: tests that speak of other people, or of these trials alone.
 
 Trials of one person are more alike than trials of two, and people differ in what feedback does to them. A test that
 forgets either finds effects that are not there. These here take a person's means as the data.
@@ -35,7 +35,7 @@ _EPS = 1e-9
 
 
 class Ratio(NamedTuple):
-    """Haptic over reference.
+    """Ratio of the haptic to the reference condition, with interval and test.
 
     Attributes:
         ratio: Below 1 where the first condition has less.

@@ -1,4 +1,4 @@
-"""The plan of a study: two plain files, ``study.toml`` and ``plan.csv``, that nothing changes once they are written.
+"""Make, write and read a study's plan: ``study.toml`` and ``plan.csv``, never changed once written.
 
 ``study.toml`` has what was decided, with the seed and the SHA-256 of ``plan.csv``; ``plan.csv`` has one row a trial.
 """
@@ -52,7 +52,7 @@ _Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_+-]*$", max
 
 
 class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What was decided about a study.
+    """Decisions about a study, kept in ``study.toml``.
 
     Attributes:
         participants: How many people are planned; looking at p-values before they are all there is a look too many.
@@ -143,7 +143,7 @@ class StudyPlan(msgspec.Struct, frozen=True):
 
     @property
     def participants(self) -> list[str]:
-        """Everybody's id."""
+        """Ids of all participants."""
         return list(dict.fromkeys(trial.participant for trial in self.trials))
 
 

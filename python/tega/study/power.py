@@ -1,4 +1,4 @@
-"""How many people a study needs, from assumed or pilot means (N13).
+"""Estimate how many people a study needs, from assumed or pilot means (N13).
 
 Counts: negative binomial, mean ``m * exp(b_i + s_i * haptic)`` scaled so that the given means are the marginal
 ones; people differ in level (``b``) and in effect (``s``). Analysed as the report does: a paired t on log(sum +
@@ -22,7 +22,7 @@ __all__ = ["SPREADS", "CountPower", "EffectSpread", "count_power", "people_for",
 
 
 class EffectSpread(NamedTuple):
-    """How people and trials are assumed to differ.
+    """Assumed differences between people and between trials.
 
     Attributes:
         dispersion: Of the counts: variance = mean + dispersion * mean².

@@ -1,4 +1,4 @@
-"""Withdrawal, and the anonymised copy.
+"""Withdraw a person from a study by deleting their data, and write a study's anonymised copy.
 
 Everything about one person lies in files and folders that bear the person's id (``sessions/p03``, ``courses/p03``,
 ...), so that it can be deleted whole; what the program made of the person elsewhere is noted beside the session. Muscle
@@ -39,7 +39,7 @@ ROLES = ("auto", "experimenter", "participant")
 
 
 class Withdrawal(NamedTuple):
-    """What became of a person's traces.
+    """Files deleted, changed and left by a withdrawal.
 
     Attributes:
         deleted: What was deleted: files, folders and links in the study's folder.

@@ -1,6 +1,6 @@
-"""Two groups of trials compared by ranks: the test that the paper prints, and what it should have been printed with.
+"""Compare two groups of trials by ranks: the Mann-Whitney test that the paper prints, effect size, Holm.
 
-These treat every trial as a sample of its own, which trials of one person are not; they are here because the paper's
+The tests treat every trial as a sample of its own, which trials of one person are not; they are here since the paper's
 numbers are of this kind. See :mod:`tega.study.people` for tests that reach beyond the trials at hand.
 """
 
@@ -59,7 +59,7 @@ class MannWhitney(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """How far one group lies over the other: the median of all differences (Hodges and Lehmann).
+    """Shift of one group over the other: the median of all differences (Hodges and Lehmann).
 
     Attributes:
         estimate: In the unit of the values.

@@ -1,4 +1,4 @@
-"""What participants answered after blocks, by condition: raw NASA-TLX and each scale."""
+"""Average what participants answered after blocks, by condition: raw NASA-TLX and each scale."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report: one HTML file that needs nothing else, the tables as CSV, and the record that both are made from."""
+"""Write the report: one HTML file that needs nothing else, tables as CSV, and the record behind both."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FIGURES = ("fig3", "fig7", "fig8", "lags", "poses")
 
 
 class Report(NamedTuple):
-    """Where a report went.
+    """Paths of a written report, and its analysis.
 
     Attributes:
         page: The HTML file.

@@ -1,4 +1,4 @@
-"""What a session's events say: how each trial stands, and which comes next. Nothing is kept beside the events."""
+"""Derive from a session's events how each trial stands and which comes next. No other state is kept."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ REPEATABLE = ("done", "failed_task")
 
 
 class SessionState(msgspec.Struct, frozen=True):
-    """How a session stands.
+    """State of a session's trials.
 
     Attributes:
         status: Of each trial by its number.

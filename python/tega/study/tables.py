@@ -1,4 +1,4 @@
-"""An analysis as CSV files: every table of the report, and the numbers that its figures are drawn from."""
+"""Write an analysis as CSV files: every table of the report, and the numbers behind its figures."""
 
 from __future__ import annotations
 

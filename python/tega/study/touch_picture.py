@@ -1,4 +1,4 @@
-"""A fingertip at its firmest moment in a trial, for Fig 3: kept by a simulated session, or found in a recording."""
+"""Keep a fingertip's picture at its firmest moment in a simulated trial, or find it in a recording, for Fig 3."""
 
 from __future__ import annotations
 

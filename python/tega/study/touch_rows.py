@@ -1,4 +1,4 @@
-"""What each fingertip said in a trial, frame by frame: ``touch.csv`` in the folder of an attempt's recording."""
+"""Write and read each fingertip's contacts in a trial, frame by frame: ``touch.csv`` beside its recording."""
 
 from __future__ import annotations
 

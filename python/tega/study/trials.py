@@ -1,4 +1,4 @@
-"""One row a trial, worked out of the events, and where each row comes from."""
+"""Derive one row a trial from a study's events, with the events that each row comes from."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of a trial.
+    """Outcome of one trial.
 
     Attributes:
         id: Its name, such as ``p01-t07``, or file and line of a bench's results.
@@ -65,7 +65,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def counts(self) -> bool:
-        """Whether it takes part in the analysis."""
+        """Whether the trial takes part in the analysis."""
         return self.status in {"done", "failed_task"}
 
 

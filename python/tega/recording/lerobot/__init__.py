@@ -1,4 +1,4 @@
-"""A recording as a LeRobot dataset, format v3.0, written without the package ``lerobot``."""
+"""Export a recording as a LeRobot dataset, format v3.0, without the package ``lerobot``."""
 
 from __future__ import annotations
 

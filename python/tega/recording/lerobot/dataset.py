@@ -1,4 +1,4 @@
-"""The files of a LeRobot dataset, format v3.0.
+"""Write the files of a LeRobot dataset, format v3.0.
 
 The layout is the public one: ``meta/info.json``, ``meta/stats.json``, ``meta/tasks.parquet``,
 ``meta/episodes/chunk-000/file-000.parquet``, ``data/chunk-000/file-000.parquet`` with many episodes in a file, and

@@ -1,4 +1,4 @@
-"""A recording at a fixed rate: at each frame what was known by then, and nothing that came later."""
+"""Resample a recording at a fixed rate: each frame has what was known by then, and nothing from later."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of a dataset that a training run normalises with."""
+"""Compute the figures of a dataset that a training run normalises with."""
 
 from __future__ import annotations
 

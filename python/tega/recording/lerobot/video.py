@@ -1,4 +1,4 @@
-"""One finger's pictures as videos: AV1 in MP4, as LeRobot writes them."""
+"""Encode one finger's pictures as videos: AV1 in MP4, as LeRobot writes them."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Video:
 
 
 class VideoPlace:
-    """In which file of which chunk something is."""
+    """Numbers of the video file and of the chunk that it is in."""
 
     def __init__(self) -> None:
         self.chunk_index = self.file_index = 0

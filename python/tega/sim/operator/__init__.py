@@ -1,4 +1,4 @@
-"""The simulated person at the task: perception, decisions, muscles, EMG. Simulated, and labelled so."""
+"""Simulate the person at the task: perception, decisions, muscles, EMG. Labelled as simulated."""
 
 from tega.sim.operator.acting import Operator, Rules
 from tega.sim.operator.calibrate import Calibrated, calibrate

@@ -1,4 +1,4 @@
-"""The simulated operator: percepts in, acts out, a hundred times a second.
+"""Simulate the operator, who takes percepts in and gives acts out, a hundred times a second.
 
 The person sees and, where the vest is worn, feels; decides twenty times a second; muscles follow. With and without
 the vest everything but the vest's own percepts is the same: guesses, costs, gaze, errors, random streams.
@@ -43,7 +43,7 @@ class _Trial:
 
 
 class Rules(NamedTuple):
-    """Which rules the person follows: switched off one at a time to see what each does.
+    """Rules that the person follows, each switched off to see what it does.
 
     Attributes:
         onset: Vibration after silence is taken for contact.
@@ -127,7 +127,7 @@ class Operator:
         self._start(name, width_m, trial, rest_s)
 
     def act(self, percept: Percept) -> Act:
-        """Take in what there is to perceive now and return what the person does.
+        """Take in a percept and return what the person does.
 
         Args:
             percept: Of this moment; time must not go back within a trial.

@@ -1,4 +1,4 @@
-"""What the person believes: how closed the hand is, how closed this object needs it, and how closed would harm it.
+"""Estimate how closed a person believes the hand to be, and what closure an object needs and bears.
 
 All in levels, all Gaussian. The pure functions are the moment updates; :class:`ObjectBelief` outlasts a trial.
 """
@@ -47,7 +47,7 @@ def _narrowed(sd: float, u: float, factor: float, floor: float) -> float:
 
 
 class Closure:
-    """What is believed of the closure ``x`` together with what the vest says about it (extended Kalman filter).
+    """Belief about the closure ``x`` together with what the vest says about it (extended Kalman filter).
 
     For each panel a line ``ln I = b0 + b1 x`` is learned along with ``x``. They are estimated jointly because one
     closure is felt many times: taken in turn, the same error of ``x`` would be counted anew with each reading. Slopes
@@ -72,7 +72,7 @@ class Closure:
 
     @property
     def var(self) -> float:
-        """Variance of that."""
+        """Variance of the closure."""
         return float(self._cov[0, 0])
 
     def slope(self, panel: Panel) -> float:
@@ -125,7 +125,7 @@ class Closure:
 
 @dataclass
 class ObjectBelief:
-    """What is believed of one object.
+    """Belief about one object.
 
     Attributes:
         grip: The person's numbers.

@@ -1,4 +1,4 @@
-"""The person is calibrated by the code that calibrates people, and learns what effort the maxima stand for."""
+"""Calibrate the person by the code that calibrates people, and find the effort that the maxima stand for."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _RISE_S = 0.5
 
 
 class Calibrated(NamedTuple):
-    """What a calibration gives.
+    """Maxima of a simulated person's muscles, and the effort that these stand for.
 
     Attributes:
         maxima: For :class:`tega.emg.GraspIntent`, µV, float64 (3,).

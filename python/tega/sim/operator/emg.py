@@ -1,4 +1,4 @@
-"""Synthetic surface EMG of three forearm muscles: excitation to raw microvolts. Simulated.
+"""Synthesise surface EMG of three forearm muscles, from excitation to raw microvolts. Simulated.
 
 For each muscle ``m`` with excitation ``U`` (share of the strongest), slow drive noise ``n`` and unit noise ``c``::
 

@@ -1,4 +1,4 @@
-"""Noise of the synthetic EMG, made in bulk: a second of it at a time, ready to be scaled by the muscles' effort."""
+"""Make noise for the synthetic EMG in bulk, a second at a time, ready to be scaled by the muscles' effort."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hand as a whole: smooth movements between places, and which of them belongs to a phase."""
+"""Move the simulated forearm smoothly between places, and tell which place belongs to a phase."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ __all__ = ["SimulatedForearm"]
 
 
 class SimulatedForearm:
-    """Where the person moves the hand: minimum-jerk from place to place.
+    """Moves the hand as a whole from place to place, with minimum jerk.
 
     Args:
         start_m: Height over the grasp pose and distance back from it, metres.

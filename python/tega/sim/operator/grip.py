@@ -1,4 +1,4 @@
-"""What the person decides: which level, and when to lift, put down and let go.
+"""Decide for the simulated person: which level, and when to lift, put down and let go.
 
 The person wants the object lifted with the least force. Percepts become named events, events become rules, rules
 become a level; at most one command in a refractory time. Rules: slip seen or weakening felt, one level up;

@@ -1,4 +1,4 @@
-"""A person at a keyboard instead of a simulated one: keys set the level and move the hand."""
+"""Steer a simulated lift from the keyboard, in place of a simulated person: keys set level and forearm."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class KeyboardOperator:
         self._last_s = 0.0
 
     def act(self, percept: Percept) -> Act:
-        """Return what the keys ask for now."""
+        """Return the act that the keys ask for now."""
         for key in self._keys():
             self._press(key)
         dt_s = max(percept.t_s - self._last_s, 0.0)

@@ -1,4 +1,4 @@
-"""Keys of a terminal, read as they are pressed; the terminal is put back however the block is left.
+"""Read a terminal's keys as they are pressed, and put the terminal back however the block is left.
 
 Ctrl-C keeps its meaning. On POSIX the terminal is taken out of line mode with termios, on Windows msvcrt is read.
 """

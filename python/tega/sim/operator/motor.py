@@ -1,4 +1,4 @@
-"""From the level a person has in mind to the excitation of the grip muscles.
+"""Compute the excitation of the grip muscles from the level that a person has in mind.
 
 A command aims at the middle of its level and misses it by an error drawn once; two equal lags shape the rise; held
 levels slacken. EMG follows the excitation at once. What the person feels of the own effort comes later, through

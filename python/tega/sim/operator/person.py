@@ -1,4 +1,4 @@
-"""The simulated person: parameters from the file beside this module, and one person drawn from the population.
+"""Draw a simulated person from the population, whose parameters are in the file beside this module.
 
 Example:
     >>> from tega.sim.operator import draw_person, load_parameters
@@ -72,7 +72,7 @@ class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class Parameters(msgspec.Struct, frozen=True):
-    """The whole file.
+    """All parameters of the population, as the parameter file has them.
 
     Attributes:
         sections: By section and name.

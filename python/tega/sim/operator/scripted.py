@@ -1,4 +1,4 @@
-"""An operator who does the same whatever happens: for tests of everything else, and for a demo that must go well."""
+"""Follow a script as the operator, whatever happens: for tests of other parts and a demo that must go well."""
 
 from __future__ import annotations
 
@@ -87,11 +87,11 @@ class ScriptedOperator:
         self._forearm, self._next = SimulatedForearm(self._start_m), 0
 
     def act(self, percept: Percept) -> Act:
-        """Return what the script says for the percept's time; time must not go back."""
+        """Return the script's act for the percept's time; time must not go back."""
         return self.at(percept.t_s)
 
     def at(self, t_s: float) -> Act:
-        """Return what the script says for a time; times must be asked for in order."""
+        """Return the script's act for a time; times must be asked for in order."""
         while self._next < len(self._course) and self._course[self._next].t_s <= t_s:
             step = self._course[self._next]
             self._forearm.step(step.t_s)

@@ -1,4 +1,4 @@
-"""The fields of each section of the parameter file; units, ranges and sources stand there."""
+"""Define the sections of the simulated person's parameter file, where units, ranges and sources stand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class _PersonSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 
 
 class BodySection(_PersonSection, frozen=True):
-    """Age, and what follows from it."""
+    """Age, and how reactions slow with it."""
 
     age_years: float
     rt_per_year_ms: float
@@ -20,7 +20,7 @@ class BodySection(_PersonSection, frozen=True):
 
 
 class Vision(_PersonSection, frozen=True):
-    """What is seen, and how late."""
+    """Sight: what can be seen, and how late."""
 
     rt_ms: float
     rt_sigma_ms: float
@@ -42,7 +42,7 @@ class Vision(_PersonSection, frozen=True):
 
 
 class VestSection(_PersonSection, frozen=True):
-    """What is felt on the torso: link, motors, skin, attention."""
+    """Sense of the vest on the torso: link, motors, skin, attention."""
 
     rt_ms: float
     rt_sigma_ms: float
@@ -97,7 +97,7 @@ class GripSection(_PersonSection, frozen=True):
 
 
 class MotorSection(_PersonSection, frozen=True):
-    """From a level in mind to excitation."""
+    """Muscles: from a level in mind to excitation."""
 
     aim_sd: float
     aim_floor: float

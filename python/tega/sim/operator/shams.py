@@ -1,4 +1,4 @@
-"""Vests that tell nothing, or something else: the arms a study needs beside on and off.
+"""Make the frames of sham vests, which tell nothing or something else: arms of a study beside on and off.
 
 A person who gains from them gains from being made careful, not from information. Each turns the frame that the loop
 made into the one that is worn.

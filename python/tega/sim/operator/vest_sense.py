@@ -1,4 +1,4 @@
-"""What the person feels of the vest: link, motors, skin, noise, and the three things that are made of it.
+"""Simulate how the person feels the vest: link, motors, skin, noise, and the percepts made of them.
 
 Places are the four finger columns of the front and of the back. A look sums a panel up by its strongest place, as one
 who attends to how strong it is and not to where: which finger a column stands for changes nothing here.

@@ -1,4 +1,4 @@
-"""What the person sees: slip, deformation, contact, pose. Late, only when large, only where the eyes are.
+"""Simulate what the person sees: slip, deformation, contact, pose. Late, only if large, only where eyes are.
 
 Slip follows the law of Dzhafarov, Sekuler and Allik (1993): the reaction time to a speed ``w`` in degrees a second is
 ``r + c / w^(2/3)``. Integrating ``w^(2/3)`` up to ``c`` gives the same at constant speed and serves changing speed too.
@@ -24,7 +24,7 @@ _TOUCHING_N = 0.02
 
 
 class SeenEvent(NamedTuple):
-    """Something noticed.
+    """Slip, deformation or other event that the person notices.
 
     Attributes:
         due_s: When the person can act on it.
@@ -87,7 +87,7 @@ class Eyes:
     def see(
         self, t_s: float, dt_s: float, scene: WorldTruth, *, carried: bool, lifting: bool
     ) -> list[SeenEvent]:
-        """Return what has been noticed since the last call.
+        """Return the events that have been noticed since the last call.
 
         Args:
             t_s: Now, seconds.

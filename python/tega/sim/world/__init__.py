@@ -1,4 +1,4 @@
-"""The simulated world: hand, arm, table and an object, by rigid-body physics (MuJoCo).
+"""Simulate hand, arm, table and an object by rigid-body physics (MuJoCo).
 
 ::
 

@@ -1,4 +1,4 @@
-"""The 7-joint Panda arm as an MJCF fragment, to carry the hand.
+"""Describe the 7-joint Panda arm, which carries the hand, as an MJCF fragment.
 
 Kinematics and limits are the maker's published ones. Link masses are rounded identified values; the arm is
 compensated for gravity and for the hand it carries, as the real one is, and is as stiff as its joint controller.

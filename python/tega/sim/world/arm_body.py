@@ -1,4 +1,4 @@
-"""The simulated bench's Panda, by rigid-body physics, where no robot is: joints, their limits, inverse kinematics."""
+"""Simulate the bench's Panda by rigid-body physics, where no robot is: joints, limits, inverse kinematics."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class BenchBody:
         return HandSeen(time.monotonic_ns(), (x, y, z), (qx, qy, qz, qw))
 
     def begin(self) -> None:
-        """Begin to follow, from where it is."""
+        """Begin to follow, from where the arm is."""
         self._stay()
         self._led = True
 
@@ -84,11 +84,11 @@ class BenchBody:
         velocity_m_s: Triple,  # noqa: ARG002  # its follower finds its own speeds
         velocity_rad_s: Triple,  # noqa: ARG002
     ) -> None:
-        """Give it its next target."""
+        """Give the arm its next target."""
         self._world.set_palm(np.array(place) - _ORIGIN, to_matrix(np.array(turn)))
 
     def rest(self) -> None:
-        """Stay where it is: its joints are stiff, as with the brakes on."""
+        """Hold the arm where it is: its joints are stiff, as with the brakes on."""
         self._stay()
         self._led = False
 
@@ -98,7 +98,7 @@ class BenchBody:
 
     @property
     def in_control(self) -> bool:
-        """Whether it follows."""
+        """Whether the arm follows."""
         return self._led
 
     def fault(self) -> str:
@@ -111,5 +111,5 @@ class BenchBody:
         return self._fault
 
     def close(self) -> None:
-        """End."""
+        """Stop following."""
         self._led = False

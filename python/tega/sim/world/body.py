@@ -1,4 +1,4 @@
-"""The lifted object as it is now: where it stands, how fast it rises, how narrow it is. One face for both its forms."""
+"""Measure the lifted object, rigid core or elastic solid: where it stands, how fast it rises, how narrow it is."""
 
 from __future__ import annotations
 
@@ -23,34 +23,34 @@ _WEDGE: Final = 0.8
 
 
 class LiftedBody(Protocol):
-    """What can be asked of a lifted object; all of it in the world frame."""
+    """Measurements of a lifted object; all of it in the world frame."""
 
     def move(self, x_m: float, y_m: float) -> None:
-        """Put it elsewhere on the table."""
+        """Put the object elsewhere on the table."""
 
     def middle_m(self) -> tuple[float, float, float]:
-        """Return where its middle is."""
+        """Return where the object's middle is."""
 
     def upright(self) -> tuple[float, float, float]:
-        """Return its axis, from bottom to top, of length 1."""
+        """Return the object's axis, from bottom to top, of length 1."""
 
     def rise_m_s(self) -> float:
-        """Return how fast its middle goes up."""
+        """Return how fast the object's middle goes up."""
 
     def lowest_m(self) -> float:
-        """Return the height of its lowest point."""
+        """Return the height of the object's lowest point."""
 
     def narrowing_m(self) -> float:
-        """Return how much narrower it is than untouched."""
+        """Return how much narrower the object is than untouched."""
 
     def damage_m(self) -> float:
-        """Return how much of that stays."""
+        """Return how much of the narrowing stays."""
 
     def shapes(self) -> list[Shape]:
         """Return what to draw beside the model's own shapes."""
 
     def poses(self) -> NDArray[np.float64]:
-        """Return where those are, float64 (n, 7)."""
+        """Return where the shapes to draw are, float64 (n, 7)."""
 
 
 def body_of(mujoco: Any, model: Any, data: Any, spec: ObjectSpec) -> LiftedBody:
@@ -86,25 +86,25 @@ class Sprung:
         )
 
     def move(self, x_m: float, y_m: float) -> None:
-        """Put it elsewhere on the table."""
+        """Put the object elsewhere on the table."""
         self._place[:2] += (x_m, y_m)
 
     def middle_m(self) -> tuple[float, float, float]:
-        """Return where its middle is."""
+        """Return where the object's middle is."""
         x, y, z = self._at.tolist()
         return x, y, z
 
     def upright(self) -> tuple[float, float, float]:
-        """Return its axis, from bottom to top."""
+        """Return the object's axis, from bottom to top."""
         turned = self._turned.tolist()
         return turned[2], turned[5], turned[8]
 
     def rise_m_s(self) -> float:
-        """Return how fast its middle goes up."""
+        """Return how fast the object's middle goes up."""
         return float(self._speed[0])
 
     def lowest_m(self) -> float:
-        """Return the height of its lowest point."""
+        """Return the height of the object's lowest point."""
         up, spec = float(self._turned[8]), self._spec
         return (
             float(self._at[2])
@@ -113,11 +113,11 @@ class Sprung:
         )
 
     def narrowing_m(self) -> float:
-        """Return how much narrower it is than untouched."""
+        """Return how much narrower the object is than untouched."""
         return _narrowing(self._dents.tolist())
 
     def damage_m(self) -> float:
-        """Return how much of that stays."""
+        """Return how much of the narrowing stays."""
         if not len(self._plastic):
             return 0.0
         return self._spec.plastic_share * _narrowing(self._data.plastic[self._plastic].tolist())
@@ -150,7 +150,7 @@ class Flexed:
         self._points = data.flexvert_xpos.reshape(UP + 1, AROUND + 1, 3)
 
     def move(self, x_m: float, y_m: float) -> None:
-        """Put it elsewhere on the table."""
+        """Put the object elsewhere on the table."""
         self._data.qpos[self._slides] += x_m
         self._data.qpos[self._slides + 1] += y_m
 
@@ -166,15 +166,15 @@ class Flexed:
         return x, y, z
 
     def rise_m_s(self) -> float:
-        """Return how fast its middle goes up."""
+        """Return how fast the object's middle goes up."""
         return float(np.tensordot(self._halfway, self._data.qvel[self._dofs[:, :, 1] + 2], 2))
 
     def lowest_m(self) -> float:
-        """Return the height of its lowest point."""
+        """Return the height of the object's lowest point."""
         return float(self._points[..., 2].min()) - SKIN_M
 
     def narrowing_m(self) -> float:
-        """Return how much narrower it is than untouched."""
+        """Return how much narrower the object is than untouched."""
         wall = self._points[:, 1:]
         across = wall[:, : AROUND // 2] - wall[:, AROUND // 2 :]
         shortest = math.sqrt(np.einsum("ijk,ijk->ij", across, across).min())
@@ -195,7 +195,7 @@ class Flexed:
         ]
 
     def poses(self) -> NDArray[np.float64]:
-        """Return where those are, float64 (n, 7)."""
+        """Return where the boxes are, float64 (n, 7)."""
         wall, ends = self._points[:, 1:], self._points[[0, -1], :1]
         beside = np.roll(wall, -1, axis=1)
         edges, chords = (wall + beside) / 2, beside - wall

@@ -1,4 +1,4 @@
-"""The lifted object as one elastic solid: a MuJoCo flex on a grid of 2 x 2 x 2 cells.
+"""Build the lifted object as one elastic solid: a MuJoCo flex on a grid of 2 x 2 x 2 cells.
 
 The surface that touches is a fine round mesh; what moves are the 27 corners of the cells, so that the object bulges
 between the fingers and sags under its weight at the cost of 81 degrees of freedom.

@@ -1,4 +1,4 @@
-"""Leads the hand where the forearm goes: limited motion, then inverse kinematics for the arm's joints."""
+"""Lead the hand where the forearm goes: limited motion, then inverse kinematics for the arm's joints."""
 
 from __future__ import annotations
 

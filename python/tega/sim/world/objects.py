@@ -1,4 +1,4 @@
-"""What the hand lifts: three objects of everyday life, and any variation of them.
+"""Define the objects that the hand lifts: three of everyday life, and any variation of them.
 
 Mass, stiffness and friction are independent of one another and of the size, so that a study can vary one alone.
 The defaults come from the ranges of household objects; none was measured for this program.
@@ -64,7 +64,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def palm_to_axis_m(self) -> tuple[float, float]:
-        """From the palm's frame to the object's axis in the grasp pose: out of the palm, towards the fingertips."""
+        """Way from palm frame to object axis in the grasp pose, metres: out of the palm, to the fingertips."""
         return PALM_FACE_M + self.diameter_m / 2 + self.clearance_m, self.forward_m
 
     def with_(self, **changes: object) -> ObjectSpec:

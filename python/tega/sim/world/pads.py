@@ -1,4 +1,4 @@
-"""What presses each fingertip: contacts of the physics, as shapes before the gel.
+"""Turn the contacts of the physics on each fingertip into shapes that press its gel.
 
 The pad of the physics is rounded more than the gel of the picture (a capsule), so that a fingertip twists and rolls as
 a soft one does. A contact beside the middle of the rounding therefore comes to the pad frame unrolled and rolled again:

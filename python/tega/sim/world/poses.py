@@ -1,4 +1,4 @@
-"""The five closure poses of the bench, taught on its objects, and a controller that uses them."""
+"""Set the bench's five closure poses, taught on its objects, and make a controller that uses them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole scene as one MuJoCo model, and how its physics is solved."""
+"""Build the whole scene as one MuJoCo model, and set how its physics is solved."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _TURN_RAD: Final = 1.0
 
 
 class Physics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the motion is computed. The defaults are chosen by ``python -m tega_figures.world.check``.
+    """Settings of the physics solver. The defaults are chosen by ``python -m tega_figures.world.check``.
 
     Attributes:
         timestep_s: One step, seconds; that of the hand's cycle.

@@ -1,4 +1,4 @@
-"""What the world is drawn with."""
+"""Define the primitive shapes that the world is drawn with."""
 
 from __future__ import annotations
 

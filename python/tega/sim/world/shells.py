@@ -1,4 +1,4 @@
-"""The lifted object as an MJCF fragment: a rigid core and one springy shell for each finger.
+"""Build the lifted object as an MJCF fragment: a rigid core and one springy shell for each finger.
 
 Each shell is the whole outer surface, seen by one finger only, on two springs across the horizontal plane: so each
 finger dents the wall where it is, without denting it for the others. The palm and the table meet the core.

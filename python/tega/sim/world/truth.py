@@ -1,4 +1,4 @@
-"""What is so in the world: lift-off, slip, deformation, damage, drop."""
+"""Detect lift-off, slip, deformation, damage and drop from the true state of the simulated world."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FREE_S: Final = 0.05
 
 
 class Witness:
-    """Watches the object and says what is true of it.
+    """Watches the object and tells its true state.
 
     * **Lift-off**: the lowest point of the object is 1 mm over the table. It ends when the object stands again.
     * **Slip**: how far the object has moved down against the palm since lift-off, negative if up; 0 before.
@@ -68,7 +68,7 @@ class Witness:
             self._dropped = True
 
     def truth(self, t_s: float, palm_speed_m_s: float) -> WorldTruth:
-        """Return what is so now."""
+        """Return the true state now."""
         pads, _, _ = self._touch.read()
         lifted = self._lifted
         middle = self._body.middle_m()

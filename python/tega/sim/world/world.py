@@ -1,4 +1,4 @@
-"""The simulated world: hand, arm, table and one object, in steps of physics."""
+"""Simulate hand, arm, table and one object, in steps of physics."""
 
 from __future__ import annotations
 
@@ -200,12 +200,12 @@ class World:
             self.step(steps - self._steps)
 
     def truth(self) -> WorldTruth:
-        """Return what is so now."""
+        """Return the true state now."""
         assert self._witness is not None
         return self._witness.truth(self.t_s, self._palm_speed_m_s())
 
     def pads(self) -> list[list[Indenter]]:
-        """Return what presses each fingertip, thumb first; an empty list where nothing does."""
+        """Return the shapes that press each fingertip, thumb first; an empty list where nothing does."""
         return self._touch.indenters()
 
     def hand_forces_n(self) -> tuple[NDArray[np.float64], float]:
@@ -239,7 +239,7 @@ class World:
         ] + self._body.shapes()
 
     def poses(self) -> NDArray[np.float64]:
-        """Return where those are: float64 (n, 7), position in metres and quaternion w, x, y, z."""
+        """Return where the primitives are: float64 (n, 7), position in metres and quaternion w, x, y, z."""
         more = self._body.poses()
         poses = np.empty((len(self._drawn) + len(more), 7))
         poses[: len(self._drawn), :3] = self.data.geom_xpos[self._drawn]

@@ -1,4 +1,4 @@
-"""Leading a session: participant and experimenter are taken through the planned trials.
+"""Lead a session: take participant and experimenter through the planned trials.
 
 ::
 

@@ -1,4 +1,4 @@
-"""The trial before: how it went, and what can still be said of it while nothing runs."""
+"""Show how the last trial went, and take corrections and notes on it while nothing runs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class TrialBefore:
         return next(((event.trial, event.attempt) for event in ends), None)
 
     def ended_ns(self, now_ns: int) -> int | None:
-        """Return when it ended, by the session's clock; ``None`` before the first trial.
+        """Return when that trial ended, by the session's clock; ``None`` before the first trial.
 
         Args:
             now_ns: The time now, which it is where that cannot be known.
@@ -112,7 +112,7 @@ class TrialBefore:
         )
 
     def lines(self) -> list[str]:
-        """Return how it went, to be shown."""
+        """Return how that trial went, to be shown."""
         if self.which is None:
             return []
         trial, attempt = self.which

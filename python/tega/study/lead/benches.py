@@ -1,4 +1,4 @@
-"""What a trial runs on: the lab's devices through a session of their own, or the simulated bench."""
+"""Run a trial on the lab's devices, through a session of their own, or on the simulated bench."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _mapping(condition: str, given: StageConfig) -> StageConfig:
 
 
 class TrialBench(Protocol):
-    """Where trials take place.
+    """Place of a trial: the lab's devices, or the simulated bench.
 
     Attributes:
         sees_height: Whether it says how high the object is; otherwise a person marks it.

@@ -1,4 +1,4 @@
-"""What the observers' consoles are told: one small file beside the events, replaced whole whenever something changes.
+"""Tell the observers' consoles how a session stands: one small file, replaced whole at every change.
 
 It never says the condition: who observes must not know it.
 """
@@ -17,7 +17,7 @@ __all__ = ["SessionBoard", "board_path", "read_board", "write_board"]
 
 
 class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
-    """How the session stands.
+    """State of a session, for the observers' consoles.
 
     Attributes:
         t_ns: When it was written, on the session's clock, as all times.

@@ -1,4 +1,4 @@
-"""What the experimenter sees and presses: a terminal, also over SSH, or lines where there is none."""
+"""Show the experimenter a session and read the keys: in a terminal, also over SSH, or as plain lines."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LOOK_S = 0.05
 
 
 class Screen(NamedTuple):
-    """What there is to see now.
+    """Contents of the experimenter's screen.
 
     Attributes:
         phase: In a word.

@@ -1,4 +1,4 @@
-"""One trial while it goes on: between the bench, which runs in a thread of its own, and who leads the session."""
+"""Pass signals and data of a running trial between the bench's thread and who leads the session."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SeenKind = Literal["height", "drop", "slip", "deformation", "mark"]
 
 
 class TrialSeen(NamedTuple):
-    """Something that the bench has seen in the trial.
+    """Height, slip or other event that the bench has seen in the trial.
 
     Attributes:
         kind: ``height``, ``drop``, ``slip``, ``deformation`` or ``mark`` (a pedal).
@@ -38,7 +38,7 @@ class TrialSeen(NamedTuple):
 
 
 class Going:
-    """What bench and lead tell one another. The bench's methods return at once.
+    """Passes signals and data of one trial between bench and lead. The bench's methods return at once.
 
     Args:
         clock: The session's clock.
@@ -89,7 +89,7 @@ class Going:
         return self._go.is_set()
 
     def begin(self, at_ns: int) -> None:
-        """The trial begins now; once.
+        """Mark the trial's beginning, now; only the first call counts.
 
         Args:
             at_ns: This moment in the bench's own count of time.
@@ -100,7 +100,7 @@ class Going:
             self.zero_ns, self.started_ns = now_ns - at_ns, now_ns
 
     def view(self, view: LoopView) -> None:
-        """Take in what the loop shows, at every tick of the vest."""
+        """Take in the loop's view, at every tick of the vest."""
         self.alerts = tuple(view.alerts)
         if view.state:
             self.tell(view.state, view.reason)
@@ -175,7 +175,7 @@ class Going:
         return (self._clock.now_ns() - self.started_ns) / 1e9
 
     def seen(self) -> list[TrialSeen]:
-        """Return what was seen since the last call, in its order."""
+        """Return the events seen since the last call, in their order."""
         found = []
         while self._seen:
             found.append(self._seen.popleft())
@@ -194,7 +194,7 @@ class Going:
         return list(self._touch)
 
     def hand(self) -> list[HandRow]:
-        """Return what each look at the loop since the trial's start has shown of hand and arm."""
+        """Return the state of hand and arm at each look at the loop since the trial's start."""
         return list(self._hand)
 
 

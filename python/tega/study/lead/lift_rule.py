@@ -1,4 +1,4 @@
-"""When an object counts as lifted (readings A62 to A64)."""
+"""Decide when an object counts as lifted (readings A62 to A64)."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class LiftRule:
         self.look(t_s)
 
     def look(self, t_s: float) -> None:
-        """Take in that time has passed: the object is where it was."""
+        """Let time pass: the object is where it was."""
         if (
             self.held_s is None
             and self.since_s is not None

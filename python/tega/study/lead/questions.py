@@ -1,4 +1,4 @@
-"""What a participant is asked after each block: the six NASA-TLX scales and comfort, each 0 to 100 in steps of 5.
+"""Ask a participant after each block: six NASA-TLX scales and comfort, each 0 to 100 in steps of 5.
 
 Raw NASA-TLX (Hart and Staveland 1988) is the mean of its six scales. The left end of Performance is the good one, so
 that more is worse on all six and nothing is turned round.
@@ -21,7 +21,7 @@ STEP = 5
 
 
 class Question(NamedTuple):
-    """A scale.
+    """Scale that a participant is asked about.
 
     Attributes:
         item: Its name in the events.

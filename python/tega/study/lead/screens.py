@@ -1,4 +1,4 @@
-"""What the experimenter sees while a trial is waited for, and while it goes on."""
+"""Compose the experimenter's screens: while a trial is waited for, and while it goes on."""
 
 from __future__ import annotations
 

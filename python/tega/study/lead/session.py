@@ -1,4 +1,4 @@
-"""A session from the first trial to the last, or from where it was stopped."""
+"""Lead a session from the first trial to the last, or from where it was stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One trial, led: devices made ready, countdown, clock, what is pressed and seen, and how it ended."""
+"""Lead one trial: preparation, countdown, clock, keys, events of the bench, and the end."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class LedTrial:
         return self.phase == "over"
 
     def break_off(self, why: str) -> None:
-        """End it now for technical reasons, such as Ctrl-C."""
+        """End the trial now for technical reasons, such as Ctrl-C."""
         if self.going.started_ns is None:
             self._stop_bench()
             self.phase, self.broke = "over", why
@@ -307,7 +307,7 @@ class LedTrial:
         )
 
     def events(self) -> list[JournalEvent]:
-        """Return what happened in this attempt and still counts."""
+        """Return the events of this attempt that still count."""
         return counting(self._journal.events, self.trial.trial, self.attempt)
 
     def undo(self) -> JournalEvent | None:

@@ -1,4 +1,4 @@
-"""Observing a session, or its recordings: one key an event, in a file of its own for each rater.
+"""Observe a session, or its recordings: one key an event, in a file of its own for each rater.
 
 ::
 

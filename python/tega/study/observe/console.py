@@ -1,4 +1,4 @@
-"""The observer's console: a program of its own in a terminal, also over SSH. Needs the extra ``observe``."""
+"""Score a running session in a terminal, also over SSH: the observer's console. Needs the extra ``observe``."""
 
 from __future__ import annotations
 

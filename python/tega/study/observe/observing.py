@@ -1,4 +1,4 @@
-"""What a rater adds to a session, and which trials the rater saw from start to end."""
+"""Add a rater's events to a running session, and note which trials the rater saw from start to end."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def checked_rater(rater: str) -> str:
 
 
 class Now(NamedTuple):
-    """How the session stands for a rater.
+    """State of the session as a rater is shown it.
 
     Attributes:
         board: What the session says of itself; ``None`` before it has ever been led.

@@ -1,4 +1,4 @@
-"""Where in a trial a rater is: a play head that pauses, seeks and changes its speed, and knows what was played."""
+"""Move a play head through a recorded trial: pause, seek, change speed, and know what was played."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class PlayHead:
 
     @property
     def missed_ns(self) -> int:
-        """So much was never played."""
+        """Time that was never played, nanoseconds."""
         return self.length_ns - sum(end - begin for begin, end in self.played)
 
     def at(self, t_ns: int) -> int:

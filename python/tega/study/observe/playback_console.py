@@ -1,4 +1,4 @@
-"""The console for scoring recordings: the same keys, on a clock that the rater stops, turns back and slows down."""
+"""Score recorded trials in a terminal, on a clock that the rater stops, turns back and slows down."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class PlaybackConsole(RaterConsole):
         return (Static(id="track", markup=True),)
 
     def look(self) -> None:
-        """Move on, and show where that is."""
+        """Move the play head on, and show where it is."""
         scoring, now = self.scoring, self.scoring.now
         n_trials = len(scoring.trials)
         self.put(

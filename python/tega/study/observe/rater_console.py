@@ -1,4 +1,4 @@
-"""What the raters' consoles have in common: one key an event, notes, undo, and a layout for terminals."""
+"""Define what the raters' consoles share: one key an event, notes, undo, and a layout for terminals."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class RaterConsole(App[None]):
         return False
 
     def begin_note(self, t_ns: int) -> None:
-        """A note is going to be written."""
+        """Get ready for a note that is about to be written."""
 
     def look(self) -> None:
         """Show how things stand."""
@@ -102,7 +102,7 @@ class RaterConsole(App[None]):
         raise NotImplementedError
 
     def between(self) -> Iterable[Widget]:
-        """Return what stands between the counts and the list."""
+        """Return the widgets between the counts and the list."""
         return ()
 
     # What is the same.

@@ -1,4 +1,4 @@
-"""A person's recorded trials as a rater is given them: those that count, in an order that hides the plan's."""
+"""List a person's recorded trials for a rater: those that count, in an order that hides the plan's."""
 
 from __future__ import annotations
 

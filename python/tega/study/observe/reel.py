@@ -1,4 +1,4 @@
-"""What of a trial's recording a rater is shown: the fingertips' pictures, the contacts in them, and the hand.
+"""Read what a rater is shown of a trial's recording: fingertip pictures, their contacts, and the hand.
 
 Nothing else of the recording is read: not what the vest was told nor whether it was on, not the settings, and no muscle
 signal, in which motors that turn could be seen.
@@ -53,7 +53,7 @@ class _Strip:
 
 
 class ReelTruth(NamedTuple):
-    """What the simulated bench, which has no pictures, knows of the object."""
+    """State of the object on the simulated bench, which has no pictures."""
 
     height_m: float
     slid_m: float
@@ -87,7 +87,7 @@ class Reel:
         self._figure: Any = None
 
     def at(self, at_ns: int, rows: dict[str, str]) -> ViewState:
-        """Return what is to be seen at a moment.
+        """Return the pictures, the hand and the lines of text at a moment, for display.
 
         Args:
             at_ns: Since the trial's start, nanoseconds.

@@ -1,4 +1,4 @@
-"""A rater's file over recorded trials: what is added where, what is over, and whether all of it was played."""
+"""Keep a rater's file over recorded trials: events, trials that are over, and whether each was played whole."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Scoring:
         return saw_whole(self.journal.events, trial.trial, trial.attempt)
 
     def events(self) -> list[JournalEvent]:
-        """Return what was added to the trial and not undone."""
+        """Return the events that were added to the trial and not undone."""
         if self.now is None:
             return []
         mine = counting(self.journal.events, self.now.trial.trial, self.now.trial.attempt)

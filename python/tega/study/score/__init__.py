@@ -1,4 +1,4 @@
-"""Scores of a study's trials: several accounts of what happened, and how far they agree.
+"""Score a study's trials: gather several accounts of what happened, and measure how far they agree.
 
 ::
 

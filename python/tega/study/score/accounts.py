@@ -1,4 +1,4 @@
-"""Who says what of a study's trials: raters, the experimenter, the detector, and the truth of a simulated bench."""
+"""Gather the accounts of a study's trials: raters, experimenter, detector, and a simulated bench's truth."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Scored(NamedTuple):
 
 
 def scored_trials(folder: Path) -> dict[str, list[Scored]]:
-    """Return what each account says of the trials that count; trials it did not see whole are missing.
+    """Return the trials that count, as each account has them; trials it did not see whole are missing.
 
     The truth is that of a simulated bench, where the session's own rule saw the object's height.
 

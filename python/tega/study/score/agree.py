@@ -1,4 +1,4 @@
-"""Do two accounts of the same trials agree: events matched in time, chance, kappa in bins, counts by trial.
+"""Measure how far two accounts of the same trials agree: matched events, chance, kappa in bins, counts.
 
 No one number says it. Matched events depend on the tolerance, kappa on the bins, the intraclass correlation on how much
 trials differ; chance is what is left when one account is turned round in time.
@@ -30,7 +30,7 @@ class Icc(NamedTuple):
 
 
 class Agreement(msgspec.Struct, frozen=True, kw_only=True):
-    """How two accounts of the same trials compare, for one kind of event.
+    """Agreement of two accounts of the same trials, for one kind of event.
 
     Attributes:
         kind: Of the events.

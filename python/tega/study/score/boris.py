@@ -1,4 +1,4 @@
-"""BORIS files out and in: a project with an observation for each trial and rater, and events coded elsewhere.
+"""Export trials to BORIS and import events coded there: an observation for each trial and rater.
 
 Format "7.0", as its source has it. The condition is left out: who codes must not know it. Columns of a tabular export
 are found by their names, since they differ between versions.

@@ -1,4 +1,4 @@
-"""A study in silico: simulated people go through a plan on the simulated bench; everything it gives is simulated."""
+"""Run a study in silico: simulated people go through a plan on the simulated bench; all of it is simulated."""
 
 from tega.study.silico.assumptions import Assumptions, read_assumptions
 from tega.study.silico.simulate import ensure_plan, simulate, unfinished

@@ -1,4 +1,4 @@
-"""What a study in silico takes for granted, kept in its folder: ``simulation.toml`` and ``parameters.toml``.
+"""Keep the assumptions of a study in silico in its folder: ``simulation.toml`` and ``parameters.toml``.
 
 ``parameters.toml`` is the file that the simulated people were drawn from, byte for byte; ``simulation.toml`` has its
 SHA-256 and what else decides the outcome. A report is made from these two, not from what the package holds today.
@@ -34,7 +34,7 @@ SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 
 
 class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What decides the outcome of a study in silico besides its plan.
+    """Assumptions that decide the outcome of a study in silico, besides its plan.
 
     Attributes:
         version: Of the program that ran it.

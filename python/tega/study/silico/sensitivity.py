@@ -1,4 +1,4 @@
-"""Which of the paper's directions hold over which range of the assumptions: one of them changed at a time.
+"""Vary one assumption at a time, and find over which range each of the paper's directions holds.
 
 Each change is a small study in silico of its own, in ``sensitivity/<change>/`` of the study's folder, with the same
 people and chance as the others. A parameter is set to either end of its range for everybody; the sham arms take the
@@ -50,7 +50,7 @@ ARMS = ("half", "unrelated", "constant", "inverted")
 
 
 class SensitivityRow(msgspec.Struct, frozen=True, kw_only=True):
-    """One change, and what became of the directions.
+    """One changed assumption, and the directions that a study finds under it.
 
     Attributes:
         what: ``base``, a parameter's ``section.name``, ``arm`` or ``reading``.

@@ -1,4 +1,4 @@
-"""One simulated person's session: a function of plan, assumptions and the study's seed, whoever runs it.
+"""Simulate one person's session: a function of plan, assumptions and the study's seed, whoever runs it.
 
 A person remembers and tires from trial to trial, so a session is the unit of work. It is made in a folder of its own
 and handed over as files, so that whoever runs it need not share a disk with whoever asked for it.
@@ -42,7 +42,7 @@ RUNNING = ".running"
 
 
 class SessionJob(NamedTuple):
-    """All that a session needs; goes to other processes and machines.
+    """Inputs of one simulated session, to be sent to other processes and machines.
 
     Attributes:
         folder: The study's folder, on the machine that asks.

@@ -1,4 +1,4 @@
-"""A whole study with simulated people, or what is left of it."""
+"""Run a whole study with simulated people, or what is left of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sessions over the cores of this machine, or over the workers of a dask cluster; the results are the same."""
+"""Spread sessions over this machine's cores or the workers of a dask cluster; the results are the same."""
 
 from __future__ import annotations
 
