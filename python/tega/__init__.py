@@ -1,4 +1,4 @@
-"""TEGA: the tactile-enhanced grasping assistant.
+"""Steer a robot hand by EMG and feel its fingertips on a vest: TEGA, the tactile-enhanced grasping assistant.
 
 Touch flows ``tactile → haptics → wire``, intent flows ``emg → hand → wire``. The modules are loaded on first
 use, so that ``import tega`` costs nothing.

@@ -1,4 +1,4 @@
-"""The bus of a run: whoever knows a fact publishes its record, whoever wants it subscribes.
+"""Deliver the records of a run: whoever knows a fact publishes its record, whoever wants it subscribes.
 
 A record is delivered at once, in the order of the subscriptions, in the thread that publishes it: the loop's for all
 that the loop does, a source's own for pictures and samples. A subscriber that may be slow takes its records from a
@@ -93,7 +93,7 @@ class Bus:
                 backlog.start()
 
     def wants(self, topic: type[msgspec.Struct]) -> bool:
-        """Whether anybody would be told of a record of exactly this kind."""
+        """Tell whether anybody would be told of a record of exactly this kind."""
         return bool(self._found(topic))
 
     def publish(self, record: msgspec.Struct) -> None:

@@ -1,4 +1,4 @@
-"""Starts programs of TEGA's own beside this one, and ends them: by their input's end, and by force only when they stay.
+"""Start programs of TEGA's own beside this one, and end them: by their input's end, by force only when they stay.
 
 ``python -m`` would put the working folder first on the import path, where a file ``can.py`` or ``select.py`` would be
 run instead of the package. A program that is started here finds the packages that this one finds, and nothing in the

@@ -1,4 +1,4 @@
-"""Clocks: what the loop asks for the time, so that a test or a replay can answer instead of the machine.
+"""Tell the loop the time, so that a test or a replay can answer instead of the machine.
 
 All times are integer nanoseconds on a monotonic scale. Nothing in TEGA's outputs is a time of day.
 

@@ -1,4 +1,4 @@
-"""Settings of a session: one TOML file, checked key by key.
+"""Load a session's settings from one TOML file, checked key by key.
 
 A value is taken from, in rising order: the defaults here, the file, environment variables such as
 ``TEGA_EMG__KIND`` (two underscores where the key has a dot), ``--set emg.kind=raw``. Every number's unit is the

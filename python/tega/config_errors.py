@@ -1,4 +1,4 @@
-"""Turns a validation error into one that names file, key, value, unit or range, and the nearest known key."""
+"""Turn a validation error into one that names file, key, value, unit or range, and the nearest known key."""
 
 from __future__ import annotations
 

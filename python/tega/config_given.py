@@ -1,4 +1,4 @@
-"""Take in what is given as settings: a TOML file, environment variables, ``key=value`` of the command line."""
+"""Take in settings as they are given: a TOML file, environment variables, ``key=value`` of the command line."""
 
 from __future__ import annotations
 

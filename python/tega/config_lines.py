@@ -1,4 +1,4 @@
-"""On which line of a TOML file each value stands."""
+"""Find the line of a TOML file on which each value stands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where settings come from: every value of a session, by its dotted key, with its origin."""
+"""Keep the origin of every value of a session's settings, by its dotted key."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class LoadedConfig(NamedTuple):
 
 
 def where(origins: Mapping[str, str], key: str) -> str:
-    """Return where a value came from, for an error: the settings, where nobody gave it."""
+    """Return the origin of a value, for an error: the settings, where nobody gave it."""
     found = origin_of(key, origins)
     return "settings" if found == "default" else found
 
 
 def origin_of(key: str, origins: Mapping[str, str]) -> str:
-    """Return where a value came from; an array that was given whole brought all that is said in it."""
+    """Return the origin of a value; an array that was given whole brought all that is said in it."""
     whole = key.partition("[")[0]
     return origins.get(key) or (origins.get(whole) if whole != key else None) or "default"
 

@@ -1,4 +1,4 @@
-"""What a session's settings are: one structure a table of the file, with every default and limit.
+"""Define a session's settings: one structure a table of the file, with every default and limit.
 
 How they are read, checked and overridden is :mod:`tega.config`, which has all of these names as well.
 """
@@ -100,7 +100,7 @@ _Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]
 
 
 class CalibrationConfig(_Section, frozen=True):
-    """Where baselines, maxima and the wearer's thresholds come from.
+    """Origin of baselines, maxima and the wearer's thresholds.
 
     Attributes:
         file: A file of maxima; none means those of ``person``, or, for recordings only, of the recording itself, which
@@ -123,7 +123,7 @@ class CalibrationConfig(_Section, frozen=True):
 
 
 class TactileConfig(_Section, frozen=True):
-    """One fingertip.
+    """One fingertip's sensor.
 
     Attributes:
         driver: Name of a tactile driver.
@@ -231,7 +231,7 @@ class InputConfig(_Section, frozen=True):
 
 
 class InputSection(_Section, frozen=True):
-    """What the operator holds or steps on, by what it is for.
+    """The operator's input devices, by what they are for.
 
     Attributes:
         motion: Six axes that are to move the arm.
@@ -253,7 +253,7 @@ class InputSection(_Section, frozen=True):
 
 
 class TrackerConfig(_Section, frozen=True):
-    """What sees the operator's forearm.
+    """The tracker that sees the operator's forearm.
 
     Attributes:
         driver: Name of a tracker's driver.
@@ -341,7 +341,7 @@ class MarkersSection(_Section, frozen=True):
 
 
 class StageConfig(_Section, frozen=True):
-    """One stage.
+    """One stage and its options.
 
     Attributes:
         name: Its name, as ``tega-teleop stages`` lists it; none means the preset's own.
@@ -353,7 +353,7 @@ class StageConfig(_Section, frozen=True):
 
 
 class BesideConfig(_Section, frozen=True):
-    """One stage that looks on.
+    """One stage that runs beside the connected ones.
 
     Attributes:
         group: ``metric`` or ``decoder``.
@@ -373,7 +373,7 @@ class BesideConfig(_Section, frozen=True):
 
 
 class StagesSection(_Section, frozen=True):
-    """What turns pictures into contacts, EMG into intent, and contacts into motor levels.
+    """The stages that turn pictures into contacts, EMG into intent, and contacts into motor levels.
 
     Attributes:
         metric: Measures the fingertips' pictures.
@@ -389,7 +389,7 @@ class StagesSection(_Section, frozen=True):
 
 
 class SessionConfig(_Section, frozen=True):
-    """Everything a session needs to know, checked, with absolute paths and typed driver options."""
+    """All settings of a session, checked, with absolute paths and typed driver options."""
 
     session: SessionSection = SessionSection()
     calibration: CalibrationConfig = CalibrationConfig()

@@ -1,4 +1,4 @@
-"""Tables on disk: comma separated, UTF-8, one newline a row, the same bytes on every machine."""
+"""Write tables as CSV: comma separated, UTF-8, one newline a row, the same bytes on every machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What passes between a device's driver and whoever uses it: settings, a description, pictures, samples, events."""
+"""Define what passes between a device's driver and its user: settings, a description, pictures, samples, events."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Options(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """What a device says of itself.
+    """Description of a device: its name, rate, channels, unit and notes.
 
     Attributes:
         driver: Name under which the driver is registered.
@@ -103,7 +103,7 @@ class EmgChunk(NamedTuple):
 
 
 class InputReading(NamedTuple):
-    """What an operator's input device says now.
+    """State of an operator's input device.
 
     Attributes:
         t_ns: When it was last heard, on the monotonic clock; a device at rest may say nothing for hours.

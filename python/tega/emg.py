@@ -1,4 +1,4 @@
-"""From EMG samples to a closure level (Eq 10 to 13).
+"""Turn EMG samples into a closure level (Eq 10 to 13).
 
 `GraspIntent` is the whole forward chain: condition the samples as their kind asks, low-pass at 50 Hz, average
 every ``tau`` samples, put each channel on a level from 1 (open) to 5 (full closure) of its maximum, let the

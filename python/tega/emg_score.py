@@ -1,4 +1,4 @@
-"""How well closure levels follow a measured force: agreement, steadiness, delay.
+"""Score how well closure levels follow a measured force: agreement, steadiness, delay.
 
 The score of a recording is judged on data its calibration has not seen: the maxima come from the first part
 of the recording, the levels from the rest.

@@ -1,4 +1,4 @@
-"""Every error TEGA raises on purpose.
+"""Define every error that TEGA raises on purpose.
 
 ::
 

@@ -1,4 +1,4 @@
-"""Marks a file as being written, so that no second program writes it too."""
+"""Mark a file as being written, so that no second program writes it too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads files that somebody else may have made: no pipe is waited for, no size is believed, whatever is wrong is told.
+"""Read files that somebody else may have made: no pipe is waited for, no size is believed, whatever is wrong is told.
 
 Every reader of recordings, settings and tables goes through here; each says how large its files can be at most.
 """

@@ -1,4 +1,4 @@
-"""Closure levels to joint targets to torques, for an Allegro Hand v4.
+"""Turn closure levels into joint targets and torques, for an Allegro Hand v4.
 
 The hand sends its joint angles every 3 ms and takes torques only. :class:`HandController` is one call per
 such cycle; :class:`JointModel` stands in for a hand that is not attached, and :class:`ModelledHand` is both
@@ -108,7 +108,7 @@ def split_level(level: float) -> tuple[int, float | None]:
 
 
 def joined_level(level: int, closure: float | None) -> float:
-    """Return what :func:`split_level` was given."""
+    """Return the level that :func:`split_level` was given."""
     return level if closure is None else closure_level(closure)
 
 

@@ -1,4 +1,4 @@
-"""The whole conversation with an Allegro Hand, without a bus: frames and the time in, frames to send out.
+"""Hold the whole conversation with an Allegro Hand, without a bus: frames and the time in, frames to send out.
 
 :class:`HandLink` decodes what was received, checks the hand's version, watches silence, lost frames and heat, moves
 between closure levels and encodes the torques, in one native call. A driver adds the bus and the clock.
@@ -42,7 +42,7 @@ class Received(NamedTuple):
 
 
 class HandFault(NamedTuple):
-    """Why the hand was let go for good.
+    """Fault for which the hand was let go for good.
 
     Attributes:
         kind: One word, such as ``wrong-version``, ``no-answer``, ``too-hot``, ``silent``, ``frozen``.
@@ -56,7 +56,7 @@ class HandFault(NamedTuple):
 
 
 class HandCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """What happened on the bus so far.
+    """Counts of what happened on the bus so far.
 
     Attributes:
         sets: Sets of 16 joint angles used.
@@ -82,7 +82,7 @@ class HandCounts(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HandState(NamedTuple):
-    """Where the conversation stands.
+    """State of the conversation with a hand.
 
     Attributes:
         phase: ``listening``, ``identifying``, ``checking``, ``running``, ``silent``, ``releasing``, ``stopped`` or
@@ -174,7 +174,7 @@ class HandLink:
 
     @property
     def phase(self) -> str:
-        """See :class:`HandState`."""
+        """Phase of the conversation, one of :class:`HandState`."""
         return self._link.phase
 
     @property
@@ -184,7 +184,7 @@ class HandLink:
 
     @property
     def fault(self) -> HandFault | None:
-        """Why the hand was let go for good."""
+        """Fault for which the hand was let go for good."""
         fault = self._link.fault
         return None if fault is None else HandFault(*fault)
 
@@ -204,7 +204,7 @@ class HandLink:
         return self._link.torques
 
     def state(self, t_ns: int) -> HandState:
-        """Return where the conversation stands at a time."""
+        """Return the state of the conversation at a time."""
         info, link = self._link.info, self._link
         hardware, firmware, _, palm_c, status = info or (0, 0, 0, None, 0)
         return HandState(

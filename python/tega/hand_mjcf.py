@@ -1,4 +1,4 @@
-"""The Allegro right hand with a DIGIT pad on each fingertip, as an MJCF fragment.
+"""Describe the Allegro right hand with a DIGIT pad on each fingertip, as an MJCF fragment.
 
 Kinematics, masses and limits are the vendor's published ones; links are capsules. Frame ``palm``: at the base of
 the middle finger, +x out of the palm, +y towards the index finger, +z towards the fingertips. Joints are in the

@@ -1,4 +1,4 @@
-"""Closure levels as a file that a person can read, teach and change.
+"""Read and write the poses of the closure levels, in a file that a person can read, teach and change.
 
 ::
 
@@ -110,7 +110,7 @@ def save_poses(file: Path, poses_rad: ArrayLike) -> None:
 def taught(
     poses_rad: ArrayLike | None, level: int, angles_rad: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[str]]:
-    """Put measured angles in the place of one level's pose.
+    """Return the poses with measured angles in the place of one level's.
 
     Args:
         poses_rad: The poses so far, (5, 16); ``None`` for the built-in ones.
@@ -130,7 +130,7 @@ def taught(
 
 
 class ClosureScale:
-    """How closed a hand is, read off its joint angles: 1 in the pose of level 1, 5 in that of level 5.
+    """Reads a hand's closure off its joint angles: 1 in the pose of level 1, 5 in that of level 5.
 
     Angles are projected onto the way from the first pose to the last; between two levels they count in proportion.
 

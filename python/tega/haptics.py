@@ -1,4 +1,4 @@
-"""Contact metrics to vest intensities (Eq 7 to 9) and the vest's finger columns.
+"""Turn contact metrics into vest intensities (Eq 7 to 9), and fill the vest's finger columns.
 
 Per finger, CCI and EDA go through :func:`intensity` with that finger's calibrated maximum. :func:`vest_frame`
 then writes CCI into the front and EDA into the back, one column a finger, from the wearer's left.
@@ -108,7 +108,7 @@ def intensity(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotorLevels:
-    """What the motors of one layout are told at one moment.
+    """Intensities of one layout's motors at one moment.
 
     Attributes:
         layout: ``"paper32"`` (rows 0 to 3 of each face), ``"x40"``, ``"x16"``, or the name of an installed one.

@@ -1,4 +1,4 @@
-"""The part of a driver that is the same in all of them: the context manager and the missing package."""
+"""Open and close a driver by a ``with`` block, and import the package that it needs."""
 
 from __future__ import annotations
 

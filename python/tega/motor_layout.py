@@ -31,7 +31,7 @@ MOST_MOTORS = 40
 
 
 class Motor(NamedTuple):
-    """One motor.
+    """One motor and its place.
 
     Attributes:
         face: ``"front"`` or ``"back"``; a sleeve or a belt may have one face only.
@@ -84,11 +84,11 @@ class MotorLayout:
         return numbers
 
     def columns(self, face: Face) -> int:
-        """Return how many columns a face has."""
+        """Return the number of columns of a face."""
         return 1 + max((motor.column for motor in self.motors if motor.face == face), default=-1)
 
     def rows(self, face: Face) -> int:
-        """Return how many rows a face has."""
+        """Return the number of rows of a face."""
         return 1 + max((motor.row for motor in self.motors if motor.face == face), default=-1)
 
     def mirrored(self, mirror: Mirror) -> MotorLayout:

@@ -1,4 +1,4 @@
-"""OpenCV as the drivers use it: one thread, quiet, and strict about pictures that were cut short."""
+"""Load OpenCV for the drivers, with one thread and quiet, and read pictures, strict about those cut short."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks names that come from outside before they become part of a path.
+"""Check names that come from outside before they become part of a path.
 
 A recording, a study's folder, a plan or a message can hold any text where a name is expected: ``/etc/passwd``,
 ``../../.ssh/authorized_keys``, ``C:x``. Every such text goes through :func:`plain_name` before it becomes the name of a

@@ -63,7 +63,7 @@ class Reopening:
         return not over(rest_s * random.uniform(1 - self._spread, 1 + self._spread))
 
     def due(self) -> bool:
-        """Whether to try now, for a thread that must not rest; the next time is counted from here if so."""
+        """Tell whether to try now, for a thread that must not rest; the next time is counted from here if so."""
         now_s = time.monotonic()
         if now_s < self._due_s:
             return False

@@ -1,4 +1,4 @@
-"""Touch: a fingertip camera's frame and its baseline to contact metrics (equations 1 to 6).
+"""Turn a fingertip camera's frame and its baseline into contact metrics (equations 1 to 6).
 
 Images are uint8 arrays of shape (height, width, 3), 1 to 4096 pixels on each side, with any strides, writeable or
 not; they are borrowed, never copied. Any other dtype is refused: turning a float image into counts is a decision of
@@ -51,7 +51,7 @@ Images: TypeAlias = "NDArray[np.uint8] | Sequence[NDArray[np.uint8]]"
 
 
 class ContactMetrics(NamedTuple):
-    """What one frame says about the contact.
+    """Contact metrics of one frame.
 
     Where the equations have no value (the mass is not positive, or the variance of the chosen reading is negative),
     and where a gate says there is no contact, ``in_contact`` is False, ``centroid_xy``, ``spread`` and ``threshold``

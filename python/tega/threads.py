@@ -1,4 +1,4 @@
-"""Lets the threads of a run go before other programs, and in the right order, where the system allows it.
+"""Give the threads of a run real-time priority, in the right order, where the system allows it.
 
 On a busy machine a thread that has been woken may wait some milliseconds for a core, which is more than all it then
 does. Linux gives real-time threads theirs at once: to root, and to whoever ``ulimit -r`` allows a priority. Elsewhere,
@@ -43,7 +43,7 @@ _state = {"allowed": True}
 
 @contextmanager
 def realtime(*, allowed: bool) -> Iterator[None]:
-    """Allow or forbid, for this block and the whole program, that threads ask for it."""
+    """Allow or forbid real-time priority, for this block and the whole program."""
     before, _state["allowed"] = _state["allowed"], allowed
     try:
         yield
@@ -53,7 +53,7 @@ def realtime(*, allowed: bool) -> Iterator[None]:
 
 @contextmanager
 def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
-    """Ask for it for the calling thread and this block.
+    """Ask for real-time priority for the calling thread and this block.
 
     Args:
         rank: Before which other threads of the run it goes.
@@ -79,7 +79,7 @@ def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
 
 
 def promote(thread: threading.Thread, rank: Rank) -> bool:
-    """Ask for it for another thread, such as a library's, until that ends; return whether it was granted."""
+    """Ask for another thread's real-time priority, such as a library's, until that ends; return whether it came."""
     return _possible() and thread.native_id is not None and _set(thread.native_id, rank)
 
 

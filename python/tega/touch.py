@@ -66,7 +66,7 @@ _BALANCE = 2.0
 
 
 class KnownPress(NamedTuple):
-    """What a tracker read of a press whose force, and depth where it is known, was measured by other means."""
+    """Contact that a tracker read of a press whose force (and depth, where known) was measured by other means."""
 
     contact: TrackedContact
     force_n: float

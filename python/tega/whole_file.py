@@ -1,4 +1,4 @@
-"""Writes a file whole or not at all, and over no other file than the one named.
+"""Write a file whole or not at all, and over no other file than the one named.
 
 A folder that somebody else made can hold a link in the place of every file that a program would make beside its own;
 written through, it would change what the link leads to. What is written here is a new file, which then takes the place

@@ -1,4 +1,4 @@
-"""Open a vest with what is left of its wearer's day: every path that makes a motor vibrate goes through here."""
+"""Open a vest with what is left of its wearer's daily dose: every path that makes a motor vibrate goes through here."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAMELESS: Final = "nameless-vest-dose.json"
 
 
 def dose_file(calibration: CalibrationConfig) -> Path | None:
-    """Return the file of the person that settings name, or of whoever is not named; ``None`` without a folder."""
+    """Return the dose file of the person that settings name, or of whoever is not named; ``None`` without a folder."""
     if calibration.person is None:
         return None if calibration.folder is None else calibration.folder / NAMELESS
     from tega.calibration.person import whose

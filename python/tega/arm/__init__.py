@@ -1,4 +1,4 @@
-"""From where the operator's forearm is to where the arm shall hold the hand: pure, without a device or a clock.
+"""Compute where the arm shall hold the hand from where the operator's forearm is, without a device or a clock.
 
 ::
 

@@ -1,4 +1,4 @@
-"""The arm's chain: forearm poses in, one target for the arm out, at whatever rate it is asked."""
+"""Turn forearm poses into one target for the arm, at whatever rate it is asked."""
 
 from __future__ import annotations
 

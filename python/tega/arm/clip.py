@@ -1,4 +1,4 @@
-"""Keeps a goal near the measured pose, so that a spring never pulls harder than at that distance."""
+"""Keep a goal near the measured pose, so that a spring never pulls harder than at that distance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From motion of the forearm to a goal for the hand, counted from where both were when the operator took hold."""
+"""Map motion of the forearm to a goal for the hand, both counted from where the operator took hold."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Clutch"]
 
 
 class Clutch:
-    """The relative mapping.
+    """Maps the forearm's motion, since the operator took hold, to motion of the target.
 
     With p0, R0 the forearm's pose and P0, Q0 the target when the operator took hold::
 

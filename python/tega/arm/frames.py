@@ -1,4 +1,4 @@
-"""From a tracker's axes to the robot's: x forward, y left, z up, for an operator who looks along x."""
+"""Convert poses from a tracker's axes to the robot's: x forward, y left, z up, for an operator who looks along x."""
 
 from __future__ import annotations
 

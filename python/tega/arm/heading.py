@@ -1,4 +1,4 @@
-"""Yaw calibration: which way is forward for the operator, and a check that can be seen."""
+"""Calibrate the operator's forward direction (yaw) by a movement of the forearm, and check it by a second one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_OFF_RAD = math.radians(15)
 
 
 class ForwardCheck(NamedTuple):
-    """How a forward movement looks from the robot.
+    """Verdict on a forward movement, as the robot sees it.
 
     Attributes:
         ok: Whether it is forward.

@@ -1,4 +1,4 @@
-"""Moves the target towards a goal within limits of speed and acceleration, and never out of the workspace.
+"""Move the target towards a goal within limits of speed and acceleration, and never out of the workspace.
 
 Place and turn are each a state (x, v). Within a tick of dt seconds the velocity changes at the full acceleration A
 from v to a new v' and then stays, which makes the mean velocity m::
@@ -117,7 +117,7 @@ class _Tick:
 
 
 class Follower:
-    """The target.
+    """Moves the target towards a goal, within limits.
 
     Args:
         limits: Of speed and acceleration, and how far it may be from the measured pose.
@@ -140,7 +140,7 @@ class Follower:
         self.velocity_rad_s: Floats = np.zeros(3)
 
     def resting(self) -> Pose:
-        """Return where it would come to rest if it braked now."""
+        """Return the pose at which the target would come to rest if it braked now."""
         place, q = self.pose
         turn = self._turn_tick.braking_way(self.velocity_rad_s)
         return Pose(

@@ -1,4 +1,4 @@
-"""The One-Euro filter (Casiez, Roussel, Vogel: CHI 2012) for places in metres and for rotations.
+"""Filter places in metres and rotations by the One-Euro filter (Casiez, Roussel, Vogel: CHI 2012).
 
 For a sample x after dt seconds::
 

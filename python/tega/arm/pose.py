@@ -1,4 +1,4 @@
-"""What goes into the arm's chain and what comes out of it."""
+"""Define the arm chain's data: stamped poses and their source, places and turns, and the command to the arm."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Pose(NamedTuple):
 
 
 class ArmCommand(NamedTuple):
-    """What is asked of the arm now.
+    """Command to the arm: its state, its target and the target's speed.
 
     Attributes:
         t_ns: When, as the caller said.
@@ -67,7 +67,7 @@ class ArmCommand(NamedTuple):
 
 
 class PoseSource(Protocol):
-    """Where poses come from."""
+    """Source of forearm poses."""
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
         """Return the poses that came since the last call, oldest first; never waits.

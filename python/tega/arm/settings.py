@@ -1,4 +1,4 @@
-"""Settings of the arm's chain, one struct a stage; every default has its source in ``docs/arm.md``."""
+"""Define the settings of the arm's chain, one struct a stage; every default has its source in ``docs/arm.md``."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class _ChainStage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class GateSettings(_ChainStage, frozen=True):
-    """What a pose has to be like to be believed.
+    """Limits within which a tracker's pose is believed.
 
     Attributes:
         unit_error: A quaternion's length may be off one by so much.
@@ -54,7 +54,7 @@ class GateSettings(_ChainStage, frozen=True):
 
 
 class MappingSettings(_ChainStage, frozen=True):
-    """How motion of the forearm becomes motion of the target.
+    """Axes, scale and gains by which motion of the forearm becomes motion of the target.
 
     Attributes:
         frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
@@ -98,7 +98,7 @@ class FilterSettings(_ChainStage, frozen=True):
 
 
 class LimitSettings(_ChainStage, frozen=True):
-    """Where the target may be and how it may move, whatever the operator does.
+    """Workspace, speed and acceleration of the target, whatever the operator does.
 
     Attributes:
         low_m: Lower corner of the workspace, base's axes.
@@ -144,7 +144,7 @@ class LimitSettings(_ChainStage, frozen=True):
 
 
 class WatchdogSettings(_ChainStage, frozen=True):
-    """After what time without news something happens.
+    """Times without news after which the target rests or the arm is let go.
 
     Attributes:
         hold_ms: Without a new pose, without a believable one, or without word from the arm: the target rests.
@@ -175,7 +175,7 @@ class WatchdogSettings(_ChainStage, frozen=True):
 
 
 class ArmSettings(_ChainStage, frozen=True):
-    """All of them.
+    """Settings of the arm's whole chain.
 
     Attributes:
         gate: What a pose has to be like.

@@ -1,4 +1,4 @@
-"""A forward movement of the forearm as it happens: how far it has gone, and when it is over."""
+"""Measure a forward movement of the forearm as it happens: how far it has gone, and when it is over."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class ForearmSweep:
 
     @property
     def gone_m(self) -> NDArray[np.float64]:
-        """How far it has gone from where it began: forward, left, up, float64 (3,), metres."""
+        """Distance that the forearm has gone: forward, left, up, float64 (3,), metres."""
         if not self.places:
             return np.zeros(3)
         gone: NDArray[np.float64] = self._to_base @ (self.places[-1] - self.places[0])

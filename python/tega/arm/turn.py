@@ -1,4 +1,4 @@
-"""One turn of what leads an arm: all that it takes in, so that a recording of it gives the same command again."""
+"""Take one turn of what leads an arm, with all that it takes in, so that a recording gives the same command again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["Turn", "lead"]
 
 
 class Turn(NamedTuple):
-    """What one turn takes in.
+    """Inputs of one turn of what leads an arm.
 
     Attributes:
         t_ns: When, on the clock of the stamps.
@@ -35,7 +35,7 @@ class Turn(NamedTuple):
 
 
 def lead(chain: ArmChain, turn: Turn) -> ArmCommand:
-    """Take a turn with a chain: what is said here is all that a run does with it."""
+    """Give a chain the inputs of one turn: all that a run does with the chain is here."""
     if turn.stopped:
         chain.stop(turn.stopped)
     elif turn.cleared:

@@ -1,4 +1,4 @@
-"""Watchdogs: how long ago poses and the arm were last heard, and what that leads to."""
+"""Watch how long ago poses and the arm were last heard, and tell what that leads to."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STEADY_MS = 500.0
 
 
 class Level(IntEnum):
-    """What trouble leads to, the worse the higher."""
+    """Consequences of trouble, the worse the higher."""
 
     NONE = 0
     HOLD = 1
@@ -27,7 +27,7 @@ class Level(IntEnum):
 
 
 class Trouble(NamedTuple):
-    """What is wrong.
+    """Trouble with the poses or the arm, and what it leads to.
 
     Attributes:
         level: What it leads to.
@@ -41,7 +41,7 @@ class Trouble(NamedTuple):
 
 
 class ArmWatch:
-    """Keeps the times.
+    """Keeps the times at which poses and the arm were last heard.
 
     Args:
         settings: After what time what happens.
@@ -87,7 +87,7 @@ class ArmWatch:
         return self._arm_ns is not None and (now_ns - self._arm_ns) / 1e6 <= self._s.hold_ms
 
     def trouble(self, now_ns: int, away_ms: float) -> Trouble:
-        """Return the worst that is wrong.
+        """Return the worst trouble there is.
 
         Args:
             now_ns: The time.
@@ -101,7 +101,7 @@ class ArmWatch:
         )
 
     def with_poses(self, now_ns: int) -> Trouble:
-        """Return what is wrong with the poses alone."""
+        """Return the trouble with the poses alone."""
         s = self._s
         age_ms = None if self._believed_ns is None else (now_ns - self._believed_ns) / 1e6
         refused = self._refused_ns is not None and (now_ns - self._refused_ns) / 1e6 <= s.hold_ms

@@ -1,4 +1,4 @@
-"""Where the target may be: a box for the place, a cone for the lean of the hand."""
+"""Limit where the target may be: a box for the place, a cone for the lean of the hand."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _GIVE_RAD = 1e-8
 
 
 class Workspace:
-    """Box and cone.
+    """Limits poses to a box for the place and a cone for the lean.
 
     Args:
         limits: Their sizes.

@@ -1,4 +1,4 @@
-"""What leads an arm does, and the arm: what the operator holds, what sees the forearm, what follows."""
+"""Check an arm, and the input devices and trackers that lead one, against their contracts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _STILL_M = 0.002
 
 
 def check_input(source: InputSource) -> None:
-    """Check what the operator holds or steps on.
+    """Check an operator's input device.
 
     Raises:
         AssertionError: It breaks a rule; the message says which.
@@ -48,7 +48,7 @@ def check_input(source: InputSource) -> None:
 
 
 def check_tracker(tracker: Tracker, most_items: int) -> None:
-    """Check what sees the forearm; of a live one so many poses are looked at.
+    """Check a tracker of the forearm; of a live one so many poses are looked at.
 
     Raises:
         AssertionError: It breaks a rule; the message says which.

@@ -1,4 +1,4 @@
-"""What every driver does: it describes itself, finds devices, opens and closes."""
+"""Check what every driver does: it describes itself, finds devices, opens and closes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Put drivers and stages through their contracts by name."""
+"""Check drivers and stages against their contracts, by their names."""
 
 from __future__ import annotations
 

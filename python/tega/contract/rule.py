@@ -1,4 +1,4 @@
-"""A rule of the contract, and what it says when it is broken."""
+"""Break off a check where a rule of the contract does not hold, and say the rule."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What takes something does: vests, and hands that are steered or only take frames."""
+"""Check vests, hands that are steered, and hands that only take frames, against their contracts."""
 
 from __future__ import annotations
 

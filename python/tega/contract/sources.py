@@ -1,4 +1,4 @@
-"""What a source does: fingertip cameras and amplifiers, live or recorded."""
+"""Check fingertip cameras and amplifiers, live or recorded, against the contract of a source."""
 
 from __future__ import annotations
 

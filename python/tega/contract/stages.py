@@ -1,4 +1,4 @@
-"""What a stage has to keep, whoever wrote it: metrics, decoders, mappings and layouts."""
+"""Check metrics, decoders, mappings and layouts, whoever wrote them, against the contracts of their kinds."""
 
 from __future__ import annotations
 

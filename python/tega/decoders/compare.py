@@ -42,7 +42,7 @@ LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {
 
 
 class Log(NamedTuple):
-    """EMG beside what was meant.
+    """EMG beside the force or closure that was meant.
 
     Attributes:
         name: What to call it.
@@ -75,7 +75,7 @@ class Log(NamedTuple):
 
 
 class DecoderTold(NamedTuple):
-    """What a decoder said of a log.
+    """Closures and levels that a decoder told for a log.
 
     Attributes:
         decoder: Its name.

@@ -41,7 +41,7 @@ _LARGEST: Final = 1e100  # squares of larger ones overflow
 
 
 def n_values(features: tuple[str, ...], channels: int) -> int:
-    """Return how many numbers a block has."""
+    """Return the number of values of a block."""
     return channels * sum(AR_ORDER if name == "AR" else 1 for name in features)
 
 

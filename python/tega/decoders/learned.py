@@ -21,7 +21,7 @@ __all__ = ["BlockScorer", "Decoded", "LearnedDecoder"]
 
 
 class Decoded(msgspec.Struct, frozen=True):
-    """What one block says.
+    """Closure, level and confidence of one block.
 
     Attributes:
         closure: 0 (open) to 1 (closed).

@@ -22,7 +22,7 @@ _MOST_MIB = 16
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What was learned, and from what.
+    """A learned decoder: its features, its weights, and what it was learned from.
 
     With f the block's features (amplitudes as ln(v + floor)), s each of them smoothed with every time constant, and
     z = (s - mean) / scale: the effort is weights·z + bias, or for ``kernel`` the sum of

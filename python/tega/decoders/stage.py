@@ -1,4 +1,4 @@
-"""Stages ``learned`` and ``proportional``: decode the muscles of a run by a model, or in proportion to a channel."""
+"""Decode a run's muscles by a model, or in proportion to a channel: the stages ``learned`` and ``proportional``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Events of a grasp, found in what the sensors say and in nothing else.
+"""Find the events of a grasp in what the sensors say and in nothing else.
 
 ::
 

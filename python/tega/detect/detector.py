@@ -1,4 +1,4 @@
-"""Contact, release, slip, lift-off and deformation from what the sensors say, as it comes or with a look ahead.
+"""Detect contact, release, slip, lift-off and deformation, as the sensors' numbers come or with a look ahead.
 
 One implementation for both: live, an event is told as soon as its rule holds; over a record, the rule is given the
 next half second as well, which takes back what turns out to be a release and raises the confidence of what goes on.
@@ -19,7 +19,7 @@ EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
 
 
 class DetectedEvent(NamedTuple):
-    """An event.
+    """An event of the grasp, with its time and confidence.
 
     Attributes:
         kind: What.
@@ -171,7 +171,7 @@ class Detector:
         return [one._replace(known_s=t_s) for one in last if one is not None]
 
     def features(self, t_s: float) -> tuple[float, ...]:
-        """Return what a slip is seen by: :data:`HAND_FEATURES` where they are measured, else :data:`FEATURES`."""
+        """Return the features that a slip is seen by: :data:`HAND_FEATURES` where measured, else :data:`FEATURES`."""
         if not (math.isnan(self._closure.quick) or math.isnan(self._height.quick) or self._level is None):
             return (
                 self._pressed.fallen,

@@ -1,4 +1,4 @@
-"""The detector's numbers, all of them, and why they are what they are.
+"""Define the detector's numbers, all of them, and say why they are what they are.
 
 They were fixed before they were compared with anything. The slip's rule with hand and arm was chosen and fitted on
 simulated people 1000 to 1022 (``python -m tega_figures.check_events --fit 1000:1023``), the one by fingertips alone on
@@ -72,7 +72,7 @@ class Rule(NamedTuple):
 
 
 class DetectorSettings(NamedTuple):
-    """All numbers.
+    """All numbers of the detector.
 
     Attributes:
         quick_s: Time constant of the quick means: five frames at 60 Hz, in which noise of single frames averages out.

@@ -1,4 +1,4 @@
-"""What the fingertips and the hand have done lately, as a few numbers that any rate of frames gives.
+"""Track what the fingertips and the hand have done lately, by a few numbers that any rate of frames gives.
 
 Each quantity goes through a quick and a slow exponential mean. Their difference is how it has changed over about the
 slow mean's time, without a buffer and whatever the interval between frames.
@@ -14,7 +14,7 @@ __all__ = ["FingerTrack", "TouchFrame", "TwoMeans"]
 
 
 class TouchFrame(NamedTuple):
-    """What one frame of a fingertip says.
+    """Contact in one frame of a fingertip.
 
     Attributes:
         in_contact: Whether something is touched.
@@ -66,12 +66,12 @@ class TwoMeans:
 
     @property
     def change(self) -> float:
-        """How the quantity has changed lately; 0 before the first value."""
+        """Change of the quantity lately; 0 before the first value."""
         return 0.0 if math.isnan(self.quick) else self.quick - self.slow
 
 
 class Low:
-    """How far a quantity has fallen since a moment, and whether it was ever so low before.
+    """Tracks how far a quantity has fallen since a moment, and whether it was ever so low before.
 
     An object that has slid comes to rest in the grip that it has; it slides again where the grip falls lower still.
 
@@ -95,12 +95,12 @@ class Low:
 
     @property
     def fallen(self) -> float:
-        """How far it is below the first value; 0 before that."""
+        """Fall below the first value; 0 before that."""
         return 0.0 if math.isnan(self._first) else self._first - self._now
 
     @property
     def below(self) -> float:
-        """How far it is below the lowest before; 0 where it is not."""
+        """Fall below the lowest value before; 0 where it is not below."""
         return 0.0 if math.isnan(self._first) else max(self._lowest - self._now, 0.0)
 
 
@@ -147,5 +147,5 @@ class FingerTrack:
 
     @property
     def flow_px(self) -> float:
-        """How far the contact's middle has moved lately, pixels."""
+        """Distance that the contact's middle has moved lately, pixels."""
         return math.hypot(self.x.change, self.y.change)

@@ -1,4 +1,4 @@
-"""Devices: the protocols drivers meet, and the registry that finds them by name."""
+"""Find device drivers by name, and define the protocols that they meet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An Allegro Hand v4 on any CAN adapter that python-can knows, steered on the angles it reports."""
+"""Steer an Allegro Hand v4 on the angles that it reports, over any CAN adapter that python-can knows."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ class Allegro(Opened):
 
     @property
     def problem(self) -> str:
-        """What the hand suffers from now, while it can still be steered or may come back; ``""`` for nothing."""
+        """Trouble of the hand now, while it can still be steered or may come back; ``""`` for none."""
         return self._alert()
 
     def open(self) -> None:

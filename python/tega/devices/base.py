@@ -1,4 +1,4 @@
-"""What a device driver is: seven small protocols; :mod:`tega.device_items` has what passes through them.
+"""Define the protocols of device drivers; :mod:`tega.device_items` has what passes through them.
 
 A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
 :meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
@@ -76,7 +76,7 @@ __all__ = [
 
 @runtime_checkable
 class Device(Protocol):
-    """What all drivers share.
+    """Base of all drivers: description, opening and closing.
 
     Class attributes describe the driver to ``tega-teleop devices`` without opening anything: ``kind``, ``summary``
     (one line), ``extra`` (the optional dependency that brings its packages, or ``""``), ``requires`` (the
@@ -94,15 +94,15 @@ class Device(Protocol):
 
     @property
     def info(self) -> DeviceInfo:
-        """What the device says of itself; readable while closed."""
+        """Description of the device; readable while closed."""
         ...
 
     def open(self) -> None:
-        """Open it. A recording starts again from its beginning."""
+        """Open the device. A recording starts again from its beginning."""
         ...
 
     def close(self) -> None:
-        """Close it; closing twice, or without opening, does nothing."""
+        """Close the device; closing twice, or without opening, does nothing."""
         ...
 
     def __enter__(self) -> Self:
@@ -196,7 +196,7 @@ class CountingSource(Protocol):
 
     @property
     def counts(self) -> CameraCounts:
-        """What it sent so far."""
+        """Counts of the pictures that the camera sent so far."""
         ...
 
 
@@ -210,7 +210,7 @@ class BudgetedVest(Protocol):
 
     @property
     def budget(self) -> MotorBudget:
-        """What its motors may still do; the same object for as long as the vest is there."""
+        """Budget of the vest's motors; the same object for as long as the vest is there."""
         ...
 
 
@@ -226,7 +226,7 @@ class StampingVest(Protocol):
     """A vest that tells when a frame leaves; without it no latency is counted to it."""
 
     def handed_over(self) -> Sequence[tuple[int, int, int]]:
-        """Return what left since the last call.
+        """Return the frames that left since the last call.
 
         Returns:
             Of each frame that brought something new the ``t_ns`` it was written with, and the monotonic times, ns,
@@ -267,9 +267,9 @@ many it did not send because it showed them already; ``in_steps``, whether it sh
 
 
 def optional(device: object, name: str) -> Any:
-    """Return what a driver has under a name of :data:`OPTIONAL`, or what is taken where it has not.
+    """Return a driver's attribute of a name of :data:`OPTIONAL`, or the default where it has none.
 
-    It is asked for by name, since a source that is recorded or shown stands behind another object.
+    The attribute is asked for by name, since a source that is recorded or shown stands behind another object.
     """
     return getattr(device, name, OPTIONAL[name])
 
@@ -349,7 +349,7 @@ class ReportingHand(SteeredHand, Protocol):
     """A hand that tells what it last reported; optional, for ``doctor``."""
 
     def state(self) -> HandState:
-        """Return what it reported."""
+        """Return the hand's last report."""
         ...
 
 
@@ -358,7 +358,7 @@ class InputSource(Device, Protocol):
     """A device in the operator's hand or under the foot: six axes, buttons, or both. Nothing of it ever blocks."""
 
     def state(self) -> InputReading:
-        """Return what it says now."""
+        """Return the device's state now."""
         ...
 
     def events(self) -> Sequence[InputEvent]:
@@ -368,7 +368,7 @@ class InputSource(Device, Protocol):
 
 @runtime_checkable
 class Tracker(Device, Protocol):
-    """What sees where the operator's forearm is; one place and one turn, and never where fingers are."""
+    """A tracker of the operator's forearm; one place and one turn, and never where fingers are."""
 
     @property
     def frame(self) -> str:
@@ -377,7 +377,7 @@ class Tracker(Device, Protocol):
 
     @property
     def problem(self) -> str:
-        """What is wrong with it now, for the operator; ``""`` for nothing."""
+        """Trouble with the tracker now, for the operator; ``""`` for none."""
         ...
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
@@ -395,17 +395,17 @@ class ArmDriver(Device, Protocol):
 
     @property
     def phase(self) -> str:
-        """What it does: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
+        """Phase of the arm: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
         ...
 
     @property
     def problem(self) -> str:
-        """What is wrong with it now, for the operator; ``""`` for nothing."""
+        """Trouble with the arm now, for the operator; ``""`` for none."""
         ...
 
     @property
     def health(self) -> Health:
-        """How its loop runs."""
+        """Rate and delays of the arm's loop."""
         ...
 
     def measured(self) -> StampedPose | None:
@@ -436,7 +436,7 @@ class PreflightedArm(Protocol):
 
     @classmethod
     def preflight(cls, options: Any) -> Sequence[tuple[bool, str, str]]:
-        """Return what was looked at: whether it is well, what it is, and what to do where it is not.
+        """Return the findings: whether each is well, what it is, and what to do where it is not.
 
         Raises:
             TegaError: The arm does not answer, or is none.

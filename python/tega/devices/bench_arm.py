@@ -1,4 +1,4 @@
-"""The simulated bench's Panda in a process of its own, where no robot is."""
+"""Simulate the bench's Panda in a process of its own, where no robot is."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class BenchArmOptions(ArmOptions, frozen=True, kw_only=True):
 
 
 class BenchArm(ProcessArm):
-    """A simulated Panda with an open hand; see :class:`tega.sim.world.arm_body.BenchBody`.
+    """Simulates a Panda with an open hand; see :class:`tega.sim.world.arm_body.BenchBody`.
 
     Args:
         options: The settings.

@@ -1,4 +1,4 @@
-"""Why Bluetooth is of no use on this machine, as the kernel tells it."""
+"""Tell why Bluetooth is of no use on this machine, as the kernel says."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any board that BrainFlow knows, as an EMG source; its library talks to the board and stamps nothing for us."""
+"""Read EMG from any board that BrainFlow knows; its library talks to the board and stamps nothing for us."""
 
 from __future__ import annotations
 

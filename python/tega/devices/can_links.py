@@ -1,4 +1,4 @@
-"""CAN buses of this machine: which there are, whether they are up, and at what rate."""
+"""List the CAN buses of this machine, whether they are up, and at what rate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _IP_TIMEOUT_S = 2.0
 
 
 class CanLink(NamedTuple):
-    """One bus.
+    """One CAN bus of this machine.
 
     Attributes:
         name: Such as ``can0``.

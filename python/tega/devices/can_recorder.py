@@ -1,4 +1,4 @@
-"""A hand's CAN bus that writes down what it is told."""
+"""Write the CAN frames that a hand is told into a file, in place of a hand's bus."""
 
 from __future__ import annotations
 

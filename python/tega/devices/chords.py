@@ -1,4 +1,4 @@
-"""Boards with Chords firmware (Upside Down Labs): raw converter counts in packets with a counter.
+"""Read EMG from boards with Chords firmware (Upside Down Labs): raw converter counts in packets with a counter.
 
 Names, rates and converters are those of the vendor's own readers (upsidedownlabs: Chords-Python
 ``chordspy/chords_serial.py``, Chords-Web ``src/components/boards.ts``), the way of asking fits the sketches of 2024 and

@@ -1,4 +1,4 @@
-"""OpenBCI Cyton over its USB dongle: eight channels of calibrated microvolts at 250 Hz."""
+"""Read EMG from an OpenBCI Cyton over its USB dongle: eight channels of calibrated microvolts at 250 Hz."""
 
 from __future__ import annotations
 

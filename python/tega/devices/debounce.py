@@ -1,4 +1,4 @@
-"""Buttons without their bounces: a press counts once it has held, a release at once."""
+"""Debounce buttons: a press counts once it has held, a release at once."""
 
 from __future__ import annotations
 

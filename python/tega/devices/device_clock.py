@@ -1,4 +1,4 @@
-"""The clock of a device that stamps what it sends, told by when its packets arrive."""
+"""Convert the times that a device stamps to the monotonic clock, by when its packets arrive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A DIGIT, or any camera or stream that OpenCV opens, as a tactile source."""
+"""Read pictures from a DIGIT, or from any camera or stream that OpenCV opens."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ class Digit(Opened):
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Why the newest picture was not given; nothing while good ones come, or none."""
+        """Reason why the newest picture was not given; nothing while good ones come, or none."""
         wrong = WORDS.get(self._check.newest)
         return (f"those that come are {wrong}",) if wrong else ()
 

@@ -1,4 +1,4 @@
-"""A recorded EMG signal as an EMG source."""
+"""Read a recorded EMG signal from a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading EMG samples out of the files people have: text tables, .npy, .mat."""
+"""Read EMG samples out of the files people have: text tables, .npy, .mat."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with an EMG signal, in plain words: gaps, saturation, mains, lift-off, repeats, bridges, swaps.
+"""Find faults of an EMG signal and tell them in words: gaps, saturation, mains, lift-off, repeats, bridges, swaps.
 
 Everything is judged from the samples alone, half a second at a time (two seconds for mains and bridges). A finding
 is kept with how long it lasted, since a summary is read afterwards.

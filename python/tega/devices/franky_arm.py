@@ -1,4 +1,4 @@
-"""A Franka Panda or FR3 through franky, in a process of its own."""
+"""Lead a Franka Panda or FR3 through franky, in a process of its own."""
 
 from __future__ import annotations
 
@@ -94,5 +94,5 @@ class FrankyArm(ProcessArm):
 
     @property
     def label(self) -> str:
-        """What the arm is called."""
+        """Name of the arm, for people."""
         return f"robot at {self._host}"

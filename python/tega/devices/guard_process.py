@@ -1,4 +1,4 @@
-"""A process that leaves a device safe when the program that uses the device is killed or stands still.
+"""Run a process that leaves a device safe when the program that uses the device is killed or stands still.
 
 The program starts it before anything of the device is switched on, and waits until it says ``ready``. It then writes a
 line ``.`` ten times a second, which the process answers in kind. A line ``done`` ends the process; the end of its input
@@ -32,7 +32,7 @@ _left: list[subprocess.Popen[bytes]] = []
 
 
 class GuardProcess:
-    """The process, as seen by the program that it watches; one that is lost is replaced.
+    """Starts and feeds the guard of a device from the program that it watches; one that is lost is replaced.
 
     Args:
         what: What it does, such as ``lets go of the hand``, for messages.
@@ -65,7 +65,7 @@ class GuardProcess:
         return self._process.pid
 
     def beat(self) -> None:
-        """Say that the program is alive; returns at once, and does nothing most of the time."""
+        """Tell the guard that the program is alive; returns at once, and does nothing most of the time."""
         now_s = time.monotonic()
         if now_s < self._next_s or self.problem:
             return
@@ -77,14 +77,14 @@ class GuardProcess:
         self._write(b".\n")
 
     def dismiss(self) -> None:
-        """Tell it that the device has been left safe, and wait for its end."""
+        """Tell the guard that the device has been left safe, and wait for its end."""
         self._closing.set()
         self._write(b"done\n")
         end_child(self._process, _LEAVE_S)
         self._thread.join(_LEAVE_S)
 
     def leave_to_it(self) -> None:
-        """Leave the device to it: to it this looks as if the program were gone, and it goes on trying."""
+        """Leave the device to the guard: to it this looks as if the program were gone, and it goes on trying."""
         self._closing.set()
         _left.append(self._process)
         if self._process.stdin is not None:
@@ -151,13 +151,13 @@ def _forget(process: subprocess.Popen[bytes]) -> None:
 
 
 def say_ready() -> None:
-    """In the process: say that everything is loaded and the program may go on."""
+    """Say, in the process, that everything is loaded and the program may go on."""
     sys.stdout.write("ready\n")
     sys.stdout.flush()
 
 
 def stay_alone() -> None:
-    """In the process: let go of the outputs of the program that is gone, which somebody may be reading to their end."""
+    """Let go, in the process, of the outputs of the program that is gone: somebody may be reading them to their end."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for number in (1, 2):
         os.dup2(nowhere, number)
@@ -165,6 +165,6 @@ def stay_alone() -> None:
 
 
 def answer(chunk: bytes) -> None:
-    """In the process: answer what was heard, unless nobody listens any more."""
+    """Answer, in the process, what was heard, unless nobody listens any more."""
     with contextlib.suppress(OSError):
         os.write(sys.stdout.fileno(), b".\n" * chunk.count(b"."))

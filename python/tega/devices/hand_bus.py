@@ -1,4 +1,4 @@
-"""The CAN bus a hand is on: opened through python-can, read and written frame by frame, opened anew if it went away."""
+"""Read and write a hand's CAN bus through python-can, frame by frame, and open it anew if it went away."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lets go of a hand whose program was killed or stands still.
+"""Let go of a hand whose program was killed or stands still.
 
 A hand is thought to keep its last torque for ever. So a second process waits beside the one that steers it and hears
 from the hand's thread ten times a second (:mod:`tega.devices.guard_process`). When its input ends without a word, or it
@@ -35,7 +35,7 @@ _TRY_S: Final = 0.5
 
 
 def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id: int) -> GuardProcess:
-    """Start the process, and return it when it is ready.
+    """Start the process that guards a hand, and return it when it is ready.
 
     Args:
         bus: Arguments of ``can.Bus``.

@@ -1,4 +1,4 @@
-"""The package hidapi, by the name under which it goes through the operating system's own driver."""
+"""Import hidapi by the name under which it goes through the operating system's own driver."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What input devices read through hidapi share: a thread that drains them, the newest state, loss and return."""
+"""Read input devices through hidapi in a thread that drains them: the newest state, presses, loss and return."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def found_devices(driver: str, known: Mapping[tuple[int, int], str]) -> list[Fou
 
 
 class HidInputOptions(Options, frozen=True, kw_only=True):
-    """Settings that all of them have.
+    """Settings that all input devices on USB have.
 
     Attributes:
         vendor_id: USB vendor number; none means those that are known.
@@ -72,7 +72,7 @@ class HidInputOptions(Options, frozen=True, kw_only=True):
 
 
 class InputCounts(msgspec.Struct, kw_only=True):
-    """What came from an input device.
+    """Counts of the reports of an input device.
 
     Attributes:
         reports: Reports in all.
@@ -164,7 +164,7 @@ class HidInput(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it is, and what went wrong so far."""
+        """Description of the device, and what went wrong so far."""
         counts, notes = self.counts, []
         if counts.odd:
             notes.append(f"{counts.odd} of {counts.reports} reports could not be read and were not used")
@@ -182,7 +182,7 @@ class HidInput(Opened):
         )
 
     def state(self) -> InputReading:
-        """Return what it says now.
+        """Return the device's state now.
 
         Raises:
             DeviceUnavailableError: It is not open.
@@ -210,7 +210,7 @@ class HidInput(Opened):
         return events
 
     def open(self) -> None:
-        """Find it, open it and begin to read.
+        """Find the device, open it and begin to read.
 
         Raises:
             DeviceUnavailableError: It is not there, or may not be opened.
@@ -226,7 +226,7 @@ class HidInput(Opened):
         self._thread.start()
 
     def close(self) -> None:
-        """Stop reading and let it go."""
+        """Stop reading and let the device go."""
         thread, self._thread = self._thread, None
         self._leaving.set()
         if thread is not None:

@@ -1,4 +1,4 @@
-"""A HoloLens 2 that runs the hl2ss app, as a tracker of the forearm: the wrist of one hand, and nothing else of it."""
+"""Track the forearm by a HoloLens 2 that runs the hl2ss app: the wrist of one hand, and nothing else of it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class HoloLensOptions(Options, frozen=True, kw_only=True):
 
 
 class HoloLensCounts(msgspec.Struct, kw_only=True):
-    """What came.
+    """Counts of packets and connections.
 
     Attributes:
         packets: Packets in all.
@@ -118,7 +118,7 @@ class HoloLens(ThreadedTracker):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the tracker."""
         c, notes = self.counts, []
         if c.packets and c.guessed > c.packets / 10:
             notes.append(f"{c.guessed} of {c.packets} packets had a wrist that was only guessed")
@@ -138,7 +138,7 @@ class HoloLens(ThreadedTracker):
 
     @property
     def problem(self) -> str:
-        """What is wrong with the connection now, for the operator; ``""`` for nothing."""
+        """Trouble with the connection now, for the operator; ``""`` for none."""
         with self._lock:
             if self._trouble:
                 return f"hololens: {self._trouble}"

@@ -1,4 +1,4 @@
-"""A folder of pictures as a tactile source."""
+"""Read the pictures of a fingertip from a folder."""
 
 from __future__ import annotations
 

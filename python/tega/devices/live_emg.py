@@ -1,4 +1,4 @@
-"""What all live EMG sources share: the rate is proven when one opens, time and health are kept, silence is told."""
+"""Open and read live EMG sources: prove their rate, stamp their samples, keep their health, tell their silence."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LiveEmgOptions(Options, frozen=True, kw_only=True):
 
 
 class Arrived(NamedTuple):
-    """What came in at once.
+    """Samples that came in at once.
 
     Attributes:
         samples: float64 (n, channels), at least one; all channels of the device.
@@ -179,12 +179,12 @@ class LiveEmg(Opened):
 
     @property
     def health(self) -> EmgHealth | None:
-        """What the signal looks like; ``None`` before the source was opened."""
+        """Health of the signal; ``None`` before the source was opened."""
         return self._health
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with the newest second of the signal, one sentence each."""
+        """Faults of the newest second of the signal, one sentence each."""
         health = self._health
         return () if health is None else health.now
 

@@ -1,4 +1,4 @@
-"""What the live EMG sources on a serial port share."""
+"""Open live EMG sources on a serial port, and read and write their bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The library of the Lab Streaming Layer, as TEGA loads it."""
+"""Load the library of the Lab Streaming Layer as TEGA uses it, and convert its clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any amplifier that another program puts on the network as a Lab Streaming Layer stream."""
+"""Read EMG from a Lab Streaming Layer stream that another program puts on the network."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever an OpenXR runtime tracks, as a tracker of the forearm: a controller, a Vive tracker or a wrist."""
+"""Track the forearm by whatever an OpenXR runtime tracks: a controller, a Vive tracker or a wrist."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class OpenXrOptions(Options, frozen=True, kw_only=True):
 
 
 class OpenXrCounts(msgspec.Struct, kw_only=True):
-    """What came.
+    """Counts of the runtime's answers and sessions.
 
     Attributes:
         poses: Answers in all.
@@ -115,7 +115,7 @@ class OpenXr(ThreadedTracker):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the tracker."""
         c, notes = self.counts, []
         if self._device:
             notes.append(f"the runtime calls it {self._device}")
@@ -143,7 +143,7 @@ class OpenXr(ThreadedTracker):
 
     @property
     def problem(self) -> str:
-        """What is wrong now, for the operator; ``""`` for nothing."""
+        """Trouble with the tracker now, for the operator; ``""`` for none."""
         with self._lock:
             if self._trouble:
                 return f"openxr: {self._trouble}"

@@ -1,4 +1,4 @@
-"""Which OpenXR runtime there is, what it can do, and in plain words what is missing."""
+"""Connect to the OpenXR runtime, and tell in plain words what it cannot do or what is missing."""
 
 from __future__ import annotations
 

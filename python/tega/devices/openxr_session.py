@@ -1,4 +1,4 @@
-"""The calls that :mod:`tega.devices.openxr` makes: a session without a picture, and where something is in it."""
+"""Run an OpenXR session without a picture, and locate something in it, for :mod:`tega.devices.openxr`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CHANGE_S: Final = 1.0
 
 
 class Located(NamedTuple):
-    """Where something is.
+    """Place and turn of something that is tracked.
 
     Attributes:
         position_m: x, y, z, metres.
@@ -221,7 +221,7 @@ class XrSession:
         return int(xr.convert_timespec_time_to_time_khr(self._instance, then).value)
 
     def locate(self, now_ns: int) -> Located | None:
-        """Return where it is at a time; ``None`` while the runtime does not let this program see it.
+        """Return the place and turn at a time; ``None`` while the runtime does not let this program see them.
 
         Args:
             now_ns: On the monotonic clock.

@@ -1,4 +1,4 @@
-"""Packets with a counter: which came twice, and which of the losses it shows can be true."""
+"""Drop packets that came twice, and tell which of the losses that their counter shows can be true."""
 
 from __future__ import annotations
 

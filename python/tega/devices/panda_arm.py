@@ -1,4 +1,4 @@
-"""A Franka Panda through panda-python, in a process of its own; written by its interface, never tried on a robot."""
+"""Lead a Franka Panda through panda-python in a process of its own; written by its interface, never run on a robot."""
 
 from __future__ import annotations
 
@@ -66,5 +66,5 @@ class PandaArm(ProcessArm):
 
     @property
     def label(self) -> str:
-        """What the arm is called."""
+        """Name of the arm, for people."""
         return f"robot at {self._host}"

@@ -1,4 +1,4 @@
-"""A foot pedal or any other switch on USB: a dead-man's switch while it is held, a marker when it is pressed."""
+"""Read a foot pedal or any other switch on USB: a dead-man's switch while it is held, a marker when it is pressed."""
 
 from __future__ import annotations
 

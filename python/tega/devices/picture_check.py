@@ -1,4 +1,4 @@
-"""Which pictures of a fingertip camera can be used: new, whole, lit ones."""
+"""Tell which pictures of a fingertip camera can be used: new, whole, lit ones."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ WORDS: Final[Mapping[Verdict, str]] = MappingProxyType(
 
 
 class CameraCounts(msgspec.Struct, kw_only=True):
-    """What a camera sent.
+    """Counts of the pictures that a camera sent.
 
     Attributes:
         received: Pictures in all.

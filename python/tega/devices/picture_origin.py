@@ -1,4 +1,4 @@
-"""Whether a picture is the sensor's own: several sensors on one hub were seen to swap lines, or whole pictures."""
+"""Tell whether a picture is the sensor's own: several sensors on one hub were seen to swap lines, or whole pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ALL_SHARE: Final = 0.9
 
 
 class Origin(NamedTuple):
-    """Where a picture comes from.
+    """Verdict on whose a picture is.
 
     Attributes:
         other: The sensor that some of its bands look like; ``""`` if none do.

@@ -1,4 +1,4 @@
-"""Any CAN adapter that python-can knows, as a hand's bus."""
+"""Send CAN frames to a hand over any adapter that python-can knows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drivers by name, through the entry points of the group ``tega.devices``.
+"""Find drivers by name, through the entry points of the group ``tega.devices``.
 
 Built-in drivers use the same door as anybody's: a package that declares ::
 

@@ -1,4 +1,4 @@
-"""From arrival times, which come in bunches, to the time of a sample and the true sample rate.
+"""Stamp samples that arrive in bunches, and measure the true sample rate.
 
 A USB serial adapter delivers several samples at once, up to 16 ms late. A sample cannot arrive before it was taken,
 so the earliest arrivals are the true ones: stamps lie on a line of one period per sample, laid under the arrivals. An
@@ -23,7 +23,7 @@ _LEAST_FIT_NS = 200_000_000
 
 
 class Stamp(NamedTuple):
-    """What the clock says of a chunk.
+    """Time of a chunk, and the losses before it.
 
     Attributes:
         t_ns: When its last sample was complete, on the clock of the arrivals; never decreases.
@@ -116,7 +116,7 @@ class SampleClock:
 
     @property
     def measured_s(self) -> float:
-        """How long the measured rate goes back, seconds."""
+        """Time over which the rate was measured, seconds."""
         return (self._points[-1][1] - self._points[0][1]) * 1e-9 if self._points else 0.0
 
     def restart(self) -> None:

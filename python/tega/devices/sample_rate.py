@@ -1,4 +1,4 @@
-"""Which sample rates can carry the filter, and how to say that one cannot."""
+"""Refuse sample rates that cannot carry the filter, or are not what they are said to be."""
 
 from __future__ import annotations
 

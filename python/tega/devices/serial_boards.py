@@ -1,4 +1,4 @@
-"""USB serial ports that may have an EMG amplifier behind them, told by the USB numbers of the adapter."""
+"""Find USB serial ports that may have an EMG amplifier behind them, by the USB numbers of the adapter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any board that prints its samples as lines of numbers, one sample a line: Arduino and its kind."""
+"""Read EMG from any board that prints its samples as numbers, one sample a line: Arduino and its kind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A serial port as the drivers need it: it never waits, and it says in plain words what is wrong with it."""
+"""Read and write a serial port without waiting, and say in plain words what is wrong with it."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class SerialPort:
         return n
 
     def close(self) -> None:
-        """Close it; a port that is gone already is closed as well."""
+        """Close the port; one that is gone already is closed as well."""
         try:
             self._port.close()
         except OSError:

@@ -1,4 +1,4 @@
-"""A simulated arm in a process of its own, where no robot is."""
+"""Simulate an arm in a process of its own, where no robot is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A serial CAN adapter (SLCAN), read in whole pieces and written to without waiting.
+"""Read a serial CAN adapter (SLCAN) in whole pieces, and write to it without waiting.
 
 python-can reads such an adapter byte by byte, with three system calls for each, and waits a millisecond longer when it
 is asked whether there is more: a hand that reports every 3 ms kept a third of a core busy, and with it the interpreter.

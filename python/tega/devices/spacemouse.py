@@ -1,4 +1,4 @@
-"""A 3Dconnexion SpaceMouse: six axes and buttons under one hand, for the arm where there is no tracker."""
+"""Read a 3Dconnexion SpaceMouse, six axes and buttons under one hand, to lead the arm where there is no tracker."""
 
 from __future__ import annotations
 

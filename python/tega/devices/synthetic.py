@@ -1,4 +1,4 @@
-"""Devices that make their input up: presses on a gel and contractions of a forearm. Simulated, and labelled so.
+"""Simulate fingertip cameras and EMG amplifiers: presses on a gel and contractions of a forearm, labelled so.
 
 They are drivers like any other, so that the loop, the recorder and every example run with no hardware. What they do
 not model stands in ``docs/evidence/sim-touch.md`` and :mod:`tega.sim.operator`.

@@ -1,4 +1,4 @@
-"""The kernel's own account of devices: small text files."""
+"""Read the kernel's own account of a device: small text files."""
 
 from __future__ import annotations
 

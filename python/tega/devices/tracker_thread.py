@@ -1,4 +1,4 @@
-"""What trackers have in common whose poses come from a thread of their own."""
+"""Collect a tracker's poses from a thread of its own, and end the thread."""
 
 from __future__ import annotations
 

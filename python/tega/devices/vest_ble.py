@@ -1,4 +1,4 @@
-"""A bHaptics vest over Bluetooth LE, without the vendor's software."""
+"""Drive a bHaptics vest over Bluetooth LE, without the vendor's software."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Silences a Bluetooth vest whose program was killed.
+"""Silence a Bluetooth vest whose program was killed.
 
 A vest is thought to hold its last frame for ever, and BlueZ keeps the connection of a program that died. So a second
 process waits beside the one that drives the vest (:mod:`tega.devices.guard_process`). If its input ends without a word,
@@ -28,7 +28,7 @@ _REST_S: Final = 1.0
 
 
 def guard_vest(address: str, path: str) -> GuardProcess:
-    """Start the process, and return it when it is ready.
+    """Start the process that guards a vest, and return it when it is ready.
 
     Args:
         address: The vest's address.

@@ -1,4 +1,4 @@
-"""A microcontroller on USB that drives a vest for us.
+"""Drive a vest through a microcontroller on USB.
 
 No bHaptics vest is a HID device, and this driver cannot open one. It talks to a board whose firmware takes TEGA's own
 64-byte reports (docs/wire.md) and either passes them on to a vest by radio or drives motors itself.

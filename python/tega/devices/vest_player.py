@@ -1,4 +1,4 @@
-"""A bHaptics vest through the vendor's Player, version 2 of its websocket."""
+"""Drive a bHaptics vest through the vendor's Player, version 2 of its websocket."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A vest that writes down what it is told."""
+"""Write the frames that a vest is told into a file, in place of a vest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A vest drawn in a terminal: for trying things out without one."""
+"""Draw a vest in a terminal: for trying things out without one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all live vests share: the newest frame only, keep-alive, watchdog, and silence on every way out.
+"""Drive any live vest: the newest frame only, keep-alive, watchdog, and silence on every way out.
 
 A driver makes *links*; a thread of its own connects one, feeds it, and replaces it when it breaks. The loop hands
 its frame over through one slot and never waits for a radio or a socket.
@@ -85,7 +85,7 @@ class VestLink(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the results must know."""
+        """Notes that a reader of the results must know."""
         ...
 
     def connect(self) -> None:
@@ -114,7 +114,7 @@ class VestLink(Protocol):
 
 
 class VestCounters(msgspec.Struct, kw_only=True):
-    """What a live vest's writer did.
+    """Counts of what a live vest's writer did.
 
     Attributes:
         written: Frames handed over.
@@ -181,7 +181,7 @@ class StreamedVest(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """Where the vest is, and what went wrong with it since it was opened."""
+        """Description of the vest, and what went wrong with it since it was opened."""
         link, counters = self._link, self.counters
         notes = () if link is None else link.notes
         notes = (*notes, *self.budget.words())
@@ -274,14 +274,14 @@ class StreamedVest(Opened):
         return MotorLevels(frame.layout, shown[frame.motors])
 
     def shows_alike(self, one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
-        """Whether the vest looks the same with two frames, uint8 (40,), percent; told by what it can show."""
+        """Tell whether the vest looks the same with two frames, uint8 (40,), percent, by what it can show."""
         if not self.in_steps:
             return np.array_equal(one, other)
         # Nobody knows how others round: a motor that is to rest is told at once.
         return np.array_equal(vest_levels(one), vest_levels(other)) and np.array_equal(one == 0, other == 0)
 
     def handed_over(self) -> list[tuple[int, int, int]]:
-        """Return what left since the last call.
+        """Return the frames that left since the last call.
 
         Returns:
             Of each frame that brought something new the ``t_ns`` it was written with, and the monotonic times, ns,

@@ -1,4 +1,4 @@
-"""A video file as a tactile source."""
+"""Read the pictures of a fingertip from a video file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras by the serial number that is printed on them, not by the order they were plugged in."""
+"""Find cameras by the serial number that is printed on them, not by the order they were plugged in."""
 
 from __future__ import annotations
 

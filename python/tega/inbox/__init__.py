@@ -1,1 +1,1 @@
-"""What a run takes in: streams of stamped items, the threads that read devices, and what is measured on the way."""
+"""Take in a run's input: streams of stamped items, the threads that read devices, what is measured on the way."""

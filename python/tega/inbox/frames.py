@@ -131,7 +131,7 @@ def fed_contacts(
     see: Callable[[TactileFrame], None] = lambda _frame: None,
     tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Callable[[TactileFrame], None]:
-    """Return what a sensor's own thread is to call with each picture; a bad one is dropped and counted.
+    """Return the function that a sensor's own thread calls with each picture; a bad one is dropped and counted.
 
     Args:
         meter: Measures them.
@@ -160,7 +160,7 @@ def fed_contacts(
 
 
 def keeps_up(metric: Metric, baseline: NDArray[np.uint8], *, rate_hz: float | None) -> bool:
-    """Whether a metric takes less than half of the time between two pictures; it has seen the baseline after that."""
+    """Tell whether a metric takes less than half of the time between pictures; it has seen the baseline after that."""
     if not rate_hz:
         return False
     took_s = []

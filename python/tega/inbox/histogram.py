@@ -1,4 +1,4 @@
-"""Percentiles of what is measured all the time, in little memory."""
+"""Keep a latency histogram in fixed memory and tell its percentiles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["Histogram"]
 
 
 class Histogram:
-    """How numbers are spread, in little memory however many: counted in bins a fiftieth wide.
+    """Counts numbers in bins a fiftieth wide, in little memory however many there are.
 
     Percentiles are right within 2 %, the worst is exact.
 
@@ -25,14 +25,14 @@ class Histogram:
         self.worst_ns = 0
 
     def add(self, ns: int) -> None:
-        """Take one; what is below a microsecond counts as that."""
+        """Take in one number; what is below a microsecond counts as that."""
         k = int(math.log(max(ns, 1000)) / self._GROWTH)
         self._bins[k] = self._bins.get(k, 0) + 1
         self.n += 1
         self.worst_ns = max(self.worst_ns, ns)
 
     def at(self, share: float) -> float:
-        """Return the number that so large a share of all stays at or below, in ns; NaN for none."""
+        """Return a percentile: the number that so large a share of all stays at or below, in ns; NaN for none."""
         left = math.ceil(share * self.n)
         for k in sorted(self._bins):
             left -= self._bins[k]

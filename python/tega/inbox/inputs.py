@@ -1,4 +1,4 @@
-"""The operator's input devices in a run: what they say now, and what was pressed."""
+"""Read the operator's input devices in a run: their state now, and what was pressed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class Seat(NamedTuple):
-    """A device and what of it is meant.
+    """An input device, and which of its buttons is meant.
 
     Attributes:
         source: The open device.
@@ -30,7 +30,7 @@ class Seat(NamedTuple):
 
 
 class SeatSeen(NamedTuple):
-    """What an input device says.
+    """State of an input device at a look.
 
     Attributes:
         state: Its newest state.
@@ -53,7 +53,7 @@ class SeatSeen(NamedTuple):
 
 
 class Inputs:
-    """Looks at all of them; no look ever waits for a device.
+    """Looks at all input devices of a run; no look ever waits for a device.
 
     Args:
         seats: The devices, by what they are for.
@@ -118,7 +118,7 @@ class Inputs:
                     bus.publish(records.Marker(t_ns=t_ns, text=event.button, source=seat))
 
     def summary(self) -> dict[str, Any]:
-        """Return what a run says of them: driver, device, presses, share of the looks that found no data."""
+        """Return a run's summary of its inputs: driver, device, presses, share of the looks that found no data."""
         return {
             name: {
                 "driver": seat.source.info.driver,

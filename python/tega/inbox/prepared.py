@@ -1,4 +1,4 @@
-"""What a run starts with: sources with their baselines and maxima."""
+"""Define the prepared sources of a run, with their baselines and maxima."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Muscles(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """What a run starts with.
+    """Prepared sources of a run: fingers and muscles.
 
     Attributes:
         fingers: By name, thumb first.
@@ -75,6 +75,6 @@ class Prepared(NamedTuple):
 
     @property
     def sources(self) -> list[TactileSource | EmgSource]:
-        """All of them, thumb first, EMG last."""
+        """All sources, thumb first, EMG last."""
         found: list[TactileSource | EmgSource] = [finger.source for finger in self.fingers.values()]
         return found if self.muscles is None else [*found, self.muscles.source]

@@ -57,7 +57,7 @@ class Reader(Generic[Given]):
 
     @property
     def stopped(self) -> bool:
-        """Whether it was closed."""
+        """Whether the reader was closed."""
         return self._stop.is_set()
 
     def _work(self) -> None:

@@ -1,4 +1,4 @@
-"""Read EMG samples and turn them into what the hand is asked; count what became of a source's items."""
+"""Read EMG samples and turn them into levels for the hand, and count what happens to a source's items."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Contact = tuple[int, ContactMetrics]
 
 
 class EmgBlock(NamedTuple):
-    """What the muscles ask, as the loop passes it on.
+    """Level or closure that a block of EMG asks for, as the loop passes it on.
 
     Attributes:
         t_ns: Time in nanoseconds.
@@ -64,12 +64,12 @@ class EmgBlock(NamedTuple):
 
     @property
     def wanted(self) -> float:
-        """What the hand is to be asked: the level, or the closure's place among the levels."""
+        """Number that the hand is to be asked: the level, or the closure's place among the levels."""
         return joined_level(self.level, self.closure)
 
 
 def metrics_of(contact: ContactRecord) -> ContactMetrics:
-    """Return what was measured of a contact."""
+    """Return the contact metrics of a contact's record."""
     return ContactMetrics(**{name: getattr(contact, name) for name in ContactMetrics._fields})
 
 
@@ -104,7 +104,7 @@ def samples_of(chunk: EmgChunk, *, live: bool, start_ns: int) -> EmgSamples:
 
 
 class SourceReport(msgspec.Struct, kw_only=True):
-    """What became of a source's items.
+    """Counts of a source's items: used, dropped, missing, lost.
 
     Frames measured are ``n_items + n_stuck - n_identical``.
 

@@ -21,7 +21,7 @@ Item_co = TypeVar("Item_co", bound=tuple[Any, ...], covariant=True)
 
 
 class Stream(Protocol[Item_co]):
-    """What the loop takes its input from.
+    """A stream of items that the loop takes its input from.
 
     Attributes:
         ended: Whether nothing will come any more.

@@ -1,4 +1,4 @@
-"""Frames that bring nothing new: delivered a second time, or showing exactly what the one before them showed.
+"""Recognise frames that bring nothing new: delivered a second time, or showing exactly what the one before showed.
 
 No two raw frames of a working sensor are equal: its noise differs in some pixel. Pixels that do not change are
 therefore a sign that no picture is being taken any more, whatever the frame's number says.

@@ -1,4 +1,4 @@
-"""Wakes the loop when a picture has come, so that nobody has to wait for the next tick."""
+"""Wake the loop when a picture has come, so that nobody has to wait for the next tick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Markers of a run for other programs, and theirs for the run, by the Lab Streaming Layer."""
+"""Exchange markers with other programs, the run's and theirs, by the Lab Streaming Layer."""
 
 from __future__ import annotations
 

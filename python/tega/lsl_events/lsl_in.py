@@ -1,4 +1,4 @@
-"""Another program's markers, with their times on this machine's clock."""
+"""Listen to another program's markers, and convert their times to this machine's clock."""
 
 from __future__ import annotations
 

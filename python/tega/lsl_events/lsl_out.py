@@ -1,4 +1,4 @@
-"""A stream of texts that says what a run does, each with the time at which it happened."""
+"""Send a stream of texts that says what a run does, each with the time at which it happened."""
 
 from __future__ import annotations
 

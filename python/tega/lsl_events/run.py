@@ -1,4 +1,4 @@
-"""The markers of one run, to other programs and from them."""
+"""Send the markers of one run to other programs, and record theirs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["RunMarkers"]
 
 
 class RunMarkers:
-    """Tells what a run does, and records what others mark. Make it early: streams take a second to find each other.
+    """Sends what a run does, and records what others mark. Make it early: streams take a second to find each other.
 
     =====================  ==========================================================
     marker                 when
@@ -94,7 +94,7 @@ class RunMarkers:
         self._tell(f"trial:{trial}", self._start_ns)
 
     def summary(self) -> dict[str, Any]:
-        """Return what became of them."""
+        """Return the counts of the markers, sent and heard."""
         said: dict[str, Any] = {}
         if self._out is not None:
             said["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}

@@ -1,4 +1,4 @@
-"""The facts that pass through a run, each as one typed struct with topic, units and version."""
+"""Define the records that pass through a run, each as one typed struct with topic, units and version."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of the arm: what leads it, where it is to go, and how it is."""
+"""Define the records of the arm: its turns, its poses, its targets and its health."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class PoseNumbers(msgspec.Struct, frozen=True):
 
 
 class ArmTurn(Record, frozen=True, kw_only=True):
-    """All that one turn of what leads an arm took in, and the command that came of it.
+    """Inputs of one turn of what leads an arm, and the command that came of it.
 
     Attributes:
         t_ns: When, since the start of the session.
@@ -89,7 +89,7 @@ class ArmTurn(Record, frozen=True, kw_only=True):
 
 
 class ArmHealth(Record, frozen=True, kw_only=True):
-    """How the arm's process keeps up, once a second.
+    """Health of the arm's process, once a second.
 
     Attributes:
         t_ns: Since the start of the session.
@@ -136,31 +136,31 @@ class PoseRecord(Record, frozen=True, kw_only=True):
 
 
 class ForearmPose(PoseRecord, frozen=True, kw_only=True):
-    """Where the operator's forearm is, in the tracker's axes."""
+    """Pose of the operator's forearm, in the tracker's axes."""
 
     topic: ClassVar[str] = "/arm/forearm"
 
 
 class ArmMeasured(PoseRecord, frozen=True, kw_only=True):
-    """Where the arm's end is, as measured."""
+    """Pose of the arm's end, as measured."""
 
     topic: ClassVar[str] = "/arm/measured"
 
 
 class ArmTarget(PoseRecord, frozen=True, kw_only=True):
-    """Where the arm's end is to go."""
+    """Pose that the arm's end is to take."""
 
     topic: ClassVar[str] = "/arm/target"
 
 
 class ArmSent(PoseRecord, frozen=True, kw_only=True):
-    """What the robot was really sent, after its own limits."""
+    """Pose that the robot was really sent, after its own limits."""
 
     topic: ClassVar[str] = "/arm/sent"
 
 
 class TrackerAxes(Record, frozen=True, kw_only=True):
-    """How the tracker's axes lie in the robot's base.
+    """Turn of the tracker's axes in the robot's base.
 
     Attributes:
         t_ns: Since the start of the session.

@@ -1,4 +1,4 @@
-"""The base of every record: a typed struct that knows its topic, its units and its version.
+"""Define the base of every record: a typed struct that knows its topic, its units and its version.
 
 A record is a fact that passes through a run: what a fingertip camera measured, what the muscles ask, what the vest was
 told. Files, links and tables are made from its fields; see :mod:`tega.records.schema` and :mod:`tega.records.table`.
@@ -35,7 +35,7 @@ __all__ = [
 
 
 def quantity(unit: str, wire: str = "") -> msgspec.Meta:
-    """Return what a field's annotation says besides its type.
+    """Return the annotation of a field: its unit, and its type in a file.
 
     Args:
         unit: The unit, such as ``"ns"``.
@@ -61,7 +61,7 @@ Degrees = Annotated[float, quantity("°")]
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A fact that passes, and where it belongs.
+    """A fact that passes through a run, and the topic that it belongs to.
 
     Attributes:
         topic: Where it is published; ``{finger}`` stands for the field of that name.
@@ -81,7 +81,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     @property
     def where(self) -> str:
-        """Its own topic, such as ``/tactile/thumb/contact``."""
+        """Topic of this record, such as ``/tactile/thumb/contact``."""
         where, named, rest = self.topic.partition("{")
         while named:
             name, _, rest = rest.partition("}")
@@ -91,11 +91,11 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     @property
     def log_ns(self) -> int:
-        """When it came to be known, nanoseconds since the start of the session: files are in this order."""
+        """Time at which the fact came to be known, nanoseconds since the session's start: files are in this order."""
         t_ns: int = getattr(self, "t_ns", 0)
         return t_ns
 
     @property
     def n_bytes(self) -> int:
-        """What it takes in memory besides its numbers."""
+        """Memory that the record takes besides its numbers, bytes."""
         return 0

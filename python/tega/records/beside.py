@@ -1,4 +1,4 @@
-"""Records of stages that run beside the connected ones: what they would have said, connected to nothing."""
+"""Define the records of stages beside the connected ones: what they would have said, connected to nothing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["BesideContact", "BesideIntent"]
 
 
 class BesideContact(Record, frozen=True, kw_only=True):
-    """What a second metric says of a picture.
+    """Contact that a second metric finds in a picture.
 
     Attributes:
         stage: Its name in the recording.
@@ -44,7 +44,7 @@ class BesideContact(Record, frozen=True, kw_only=True):
 
 
 class BesideIntent(Record, frozen=True, kw_only=True):
-    """What a second decoder says of the same samples.
+    """Intent that a second decoder finds in the same samples.
 
     Attributes:
         stage: Its name in the recording.

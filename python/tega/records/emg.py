@@ -1,4 +1,4 @@
-"""Records of the muscles: EMG samples, and what they ask of the hand."""
+"""Define the records of the muscles: EMG samples, and the intents decoded from them."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ class EmgSamples(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When the program had them."""
+        """Time at which the program had the samples."""
         return self.received_ns
 
     @property
     def n_bytes(self) -> int:
-        """All numbers."""
+        """Memory of the samples, bytes."""
         return self.samples.nbytes
 
 
 class Intent(Record, frozen=True, kw_only=True):
-    """What the muscles ask of the hand.
+    """Intent of the operator: the level or closure that the muscles ask of the hand.
 
     Attributes:
         t_ns: When the block of samples was complete, since the start of the session.
@@ -73,5 +73,5 @@ class Intent(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When the loop took it in."""
+        """Time at which the loop took the intent in."""
         return self.taken_ns

@@ -1,4 +1,4 @@
-"""Records of the hand: what it is asked, what goes over its bus, and where its joints are."""
+"""Define the records of the hand: its commands, the frames on its bus, and its joint angles."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def bus_frames(frames: Iterable[Any]) -> tuple[BusFrame, ...]:
 
 
 class HandCommand(Record, frozen=True, kw_only=True):
-    """What a hand is asked in one tick, and the frames of that.
+    """Command to a hand in one tick, and its frames.
 
     Attributes:
         t_ns: The tick, since the start of the session.
@@ -104,7 +104,7 @@ class Imposed(Record, frozen=True, kw_only=True):
 
 
 class Joints(Record, frozen=True, kw_only=True):
-    """Where the hand's joints are.
+    """Joint angles of the hand.
 
     Attributes:
         t_ns: The tick, since the start of the session.

@@ -1,4 +1,4 @@
-"""The record of a delay: the way of one camera frame to the vest, or of one block of EMG to the hand."""
+"""Define the record of a delay: of one camera frame to the vest, or of one block of EMG to the hand."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class Latency(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When it arrived."""
+        """Time at which the frame or block arrived."""
         return self.stamps_ns[-1]
 
     def stages_ns(self) -> dict[str, int]:
-        """Return how long each stage took, by :data:`TOUCH_STAGES` or :data:`INTENT_STAGES`."""
+        """Return the delay of each stage, by :data:`TOUCH_STAGES` or :data:`INTENT_STAGES`."""
         stamps = self.stamps_ns
         if self.path == "touch" and len(stamps) == _STAMPS_WITHOUT_HELD:
             stamps = (*stamps[:5], stamps[4], stamps[5])

@@ -1,4 +1,4 @@
-"""Records of what the operator holds or steps on."""
+"""Define the records of the operator's input devices: their state and their buttons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Button", "InputState"]
 
 
 class InputState(Record, frozen=True, kw_only=True):
-    """What an input device says from now on.
+    """State of an input device from now on.
 
     Attributes:
         seat: What the device is for, such as ``dead_man``.

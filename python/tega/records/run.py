@@ -1,4 +1,4 @@
-"""Records of the run itself: its states, what is wrong, its ticks, its delays and its recorder."""
+"""Define the records of the run itself: its states, alerts, markers, delays, end, log lines and recorder."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class RunState(Record, frozen=True, kw_only=True):
 
 
 class Alert(Record, frozen=True, kw_only=True):
-    """Something that is wrong without changing the run's state.
+    """Trouble that does not change the run's state.
 
     Attributes:
         t_ns: Since the start of the session.
@@ -83,7 +83,7 @@ class HeardMarker(Marker, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When it was heard."""
+        """Time at which the marker was heard."""
         return self.received_ns
 
 
@@ -128,7 +128,7 @@ class Value(Record, frozen=True, kw_only=True):
 
 
 class End(Record, frozen=True, kw_only=True):
-    """How the loop ended.
+    """End of the loop, and how it came.
 
     Attributes:
         end_ns: When, since the start of the session.
@@ -144,7 +144,7 @@ class End(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When it ended."""
+        """Time at which the loop ended."""
         return self.end_ns
 
 
@@ -168,12 +168,12 @@ class LogLine(Record, frozen=True, kw_only=True):
 
     @property
     def n_bytes(self) -> int:
-        """Its letters."""
+        """Memory of the line's letters, bytes."""
         return len(self.text)
 
 
 class RecorderStatus(Record, frozen=True, kw_only=True):
-    """How a recording goes.
+    """Progress of a recording.
 
     Attributes:
         t_ns: The newest record's time.

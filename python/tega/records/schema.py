@@ -1,4 +1,4 @@
-"""The fields of a record as a file or a link spells them, read off the struct itself."""
+"""Read off a record's struct how a file or a link spells its fields."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def schema_name(kind: Part) -> str:
 
 
 def own_schema(kind: type[Record]) -> bool:
-    """Whether a record's message is TEGA's own, and not one that viewers have a schema for."""
+    """Tell whether a record's message is TEGA's own, and not one that viewers have a schema for."""
     return not kind.schema.startswith("foxglove.")
 
 
@@ -140,7 +140,7 @@ def _plan(kind: Part) -> _Plan:
 
 
 def values(record: msgspec.Struct) -> dict[str, Any]:
-    """Return what a record's message holds, by name; what is not there is left out."""
+    """Return the values of a record's message, by name; what is not there is left out."""
     # Called for every record of a run: all that can be known beforehand is in the plan.
     plan = _plan(type(record))
     said = msgspec.structs.asdict(record)

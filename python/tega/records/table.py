@@ -1,4 +1,4 @@
-"""Rows of the CSV tables, made from the records that a table holds."""
+"""Make rows of the CSV tables from the records that a table holds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of touch: a fingertip camera's picture, and what was measured in it."""
+"""Define the records of touch: a fingertip camera's picture, the contact measured in it, and the events."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ class Picture(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When the program had it."""
+        """Time at which the program had the picture."""
         return self.received_ns
 
     @property
     def n_bytes(self) -> int:
-        """Its pixels."""
+        """Memory of the pixels, bytes."""
         return self.image.nbytes
 
 
@@ -85,7 +85,7 @@ class NamedValue(msgspec.Struct, frozen=True):
 
 
 class Contact(Record, frozen=True, kw_only=True):
-    """What one picture of a fingertip says about the contact, and what of it the wearer is to feel.
+    """Contact in one picture of a fingertip, and what of it the wearer is to feel.
 
     A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds when it took the contact
     in and what it means to the wearer. Without contact, places and lengths are NaN, and ``eda`` and ``cci`` 0.
@@ -158,7 +158,7 @@ class Contact(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When the loop took it in."""
+        """Time at which the loop took the contact in."""
         return self.taken_ns
 
 
@@ -186,10 +186,10 @@ class Event(Record, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """When it was found."""
+        """Time at which the event was found."""
         return self.taken_ns
 
     @property
     def words(self) -> str:
-        """What happened, and to which finger."""
+        """Words for the event: what happened, and to which finger."""
         return f"{self.kind}: {self.finger}" if self.finger else self.kind

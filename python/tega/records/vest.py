@@ -1,4 +1,4 @@
-"""Records of the vest: the loop's frames, and those that a vest says it was sent."""
+"""Define the records of the vest: the loop's frames, and those that a vest says it was sent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["SentFrame", "VestFrame", "VestRecord"]
 
 
 class VestRecord(Record, frozen=True, kw_only=True):
-    """What every motor of a layout is to do at one moment; its subclasses say by whom.
+    """Intensity of every motor of a layout at one moment; its subclasses say by whom.
 
     Attributes:
         t_ns: The tick it was made at, since the start of the session.
@@ -35,6 +35,6 @@ class VestFrame(VestRecord, frozen=True, kw_only=True):
 
 
 class SentFrame(VestRecord, frozen=True, kw_only=True):
-    """What a real vest was sent, after its own limits."""
+    """Frame that a real vest was sent, after its own limits."""
 
     topic: ClassVar[str] = "/vest/sent"

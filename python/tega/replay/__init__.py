@@ -1,4 +1,4 @@
-"""A recorded session computed again, and what comes out compared with what was recorded."""
+"""Compute a recorded session again, and compare what comes out with what was recorded."""
 
 from __future__ import annotations
 

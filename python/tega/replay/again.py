@@ -1,4 +1,4 @@
-"""Runs the loop again on what a recording holds, tick by tick as it ran, and compares.
+"""Run the loop again on what a recording holds, tick by tick as it ran, and compare what comes out.
 
 The loop takes in at each tick what it took in then, so that the replay of a live run does not depend on how the threads
 happened to be scheduled. Of a lossless recording everything is computed from the raw pictures and samples; of one with
@@ -51,7 +51,7 @@ _WHEN = frozenset({"t_ns", "taken_ns", "known_ns"})
 
 
 class Replay(msgspec.Struct, frozen=True):
-    """What a replay found.
+    """Findings of a replay.
 
     Attributes:
         file: The recording.

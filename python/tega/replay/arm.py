@@ -1,4 +1,4 @@
-"""What led the arm, computed again from the forearm poses as they came, and compared bit for bit."""
+"""Compute the arm's commands again from the forearm poses as they came, and compare them bit for bit."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _named(what: str, names: tuple[str, ...], numbers: Any) -> dict[str, float]:
 
 
 def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
-    """Return the forearm poses of a recorded run as they came, and how the run turned them into the base's axes.
+    """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
 
     Raises:
         RecordingError: It cannot be read, or no forearm was tracked in it.

@@ -1,4 +1,4 @@
-"""Where two courses of the same session differ."""
+"""Compare two courses of the same session and tell where they differ."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Row = tuple[int, Mapping[str, Any]]
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """One place where they differ.
+    """One place where two courses differ.
 
     Attributes:
         t_s: Time since the start of the session, seconds.

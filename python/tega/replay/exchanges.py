@@ -1,4 +1,4 @@
-"""The conversation with a real hand, held again with what it said."""
+"""Hold the conversation with a real hand again with what it said, and compare the frames to be sent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the raw streams of a recording give when they are measured again, paired with when the loop took them in."""
+"""Measure a recording's raw streams again, and pair the results with when the loop took them in."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ __all__ = ["Measured", "PictureError", "contact_items", "level_items", "picture_
 
 
 class PictureError(msgspec.Struct, frozen=True):
-    """How far the contacts measured in JPEG pictures are from those recorded from the pictures themselves.
+    """Errors of contacts measured in JPEG pictures against those recorded from the pictures themselves.
 
     Attributes:
         finger: Whose pictures.
@@ -56,7 +56,7 @@ class PictureError(msgspec.Struct, frozen=True):
 
 
 class Measured:
-    """What the raw streams give when they are measured again; its methods are for ``read_recorded``.
+    """Measures the raw streams of a recording again; its methods are for ``read_recorded``.
 
     Args:
         other: Settings whose preset, calibration, kind of EMG, vest and hand take the place of the run's own.
@@ -215,7 +215,7 @@ def _told(config: SessionConfig, group: Any) -> str:
 
 
 def measured_again(recorded: Recorded, measured: Measured) -> bool:
-    """Whether the pictures give the recorded contacts again to the last bit.
+    """Tell whether the pictures give the recorded contacts again to the last bit.
 
     They do if they are as they were taken, the metric is of the version that measured them, and the recording begins
     where the session did or the metric does not remember what came before.

@@ -1,4 +1,4 @@
-"""Plays a recorded run: what it took in becomes the input of an ordinary one, on whatever vest and hand there are.
+"""Play a recorded run: what it took in becomes the input of an ordinary one, on whatever vest and hand there are.
 
 Everything behind the input is the ordinary run: drivers and their limits, heat and dose, states, guard, one way out.
 Each item comes at the tick at which it came then, so that at the speed of the recording, with its settings, the vest

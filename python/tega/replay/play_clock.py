@@ -1,4 +1,4 @@
-"""A clock that runs at the speed at which a session is played, and counts how late it is kept."""
+"""Run a clock at the speed at which a session is played, and count how late it is kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording as the input of a run: every item comes at the tick at which it came then."""
+"""Make a recording the input of a run: every item comes at the tick at which it came then."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["Switched", "played_input"]
 
 @tells_damage
 def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: str) -> Prepared:
-    """Make of a recording what a run starts with.
+    """Make the prepared sources of a run from a recording.
 
     Args:
         recorded: The recording.

@@ -1,4 +1,4 @@
-"""A recorded path of a forearm, played as a tracker would give it."""
+"""Play a recorded path of a forearm as a tracker would give it."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PosesFile(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the recording."""
         return DeviceInfo(
             driver="poses-file",
             kind="tracker",
@@ -64,7 +64,7 @@ class PosesFile(Opened):
 
     @property
     def problem(self) -> str:
-        """Say that it is over."""
+        """Say that the recording is over, once it is; ``""`` before."""
         done = self._poses is not None and self._poses.done
         return f"poses-file: {self._options.file.name} has ended" if done else ""
 

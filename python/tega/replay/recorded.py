@@ -1,4 +1,4 @@
-"""A recording as the loop needs it: what came in and when it was taken in, what went out."""
+"""Read a recording as the loop needs it: what came in and when it was taken in, what went out."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ __all__ = ["Head", "Recorded", "read_recorded"]
 
 
 class Head(msgspec.Struct, frozen=True):
-    """What is known before the first message.
+    """Head of a recording, known before the first message.
 
     Attributes:
         config: The settings of the run, without its devices.
@@ -71,7 +71,7 @@ class Head(msgspec.Struct, frozen=True):
 
 
 class Recorded(msgspec.Struct):
-    """What a recording says, pictures and samples left out.
+    """Content of a recording, pictures and samples left out.
 
     Attributes:
         head: What is known before the first message.

@@ -1,4 +1,4 @@
-"""Notices that somebody set the computer's clock."""
+"""Notice that somebody set the computer's clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Watches a run from inside its loop: what is lost, stale, slow or late, and what state that means."""
+"""Watch a run from inside its loop: what is lost, stale, slow or late, and what state that means."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Guard:
 
     @property
     def reason(self) -> str:
-        """Why it is so."""
+        """Reason of the state."""
         return self._states.reason
 
     @property
@@ -165,7 +165,7 @@ class Guard:
         unvoted: float | None = None,
         released: str = "",
     ) -> None:
-        """Look at everything.
+        """Look at everything that is watched.
 
         Args:
             t_ns: Time since the start of the session.

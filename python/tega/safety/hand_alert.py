@@ -1,4 +1,4 @@
-"""Tells what a hand that is steered suffers from while it can still be steered, or may come back."""
+"""Tell what a hand that is steered suffers from while it can still be steered, or may come back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much a vest's motors may vibrate: a ceiling on each, the heat of each, and the dose at its place on the skin.
+"""Limit how much a vest's motors vibrate: a ceiling on each, the heat of each, the dose at its place on the skin.
 
 For a motor at share d of full drive (0 to 1):
 
@@ -73,7 +73,7 @@ class MotorBudget:
         self.heat = np.maximum(self.heat, heat)
 
     def allow(self, t_ns: int, wanted: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return what may be shown from now on.
+        """Return the intensities that may be shown from now on.
 
         Args:
             t_ns: Now, on a clock that never goes back.

@@ -1,4 +1,4 @@
-"""The table ``[safety]`` of a session's settings."""
+"""Define the table ``[safety]`` of a session's settings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _Ms = Annotated[float, msgspec.Meta(ge=0, le=600_000)]
 
 
 class SafetySection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What each hazard leads to. It concerns live devices; recordings do not get lost.
+    """Consequences of each hazard. It concerns live devices; recordings do not get lost.
 
     Attributes:
         emg_lost_ms: Without a block of EMG for so long beyond its time, the hand holds its level.

@@ -1,4 +1,4 @@
-"""The states of a run, as a machine without a clock, a device or a thread.
+"""Decide the state of a run, by a machine without a clock, a device or a thread.
 
 =========  ===================================================  ======================================
 state      hand and vest                                        left for

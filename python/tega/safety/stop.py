@@ -1,4 +1,4 @@
-"""The wish to stop, from wherever it comes, and why."""
+"""Collect the wishes to stop a run, from wherever they come, and keep why."""
 
 from __future__ import annotations
 

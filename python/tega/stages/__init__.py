@@ -1,4 +1,4 @@
-"""What a lab exchanges without touching TEGA: metrics, decoders, mappings and layouts, found through entry points.
+"""Exchange metrics, decoders, mappings and layouts without touching TEGA, through entry points.
 
 A stage is a class (a layout: an object) in any installed package, registered under one of four entry-point groups and
 chosen by its name in the settings. See ``docs/own-stage.md``.

@@ -1,4 +1,4 @@
-"""Base classes of the stages: what each kind is given, what it returns, and what its options are.
+"""Define the base classes of the stages: what each kind is given, what it returns, and what its options are.
 
 A stage is made once, at the start of a run, and keeps its own state; no two runs and no two fingers share one. It reads
 no clock and no device: the same input gives the same output, which is what a replay compares.
@@ -44,7 +44,7 @@ class StageOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
 
 class GelTraits(NamedTuple):
-    """What a calibration knows of one sensor; what is ``None`` is not known.
+    """Traits of one sensor's gel from its calibration; what is ``None`` is not known.
 
     Attributes:
         noise_counts: Noise of its cells, counts, blue, green, red (:func:`tega.tactile.sensor_noise`).
@@ -60,7 +60,7 @@ class GelTraits(NamedTuple):
 
 
 class FingerSetup(NamedTuple):
-    """What a metric is made with.
+    """Setup of a metric: the finger that it measures.
 
     Attributes:
         finger: ``"thumb"``, ``"index"``, ``"middle"`` or ``"ring"``.
@@ -76,7 +76,7 @@ class FingerSetup(NamedTuple):
 
 
 class MuscleSetup(NamedTuple):
-    """What a decoder is made with.
+    """Setup of a decoder: the muscles that it decodes.
 
     Attributes:
         kind: What the samples are: ``"raw"``, ``"rectified"`` or ``"envelope"``.
@@ -96,7 +96,7 @@ class MuscleSetup(NamedTuple):
 
 
 class VestSetup(NamedTuple):
-    """What a mapping is made with.
+    """Setup of a mapping: the vest that it drives.
 
     Attributes:
         layout: Where the motors are, mirrored as the settings say.
@@ -255,7 +255,7 @@ class Mapping(_Stage, ABC):
     wants_events: ClassVar[bool] = False
 
     def columns(self, finger: str, contact: Contact) -> tuple[float, float]:  # noqa: ARG002
-        """Return what a finger's own columns show for a contact, percent (front, back), for display and tables.
+        """Return the values of a finger's own columns for a contact, percent (front, back), for display and tables.
 
         (0, 0) where the mapping does not show touch as a column a finger.
         """

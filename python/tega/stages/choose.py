@@ -60,7 +60,7 @@ class Chosen:
         self.options: Any = _typed(section.options, self.kind.options_type, f"stages.{group}.options")
 
     def make(self, setup: Any) -> Any:
-        """Make it.
+        """Make the stage.
 
         Raises:
             TegaError: It refuses what it is given; the message says which stage it was.
@@ -132,7 +132,7 @@ def preset_metric(
 
 
 def muscle_setup(calibration: EmgMaxima, preset: Preset) -> MuscleSetup:
-    """Return what a decoder is made with."""
+    """Return the setup of a decoder."""
     return MuscleSetup(
         calibration.kind,
         calibration.rate_hz,
@@ -157,5 +157,5 @@ def block_s(config: SessionConfig) -> float:
 
 
 def vest_mapping(stages: StagesSection, preset: Preset) -> Callable[[VestSetup], MappingStage]:
-    """Return what makes the mapping of the vest."""
+    """Return the function that makes the mapping of the vest."""
     return chosen_stage("mapping", stages, preset).make

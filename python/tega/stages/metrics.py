@@ -1,4 +1,4 @@
-"""Measure fingertip frames as the two presets do."""
+"""Measure contacts in fingertip frames as the presets ``paper`` and ``live`` do."""
 
 from __future__ import annotations
 

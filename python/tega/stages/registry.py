@@ -1,4 +1,4 @@
-"""Stages by name, through the entry points of four groups.
+"""Find stages by name, through the entry points of four groups.
 
 A package that declares ::
 

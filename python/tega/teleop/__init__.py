@@ -1,4 +1,4 @@
-"""The two loops: touch back to the wearer, intent forward to the hand."""
+"""Run the two loops: touch back to the wearer, intent forward to the hand."""
 
 from __future__ import annotations
 

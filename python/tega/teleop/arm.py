@@ -1,6 +1,6 @@
-"""The arm in a run: forearm poses through the chain to the arm's process, in a thread of its own.
+"""Steer the arm in a run: forearm poses go through the chain to the arm's process, in a thread of its own.
 
-It shares nothing with the dual loop but the run's state, so neither keeps the other waiting.
+The thread shares nothing with the dual loop but the run's state, so neither keeps the other waiting.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Steering:
 
     @property
     def problem(self) -> str:
-        """What is wrong with arm, tracker or what leads them; ``""`` for nothing."""
+        """Trouble with arm, tracker or what leads them; ``""`` for none."""
         doubt = f"arm: {self._chain.doubt}" if self._chain.doubt else ""
         said = [self._error, self._arm.problem, "" if self._tracker is None else self._tracker.problem, doubt]
         if not any(said) and self._command is not None and self._command.state == "stopped":
@@ -107,11 +107,11 @@ class Steering:
 
     @property
     def infos(self) -> dict[str, DeviceInfo]:
-        """What arm and forearm say of themselves, by the name of their part."""
+        """Descriptions of arm and tracker, by the name of their part."""
         return {"arm": self._arm.info, "forearm": self._led_by}
 
     def summary(self) -> dict[str, Any]:
-        """Return what a run says of the arm."""
+        """Return a run's summary of the arm."""
         info, health = self._arm.info, self._arm.health
         holds = 0 if self._command is None else self._command.engagements
         n, all_m2, most_m2 = self._off_m2

@@ -1,4 +1,4 @@
-"""The records of an arm's turns: all that a turn took in, so that it can be computed again, and poses for viewers."""
+"""Publish an arm's turns: all that a turn took in, so that it can be computed again, and poses for viewers."""
 
 from __future__ import annotations
 

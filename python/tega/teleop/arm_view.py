@@ -1,4 +1,4 @@
-"""What a display shows of an arm."""
+"""Tell a display what an arm does, where its hand is, and what the operator holds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["ArmView", "look"]
 
 
 class ArmView(NamedTuple):
-    """One moment of an arm.
+    """View of an arm at one moment.
 
     Attributes:
         state: Of the chain.
@@ -39,7 +39,7 @@ class ArmView(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the arm does, why, and how its loop runs, in one line."""
+        """Words for the arm, in one line: what it does, why, and how its loop runs."""
         health = self.health
         took = "" if health.success_rate is None else f", robot took {100 * health.success_rate:.0f} %"
         return (
@@ -49,7 +49,7 @@ class ArmView(NamedTuple):
 
     @property
     def place(self) -> str:
-        """Where the hand is, and how far behind its target."""
+        """Words for the hand's place, and how far it is behind its target."""
         if self.hand_m is None:
             return "not known yet"
         x, y, z = self.hand_m
@@ -58,14 +58,14 @@ class ArmView(NamedTuple):
 
     @property
     def switches(self) -> str:
-        """What the operator holds."""
+        """Words for the switches that the operator holds."""
         return (
             f"clutch {'pressed' if self.clutch else 'open'}, dead-man {'held' if self.dead_man else 'let go'}"
         )
 
 
 def look(turn: Turn, command: ArmCommand, arm: ArmDriver) -> ArmView:
-    """Return what there is to show of a turn."""
+    """Return the view of an arm's turn."""
     hand_m = behind_mm = None
     if turn.measured is not None:
         x, y, z = map(float, turn.measured.position_m)

@@ -1,4 +1,4 @@
-"""The picture of the untouched gel: given, or estimated from the recording's quietest frames."""
+"""Find a finger's baseline: given, or estimated from the recording's quietest frames."""
 
 from __future__ import annotations
 

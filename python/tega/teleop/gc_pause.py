@@ -1,4 +1,4 @@
-"""Keeps Python's collector of cyclic garbage from holding up a run.
+"""Keep Python's collector of cyclic garbage from holding up a run.
 
 A full collection looks at every object of the program, of which imports alone leave some 100,000: every thread, the
 hand's among them, waits 15 to 30 ms for it, and much longer where another program takes the core meanwhile.

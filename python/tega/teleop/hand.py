@@ -1,4 +1,4 @@
-"""The hand's tick: a level becomes torques, torques become CAN frames."""
+"""Turn a level into torques and CAN frames at every tick of the hand."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HAND_TICK_NS = 3_000_000
 
 
 class Hand(Protocol):
-    """What turns levels into frames for a hand, tick by tick."""
+    """Turns levels into frames for a hand, tick by tick."""
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""How old what is felt and done is: every vest frame with its camera frames, every hand command with its EMG sample.
+"""Measure how old each vest frame's camera frames and each hand command's EMG sample are, stage by stage.
 
 ========  ==============================================================================================
 stage     from - to
@@ -107,7 +107,7 @@ class LatencyTrace:
         self._told_ns = 0
 
     def source(self, name: str) -> Callable[[int, int], None]:
-        """Return what a source's thread is to call with an item's stamp and the monotonic time it was received at."""
+        """Return the function that a source's thread calls with an item's stamp and the monotonic time of receipt."""
         coming = self._coming.setdefault(name, deque(maxlen=_PENDING))
 
         def measured(t_ns: int, received_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""The dual loop: touch back to the wearer, intent forward to the hand, on one clock.
+"""Run the dual loop: touch back to the wearer, intent forward to the hand, on one clock.
 
 The hand has a tick of 3 ms. The vest has one too, 30 times a second; where ``by_frame`` is set, a picture that comes
 between wakes the loop, and what it changes goes out at once.
@@ -51,7 +51,7 @@ _ENDED = {"complete": "every source has ended", "duration": "the set time is ove
 
 
 class Sink(Protocol[Sent_contra]):
-    """Where the loop sends to: a vest or a hand's bus, real, recorded or simulated."""
+    """An output of the loop: a vest or a hand's bus, real, recorded or simulated."""
 
     def write(self, t_ns: int, sent: Sent_contra, /) -> object:
         """Take what the loop sends at a time counted from the start of the session."""
@@ -160,7 +160,7 @@ class DualLoop:
         )
 
     def run(self, *, duration_ns: int | None = None, stop: Callable[[], bool] = lambda: False) -> LoopReport:
-        """Run.
+        """Run both loops until they end.
 
         Args:
             duration_ns: End after this long; ``None`` when the last source ends.

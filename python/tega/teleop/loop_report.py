@@ -1,4 +1,4 @@
-"""What the loop did, in numbers."""
+"""Report what the loop did, in numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["LoopReport"]
 
 
 class LoopReport(msgspec.Struct, kw_only=True):
-    """What the loop did.
+    """Counts, times and ends of a loop.
 
     Attributes:
         end_ns: Time at which it ended.

@@ -25,7 +25,7 @@ _EVENT_NS = 3_000_000_000
 
 
 class LoopView(NamedTuple):
-    """What a display sees of the loop, once per vest tick, and where there is a guard once more when it has stopped.
+    """View of the loop, once per vest tick, and where there is a guard once more when it has stopped.
 
     Attributes:
         t_ns: Time since the start of the session.
@@ -73,7 +73,7 @@ class LoopView(NamedTuple):
 
 
 class Moment(Record, frozen=True, kw_only=True):
-    """What displays see; it has no topic, for it is made of records that have one.
+    """View of the loop that is published; it has no topic, for it is made of records that have one.
 
     Attributes:
         t_ns: The tick of the vest, since the start of the session.
@@ -85,7 +85,7 @@ class Moment(Record, frozen=True, kw_only=True):
 
 
 class Moments:
-    """Puts together what displays see of a loop, and publishes it.
+    """Puts together the view of a loop for displays, and publishes it.
 
     Args:
         bus: Where to.

@@ -41,7 +41,7 @@ def latency_trace(
     motor: MotorOnset | None,
     bus: Bus,
 ) -> LatencyTrace | None:
-    """Make what follows frames and blocks through the loop, where there is something live to follow."""
+    """Make the trace of frames and blocks through the loop, where there is something live to follow."""
     if not any(source.info.live for source in prepared.sources):
         return None
     hand = sinks.steered
@@ -58,7 +58,7 @@ def latency_trace(
 
 
 def is_fed(finger: Finger, metric: Callable[[], Metric]) -> bool:
-    """Whether a finger's source has a thread of its own in which a metric keeps up; one is made to find out."""
+    """Tell whether a finger's source has a thread of its own in which a metric keeps up; one is made to find out."""
     source = finger.source
     if not isinstance(source, FeedingSource) or finger.stream is not None or finger.measured is not None:
         return False

@@ -1,4 +1,4 @@
-"""Deadlines counted from the start, so that a late tick does not push the ones after it."""
+"""Pace a loop by deadlines counted from the start, so that a late tick does not push the ones after it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CATCH_UP_NS = 100_000_000
 
 
 class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
-    """How well the clock was kept.
+    """Report of how well the clock was kept.
 
     Attributes:
         n_ticks: Deadlines waited for.

@@ -118,7 +118,7 @@ def _other_metric(config: SessionConfig) -> str:
 
 
 def to_be_read(prepared: Prepared) -> Prepared:
-    """Return what a run starts with, with frames that were measured beforehand to be read and measured again.
+    """Return a run's prepared sources, with frames that were measured beforehand to be read and measured again.
 
     That is for a run whose pictures are wanted: the same frames, the same results.
     """

@@ -32,7 +32,7 @@ __all__ = ["Rig", "open_rig"]
 
 
 class Rig(NamedTuple):
-    """What a run is made of, all of it open.
+    """Devices and outputs of a run, all of them open.
 
     Attributes:
         config: The settings.

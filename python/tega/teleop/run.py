@@ -1,4 +1,4 @@
-"""The run itself: the dual loop over an open rig, and what is written down at its end."""
+"""Run the dual loop over an open rig, and write the run's summary at its end."""
 
 from __future__ import annotations
 

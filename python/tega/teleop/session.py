@@ -1,4 +1,4 @@
-"""A session from its settings: its clock, its folder, what it is made of, and its run."""
+"""Run a session from its settings: make its clock and its folder, open what it is made of, and run it."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ __all__ = ["Sinks", "open_inputs", "open_sinks"]
 
 
 class Sinks(NamedTuple):
-    """What a run writes to.
+    """Outputs of a run: vests, hand and files.
 
     Attributes:
         live_vests: The vest of the settings, if it is a real one.
@@ -46,7 +46,7 @@ class Sinks(NamedTuple):
 
 
 def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
-    """Open what the operator holds or steps on."""
+    """Open the operator's input devices."""
     seats = {}
     for name, c in config.input.in_use().items():
         source = stack.enter_context(driver_class(c.driver, "input")(c.options))
@@ -63,7 +63,7 @@ def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
 
 
 def open_sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> Sinks:
-    """Open what is written to: the devices of the settings, then the tables of the output folder."""
+    """Open the outputs of a run: the devices of the settings, then the tables of the output folder."""
     live_vests: list[VestSink] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []

@@ -1,6 +1,6 @@
-"""What a run says of itself: counts, rates, maxima and their origin, and everything that was lost or modelled.
+"""Sum up a run: counts, rates, maxima and their origin, and everything that was lost or modelled.
 
-No time of day, host or folder is in it, so that equal runs give equal bytes.
+No time of day, host or folder is in a summary, so that equal runs give equal bytes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ __all__ = ["RunFacts", "summarise", "write_summary"]
 
 
 class RunFacts(NamedTuple):
-    """Everything a summary is made of.
+    """Facts that a summary is made of.
 
     Attributes:
         rig: What the run was made of.

@@ -1,4 +1,4 @@
-"""The tables of a run's output folder, which are written from the bus."""
+"""Write the tables of a run's output folder from the bus."""
 
 from __future__ import annotations
 

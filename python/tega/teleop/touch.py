@@ -1,4 +1,4 @@
-"""The back loop: what the fingertips see becomes what the wearer feels."""
+"""Turn what the fingertips see into what the wearer feels: the back loop."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _MOST_EVENTS = 1024
 
 
 class TouchMoment(NamedTuple):
-    """What one frame means to the wearer.
+    """Shares and intensities that one frame gives the wearer.
 
     Attributes:
         cci_norm: CCI as a share of its maximum, 0 to 1.

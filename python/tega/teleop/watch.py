@@ -36,7 +36,7 @@ def watch_over(
     steering: Steering | None,
     station: Station | None,
 ) -> Guard:
-    """Make what watches over the live devices; recordings are not lost and need nobody.
+    """Make the guard of the live devices; recordings are not lost and need nobody.
 
     ``go`` is asked all the time whether an armed run may become active; the others are what the run has open.
     """

@@ -1,1 +1,1 @@
-"""How long a vest's motor takes to start, measured with a microphone."""
+"""Measure how long a vest's motor takes to start, with a microphone."""

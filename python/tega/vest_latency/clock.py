@@ -1,4 +1,4 @@
-"""When each sample of a recording was heard, on the clock that the commands are stamped with.
+"""Tell when each sample of a recording was heard, on the clock that the commands are stamped with.
 
 There are three ways, from the surest to the least sure; the result says which it was and how far it may be off.
 
@@ -55,7 +55,7 @@ class SoundBlock(NamedTuple):
 
 
 class ClockMap(msgspec.Struct, frozen=True, kw_only=True):
-    """Sample n was heard at ``began_s + n / rate_hz``.
+    """Time of each sample: sample n was heard at ``began_s + n / rate_hz``.
 
     Attributes:
         began_s: Time of the first sample.

@@ -1,4 +1,4 @@
-"""When a vest's motor begins to vibrate, found in the sound of many bursts.
+"""Find when a vest's motor begins to vibrate, in the sound of many bursts.
 
 The rule, for each burst that was commanded at time c and lasted T:
 
@@ -44,7 +44,7 @@ _TOO_SOFT = "not four times as loud as the background before it"
 
 
 class BurstOnset(NamedTuple):
-    """What was found of one burst.
+    """Onset of one burst.
 
     Attributes:
         delay_s: From the command to the beginning of the vibration; NaN where ``why`` is not empty.
@@ -60,7 +60,7 @@ class BurstOnset(NamedTuple):
 
 
 class Onsets(NamedTuple):
-    """What was found in a recording.
+    """Onsets in a recording.
 
     Attributes:
         spin_hz: The motor's frequency; NaN where none stands out.
@@ -81,11 +81,11 @@ class Onsets(NamedTuple):
 
     @property
     def halves_s(self) -> NDArray[np.float64]:
-        """Likewise, to half of the strength; float64 (n,), seconds."""
+        """Delays to half of the strength, of the same bursts; float64 (n,), seconds."""
         return np.array([b.half_s for b in self.bursts if not b.why])
 
     def left_out(self) -> dict[str, int]:
-        """Return how many bursts were left out, by reason."""
+        """Return the number of bursts left out, by reason."""
         return dict(Counter(b.why for b in self.bursts if b.why))
 
 

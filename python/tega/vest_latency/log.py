@@ -1,4 +1,4 @@
-"""What was commanded while sound was recorded, as a JSON file beside the recording."""
+"""Read and write a recording of sound (WAV), and beside it what was commanded meanwhile (JSON)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bursts on one motor, what was heard of them, and what that makes of the motor: its record."""
+"""Play bursts on one motor, find their onsets in what was heard, and make the motor's record."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _BEFORE_S: Final = 0.8
 
 
 class OnsetFound(NamedTuple):
-    """What a recording gave.
+    """Onsets found in a recording, and its clock.
 
     Attributes:
         clock: How it lies in time.

@@ -1,4 +1,4 @@
-"""A microphone, and clicks from a loudspeaker, through the package sounddevice (PortAudio)."""
+"""Record a microphone, and click a loudspeaker, through the package sounddevice (PortAudio)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CLICK_HZ: Final = 3500.0
 
 
 def sounddevice() -> Any:
-    """Import the package.
+    """Import the package sounddevice.
 
     Raises:
         MissingExtraError: It is not installed.
@@ -114,7 +114,7 @@ class Microphone:
 
     @property
     def heard_s(self) -> float:
-        """How much has been heard so far, seconds."""
+        """Length of what was heard so far, seconds."""
         return self._n / self.rate_hz
 
     def heard(self) -> tuple[NDArray[np.float64], list[SoundBlock]]:

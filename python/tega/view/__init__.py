@@ -1,1 +1,1 @@
-"""Pictures of a session: figures from recordings and the terminal's live view."""
+"""Draw a session: figures from recordings and the terminal's live view."""

@@ -1,4 +1,4 @@
-"""The paper's two pictures of a session, drawn from data: the touch map (Fig 3) and the course (Fig 8)."""
+"""Draw the paper's two pictures of a session from data: the touch map (Fig 3) and the course (Fig 8)."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Firmest:
 
 @dataclass(frozen=True)
 class SessionCourse:
-    """How touch and intent went, as Fig 8 shows it.
+    """Course of touch and intent, as Fig 8 shows it.
 
     Args:
         touch_t_s: Times of the touch samples, seconds, float64 (n,).

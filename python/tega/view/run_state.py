@@ -1,4 +1,4 @@
-"""The run's state as displays tell it: what each state means, and what is to be read beside it."""
+"""Describe the run's states for displays: what each means, and what is to be read beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The picture of a run: each finger's firmest contact, and the course of touch and pose, kept as the run goes by."""
+"""Draw a run: each finger's firmest contact, and the course of touch and pose, kept as the run goes by."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a display is given of one moment: of a real run, a replay or a simulation alike.
+"""Define what a display is given of one moment: of a real run, a replay or a simulation alike.
 
 Everything but the loop's own view is optional; a display leaves out what is not there. The arrays are borrowed: whoever
 offers a state does not write into them afterwards.
@@ -64,7 +64,7 @@ class EmgTail(NamedTuple):
 
 
 class ViewState(NamedTuple):
-    """One moment of a run.
+    """View of a run at one moment.
 
     Attributes:
         t_ns: Time since the run began, nanoseconds.

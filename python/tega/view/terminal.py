@@ -1,4 +1,4 @@
-"""The terminal's live view: fingers, vest, muscles, hand and rates on one screen."""
+"""Show a run live in the terminal: fingers, vest, muscles, hand and rates on one screen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The picture of simulated trials: a row each, fingertips at their firmest beside the course of touch and pose."""
+"""Draw simulated trials: a row each, fingertips at their firmest beside the course of touch and pose."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _EVENT_COLOURS = {"slip": "#c8202f", "deformation": "#8a4fbf", "drop": "#000000"
 
 
 class TrialPicture(NamedTuple):
-    """What is drawn of one trial.
+    """Contacts and course of one trial, to be drawn.
 
     Attributes:
         title: Heading of its row.
@@ -39,7 +39,7 @@ class TrialPicture(NamedTuple):
 
 
 def trials_figure(path: Path, trials: Sequence[TrialPicture], title: str) -> None:
-    """Write the picture.
+    """Write the picture of simulated trials.
 
     Args:
         path: The PNG to write.

@@ -1,4 +1,4 @@
-"""Bytes to typed packets and back: robot hand, vest, muscle sensors.
+"""Encode and decode the packets of robot hand, vest and muscle sensors.
 
 Nothing here opens a port, reads a clock or starts a thread. Encoders take values and give bytes, frames or
 text; decoders of streams are objects fed with bytes as they arrive. They take any bytes, and give the same

@@ -1,4 +1,4 @@
-"""CAN frames of an Allegro Hand: version 4 in full, versions 3 and 5 as far as their numbers are known.
+"""Encode CAN frames of an Allegro Hand: version 4 in full, versions 3 and 5 as far as their numbers are known.
 
 Joints are in the hand's order everywhere: index 0 to 3, middle 4 to 7, ring 8 to 11, thumb 12 to 15. There is
 no encoder for CONFIG, which writes the hand's flash memory, nor for SET POSE, which version 4 firmware does

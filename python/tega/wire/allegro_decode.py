@@ -1,4 +1,4 @@
-"""CAN frames from the bus to records."""
+"""Decode an Allegro Hand's CAN frames from the bus to records."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def allegro_decode(
 
 
 def allegro_requested(frame: CanFrame, *, device_id: int = 0) -> AllegroRequest | None:
-    """Return what a remote frame asks hand `device_id` for, or None: what a simulated hand answers.
+    """Decode a remote frame to what it asks hand `device_id` for, or None: what a simulated hand answers.
 
     Raises:
         WireError: For a device number above 3.

@@ -1,4 +1,4 @@
-"""What an Allegro Hand's CAN frames say, as small frozen records.
+"""Define the messages of an Allegro Hand's CAN frames, as small frozen records.
 
 Fingers go by name; counts and temperatures are those of the finger's joints 0 to 3.
 """
@@ -90,7 +90,7 @@ class AllegroTemperature:
 
 @dataclass(frozen=True, slots=True)
 class AllegroInfo:
-    """What the hand says about itself.
+    """Versions, side, temperature and status of a hand, from the hand.
 
     Sources agree about status bits 0 and 1 only. Bits 2 to 4 have two readings, by firmware: a communication
     fault or thermal throttling (2), a communication fault (3), a palm too hot (4). ``must_stop`` and
@@ -185,7 +185,7 @@ class AllegroTorque:
 
 @dataclass(frozen=True, slots=True)
 class AllegroPeriod:
-    """How often the hand is to report by itself, from a host; 0 is never.
+    """Period at which the hand is to report by itself, from a host; 0 is never.
 
     Attributes:
         position_ms: Joint positions.
@@ -239,7 +239,7 @@ class AllegroRejected:
 
 @dataclass(frozen=True, slots=True)
 class AllegroRequest:
-    """What a remote frame asks a hand for.
+    """Request to a hand in a remote frame.
 
     Attributes:
         wants: Kind of report.

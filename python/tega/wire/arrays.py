@@ -1,4 +1,4 @@
-"""What the public functions accept: the right kind of number in the right shape, and nothing else."""
+"""Check the arrays that public functions accept: the right kind of number in the right shape, and nothing else."""
 
 from __future__ import annotations
 

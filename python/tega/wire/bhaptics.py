@@ -1,4 +1,4 @@
-"""Frames and messages for a bHaptics vest.
+"""Encode frames and messages for a bHaptics vest.
 
 Forty intensities, 0 to 100, are always in the wearer's order: front then back, row by row from the top,
 columns from the wearer's left to the wearer's right on both panels (``20 * panel + 4 * row + column``). That
@@ -147,7 +147,7 @@ def player_v2_ping() -> str:
 
 @dataclass(frozen=True, slots=True)
 class PlayerStatus:
-    """What the Player says of itself. It is no acknowledgement that anything moved.
+    """Status of the Player. It is no acknowledgement that anything moved.
 
     Attributes:
         connected_devices: How many devices it is connected to.

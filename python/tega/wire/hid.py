@@ -1,4 +1,4 @@
-"""The 64-byte reports of this project's own USB bridge or home-made vest.
+"""Encode and decode the 64-byte reports of this project's own USB bridge or home-made vest.
 
 No bHaptics vest is a HID device: these reports are for a board that passes them on, or drives motors itself.
 """
@@ -89,7 +89,7 @@ def hid_motor(report: bytes) -> HidMotor:
 
 @dataclass(frozen=True, slots=True)
 class HidStatus:
-    """What the device says of itself.
+    """Status of the device, from the device.
 
     Attributes:
         sequence: Number of the last report it saw.

@@ -1,6 +1,6 @@
-"""Decoders of the muscle sensors' serial streams.
+"""Decode the muscle sensors' serial streams.
 
-Each is fed with bytes as they arrive, in chunks of any size, and gives what they complete. None of them keeps
+Each decoder is fed with bytes as they arrive, in chunks of any size, and gives what they complete. None of them keeps
 more than a few packets' worth of bytes, and none raises on what a port delivers. A decoder belongs to one
 thread at a time.
 """
@@ -161,7 +161,7 @@ class ChordsDecoder(_NumberedPackets):
 
 
 def chords_channels(data: bytes | bytearray | memoryview) -> int | None:
-    """Return how many channels the packets in a stretch of a Chords stream have, or None.
+    """Return the number of channels of the packets in a stretch of a Chords stream, or None.
 
     It is the number that makes most packets in unbroken order, at least three; the first 4096 bytes are
     looked at. A board's name does not always tell: the same one is sent with three channels and with six.

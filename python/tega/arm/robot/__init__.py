@@ -1,4 +1,4 @@
-"""The robot's side of the arm: a process of its own that leads the arm, and lets go when nobody says anything.
+"""Lead a robot's arm in a process of its own, which lets go when no command comes.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What stands behind the arm's process: a robot, or what is simulated of one."""
+"""Define the body that the arm's process leads: a robot, or a simulation of one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["HandSeen", "RobotBody"]
 
 
 class HandSeen(NamedTuple):
-    """Where the hand is.
+    """Place and turn of the robot's hand, with their time.
 
     Attributes:
         t_ns: When it was there, monotonic clock; does not rise while the robot says nothing new.
@@ -24,7 +24,7 @@ class HandSeen(NamedTuple):
 
 
 class RobotBody(Protocol):
-    """An arm. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick."""
+    """An arm that is led. Only :meth:`open`, :meth:`recover` and :meth:`close` may take longer than a tick."""
 
     facts: tuple[str, ...]
 
@@ -37,7 +37,7 @@ class RobotBody(Protocol):
         ...
 
     def see(self) -> HandSeen:
-        """Return where the hand is."""
+        """Return place and turn of the hand."""
         ...
 
     def begin(self) -> None:
@@ -45,7 +45,7 @@ class RobotBody(Protocol):
         ...
 
     def lead(self, place: Triple, turn: Quaternion, velocity_m_s: Triple, velocity_rad_s: Triple) -> None:
-        """Give it its next target."""
+        """Give the arm its next target."""
         ...
 
     def rest(self) -> None:
@@ -54,11 +54,11 @@ class RobotBody(Protocol):
 
     @property
     def in_control(self) -> bool:
-        """Whether it still follows or comes to rest."""
+        """Whether the arm still follows or comes to rest."""
         ...
 
     def fault(self) -> str:
-        """Return what has ended its motion or keeps it from moving, ``""`` for nothing."""
+        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
         ...
 
     def recover(self) -> str:

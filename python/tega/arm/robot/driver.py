@@ -1,4 +1,4 @@
-"""The run's end of the arm: starts the arm's process, sends it targets, and knows what it last told."""
+"""Start the arm's process, send it targets, and keep what it last told: the run's end of the arm."""
 
 from __future__ import annotations
 
@@ -80,12 +80,12 @@ class ProcessArm(Opened):
 
     @property
     def label(self) -> str:
-        """What the arm is called."""
+        """Name of the arm, for people."""
         return self.name
 
     @property
     def info(self) -> DeviceInfo:
-        """What it says of itself."""
+        """Description of the arm."""
         notes = list(self._facts)
         if self._late:
             notes.append(f"{self._late} ticks of the arm's loop came late")
@@ -104,19 +104,19 @@ class ProcessArm(Opened):
 
     @property
     def health(self) -> Health:
-        """How the arm's loop runs."""
+        """Rate and delays of the arm's loop."""
         return Health() if self._told is None else self._told.health
 
     @property
     def phase(self) -> str:
-        """What the arm does: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
+        """Phase of the arm: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
         if self._process is None or self._process.poll() is not None or self._told is None:
             return "gone"
         return self._told.phase
 
     @property
     def problem(self) -> str:
-        """What is wrong with the arm now, for the operator; ``""`` for nothing."""
+        """Trouble with the arm now, for the operator; ``""`` for none."""
         if self._process is None:
             return ""
         if (code := self._process.poll()) is not None:

@@ -1,4 +1,4 @@
-"""What a Franka robot's control interface says of itself, and which software fits it.
+"""Ask a Franka robot's control interface for its version, and tell which software fits it.
 
 The robot's own handshake is all that is spoken here: it tells the server's version without moving anything, and without
 libfranka, so that it works where the library is the wrong one or is not installed.
@@ -66,7 +66,7 @@ class Library(NamedTuple):
 
 
 class Preflight(NamedTuple):
-    """What is known of a robot and this machine before anything moves.
+    """Findings about a robot and this machine before anything moves.
 
     Attributes:
         server: Version of the robot's server.

@@ -1,4 +1,4 @@
-"""A Franka robot through franky: an impedance tracker in torque mode, so no discontinuity can trip it."""
+"""Lead a Franka robot through franky: an impedance tracker in torque mode, so no discontinuity can trip it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ MODE_WORDS: Final = {
 
 
 class FrankyBody:
-    """One robot.
+    """Leads one Franka robot through franky.
 
     Args:
         options: Those of :class:`tega.devices.franky_arm.FrankyArmOptions`.
@@ -173,7 +173,7 @@ class FrankyBody:
             self._break(f"it does not begin: {error}")
 
     def lead(self, place: Triple, turn: Quaternion, velocity_m_s: Triple, velocity_rad_s: Triple) -> None:
-        """Give it its next target."""
+        """Give the arm its next target."""
         if self._tracker is None:
             return
         franky = self._franky
@@ -190,11 +190,11 @@ class FrankyBody:
 
     @property
     def in_control(self) -> bool:
-        """Whether it follows or comes to rest."""
+        """Whether the arm follows or comes to rest."""
         return self._tracker is not None and bool(self._robot.is_in_control)
 
     def fault(self) -> str:
-        """Return what has ended its motion or keeps it from moving, ``""`` for nothing."""
+        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
         if self._fault or self._robot.is_in_control:
             return self._fault
         if self._tracker is None:

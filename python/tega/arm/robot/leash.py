@@ -1,4 +1,4 @@
-"""Which commands the arm obeys, and what it does when none come; pure, without a clock or an arm."""
+"""Decide which commands the arm obeys, and what it does when none come; pure, without a clock or an arm."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _AHEAD_MS = 20.0
 
 
 class Order(NamedTuple):
-    """What the arm does now.
+    """Order to the arm: follow, hold or rest.
 
     Attributes:
         kind: ``follow`` the command, ``hold`` where it is, or ``rest`` without force.
@@ -78,7 +78,7 @@ class Leash:
         self._lost_at, self._rests = self._engagements, True
 
     def order(self, now_ns: int) -> Order:
-        """Return what the arm does now."""
+        """Return the order to the arm now: follow, hold or rest."""
         age_ms = self._age(now_ns)
         last = self._last
         if last is None:

@@ -1,4 +1,4 @@
-"""A Franka robot through panda-python: its Cartesian impedance controller in torque mode. Never run on a robot."""
+"""Lead a Franka robot through panda-python's Cartesian impedance controller in torque mode. Never run on a robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _STOP_S: Final = 3.0
 
 
 class PandaBody:
-    """One robot.
+    """Leads one Franka robot through panda-python.
 
     panda-python clips no error and watches over nobody, so the target is clipped to the measured pose here, at every
     tick; and it clears a reflex by itself when a controller starts, so that none is started while there is one.
@@ -155,7 +155,7 @@ class PandaBody:
         velocity_m_s: Triple,  # noqa: ARG002  # its controller takes no speeds
         velocity_rad_s: Triple,  # noqa: ARG002
     ) -> None:
-        """Give it its next target, not farther from where the hand is than the clip."""
+        """Give the arm its next target, not farther from where the hand is than the clip."""
         if self._controller is None or self._seen is None:
             return
         here = Pose(np.array(self._seen.place), np.array(self._seen.turn))
@@ -183,11 +183,11 @@ class PandaBody:
 
     @property
     def in_control(self) -> bool:
-        """Whether it follows or comes to rest."""
+        """Whether the arm follows or comes to rest."""
         return self._controller is not None
 
     def fault(self) -> str:
-        """Return what has ended its motion or keeps it from moving, ``""`` for nothing."""
+        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
         if self._stopping is not None and not self._stopping.is_alive():
             self._stopping = None
         try:

@@ -1,7 +1,7 @@
-"""The arm's process: ``python -m tega.arm.robot.process SETTINGS``, started by :mod:`tega.arm.robot.driver`.
+"""Run the arm's process: ``python -m tega.arm.robot.process SETTINGS``, started by :mod:`tega.arm.robot.driver`.
 
-It reads the newest command, judges it, leads the arm and tells where it is, at a steady rate, with nothing else in the
-process that could keep it. The end of its standard input means that the run is gone: the arm then rests at once.
+The process reads the newest command, judges it, leads the arm and tells where it is, at a steady rate, with nothing
+else in it that could keep it. The end of its standard input means that the run is gone: the arm then rests at once.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _REST_S = 3.0
 
 
 class ProcessSettings(msgspec.Struct, frozen=True):
-    """What the process is told on its command line.
+    """Settings of the arm's process, from its command line.
 
     Attributes:
         link: The socket, a file descriptor that it inherits.
@@ -68,7 +68,7 @@ class ProcessSettings(msgspec.Struct, frozen=True):
 
 
 class Loop:
-    """What the process does at every tick, without the process.
+    """Judges commands and leads the arm at every tick, without the process around it.
 
     Args:
         settings: The settings.
@@ -208,7 +208,7 @@ def _tell(link: socket.socket, message: Message) -> None:
 
 
 def main(words: list[str]) -> int:
-    """Run it; return 1 if the arm could not be opened or broke off."""
+    """Run the arm's process; return 1 if the arm could not be opened or broke off."""
     settings = msgspec.json.decode(words[0], type=ProcessSettings)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     link = socket.socket(fileno=settings.link)

@@ -1,4 +1,4 @@
-"""The last stage before the arm: whatever is asked, the target goes no faster than this."""
+"""Limit the speed of the arm's target, whatever is asked: the last stage before the arm."""
 
 from __future__ import annotations
 

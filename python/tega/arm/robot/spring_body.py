@@ -1,4 +1,4 @@
-"""A simulated arm: a hand of 1 kg on a damped spring, as an arm under impedance control behaves in free air."""
+"""Simulate an arm: a hand of 1 kg on a damped spring, as an arm under impedance control behaves in free air."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class SpringBody:
         velocity_m_s: Triple,  # noqa: ARG002  # its damping is against rest, as without the robot's feed-forward
         velocity_rad_s: Triple,  # noqa: ARG002
     ) -> None:
-        """Give it its next target."""
+        """Give the arm its next target."""
         self._target = (np.array(place), unit(np.array(turn)))
 
     def rest(self) -> None:
@@ -82,7 +82,7 @@ class SpringBody:
 
     @property
     def in_control(self) -> bool:
-        """Whether it follows."""
+        """Whether the arm follows."""
         return self._target is not None
 
     def fault(self) -> str:

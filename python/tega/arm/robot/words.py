@@ -1,4 +1,4 @@
-"""What a run and the arm's process say to each other; msgpack, one message a datagram."""
+"""Define and decode the messages between a run and the arm's process; msgpack, one message a datagram."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 class ArmTargetWords(msgspec.Struct, frozen=True, tag="Asked"):
-    """Where the hand shall be.
+    """Target of the robot's hand, from the run to the arm's process.
 
     Attributes:
         session: Whose command it is; the arm listens to one session only.
@@ -54,7 +54,7 @@ class ArmTargetWords(msgspec.Struct, frozen=True, tag="Asked"):
     velocity_rad_s: Triple = (0.0, 0.0, 0.0)
 
     def malformed(self) -> str:
-        """Return why it cannot be followed, ``""`` if it can."""
+        """Return why the target cannot be followed, ``""`` if it can."""
         if (self.place is None) != (self.turn is None):
             return "it has a place or a turn, but not both"
         numbers = (*(self.place or ()), *(self.turn or ()), *self.velocity_m_s, *self.velocity_rad_s)
@@ -74,7 +74,7 @@ class ArmShutdown(msgspec.Struct, frozen=True, tag="Leave"):
 
 
 class Health(msgspec.Struct, frozen=True):
-    """How the arm's loop runs, over its last second.
+    """Rate, delays and refusals of the arm's loop, over its last second.
 
     Attributes:
         rate_hz: Its ticks a second.
@@ -106,7 +106,7 @@ class AppliedTarget(msgspec.Struct, frozen=True):
 
 
 class ArmStatusWords(msgspec.Struct, frozen=True, tag="Told"):
-    """Where the hand is, and how the arm is.
+    """Pose of the robot's hand and state of the arm, from the arm's process to the run.
 
     Attributes:
         t_ns: When the hand was there, monotonic clock.
@@ -159,7 +159,7 @@ encode = msgspec.msgpack.Encoder().encode
 
 
 def decode(data: bytes) -> Message:
-    """Return a message.
+    """Decode a message of the run or of the arm's process.
 
     Raises:
         msgspec.DecodeError: It is none.

@@ -1,6 +1,6 @@
-"""Where forearm poses come from: a recording, a script, keys, or a device that gives speeds.
+"""Give forearm poses from a recording, a script, keys, or a device that gives speeds.
 
-All meet :class:`~tega.arm.PoseSource`. Those here give poses in the base's axes (``frame = "base"``), but for a
+All sources meet :class:`~tega.arm.PoseSource`. Those here give poses in the base's axes (``frame = "base"``), but for a
 recording, whose axes are those it was recorded in.
 """
 

@@ -1,4 +1,4 @@
-"""Poses from the keys of a terminal: every key is a small step, taken at a steady speed."""
+"""Make forearm poses from the keys of a terminal: every key is a small step, taken at a steady speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses from a device that gives speeds, such as a SpaceMouse: the speeds are summed up."""
+"""Sum up the speeds that a device such as a SpaceMouse gives, for forearm poses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses from a file: one line a pose, ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and, if wanted, ``valid`` (1 or 0)."""
+"""Read, write and play forearm poses, a line each: ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and, if wanted, ``valid`` (0, 1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses along a path that is computed: for tests, examples and benches."""
+"""Sample forearm poses along a path that is computed: for tests, examples and benches."""
 
 from __future__ import annotations
 

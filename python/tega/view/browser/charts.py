@@ -1,4 +1,4 @@
-"""The charts: muscle signals, drives against the levels' thresholds, and the course of touch and pose."""
+"""Draw the charts: muscle signals, drives against the levels' thresholds, and the course of touch and pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person asked for in the page; the program looks when it suits it."""
+"""Keep what a person asked for in the page until the program looks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session has to show beyond the loop's own view: pictures, muscle signal, hand.
+"""Add pictures, muscle signal and hand to the loop's own view, for the page.
 
 The bus tells every picture that is measured, in the thread that measures it, which asks the metric for its map there
 and then: what is drawn is what the loop was given, and the loop's own thread has no part in it. Pictures of a

@@ -1,4 +1,4 @@
-"""The hand alone, from its joint angles: for runs that have no simulated world to show.
+"""Draw the hand alone, from its joint angles: for runs that have no simulated world to show.
 
 The figure is the simulated hand's own description, with its joints turned as the angles say. Drawn this way it needs no
 physics engine; where the angles are modelled, so is the figure.
@@ -66,7 +66,7 @@ class HandFigure:
         self._add(root, -1)
 
     def poses(self, angles_rad: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where each shape is, float64 (n, 7): position in metres, then the quaternion w, x, y, z.
+        """Return the pose of each shape, float64 (n, 7): position in metres, then the quaternion w, x, y, z.
 
         Args:
             angles_rad: The 16 joint angles, in the order of :data:`tega.hand.JOINT_NAMES`.

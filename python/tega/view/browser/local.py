@@ -1,4 +1,4 @@
-"""A viser server for those who have its address: no public tunnel, no foreign pages, nothing printed."""
+"""Serve viser to those who have the address: no public tunnel, no foreign pages, nothing printed."""
 
 from __future__ import annotations
 

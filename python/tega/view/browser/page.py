@@ -1,4 +1,4 @@
-"""The page: what stands where, and how one moment is put on it."""
+"""Lay out the page, and put one moment on it."""
 
 from __future__ import annotations
 

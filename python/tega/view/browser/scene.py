@@ -1,4 +1,4 @@
-"""The 3-D scene: primitives drawn as three batches, forces as arrows."""
+"""Draw the 3-D scene: primitives as three batches, forces as arrows."""
 
 from __future__ import annotations
 

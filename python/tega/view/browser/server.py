@@ -1,4 +1,4 @@
-"""The server behind the page: paints the newest moment of a run, in the thread of a backlog that holds one."""
+"""Serve the page, and paint the newest moment of a run in the thread of a backlog that holds one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Four fingertips in one picture: the cameras above, the touch maps with Fig 3's marks below."""
+"""Draw four fingertips in one picture: the cameras above, the touch maps with Fig 3's marks below."""
 
 from __future__ import annotations
 
