@@ -212,6 +212,32 @@ class GraspIntent:
     @property
     def holding(self) -> bool: ...
 
+@final
+class ChannelVotes:
+    def __new__(
+        cls,
+        rate_hz: float,
+        *,
+        hop: int,
+        stuck: int,
+        stuck_from: Sequence[float],
+        still: int,
+        mains: int,
+        mains_share: float,
+        mains_rms: Sequence[float],
+        lines_hz: Sequence[float],
+        back: int,
+    ) -> ChannelVotes: ...
+    def take(self, samples: NDArray[np.float64]) -> tuple[bool, NDArray[np.float64] | None]: ...
+    @property
+    def faults(self) -> list[tuple[Literal["stuck", "mains"], float] | None]: ...
+    @property
+    def began(self) -> int | None: ...
+    @property
+    def still(self) -> bool: ...
+    @property
+    def room(self) -> int: ...
+
 def grasp_level(value: float, maximum: float) -> int: ...
 def fuse_levels(levels: Sequence[int]) -> int: ...
 def channel_maxima(

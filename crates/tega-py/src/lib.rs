@@ -36,7 +36,9 @@ mod _native {
     use crate::instruction_set;
 
     #[pymodule_export]
-    use crate::emg::{BlockMean, ButterworthLowpass, GraspIntent, channel_maxima, fuse_levels, grasp_level};
+    use crate::emg::{
+        BlockMean, ButterworthLowpass, ChannelVotes, GraspIntent, channel_maxima, fuse_levels, grasp_level,
+    };
     #[pymodule_export]
     use crate::gel::{Gel, gel_fall};
     #[pymodule_export]
