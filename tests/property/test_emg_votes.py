@@ -36,7 +36,7 @@ def made(
     if what == "mains":
         turns = line_hz * np.arange(n) / rate_hz + rng.uniform()
         wave = np.sin(2 * np.pi * turns) * np.sqrt(2 * size) + noise * np.sqrt(1 - size)
-        loud: Samples = rng.choice([3.0, 20.0]) * wave
+        loud: Samples = rng.uniform(3, 9) * wave
         return loud
     return np.full(n, size)
 
@@ -57,7 +57,7 @@ def sources(draw: st.DrawFn) -> tuple[float, int, InputKind, Samples]:
         samples[rng.integers(len(samples)), rng.integers(samples.shape[1])] = draw(
             st.sampled_from([np.nan, np.inf, -np.inf, 1e300, 0.0])
         )
-    return rate_hz, draw(st.integers(1, 300)), draw(st.sampled_from(get_args(InputKind))), samples
+    return rate_hz, draw(st.integers(1, 300)), draw(st.sampled_from(["raw", *get_args(InputKind)])), samples
 
 
 @settings(deadline=None)

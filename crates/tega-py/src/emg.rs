@@ -184,6 +184,9 @@ impl GraspIntent {
     }
 }
 
+/// Whether a fault is another than before, and the samples to go on with where they are not those given.
+type Judged<'py> = (bool, Option<Bound<'py, PyArray2<f64>>>);
+
 #[pyclass(module = "tega._native", frozen)]
 pub(crate) struct ChannelVotes(Shared<tega_emg::ChannelVotes>);
 
@@ -213,12 +216,11 @@ impl ChannelVotes {
         Ok(Self(Shared::new(tega_emg::ChannelVotes::new(rate_hz, rules)?)))
     }
 
-    /// Whether a fault is another than before, and the samples to go on with where they are not those given.
     fn take<'py>(
         &self,
         py: Python<'py>,
         samples: PyReadonlyArray2<'py, f64>,
-    ) -> Result<(bool, Option<Bound<'py, PyArray2<f64>>>), BindError> {
+    ) -> Result<Judged<'py>, BindError> {
         let channels = self.0.with(|core| core.channels());
         let (rows, mut passed) = (rows(&samples, channels)?, Vec::new());
         let changed =
