@@ -144,7 +144,7 @@ class MotorLevels:
         """Compare layout and every motor."""
         if not isinstance(other, MotorLevels):
             return NotImplemented
-        return self.layout == other.layout and bool(np.array_equal(self.intensities, other.intensities))
+        return self.layout == other.layout and self.intensities.tobytes() == other.intensities.tobytes()
 
     def __hash__(self) -> int:
         """Hash of layout and motors."""
@@ -222,7 +222,7 @@ def vest_frame(
     shown = [percents[m.face][m.column] if m.column < 4 else 0.0 for m in table.motors]
     if not np.isfinite(shown).all():
         raise InvalidValueError(f"front = {faces[0]}, back = {faces[1]}: a number is not finite")
-    return MotorLevels(layout, _read_only(np.clip(np.rint(shown), 0, 100).astype(np.uint8)))
+    return MotorLevels(layout, _read_only(_native.vest_percents(np.array(shown))))
 
 
 class FeltMap:

@@ -252,14 +252,14 @@ GUARDS: Final = (
     ),
     Guard(
         "electrodes that are off keep their vote",
-        "        found = {**self._mains(), **self._stuck()}",
-        "        found: dict[int, tuple[str, int]] = {}",
+        "        changed, passed = self._core.take(np.ascontiguousarray(samples, np.float64))",
+        "        changed, passed = False, None",
         f"{_LOST}electrodes_that_are_off_hold_the_level_then_open_the_hand[rail-stays at]",
     ),
     Guard(
         "one electrode that is off keeps its vote",
-        "        found = {**self._mains(), **self._stuck()}",
-        "        found: dict[int, tuple[str, int]] = {}",
+        "        changed, passed = self._core.take(np.ascontiguousarray(samples, np.float64))",
+        "        changed, passed = False, None",
         f"{_LOST}one_electrode_that_is_off_has_no_vote_and_the_others_go_on",
     ),
     Guard(

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from reference import emg_votes as reference
 from tega.calibration import EmgMaxima
 from tega.devices.base import EmgChunk
 from tega.emg import InputKind, channel_maxima
@@ -165,7 +166,14 @@ def test_mains_are_found_just_where_the_whole_sum_finds_them(
     random, n = np.random.default_rng(seed), round(rate_hz)
     wave = np.sin(2 * np.pi * line_hz * np.arange(n) / rate_hz + random.uniform(0, 6))[:, None]
     samples = amplitude * (np.sqrt(2 * share) * wave + np.sqrt(1 - share) * random.normal(size=(n, 2)))
-    quick, whole = (ChannelVotes(rate_hz, n // 10, "raw", ["a", "b"], [40.0, 40.0]) for _ in range(2))
+    source: tuple[float, int, InputKind, list[str], list[float]] = (
+        rate_hz,
+        n // 10,
+        "raw",
+        ["a", "b"],
+        [40.0] * 2,
+    )
+    quick, whole = ChannelVotes(*source), reference.ChannelVotes(*source)
     whole._returns = False
     for at in range(0, n, 17):
         quick.take(samples[at : at + 17])

@@ -20,6 +20,11 @@ impl Lanes {
         Self([x; LANES])
     }
 
+    #[inline(always)]
+    pub(crate) fn over(self, divisor: f64) -> Self {
+        Self(self.0.map(|x| x / divisor))
+    }
+
     /// 0 where the magnitude is less than `limit`.
     #[inline(always)]
     pub(crate) fn without(self, limit: f64) -> Self {

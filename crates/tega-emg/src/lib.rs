@@ -3,7 +3,7 @@
 //! Samples are rows of one `f64` a channel in any unit. A [`GraspIntent`] conditions them as their [`Kind`] asks,
 //! low-passes them at 50 Hz, averages every τ samples, puts each channel on a level from 1 (open) to 5 (full closure)
 //! of its maximum and lets the channels vote. The parts are here on their own as well. Everything streams: results
-//! are bit-identical however a recording is cut into chunks.
+//! are bit-identical however a recording is cut into chunks. [`ChannelVotes`] tells which channels measure no muscle.
 //!
 //! ```
 //! use tega_emg::{channel_maxima, GraspIntent, Kind, Preset};
@@ -29,7 +29,9 @@ mod intent;
 mod lanes;
 mod level;
 mod lowpass;
+mod mains;
 mod steady;
+mod votes;
 
 pub use block_mean::{BlockMean, MAX_TAU};
 pub use butterworth::{CUTOFF_MARGIN, MAX_ORDER, Section, Sos};
@@ -41,3 +43,4 @@ pub use guard::LARGEST_SAMPLE;
 pub use intent::{Blocks, GraspIntent, LIVE_SHARE, Preset, Rules};
 pub use level::{Intervals, LEVELS, grasp_level};
 pub use lowpass::ButterworthLowpass;
+pub use votes::{ChannelFault, ChannelVotes, VoteRules};

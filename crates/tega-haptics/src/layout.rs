@@ -3,6 +3,8 @@
 //! A 40-motor vest numbers its motors `4 * row + column` on the front (0 to 19) and 20 more on the back, row 0 at
 //! the top, column 0 at the wearer's left on both faces. All layouts are subsets of those 40.
 
+use std::fmt::Arguments;
+
 use tega_error::{OutOfRange, UnknownChoice, choice};
 
 use crate::HapticsError;
@@ -178,13 +180,31 @@ pub fn vest_frame(
 fn percents(name: &'static str, values: [f64; COLUMNS]) -> Result<[u8; COLUMNS], HapticsError> {
     let mut out = [0; COLUMNS];
     for ((out, value), finger) in out.iter_mut().zip(values).zip(FINGERS) {
-        if !value.is_finite() {
-            let wrong = OutOfRange::new(name, value, "percent", "any finite number");
-            return Err(wrong.placed(format_args!(" of the {finger}")).into());
-        }
-        *out = value.round_ties_even().clamp(0.0, 100.0) as u8;
+        *out = whole_percent(name, value, format_args!(" of the {finger}"))?;
     }
     Ok(out)
+}
+
+/// Levels in percent as a vest takes them: rounded half to even and held within 0 to 100.
+///
+/// # Errors
+/// A level that is not finite, named by its position.
+///
+/// # Examples
+/// ```
+/// assert_eq!(tega_haptics::whole_percents(&[-3.0, 0.5, 1.5, 1e300])?, [0, 0, 2, 100]);
+/// # Ok::<(), tega_haptics::HapticsError>(())
+/// ```
+pub fn whole_percents(levels: &[f64]) -> Result<Vec<u8>, HapticsError> {
+    let each = levels.iter().enumerate();
+    each.map(|(index, level)| whole_percent("levels", *level, format_args!("[{index}]"))).collect()
+}
+
+fn whole_percent(name: &'static str, value: f64, place: Arguments<'_>) -> Result<u8, HapticsError> {
+    if value.is_finite() {
+        return Ok(value.round_ties_even().clamp(0.0, 100.0) as u8);
+    }
+    Err(OutOfRange::new(name, value, "percent", "any finite number").placed(place).into())
 }
 
 /// The step, 0 to 15, that reaches a vest motor: four bits are all the radio frame has.

@@ -7,7 +7,7 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use tega_emg::{Blocks, EmgError, Fusion, Intervals, Kind, Preset, Rules};
+use tega_emg::{Blocks, ChannelFault, EmgError, Fusion, Intervals, Kind, Preset, Rules, VoteRules};
 use tega_error::OutOfRange;
 
 use crate::errors::{BindError, ShapeError};
@@ -181,6 +181,76 @@ impl GraspIntent {
     #[getter]
     fn holding(&self) -> bool {
         self.0.with(|state| state.core.holding())
+    }
+}
+
+/// Whether a fault is another than before, and the samples to go on with where they are not those given.
+type Judged<'py> = (bool, Option<Bound<'py, PyArray2<f64>>>);
+
+#[pyclass(module = "tega._native", frozen)]
+pub(crate) struct ChannelVotes(Shared<tega_emg::ChannelVotes>);
+
+#[pymethods]
+impl ChannelVotes {
+    #[new]
+    #[pyo3(signature = (
+        rate_hz, *, hop, stuck, stuck_from, still, mains, mains_share, mains_rms, lines_hz, back
+    ))]
+    #[allow(clippy::too_many_arguments, reason = "one argument a rule")]
+    fn new(
+        rate_hz: f64,
+        hop: i64,
+        stuck: i64,
+        stuck_from: Vec<f64>,
+        still: i64,
+        mains: i64,
+        mains_share: f64,
+        mains_rms: Vec<f64>,
+        lines_hz: Vec<f64>,
+        back: i64,
+    ) -> Result<Self, BindError> {
+        let (hop, stuck, still) = (count("hop", hop)?, count("stuck", stuck)?, count("still", still)?);
+        let (mains, back) = (count("mains", mains)?, count("back", back)?);
+        let rules =
+            VoteRules { hop, stuck, stuck_from, still, mains, mains_share, mains_rms, lines_hz, back };
+        Ok(Self(Shared::new(tega_emg::ChannelVotes::new(rate_hz, rules)?)))
+    }
+
+    fn take<'py>(
+        &self,
+        py: Python<'py>,
+        samples: PyReadonlyArray2<'py, f64>,
+    ) -> Result<Judged<'py>, BindError> {
+        let channels = self.0.with(|core| core.channels());
+        let (rows, mut passed) = (rows(&samples, channels)?, Vec::new());
+        let changed =
+            released(py, rows.len() > KEEP_UP_TO, || self.0.with(|core| core.take(rows, &mut passed)))?;
+        let passed = (!passed.is_empty()).then(|| matrix(py, passed, channels)).transpose()?;
+        Ok((changed, passed))
+    }
+
+    #[getter]
+    fn faults(&self) -> Vec<Option<(&'static str, f64)>> {
+        let named = |fault| match fault {
+            ChannelFault::Stuck(value) => ("stuck", value),
+            ChannelFault::Mains(line_hz) => ("mains", line_hz),
+        };
+        self.0.with(|core| core.faults().map(|fault| fault.map(named)).collect())
+    }
+
+    #[getter]
+    fn began(&self) -> Option<i64> {
+        self.0.with(|core| core.began())
+    }
+
+    #[getter]
+    fn still(&self) -> bool {
+        self.0.with(|core| core.still())
+    }
+
+    #[getter]
+    fn room(&self) -> usize {
+        self.0.with(|core| core.room())
     }
 }
 

@@ -40,6 +40,19 @@ pub(crate) fn vest_intensities<'py>(
 }
 
 #[pyfunction]
+#[pyo3(signature = (levels, /))]
+pub(crate) fn vest_percents<'py>(
+    py: Python<'py>,
+    levels: PyReadonlyArray1<'py, f64>,
+) -> Result<Bound<'py, PyArray1<u8>>, BindError> {
+    let percents = match levels.as_slice() {
+        Ok(levels) => tega_haptics::whole_percents(levels)?,
+        Err(_) => tega_haptics::whole_percents(&levels.as_array().to_vec())?,
+    };
+    Ok(percents.into_pyarray(py))
+}
+
+#[pyfunction]
 #[pyo3(signature = (layout, /))]
 pub(crate) fn layout_motors<'py>(
     py: Python<'py>,

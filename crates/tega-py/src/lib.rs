@@ -36,7 +36,9 @@ mod _native {
     use crate::instruction_set;
 
     #[pymodule_export]
-    use crate::emg::{BlockMean, ButterworthLowpass, GraspIntent, channel_maxima, fuse_levels, grasp_level};
+    use crate::emg::{
+        BlockMean, ButterworthLowpass, ChannelVotes, GraspIntent, channel_maxima, fuse_levels, grasp_level,
+    };
     #[pymodule_export]
     use crate::gel::{Gel, gel_fall};
     #[pymodule_export]
@@ -45,8 +47,8 @@ mod _native {
     use crate::hand_link::HandLink;
     #[pymodule_export]
     use crate::haptics::{
-        contact_type, layout_motors, linear_intensity, logistic_intensity, vest_intensities, vest_steps,
-        vest_x40,
+        contact_type, layout_motors, linear_intensity, logistic_intensity, vest_intensities, vest_percents,
+        vest_steps, vest_x40,
     };
     #[pymodule_export]
     use crate::image::decode_png;

@@ -19,6 +19,8 @@ from tega.records import EmgSamples, Picture
 from tega.tactile import ContactMetrics
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tega.calibration import EmgMaxima
     from tega.records import Contact as ContactRecord
     from tega.records import Intent
@@ -171,6 +173,8 @@ class BlockMeter:
     ) -> None:
         self._decoder = decoder
         self._votes = ChannelVotes(maxima.rate_hz, maxima.tau, maxima.kind, maxima.channels, maxima.maxima)
+        # The faults that the report tells.
+        self._told = self._votes.faults
         # Blocks that had a vote, with the number of samples at their end.
         self._sound: deque[tuple[int, EmgBlock]] = deque(maxlen=_KEPT_BLOCKS)
         self._names = maxima.channels
@@ -200,21 +204,17 @@ class BlockMeter:
         Raises:
             ShapeError: The samples have another number of channels than the maxima.
         """
-        samples, report = chunk.samples, self._report
+        samples, report, votes = chunk.samples, self._report, self._votes
         n_missing = max(0, chunk.first_index - self._next_index)
         if n_missing:
             n_told = min(n_missing, round(MOST_GAP_S * self._rate_hz))
             samples = np.concatenate([np.full((n_told, *samples.shape[1:]), np.nan), samples])
-        n = self._n_samples + np.arange(1, len(samples) + 1)
         end_ns = chunk.t_ns - self._start_ns
-        if self._live:
-            times_ns = np.full(len(samples), end_ns, np.int64)
-        else:
-            times_ns = np.rint(n * 1_000_000_000 / self._rate_hz).astype(np.int64)
+        times_ns = self._times_ns(len(samples), end_ns)
         blocks, at = list[EmgBlock](), 0
         while at < len(samples):
-            part = slice(at, at + self._votes.room)
-            voting = self._votes.take(samples[part])
+            part = slice(at, at + votes.room)
+            voting = votes.take(samples[part])
             at += len(voting)
             self._n_samples += len(voting)
             blocks += [self._believed(intent) for intent in self._decoder.decode(voting, times_ns[part])]
@@ -222,8 +222,19 @@ class BlockMeter:
         report.n_missing += n_missing
         self._next_index = chunk.first_index + len(chunk.samples)
         self.end_ns = end_ns
-        report.faults = tuple(f"{name}: {why}" for name, why in self._votes.faults.items())
+        if votes.faults is not self._told:
+            self._told = votes.faults
+            report.faults = tuple(f"{name}: {why}" for name, why in self._told.items())
         return blocks
+
+    def _times_ns(self, n: int, end_ns: int) -> NDArray[np.int64]:
+        """Return the times of the next samples: of a live source when they came, of a recording when each was whole."""
+        if self._live:
+            times_ns = np.empty(n, np.int64)
+            times_ns.fill(end_ns)
+            return times_ns
+        numbers = np.arange(self._n_samples + 1, self._n_samples + n + 1)
+        return np.rint(numbers * 1_000_000_000 / self._rate_hz).astype(np.int64)
 
     def _believed(self, intent: Intent) -> EmgBlock:
         """Return what a decoder says, without the channels at fault; with none left, as before the fault began."""

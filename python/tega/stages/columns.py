@@ -88,13 +88,18 @@ class ColumnsMapping(Mapping):
     def __init__(self, setup: VestSetup, options: ColumnsOptions) -> None:
         self._options = options
         columns = finger_columns(setup, options.fingers)
-        self._shown = [
-            (index, motor.face, columns[motor.column], setup.layout.rows(motor.face) - 1 - motor.row)
-            for index, motor in enumerate(setup.layout.motors)
-            if motor.column in columns
-        ]
-        self._n = len(setup.layout.motors)
-        self._rows = {face: setup.layout.rows(face) for face in ("front", "back")}
+        self._fingers = tuple(columns.values())
+        motors, rows = setup.layout.motors, setup.layout.rows
+        # Of each motor: which of the fingers' values it shows, front and back in turn, or the 0 behind them all.
+        self._shown = np.array(
+            [
+                2 * motor.column + (motor.face == "back") if motor.column in columns else 2 * len(columns)
+                for motor in motors
+            ]
+        )
+        # And the rows of its face, and how many motors are under it.
+        self._rows = np.array([rows(motor.face) for motor in motors])
+        self._below = np.array([rows(motor.face) - 1 - motor.row for motor in motors])
         self._full = {
             finger: (
                 _full(setup, finger, "front", options.front, options.front_max),
@@ -130,14 +135,15 @@ class ColumnsMapping(Mapping):
         events: Sequence[Event],  # noqa: ARG002  # events are not asked for
     ) -> NDArray[np.float64]:
         """Return every motor's level."""
-        percent = {finger: self.columns(finger, contact) for finger, contact in contacts.items()}
-        levels = np.zeros(self._n)
-        bar = self._options.rows == "bar"
-        for index, face, finger, below in self._shown:
-            if finger in percent:
-                shown = percent[finger][face == "back"]
-                # A motor is lit by as much of the bar as reaches it; ``below`` is how many motors are under it.
-                levels[index] = 100 * min(max(shown / 100 * self._rows[face] - below, 0), 1) if bar else shown
+        values = np.zeros(2 * len(self._fingers) + 1)
+        for column, finger in enumerate(self._fingers):
+            contact = contacts.get(finger)
+            if contact is not None:
+                values[2 * column], values[2 * column + 1] = self.columns(finger, contact)
+        levels = values.take(self._shown)
+        if self._options.rows == "bar":
+            # A motor is lit by as much of the bar as reaches it.
+            levels = 100 * np.clip(levels / 100 * self._rows - self._below, 0, 1)
         return levels
 
     def _percent(self, value: float, maximum: float | None, end_value: float) -> float:

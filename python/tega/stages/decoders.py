@@ -93,8 +93,11 @@ class RulesDecoder(Decoder):
     def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:
         """Take the next samples; one intent a block."""
         fused = self._intent.process(samples if self._band is None else self._band.take(samples))
-        ends = np.arange(len(fused)) * self._tau + self._tau - self._n_waiting - 1
+        first = self._tau - self._n_waiting - 1
         self._n_waiting = (self._n_waiting + len(samples)) % self._tau
+        if not len(fused):
+            return []
+        ends = slice(first, None, self._tau)
         rows = zip(times_ns[ends].tolist(), self._intent.levels.tolist(), fused.tolist(), strict=True)
         return [Intent(t_ns=t_ns, level=level, channels=tuple(channels)) for t_ns, channels, level in rows]
 

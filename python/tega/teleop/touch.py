@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tega import _native
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
 from tega.motor_layout import find_layout
@@ -18,6 +19,8 @@ from tega.stages.columns import ColumnsMapping, ColumnsOptions
 from tega.stages.metrics import contact_record
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from tega.calibration import TouchMaxima
     from tega.detect import Detector
     from tega.haptics import FeltMap, Layout, Mirror
@@ -89,7 +92,8 @@ class TouchLoop:
             for finger, m in maxima.items()
         }
         table = find_layout(layout)
-        self._silence = _frame(layout, np.zeros(len(table.motors)))
+        self._n_motors = len(table.motors)
+        self._silence = self._made(np.zeros(self._n_motors))
         setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima)
         self.mapping = ColumnsMapping(setup, ColumnsOptions()) if mapping is None else mapping(setup)
         self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
@@ -147,12 +151,27 @@ class TouchLoop:
         events = tuple(self._events)
         self._events.clear()
         levels = self.mapping.levels(t_ns, contacts, events)
-        frame = _frame(self._layout, levels, like=self._silence)
+        frame = self._made(levels)
         return frame if self._felt is None else self._felt.apply(frame)
 
     def silence(self) -> MotorLevels:
         """Return the frame in which every motor rests."""
         return self._silence
+
+    def _made(self, levels: ArrayLike) -> MotorLevels:
+        """Return the frame of what the mapping gave, which may be anybody's."""
+        numbers = np.asarray(levels, np.float64)
+        hint = "it has to return a number of percent for every motor of the layout"
+        if numbers.shape != (self._n_motors,):
+            raise InvalidValueError(
+                f"the mapping gave {numbers.shape} levels for {self._n_motors} motors", hint
+            )
+        try:
+            intensities = _native.vest_percents(numbers)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"the mapping gave what is not finite: {error.message}", hint) from error
+        intensities.flags.writeable = False
+        return MotorLevels(self._layout, intensities)
 
     def _seen_lately(self, t_ns: int) -> list[tuple[str, tuple[int, TouchMoment, Contact]]]:
         """Return the fingers whose newest frame is not too old; a finger without one is not felt."""
@@ -174,18 +193,6 @@ def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics)
         )
         for found in detector.touch(t_ns / 1e9, finger, touch)
     ]
-
-
-def _frame(layout: Layout, levels: object, *, like: MotorLevels | None = None) -> MotorLevels:
-    numbers = np.asarray(levels, np.float64)
-    if like is not None and (numbers.shape != like.intensities.shape or not np.isfinite(numbers).all()):
-        raise InvalidValueError(
-            f"the mapping gave {numbers.shape} levels for {len(like.intensities)} motors, or one is not finite",
-            "it has to return a number of percent for every motor of the layout",
-        )
-    intensities = np.clip(np.rint(numbers), 0, 100).astype(np.uint8)
-    intensities.flags.writeable = False
-    return MotorLevels(layout, intensities)
 
 
 def _share(value: float, maximum: float | None) -> float:

@@ -144,6 +144,6 @@ def _same_steps(one: MotorLevels, other: MotorLevels) -> bool:
     """Whether a vest that shows 16 steps shows the same, with the same motors at rest."""
     return (
         one.layout == other.layout
-        and bool((one.levels == other.levels).all())
-        and bool(((one.intensities == 0) == (other.intensities == 0)).all())
+        and one.levels.tobytes() == other.levels.tobytes()
+        and (one.intensities == 0).tobytes() == (other.intensities == 0).tobytes()
     )
